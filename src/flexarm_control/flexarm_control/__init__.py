@@ -1,0 +1,1 @@
+"""Control laws, margins and the controller node."""

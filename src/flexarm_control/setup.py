@@ -1,0 +1,23 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "flexarm_control"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    maintainer="flexarm maintainers",
+    maintainer_email="flexarm@example.org",
+    description="Control laws, margins and the controller node.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "controller_node = flexarm_control.controller_node:main",
+        ],
+    },
+)

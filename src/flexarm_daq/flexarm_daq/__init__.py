@@ -1,0 +1,1 @@
+"""The rig: beam and motor simulation, DAQ driver node, recording and replay."""

@@ -1,0 +1,25 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "flexarm_daq"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    maintainer="flexarm maintainers",
+    maintainer_email="flexarm@example.org",
+    description="The rig: beam and motor simulation, DAQ driver node, recording and replay.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "daq_node = flexarm_daq.daq_node:main",
+            "recorder_node = flexarm_daq.recorder_node:main",
+            "player_node = flexarm_daq.player_node:main",
+        ],
+    },
+)

@@ -1,0 +1,1 @@
+"""Subspace identification, modal reduction, model updating and validation."""

@@ -1,0 +1,1 @@
+"""What every node of flexarm shares: QoS, bounded parameters, signals, the fast path."""

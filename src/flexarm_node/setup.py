@@ -1,0 +1,18 @@
+from setuptools import find_packages, setup
+
+PACKAGE = "flexarm_node"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    maintainer="flexarm maintainers",
+    maintainer_email="flexarm@example.org",
+    description="What every node of flexarm shares: QoS, bounded parameters, signals, the fast path.",
+    license="Apache-2.0",
+)
