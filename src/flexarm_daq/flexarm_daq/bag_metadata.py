@@ -1,0 +1,157 @@
+"""The metadata of a rosbag2 folder, version 9, as ROS 2 Jazzy writes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_daq.definitions import MessageDefinition
+
+VERSION = 9
+# What rosbag2 writes while it has seen no message: the largest time there is.
+NO_START_NS = 2**63 - 1
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+
+
+@dataclass(frozen=True)
+class TopicQos:
+    """Quality of service that a publisher offers; times are unlimited, liveliness automatic."""
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "keep_last"
+    depth: int = 10
+
+    def as_rosbag2(self) -> dict[str, object]:
+        """Return the entry of ``offered_qos_profiles``."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": dict(_INFINITE),
+            "lifespan": dict(_INFINITE),
+            "liveliness": "automatic",
+            "liveliness_lease_duration": dict(_INFINITE),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+
+@dataclass(frozen=True)
+class RecordedTopic:
+    """One topic of a bag: its name, its type with the definition, and the offered QoS."""
+
+    name: str
+    definition: MessageDefinition
+    qos: TopicQos = field(default_factory=TopicQos)
+
+    def qos_text(self) -> str:
+        """Return the offered QoS as the YAML text that an MCAP channel carries."""
+        return as_yaml([self.qos.as_rosbag2()]).strip()
+
+
+@dataclass
+class Tally:
+    """How many messages of each topic a bag holds, and from when to when.
+
+    Attributes
+    ----------
+    counts
+        Topic name -> messages.
+    first_ns, last_ns
+        Earliest and latest log time.
+    """
+
+    counts: dict[str, int]
+    first_ns: int = NO_START_NS
+    last_ns: int = 0
+
+    def add(self, topic: str, log_time_ns: int) -> None:
+        """Count one message."""
+        self.counts[topic] += 1
+        self.first_ns = min(self.first_ns, log_time_ns)
+        self.last_ns = max(self.last_ns, log_time_ns)
+
+    def copy(self) -> Tally:
+        """Return the present state."""
+        return Tally(dict(self.counts), self.first_ns, self.last_ns)
+
+    @property
+    def total(self) -> int:
+        """Messages of all topics."""
+        return sum(self.counts.values())
+
+    @property
+    def duration_ns(self) -> int:
+        """Time from the earliest to the latest message, 0 without messages."""
+        return max(0, self.last_ns - self.first_ns)
+
+
+def bag_information(
+    file_name: str, topics: Sequence[RecordedTopic], tally: Tally, ros_distro: str
+) -> dict[str, object]:
+    """Return the content of ``metadata.yaml`` below ``rosbag2_bagfile_information``.
+
+    Parameters
+    ----------
+    file_name
+        The one storage file, relative to the folder.
+    topics
+        What the bag records.
+    tally
+        What it holds so far.
+    ros_distro
+        Distribution that the messages come from.
+
+    Returns
+    -------
+    dict
+        Plain types.
+    """
+    extent = {
+        "starting_time": {"nanoseconds_since_epoch": tally.first_ns},
+        "duration": {"nanoseconds": tally.duration_ns},
+        "message_count": tally.total,
+    }
+    return {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        **extent,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.definition.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": [topic.qos.as_rosbag2()],
+                    "type_description_hash": topic.definition.type_hash,
+                },
+                "message_count": tally.counts[topic.name],
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file_name],
+        "files": [{"path": file_name, **extent}],
+        "custom_data": None,
+        "ros_distro": ros_distro,
+    }
+
+
+def as_yaml(content: object) -> str:
+    """Return plain YAML without anchors, as rosbag2's parser expects it."""
+    return yaml.dump(content, Dumper=_PlainDumper, sort_keys=False)
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """Writes a value that occurs twice in full both times."""
+
+    def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002 - the name is PyYAML's
+        """Return that no value becomes an alias."""
+        return True

@@ -1,0 +1,261 @@
+"""Import of measurements from a CSV file into a bag, so that every later step reads bags only.
+
+How times are chosen: the first row is time 0; row k is sampled at k sampling intervals after it.
+Header stamp, log time and publish time of a message are that same instant. The channel
+information is written once, at time 0, before the first sample.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from hashlib import sha256
+from itertools import islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_daq.bag_metadata import RecordedTopic, TopicQos
+from flexarm_daq.definitions import describe
+from flexarm_daq.recording import BagWriter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+    from rosbags.typesys.store import Msg, Typestore
+
+    from flexarm_daq.csv_map import CsvChannel, CsvMap
+
+IO_TOPIC = "/flexarm/io"
+CHANNELS_TOPIC = "/flexarm/io_channels"
+# A step may differ this much from the usual one: times are often printed with few digits.
+STEP_TOLERANCE = 0.1
+# A measured rate this near to a whole number of hertz is that number.
+WHOLE_RATE_TOLERANCE = 1e-3
+_BLOCK_ROWS = 50_000
+_NS = 1_000_000_000
+
+
+class CsvImportError(ValueError):
+    """The CSV file does not hold what the map says."""
+
+
+@dataclass(frozen=True)
+class ImportSummary:
+    """What an import has written.
+
+    Attributes
+    ----------
+    bag
+        The new rosbag2 folder.
+    samples
+        Rows imported.
+    rate_hz
+        Sampling rate.
+    duration_s
+        From the first to the last sample.
+    sha256
+        Hash of the CSV file, also in the bag's source.
+    """
+
+    bag: Path
+    samples: int
+    rate_hz: float
+    duration_s: float
+    sha256: str
+
+
+def import_csv(
+    csv_path: Path, mapping: CsvMap, bag_path: Path, *, typestore: Typestore
+) -> ImportSummary:
+    """Write the mapped columns of a CSV file as ``IoSample`` messages into a new bag.
+
+    Parameters
+    ----------
+    csv_path
+        Comma separated, first line with the column names, SI or any units as the map says.
+    mapping
+        Which columns, under which names; see :func:`flexarm_daq.csv_map.load_csv_map`.
+    bag_path
+        Folder to create.
+    typestore
+        Knows ``flexarm_msgs``; see :func:`flexarm_daq.definitions.load_typestore`.
+
+    Returns
+    -------
+    ImportSummary
+        Samples, rate and hash.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read, lacks a column, has fewer than two rows, a cell that is no
+        finite number, or irregular time steps. The message names file, line and column.
+    RecordingError
+        If the bag exists or cannot be written.
+    """
+    table = _read_table(csv_path, mapping.columns())
+    if mapping.time is None:
+        rate_hz = mapping.rate_hz
+        values = table
+    else:
+        rate_hz = _sampling_rate_hz(table[:, 0], csv_path, mapping.time)
+        values = table[:, 1:]
+    if rate_hz is None:
+        raise CsvImportError(f"{csv_path}: the map names neither a time column nor rate_hz")
+    digest = _hash(csv_path)
+    source = f"{csv_path.name} sha256:{digest}"
+    if mapping.description:
+        source = f"{mapping.description}; {source}"
+    _write(bag_path, typestore, mapping, values, rate_hz=rate_hz, source=source)
+    return ImportSummary(bag_path, len(values), rate_hz, (len(values) - 1) / rate_hz, digest)
+
+
+def _hash(path: Path) -> str:
+    digest = sha256()
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def _read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
+    """Return the columns as an array of shape (rows, columns)."""
+    try:
+        # utf-8-sig: spreadsheets put a byte order mark in front of the first name.
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            header = [name.strip() for name in next(reader, [])]
+            indices = _indices(header, columns, path)
+            rows = ((reader.line_num, row) for row in reader if row)
+            blocks = [_to_numbers(block, indices, columns, path) for block in _blocks(rows)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise CsvImportError(f"{path}: cannot read as CSV: {error}") from error
+    table = np.concatenate(blocks) if blocks else np.empty((0, len(columns)))
+    if len(table) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
+        raise CsvImportError(f"{path}: {len(table)} data rows; at least two are needed")
+    return table
+
+
+def _indices(header: Sequence[str], columns: Sequence[str], path: Path) -> list[int]:
+    for column in columns:
+        if header.count(column) != 1:
+            problem = "no column" if column not in header else "more than one column"
+            raise CsvImportError(f"{path}: {problem} {column}; there are: {', '.join(header)}")
+    return [header.index(column) for column in columns]
+
+
+Row = tuple[int, "list[str]"]
+
+
+def _blocks(rows: Iterator[Row]) -> Iterator[list[Row]]:
+    """Yield numbered rows in blocks, so that only one block is held as text."""
+    while block := list(islice(rows, _BLOCK_ROWS)):
+        yield block
+
+
+def _to_numbers(
+    rows: Sequence[Row], indices: Sequence[int], columns: Sequence[str], path: Path
+) -> NDArray[np.float64]:
+    try:
+        numbers = np.array([[float(row[index]) for index in indices] for _, row in rows])
+    except (ValueError, IndexError):
+        numbers = np.full((len(rows), len(indices)), np.nan)
+    if not np.isfinite(numbers).all():
+        _report_bad_cell(rows, indices, columns, path)
+    return numbers
+
+
+def _report_bad_cell(
+    rows: Iterable[Row], indices: Sequence[int], columns: Sequence[str], path: Path
+) -> None:
+    for line, row in rows:
+        for index, column in zip(indices, columns, strict=True):
+            cell = row[index].strip() if index < len(row) else ""
+            where = f"{path}: line {line}, column {column}"
+            if not cell:
+                raise CsvImportError(f"{where}: empty cell; remove or fill the row")
+            try:
+                number = float(cell)
+            except ValueError as error:
+                raise CsvImportError(f"{where}: {cell!r} is not a number") from error
+            if not np.isfinite(number):
+                raise CsvImportError(f"{where}: {cell} is not finite; remove or fill the row")
+
+
+def _sampling_rate_hz(times_s: NDArray[np.float64], path: Path, column: str) -> float:
+    """Return the rate of equidistant times, a whole number when it is one but for rounding."""
+    steps_s = np.diff(times_s)
+    usual_s = float(np.median(steps_s))
+    if usual_s <= 0:
+        raise CsvImportError(f"{path}: column {column} does not increase")
+    worst = int(np.argmax(np.abs(steps_s - usual_s)))
+    if abs(steps_s[worst] - usual_s) > STEP_TOLERANCE * usual_s:
+        raise CsvImportError(
+            f"{path}: column {column} has irregular steps: {steps_s[worst]:.6g} s after"
+            f" t = {times_s[worst]:.6g} s (data row {worst + 1}), usually {usual_s:.6g} s;"
+            " resample or cut the file"
+        )
+    rate_hz = len(steps_s) / float(times_s[-1] - times_s[0])
+    whole = round(rate_hz)
+    return float(whole) if abs(rate_hz - whole) <= WHOLE_RATE_TOLERANCE * rate_hz else rate_hz
+
+
+def _write(
+    bag_path: Path,
+    typestore: Typestore,
+    mapping: CsvMap,
+    values: NDArray[np.float64],
+    *,
+    rate_hz: float,
+    source: str,
+) -> None:
+    sample_type = typestore.types["flexarm_msgs/msg/IoSample"]
+    info_type = typestore.types["flexarm_msgs/msg/ChannelInfo"]
+    header_type = typestore.types["std_msgs/msg/Header"]
+    time_type = typestore.types["builtin_interfaces/msg/Time"]
+
+    def header(stamp_ns: int) -> Msg:
+        stamp = time_type(sec=stamp_ns // _NS, nanosec=stamp_ns % _NS)
+        return header_type(stamp=stamp, frame_id="")
+
+    def names_and_units(channels: Sequence[CsvChannel]) -> tuple[list[str], list[str]]:
+        return [channel.name for channel in channels], [channel.unit for channel in channels]
+
+    input_names, input_units = names_and_units(mapping.inputs)
+    output_names, output_units = names_and_units(mapping.outputs)
+    info = info_type(
+        header=header(0),
+        sampling_rate_hz=rate_hz,
+        input_names=input_names,
+        input_units=input_units,
+        output_names=output_names,
+        output_units=output_units,
+        source=source,
+        closed_loop=mapping.closed_loop,
+    )
+    topics = (
+        RecordedTopic(
+            CHANNELS_TOPIC,
+            describe(typestore, info_type.__msgtype__),
+            TopicQos(durability="transient_local", depth=1),
+        ),
+        RecordedTopic(IO_TOPIC, describe(typestore, sample_type.__msgtype__)),
+    )
+    inputs = values[:, : len(input_names)]
+    outputs = values[:, len(input_names) :]
+    with BagWriter(bag_path, topics) as bag:
+        raw = bytes(typestore.serialize_cdr(info, info_type.__msgtype__))
+        bag.write(CHANNELS_TOPIC, raw, 0, 0)
+        for row in range(len(values)):
+            stamp_ns = round(row * _NS / rate_hz)
+            sample = sample_type(
+                header=header(stamp_ns),
+                sequence=row + 1,
+                inputs=inputs[row],
+                outputs=outputs[row],
+            )
+            raw = bytes(typestore.serialize_cdr(sample, sample_type.__msgtype__))
+            bag.write(IO_TOPIC, raw, stamp_ns, stamp_ns)

@@ -1,0 +1,149 @@
+"""Which columns of a CSV file are time, inputs and outputs: the map of an import."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+_KEYS = {"time", "rate_hz", "inputs", "outputs", "closed_loop", "description"}
+_CHANNEL_KEYS = {"column", "name", "unit"}
+
+
+class CsvMapError(ValueError):
+    """The map of a CSV import cannot be used."""
+
+
+@dataclass(frozen=True)
+class CsvChannel:
+    """One signal: its column in the file, and its name and unit in the bag."""
+
+    column: str
+    name: str
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class CsvMap:
+    """What the columns mean.
+
+    Attributes
+    ----------
+    inputs, outputs
+        Signals in the order of the arrays to be written.
+    time
+        Column of the time in seconds, or None when `rate_hz` is given.
+    rate_hz
+        Sampling rate, or None when the time column tells it.
+    closed_loop
+        True when the inputs were computed from the outputs.
+    description
+        Free text for the bag's source.
+    """
+
+    inputs: tuple[CsvChannel, ...]
+    outputs: tuple[CsvChannel, ...]
+    time: str | None = None
+    rate_hz: float | None = None
+    closed_loop: bool = False
+    description: str = ""
+
+    def columns(self) -> tuple[str, ...]:
+        """Return the columns to read: time when there is one, inputs, outputs."""
+        time = () if self.time is None else (self.time,)
+        return (*time, *(channel.column for channel in (*self.inputs, *self.outputs)))
+
+
+def load_csv_map(path: Path) -> CsvMap:
+    """Read a map from a YAML file.
+
+    Parameters
+    ----------
+    path
+        Keys ``time`` (a column, s) or ``rate_hz``, ``inputs`` and ``outputs`` (lists of ``column``
+        with an optional ``name`` and ``unit``), ``closed_loop``, ``description``.
+
+    Returns
+    -------
+    CsvMap
+        Checked.
+
+    Raises
+    ------
+    CsvMapError
+        If the file cannot be read or a key is missing, unknown or of the wrong kind.
+    """
+    try:
+        content = yaml.safe_load(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise CsvMapError(f"{path}: cannot read: {error}") from error
+    except yaml.YAMLError as error:
+        raise CsvMapError(f"{path}: no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict):
+        raise CsvMapError(f"{path}: expected the keys {', '.join(sorted(_KEYS))}")
+    _refuse_unknown(content, _KEYS, str(path))
+    if ("time" in content) == ("rate_hz" in content):
+        raise CsvMapError(f"{path}: give either time (a column) or rate_hz")
+    return CsvMap(
+        inputs=_channels(content, "inputs", path),
+        outputs=_channels(content, "outputs", path),
+        time=_text(content, "time", path) if "time" in content else None,
+        rate_hz=_rate(content["rate_hz"], path) if "rate_hz" in content else None,
+        closed_loop=_flag(content.get("closed_loop", False), path),
+        description=_text(content, "description", path) if "description" in content else "",
+    )
+
+
+def _refuse_unknown(content: Mapping[object, object], known: set[str], where: str) -> None:
+    unknown = sorted(str(key) for key in content if key not in known)
+    if unknown:
+        raise CsvMapError(f"{where}: unknown key {unknown[0]}; known: {', '.join(sorted(known))}")
+
+
+def _text(content: Mapping[str, object], key: str, where: object) -> str:
+    value = content[key]
+    if not isinstance(value, str) or not value.strip():
+        raise CsvMapError(f"{where}: {key} must be a text, not {value!r}")
+    return value.strip()
+
+
+def _rate(value: object, path: Path) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value <= 1e9:  # noqa: PLR2004 - stamps count nanoseconds
+        raise CsvMapError(f"{path}: rate_hz must be a positive number, not {value!r}")
+    return float(value)
+
+
+def _flag(value: object, path: Path) -> bool:
+    if not isinstance(value, bool):
+        raise CsvMapError(f"{path}: closed_loop must be true or false, not {value!r}")
+    return value
+
+
+def _channels(content: Mapping[str, object], key: str, path: Path) -> tuple[CsvChannel, ...]:
+    entries = content.get(key)
+    if not isinstance(entries, list) or not entries:
+        raise CsvMapError(f"{path}: {key} must list at least one column")
+    channels = tuple(
+        _channel(entry, f"{path}: {key}[{index}]") for index, entry in enumerate(entries)
+    )
+    names = [channel.name for channel in channels]
+    if len(set(names)) < len(names):
+        raise CsvMapError(f"{path}: {key} has a name twice: {', '.join(names)}")
+    return channels
+
+
+def _channel(entry: object, where: str) -> CsvChannel:
+    if not isinstance(entry, dict) or "column" not in entry:
+        raise CsvMapError(f"{where} needs a column")
+    _refuse_unknown(entry, _CHANNEL_KEYS, where)
+    column = _text(entry, "column", where)
+    return CsvChannel(
+        column,
+        _text(entry, "name", where) if "name" in entry else column,
+        _text(entry, "unit", where) if "unit" in entry else "",
+    )

@@ -1,0 +1,224 @@
+"""The DAQ driver: samples the rig, publishes `state`, lets commands act, reports on itself.
+
+A managed node. Configuring checks the parameters and makes the topics, activating starts the
+sampling, deactivating stops it with the drive at zero.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from flexarm_daq.acquisition import Acquisition, Command, Record
+from flexarm_daq.channels import CHANNELS, COMMAND, DRIVE_A_PER_V
+from flexarm_daq.limiter import Limiter, LimiterSettings
+from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
+from flexarm_daq.rig import Rig, RigError
+from flexarm_daq.simulated_rig import SimulatedRig
+from flexarm_daq.watchdog import Watchdog
+from flexarm_msgs.msg import ArmState, MotorCommand
+from flexarm_node import qos
+from flexarm_node.loop_node import LoopNode, wait_until
+from flexarm_node.parameters import ParameterSpec
+from flexarm_node.process import run
+from flexarm_node.waiting import TopicWaiter
+
+if TYPE_CHECKING:
+    import threading
+    from collections.abc import Mapping
+
+    from rclpy.node import Node
+
+NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
+
+PARAMETERS = (
+    ParameterSpec("rig", "simulated", "which rig is sampled", choices=("simulated",)),
+    ParameterSpec("rate_hz", 300.0, "sampling rate", 10.0, 2000.0, "Hz"),
+    ParameterSpec(
+        "time", "real", "real: by the clock; virtual: lock-step", choices=("real", "virtual")
+    ),
+    ParameterSpec("samples", 0, "deactivate after that many samples; 0: never", 0, 2**40),
+    ParameterSpec("payload_kg", 0.0, "simulated rig: mass at the tip", 0.0, 1.0, "kg"),
+    ParameterSpec("seed", 0, "simulated rig: seed of the sensor noise", 0, 2**31 - 1),
+    ParameterSpec("noise", "low", "simulated rig: sensor noise", choices=tuple(NOISE_V)),
+    ParameterSpec(
+        "reply_delay_s", 5e-4, "virtual time: from a sample to its command", 0.0, 0.1, "s"
+    ),
+    ParameterSpec(
+        "answer_timeout_s", 1.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
+    ),
+    ParameterSpec("max_command_v", 10.0, "limiter: largest command", 0.1, 10.0, "V"),
+    ParameterSpec(
+        "max_slew_v_per_s", 6000.0, "limiter: fastest change of the command", 1.0, 1e6, "V/s"
+    ),
+    ParameterSpec("position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, 10.0, "V"),
+    ParameterSpec("max_age_periods", 3, "watchdog: periods without an answer until zero", 1, 1000),
+)
+
+_POSITION, _, _, _SPEED = CHANNELS
+_TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V
+_JOINT_STATES_HZ = 50.0
+
+
+class DaqNode(LoopNode):
+    """Wires parameters, topics and services to an `Acquisition`."""
+
+    def __init__(self) -> None:
+        super().__init__("daq", PARAMETERS, accept=_rig_and_limits)
+        self._acquisition: Acquisition | None = None
+        self.create_service(Trigger, "emergency_stop", self._on_emergency_stop)
+        self.start_if_asked()
+
+    def make_topics(self) -> None:
+        """Make the topics of the loop."""
+        self._link = _TopicLink(self)
+
+    def release_topics(self) -> None:
+        """Give the topics back."""
+        self._link.close()
+
+    def prepare(self) -> None:
+        """Build the rig, and wait until everybody who listens will get the first sample."""
+        values = self.parameters.values()
+        rig, settings = _rig_and_limits(values)
+        self._link.start(values["rate_hz"])
+        self._acquisition = Acquisition(
+            rig,
+            Limiter(settings),
+            Watchdog(1.0 / values["rate_hz"], values["max_age_periods"]),
+            self._link,
+            rate_hz=values["rate_hz"],
+            samples=values["samples"],
+            answer_timeout_s=values["answer_timeout_s"] if values["time"] == "virtual" else None,
+        )
+
+    def loop(self, stopping: threading.Event) -> None:
+        """Sample until told to stop, or until all samples are taken."""
+        assert self._acquisition is not None  # noqa: S101 - prepared before
+        try:
+            self._acquisition.run(stopping)
+        except RigError as error:
+            self.get_logger().error(f"sampling stopped, the drive is at zero: {error}")
+
+    def figures(self) -> Mapping[str, object]:
+        """Return the figures of the loop."""
+        acquisition = self._acquisition
+        assert acquisition is not None  # noqa: S101 - asked only while the loop runs
+        late, reply = acquisition.late_s.percentiles(), acquisition.reply_s.percentiles()
+        return {
+            "samples": acquisition.sequence,
+            "missed periods": acquisition.missed,
+            "unanswered samples": acquisition.unanswered,
+            "refused commands": acquisition.refused,
+            "limited commands": acquisition.limited,
+            "late p50 ms": f"{late.p50 * 1e3:.3f}",
+            "late p99 ms": f"{late.p99 * 1e3:.3f}",
+            "reply p50 ms": f"{reply.p50 * 1e3:.3f}",
+            "reply p99 ms": f"{reply.p99 * 1e3:.3f}",
+        }
+
+    def _on_emergency_stop(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        response.success = True
+        if self._acquisition is None or not self.running:
+            response.message = "not active: the drive is at zero"
+            return response
+        self._acquisition.emergency_stop()
+        self.get_logger().warning("emergency stop")
+        response.message = "the drive is held at zero until the node is deactivated"
+        return response
+
+
+class _TopicLink:
+    """The loop's two topics, used by the sampling thread alone."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._publisher = node.create_publisher(ArmState, "state", qos.STATE)
+        self._joint_states = node.create_publisher(JointState, "joint_states", qos.STATE)
+        self._commands: TopicWaiter[Any] = TopicWaiter(node, MotorCommand, "command", qos.NEWEST)
+        self._state = ArmState()
+        self._state.header.frame_id = "flexarm"
+        self._joint = JointState(name=["hub"])
+        self._joint.header.frame_id = "flexarm"
+        self._joint_every = 1
+        self._start_ns = 0
+
+    def start(self, rate_hz: float) -> None:
+        """Prepare for a run: match every reader, drop the commands of an earlier run."""
+        topic = self._publisher.topic_name
+        wait_until(
+            lambda: self._publisher.get_subscription_count() >= self._node.count_subscribers(topic)
+        )
+        self._commands.wait_newest(0.0)
+        self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))
+        self._start_ns = self._node.get_clock().now().nanoseconds
+
+    def publish(self, record: Record) -> None:
+        """Publish one sample, and the SI view of some when somebody listens."""
+        stamp = Time(nanoseconds=self._start_ns + round(record.time_s * 1e9)).to_msg()
+        state = self._state
+        state.header.stamp = stamp
+        state.sequence = record.sequence
+        (
+            state.position_v,
+            state.base_strain_v,
+            state.middle_strain_v,
+            state.speed_v,
+        ) = record.volts.tolist()
+        state.command_v = record.command_v
+        state.compensation_v = record.compensation_v
+        state.command_sequence = record.command_sequence
+        self._publisher.publish(state)
+        if record.sequence % self._joint_every == 0 and self._joint_states.get_subscription_count():
+            self._publish_joints(state)
+
+    def wait(self, timeout_s: float) -> Command | None:
+        """Return the newest command, or None when none came in time."""
+        message = self._commands.wait_newest(timeout_s)
+        if message is None:
+            return None
+        return Command(
+            message.sequence, message.state_sequence, message.effort_v, message.compensation_v
+        )
+
+    def close(self) -> None:
+        """Give the topics back."""
+        self._commands.close()
+        self._node.destroy_publisher(self._publisher)
+        self._node.destroy_publisher(self._joint_states)
+
+    def _publish_joints(self, state: ArmState) -> None:
+        joint = self._joint
+        joint.header.stamp = state.header.stamp
+        joint.position = [_POSITION.to_si(state.position_v)]
+        joint.velocity = [_SPEED.to_si(state.speed_v)]
+        joint.effort = [COMMAND.to_si(state.command_v) * _TORQUE_NM_PER_A]
+        self._joint_states.publish(joint)
+
+
+def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
+    """Build what the parameters describe; ValueError when they do not fit together."""
+    rig = SimulatedRig(
+        RigParameters(payload_kg=values["payload_kg"], noise_v=NOISE_V[values["noise"]]),
+        rate_hz=values["rate_hz"],
+        seed=values["seed"],
+        reply_delay_s=values["reply_delay_s"],
+        clock=None if values["time"] == "virtual" else time.monotonic,
+    )
+    settings = LimiterSettings(
+        max_command_v=values["max_command_v"],
+        max_slew_v_per_s=values["max_slew_v_per_s"],
+        position_bound_v=values["position_bound_v"],
+    )
+    return rig, settings
+
+
+def main() -> int:
+    """Run the node."""
+    return run(DaqNode)

@@ -1,0 +1,232 @@
+"""Equations of motion of the rig: a motor and a flexible arm across a backlash.
+
+Both bodies are referred to the arm's axis. The motor has inertia, viscous and dry friction; the
+arm moves in its free modes `flexarm_daq.beam.arm_modes`. With the contact torque t_c, the stop
+torque t_s and the modal hub angles phi_i::
+
+    J_m theta_m'' = K_t sat(u) - b theta_m' - t_f - t_c
+    q_i'' + (alpha + beta w_i^2) q_i' + w_i^2 q_i = phi_i (t_c + t_s),  theta_l = sum phi_i q_i
+
+`flexarm_daq.integrator` solves them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_daq import integrator
+from flexarm_daq.beam import BeamModes, arm_modes
+from flexarm_daq.channels import CHANNELS
+from flexarm_daq.integrator import (
+    ARM,
+    COLUMNS,
+    MOTOR,
+    POSITION,
+    RECORD,
+    TACHO,
+    VELOCITY,
+    Equations,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from flexarm_daq.parameters import RigParameters
+
+
+class Plant:
+    """The rig's motion, noise-free and in continuous time.
+
+    Parameters
+    ----------
+    parameters : RigParameters
+        The rig.
+
+    Attributes
+    ----------
+    parameters : RigParameters
+        The rig.
+    state : ndarray, shape (2, COLUMNS)
+        Rows are positions and velocities; columns are the motor (rad), the tachometer filter
+        (rad/s) and the arm's mass-normalised modes, the rigid one first. Writable.
+    """
+
+    def __init__(self, parameters: RigParameters) -> None:
+        self.parameters = parameters
+        self.state = np.zeros((2, COLUMNS))
+        self._equations = _equations(parameters, arm_modes(parameters))
+        self._record = np.array([self._equations], RECORD)
+
+    @property
+    def motor_angle_rad(self) -> float:
+        """Angle of the motor, referred to the arm's axis."""
+        return float(self.state[POSITION, MOTOR])
+
+    @property
+    def arm_angle_rad(self) -> float:
+        """Angle of the arm's hub."""
+        return float(self._equations.hub_angle @ self.state[POSITION, ARM:])
+
+    def reset(self) -> None:
+        """Put the rig to rest at the middle of its travel."""
+        self.state[:] = 0.0
+
+    def advance(self, command_v: float, interval_s: float) -> None:
+        """Move on with a constant command.
+
+        Parameters
+        ----------
+        command_v : float
+            Command of the drive; beyond 10 V it saturates.
+        interval_s : float
+            How long; any length, zero included.
+
+        Raises
+        ------
+        ValueError
+            If `command_v` is not finite, or `interval_s` is not finite or negative.
+        """
+        if not math.isfinite(command_v):
+            raise ValueError(f"command_v must be finite, got {command_v}")
+        if not 0.0 <= interval_s < math.inf:
+            raise ValueError(f"interval_s must be finite and not negative, got {interval_s}")
+        integrator.advance(self.state, self._record, command_v, interval_s)
+
+    def outputs_v(self) -> NDArray[np.float64]:
+        """Read the four sensors without noise or quantisation.
+
+        Returns
+        -------
+        ndarray, shape (4,)
+            Voltages in the order of `flexarm_daq.channels.CHANNELS`.
+        """
+        volts: NDArray[np.float64] = self._equations.output_rows @ self.state[POSITION]
+        return volts
+
+    def energy_j(self) -> float:
+        """Kinetic and elastic energy of motor, arm, gear and stops.
+
+        Returns
+        -------
+        float
+            Energy in joules; zero at rest between the stops.
+        """
+        rig = self.parameters
+        speed = self.state[VELOCITY]
+        modal = self.state[POSITION, ARM:]
+        windup_rad = abs(self.motor_angle_rad - self.arm_angle_rad)
+        tooth_rad = max(0.0, windup_rad - math.radians(rig.backlash_deg) / 2.0)
+        stop_rad = max(0.0, abs(self.arm_angle_rad) - math.radians(rig.stop_angle_deg))
+        doubled = (
+            rig.motor_inertia_kg_m2 * speed[MOTOR] ** 2
+            + speed[ARM:] @ speed[ARM:]
+            + modal @ (self._equations.stiffness[ARM:] * modal)
+            + rig.gear_stiffness_nm_per_rad * tooth_rad**2
+            + rig.stop_stiffness_nm_per_rad * stop_rad**2
+        )
+        return float(doubled) / 2.0
+
+    def run(
+        self, command_v: NDArray[np.float64], period_s: float, delay_s: float
+    ) -> NDArray[np.float64]:
+        """Sample and move on, one period per command.
+
+        Parameters
+        ----------
+        command_v : ndarray, shape (samples,)
+            Commands; number k acts from `delay_s` after sample k until the next one acts.
+        period_s : float
+            Time between samples.
+        delay_s : float
+            Time from a sample to its command; the command before the first is zero.
+
+        Returns
+        -------
+        ndarray, shape (samples, 4)
+            Noise-free voltages, each taken before its command acts.
+        """
+        outputs_v: NDArray[np.float64] = integrator.run(
+            self.state, self._record, command_v, period_s, delay_s
+        )
+        return outputs_v
+
+
+def simulate(
+    parameters: RigParameters, command_v: ArrayLike, rate_hz: float, *, delay_s: float = 0.0
+) -> NDArray[np.float64]:
+    """Noise-free response of a rig at rest to a given command.
+
+    Parameters
+    ----------
+    parameters : RigParameters
+        The rig.
+    command_v : array_like, shape (samples,)
+        Commands, one per sample.
+    rate_hz : float
+        Sampling rate.
+    delay_s : float
+        Time from sample k until command k acts, less than a period.
+
+    Returns
+    -------
+    ndarray, shape (samples, 4)
+        Voltages in the order of `flexarm_daq.channels.CHANNELS`; row k is sampled at k / rate_hz.
+
+    Raises
+    ------
+    ValueError
+        If the command is not one finite column, the rate is not positive or the delay is not
+        within a period.
+    """
+    commands_v = np.ascontiguousarray(command_v, dtype=np.float64)
+    if commands_v.ndim != 1:
+        raise ValueError(f"command_v must have shape (samples,), got {commands_v.shape}")
+    if not np.isfinite(commands_v).all():
+        raise ValueError("command_v must be finite throughout")
+    if not 0.0 < rate_hz < math.inf:
+        raise ValueError(f"rate_hz must be positive, got {rate_hz}")
+    if not 0.0 <= delay_s < 1.0 / rate_hz:
+        raise ValueError(
+            f"delay_s must be from 0 to less than the period {1.0 / rate_hz:g} s, got {delay_s}"
+        )
+    return Plant(parameters).run(commands_v, 1.0 / rate_hz, delay_s)
+
+
+def _equations(parameters: RigParameters, modes: BeamModes) -> Equations:
+    cutoff_rad_per_s = 2.0 * math.pi * parameters.tacho_cutoff_hz
+    motor_damping = parameters.viscous_friction_nm_s_per_rad / parameters.motor_inertia_kg_m2
+    tacho_damping = 2.0 * parameters.tacho_damping_ratio * cutoff_rad_per_s
+    modal_stiffness = modes.omega_rad_per_s**2
+    modal_damping = parameters.mass_damping_per_s + parameters.stiffness_damping_s * modal_stiffness
+    return Equations(
+        motor_inertia=parameters.motor_inertia_kg_m2,
+        motor_gain=parameters.motor_gain_nm_per_v,
+        coulomb_friction=parameters.coulomb_friction_nm,
+        breakaway_excess=parameters.breakaway_ratio - 1.0,
+        stribeck_speed=parameters.stribeck_speed_rad_per_s,
+        half_gap=math.radians(parameters.backlash_deg) / 2.0,
+        gear_stiffness=parameters.gear_stiffness_nm_per_rad,
+        gear_damping=parameters.gear_damping_nm_s_per_rad,
+        stop_angle=math.radians(parameters.stop_angle_deg),
+        stop_stiffness=parameters.stop_stiffness_nm_per_rad,
+        stop_damping=parameters.stop_damping_nm_s_per_rad,
+        hub_angle=modes.hub_angle,
+        stiffness=np.concatenate([[0.0, cutoff_rad_per_s**2], modal_stiffness]),
+        damping=np.concatenate([[motor_damping, tacho_damping], modal_damping]),
+        output_rows=_output_rows(parameters, modes),
+    )
+
+
+def _output_rows(parameters: RigParameters, modes: BeamModes) -> NDArray[np.float64]:
+    stiffness_nm2 = parameters.bending_stiffness_nm2
+    rows = np.zeros((len(CHANNELS), COLUMNS))
+    rows[0, ARM:] = parameters.position_gain_v_per_rad * modes.hub_angle
+    # An accelerating torque bends the beam to a negative curvature at both gauges; they are wired
+    # so that it reads positive at the base and negative in the middle (Appendix B).
+    rows[1, ARM:] = -parameters.base_gauge_v_per_nm * stiffness_nm2 * modes.base_curvature
+    rows[2, ARM:] = parameters.middle_gauge_v_per_nm * stiffness_nm2 * modes.middle_curvature
+    rows[3, TACHO] = parameters.tacho_gain_v_s_per_rad
+    return rows

@@ -1,0 +1,187 @@
+"""Replay of a bag as a plan: which raw message is due when.
+
+How times are chosen: a message is due at its log time, counted from the start of the bag or from
+the start offset, divided by the rate factor. A looped bag starts again when its last message is
+due. Messages of one instant keep the order in which the bag holds them.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
+
+from flexarm_daq.bag_metadata import TopicQos
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from rosbags.interfaces import Connection
+
+_NS = 1_000_000_000
+
+
+class PlaybackError(ValueError):
+    """The bag cannot be played."""
+
+
+class DueMessage(NamedTuple):
+    """One serialised message and the time after the start of play at which it is due."""
+
+    due_s: float
+    topic: str
+    raw: bytes
+
+
+@dataclass(frozen=True)
+class PlayedTopic:
+    """One topic of the bag: its type, the QoS to offer, and how many messages there are."""
+
+    name: str
+    type_name: str
+    qos: TopicQos
+    messages: int
+
+
+@dataclass(frozen=True)
+class PlaybackPlan:
+    """How a bag is to be played.
+
+    Attributes
+    ----------
+    bag
+        rosbag2 folder of any storage, or a single ``.mcap`` or ``.db3`` file.
+    rate
+        2 plays twice as fast.
+    start_s
+        Skipped at the beginning, s of the bag's time.
+    duration_s
+        Played from there, s of the bag's time; None: to the end.
+    loop
+        Start again at the end, for ever.
+
+    Raises
+    ------
+    PlaybackError
+        If a number is out of range or the bag is missing.
+    """
+
+    bag: Path
+    rate: float = 1.0
+    start_s: float = 0.0
+    duration_s: float | None = None
+    loop: bool = False
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.rate) and self.rate > 0):
+            raise PlaybackError(f"rate {self.rate} must be a positive number")
+        if not (np.isfinite(self.start_s) and self.start_s >= 0):
+            raise PlaybackError(f"start {self.start_s} s must not be negative")
+        if self.duration_s is not None and not (
+            np.isfinite(self.duration_s) and self.duration_s > 0
+        ):
+            raise PlaybackError(f"duration {self.duration_s} s must be positive")
+        if not self.bag.exists():
+            raise PlaybackError(f"{self.bag}: no such bag")
+
+    def topics(self) -> tuple[PlayedTopic, ...]:
+        """Return what the player has to advertise.
+
+        Returns
+        -------
+        tuple
+            One entry per topic, in the order of the bag.
+
+        Raises
+        ------
+        PlaybackError
+            If the bag cannot be read or a topic has two types.
+        """
+        topics: dict[str, PlayedTopic] = {}
+        with _opened(self.bag) as reader:
+            for connection in reader.connections:
+                known = topics.get(connection.topic)
+                if known is not None and known.type_name != connection.msgtype:
+                    raise PlaybackError(
+                        f"{self.bag}: {connection.topic} is {known.type_name} and"
+                        f" {connection.msgtype}; only one type can be played"
+                    )
+                topics[connection.topic] = PlayedTopic(
+                    connection.topic,
+                    connection.msgtype,
+                    _qos(connection),
+                    connection.msgcount + (known.messages if known else 0),
+                )
+        return tuple(topics.values())
+
+    def messages(self) -> Iterator[DueMessage]:
+        """Yield the messages in the order in which they are due.
+
+        Yields
+        ------
+        DueMessage
+            Due times never decrease, over the seam of a loop neither.
+
+        Raises
+        ------
+        PlaybackError
+            If the bag cannot be read to its end or has no message in the chosen part.
+        """
+        with _opened(self.bag) as reader:
+            first_ns = reader.start_time + round(self.start_s * _NS)
+            stop_ns = reader.end_time
+            if self.duration_s is not None:
+                stop_ns = min(stop_ns, first_ns + round(self.duration_s * _NS))
+            if reader.message_count == 0 or first_ns >= stop_ns:
+                raise PlaybackError(f"{self.bag}: no message from {self.start_s} s on")
+            length_s = (stop_ns - first_ns) / _NS / self.rate
+            cycle_start_s = 0.0
+            while True:
+                played = 0
+                for connection, log_time_ns, raw in reader.messages(start=first_ns, stop=stop_ns):
+                    played += 1
+                    due_s = cycle_start_s + (log_time_ns - first_ns) / _NS / self.rate
+                    yield DueMessage(due_s, connection.topic, bytes(raw))
+                if played == 0:
+                    raise PlaybackError(f"{self.bag}: no message from {self.start_s} s on")
+                if not self.loop:
+                    return
+                cycle_start_s += length_s
+
+
+@contextmanager
+def _opened(bag: Path) -> Iterator[AnyReader]:
+    """Open a bag; whatever its parsers raise on a damaged file becomes one line."""
+    try:
+        with AnyReader([bag]) as reader:
+            yield reader
+    except (PlaybackError, GeneratorExit):
+        raise
+    except Exception as error:
+        cause = " ".join(str(error).split()) or type(error).__name__
+        raise PlaybackError(
+            f"{bag}: cannot read: {cause}; try `flexarm bag repair {bag}`"
+        ) from error
+
+
+def _qos(connection: Connection) -> TopicQos:
+    """Return reliability and durability as recorded; what rosbag2 did not know stays default."""
+    if not isinstance(connection.ext, ConnectionExtRosbag2):
+        return TopicQos()
+    profiles = connection.ext.offered_qos_profiles
+    if not profiles:
+        return TopicQos()
+    first = profiles[0]
+    defaults = TopicQos()
+    reliable = first.reliability is not QosReliability.BEST_EFFORT
+    latched = first.durability is QosDurability.TRANSIENT_LOCAL
+    return TopicQos(
+        reliability="reliable" if reliable else "best_effort",
+        durability="transient_local" if latched else "volatile",
+        depth=first.depth or defaults.depth,
+    )

@@ -1,0 +1,162 @@
+"""The recorder: writes flexarm's topics into a bag that survives a crash.
+
+It records from its start when the parameter `bag` names a folder, and starts and stops on the
+service `~/record`. Every message gets the time at which it was published.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+from concurrent.futures import Future
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ament_index_python.packages import get_package_share_directory
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
+
+from flexarm_daq.bag_metadata import RecordedTopic, TopicQos
+from flexarm_daq.definitions import describe, load_typestore
+from flexarm_daq.recording import BagWriter, RecordingError
+from flexarm_msgs.msg import ArmState, ChannelInfo, IoSample, MotorCommand
+from flexarm_node import qos
+from flexarm_node.parameters import ParameterError, Parameters, ParameterSpec
+from flexarm_node.process import run
+from flexarm_node.waiting import RawMessage, RawTopicsWaiter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+TOPICS = {
+    "state": (ArmState, "flexarm_msgs/msg/ArmState", qos.EVERY),
+    "command": (MotorCommand, "flexarm_msgs/msg/MotorCommand", qos.EVERY),
+    "reference": (Float64, "std_msgs/msg/Float64", qos.EVERY),
+    "joint_states": (JointState, "sensor_msgs/msg/JointState", qos.EVERY),
+    "io": (IoSample, "flexarm_msgs/msg/IoSample", qos.EVERY),
+    "io_channels": (ChannelInfo, "flexarm_msgs/msg/ChannelInfo", qos.STATUS),
+}
+"""What can be recorded: message type, its name, QoS of the subscription."""
+
+PARAMETERS = (
+    ParameterSpec("bag", "", "folder of the bag, to be created; empty: wait for the service"),
+    ParameterSpec("topics", ["state", "command", "reference"], "which topics are recorded"),
+)
+_WAIT_S = 0.1
+
+
+class RecorderNode(Node):
+    """Wires topics to a `BagWriter`. One thread owns the bag; services ask it."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder", namespace="/flexarm")
+        self._settings = Parameters(self, PARAMETERS, accept=_known_topics)
+        names = _known_topics(self._settings.values())
+        self._names = [self.resolve_topic_name(name) for name in names]
+        self._topics = _recorded_topics(names, self._names)
+        self._waiter = RawTopicsWaiter(self, [(TOPICS[n][0], n, TOPICS[n][2]) for n in names])
+        self._writer: BagWriter | None = None
+        self._requests: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = (
+            queue.SimpleQueue()
+        )
+        self._stopping = threading.Event()
+        self.create_service(SetBool, "~/record", self._on_record)
+        if self._settings.values()["bag"]:
+            try:
+                self._open()
+            except RecordingError as error:
+                raise ParameterError(f"parameter bag: {error}") from None
+        self._thread = threading.Thread(target=self._record, daemon=True, name="recording")
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Write what has come so far and close the bag."""
+        self._stopping.set()
+        self._thread.join()
+
+    def _record(self) -> None:
+        while not self._stopping.is_set():
+            messages = self._waiter.wait(_WAIT_S)
+            try:
+                self._write(messages)
+            except RecordingError as error:
+                self._writer = None
+                self.get_logger().error(f"recording stopped: {error}")
+            while not self._requests.empty():
+                action, answer = self._requests.get()
+                try:
+                    answer.set_result(action())
+                except RecordingError as error:
+                    answer.set_exception(error)
+        try:
+            self._close()
+        except RecordingError as error:
+            self.get_logger().error(f"recording stopped: {error}")
+
+    def _write(self, messages: list[RawMessage]) -> None:
+        if self._writer is None:
+            return
+        for message in messages:
+            name = self._names[message.topic]
+            self._writer.write(name, message.raw, message.source_ns, message.source_ns)
+
+    def _open(self) -> str:
+        if self._writer is not None:
+            raise RecordingError(f"already recording to {self._writer.path}")
+        bag = self._settings.values()["bag"]
+        if not bag:
+            raise RecordingError("set the parameter bag to the folder to create")
+        path = Path(bag).expanduser().absolute()
+        ros_distro = os.environ.get("ROS_DISTRO", "jazzy")
+        self._writer = BagWriter(path, self._topics, ros_distro=ros_distro)
+        text = f"recording to {path}"
+        self.get_logger().info(text)
+        return text
+
+    def _close(self) -> str:
+        self._write(self._waiter.wait(0.0))
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return "was not recording"
+        writer.close()
+        text = f"{writer.message_count} messages in {writer.path}"
+        self.get_logger().info(text)
+        return text
+
+    def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        answer: Future[str] = Future()
+        self._requests.put((self._open if request.data else self._close, answer))
+        try:
+            response.message = answer.result()
+            response.success = True
+        except RecordingError as error:
+            response.message = str(error)
+        return response
+
+
+def _recorded_topics(names: list[str], resolved: list[str]) -> list[RecordedTopic]:
+    share = Path(get_package_share_directory("flexarm_msgs"))
+    typestore = load_typestore({"flexarm_msgs": share})
+    return [
+        RecordedTopic(
+            topic,
+            describe(typestore, TOPICS[name][1]),
+            TopicQos(durability="transient_local" if TOPICS[name][2] is qos.STATUS else "volatile"),
+        )
+        for name, topic in zip(names, resolved, strict=True)
+    ]
+
+
+def _known_topics(values: Mapping[str, Any]) -> list[str]:
+    unknown = [name for name in values["topics"] if name not in TOPICS]
+    if unknown:
+        raise ValueError(f"parameter topics: no {unknown[0]}; choose from {', '.join(TOPICS)}")
+    return list(values["topics"])
+
+
+def main() -> int:
+    """Run the node."""
+    return run(RecorderNode)

@@ -1,0 +1,244 @@
+"""Crash-safe recording: topics as bytes into a rosbag2 folder with one MCAP file.
+
+How times are chosen: log time and publish time of a message are both its source timestamp, the
+instant at which it was published, and not the instant at which the recorder got it. So messages
+of different topics stay in the order in which they were sent, and a reference can be aligned with
+the sample that it followed.
+
+Messages wait in memory for at most one flush period. A flush completes a compressed chunk with its
+checksum and hands it to the operating system: a killed recorder loses what came since, no more.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from mcap.writer import CompressionType, Writer
+
+from flexarm_daq.bag_metadata import (
+    RecordedTopic,
+    Tally,
+    as_yaml,
+    bag_information,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import TracebackType
+
+LATEST_TIME_NS = 2**63 - 1
+
+
+class RecordingError(Exception):
+    """The bag cannot be created or written."""
+
+
+class BagWriter:
+    """Writes raw CDR messages into a new rosbag2 folder.
+
+    Parameters
+    ----------
+    path
+        Folder to create. An existing path is never touched.
+    topics
+        Everything that will be written; names are unique.
+    ros_distro
+        Distribution named in the metadata.
+    flush_period_s
+        Longest time that messages stay in memory while others come in. A recorder whose topics
+        may fall silent calls :meth:`flush` from a timer as well.
+
+    Raises
+    ------
+    RecordingError
+        If the path exists, cannot be created, or a topic is named twice.
+
+    Examples
+    --------
+    >>> with BagWriter(folder, [RecordedTopic("/flexarm/state", definition)]) as bag:
+    ...     bag.write("/flexarm/state", raw, stamp_ns, stamp_ns)
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        topics: Sequence[RecordedTopic],
+        *,
+        ros_distro: str = "jazzy",
+        flush_period_s: float = 1.0,
+    ) -> None:
+        self.path = Path(path)
+        self.topics = tuple(topics)
+        self._ros_distro = ros_distro
+        self._flush_period_s = flush_period_s
+        self._file = self.path / f"{self.path.name}_0.mcap"
+        self._tally = Tally({topic.name: 0 for topic in self.topics})
+        if len(self._tally.counts) < len(self.topics):
+            raise RecordingError(f"{self.path}: a topic is to be recorded twice; name each once")
+        self._create_folder()
+        self._closed = False
+        self._kept = self._tally.copy()
+        self._kept_bytes = 0
+        try:
+            self._write_metadata(self._tally)
+            self._stream = self._file.open("xb")
+        except OSError as error:
+            raise RecordingError(f"{self.path}: cannot create: {error.strerror}") from error
+        self._writer = Writer(self._stream, compression=CompressionType.ZSTD, enable_crcs=True)
+        self._writer.start(profile="ros2", library=f"flexarm, mcap {version('mcap')}")
+        self._channels = self._register()
+        self.flush()
+
+    @property
+    def message_count(self) -> int:
+        """Messages written so far, flushed or not."""
+        return self._tally.total
+
+    def write(self, topic: str, raw: bytes, log_time_ns: int, publish_time_ns: int) -> None:
+        """Add one message; flush when the last flush is a flush period ago.
+
+        Parameters
+        ----------
+        topic
+            Name of one of the recorded topics.
+        raw
+            Serialised message with its 4 bytes of CDR encapsulation.
+        log_time_ns, publish_time_ns
+            Both the source timestamp, nanoseconds since the epoch (see the head of this module).
+
+        Raises
+        ------
+        RecordingError
+            If the bag is closed, the topic unknown, a time outside of what a bag can hold, or the
+            disk refuses the data. In the last case the bag is closed and keeps what was flushed.
+        """
+        self._require_open()
+        channel = self._channels.get(topic)
+        if channel is None:
+            raise RecordingError(f"{self.path}: {topic} is none of the recorded topics")
+        if not (0 <= log_time_ns <= LATEST_TIME_NS and 0 <= publish_time_ns <= LATEST_TIME_NS):
+            raise RecordingError(
+                f"{self.path}: {topic}: time {log_time_ns} ns, published {publish_time_ns} ns, is"
+                " not a time since the epoch"
+            )
+        try:
+            self._writer.add_message(channel, log_time_ns, raw, publish_time_ns)
+        except OSError as error:
+            self._fail(error)
+        self._tally.add(topic, log_time_ns)
+        if time.monotonic() - self._flushed_at_s >= self._flush_period_s:
+            self.flush()
+
+    def flush(self) -> None:
+        """Complete the present chunk and hand everything to the operating system.
+
+        Raises
+        ------
+        RecordingError
+            If the bag is closed or the disk refuses the data.
+        """
+        self._require_open()
+        try:
+            self._writer.flush()  # type: ignore[no-untyped-call]
+            self._kept_bytes = self._stream.tell()
+        except OSError as error:
+            self._fail(error)
+        self._kept = self._tally.copy()
+        self._flushed_at_s = time.monotonic()
+
+    def close(self) -> None:
+        """Write index and metadata and close; a closed bag stays as it is.
+
+        Raises
+        ------
+        RecordingError
+            If the disk refuses the data.
+        """
+        if self._closed:
+            return
+        self.flush()
+        try:
+            self._writer.add_metadata(
+                "rosbag2", {"serialized_metadata": as_yaml(self._information(self._tally))}
+            )
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._stream.close()
+            self._write_metadata(self._tally)
+        except OSError as error:
+            self._fail(error)
+        self._closed = True
+
+    def __enter__(self) -> BagWriter:  # noqa: PYI034 - Self needs Python 3.11
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc_value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _create_folder(self) -> None:
+        try:
+            self.path.mkdir(parents=True)
+        except FileExistsError as error:
+            raise RecordingError(
+                f"{self.path}: exists already and is not overwritten; choose another name"
+            ) from error
+        except OSError as error:
+            raise RecordingError(f"{self.path}: cannot create: {error.strerror}") from error
+
+    def _register(self) -> dict[str, int]:
+        schemas: dict[str, int] = {}
+        channels: dict[str, int] = {}
+        for topic in self.topics:
+            definition = topic.definition
+            if definition.type_name not in schemas:
+                schemas[definition.type_name] = self._writer.register_schema(
+                    definition.type_name, "ros2msg", definition.text.encode()
+                )
+            channels[topic.name] = self._writer.register_channel(
+                topic.name,
+                "cdr",
+                schemas[definition.type_name],
+                {
+                    "offered_qos_profiles": topic.qos_text(),
+                    "topic_type_hash": definition.type_hash,
+                },
+            )
+        return channels
+
+    def _information(self, tally: Tally) -> dict[str, object]:
+        return bag_information(self._file.name, self.topics, tally, self._ros_distro)
+
+    def _write_metadata(self, tally: Tally) -> None:
+        # Replaced in one step: a crash leaves the old text or the new one, never half of it.
+        target = self.path / "metadata.yaml"
+        draft = target.with_suffix(".yaml.tmp")
+        content = {"rosbag2_bagfile_information": self._information(tally)}
+        draft.write_text(as_yaml(content), "utf-8")
+        draft.replace(target)
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise RecordingError(f"{self.path}: is closed")
+
+    def _fail(self, error: OSError) -> NoReturn:
+        """Keep what was flushed, close, and report."""
+        self._closed = True
+        with suppress(OSError):
+            self._stream.close()
+        with suppress(OSError):
+            os.truncate(self._file, self._kept_bytes)
+        with suppress(OSError):
+            self._write_metadata(self._kept)
+        raise RecordingError(
+            f"{self.path}: cannot write: {error.strerror}; the first {self._kept.total} messages"
+            f" are kept, get them with `flexarm bag repair {self.path}`"
+        ) from error

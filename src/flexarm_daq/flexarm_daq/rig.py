@@ -1,0 +1,80 @@
+"""What a rig is to the rest of the system: one sample in, one command out.
+
+Reading and writing are two calls, not one exchange, because a command acts when it arrives: within
+the sampling period, after the controller has answered. A rig that applied it with the next sample
+would delay the loop by a full period, which makes PD and PDP control unstable at 300 Hz.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class RigError(RuntimeError):
+    """A rig that cannot be opened, read or written; the message says what to do."""
+
+
+class RigSample(NamedTuple):
+    """The four sensors at one instant.
+
+    Attributes
+    ----------
+    time_s : float
+        Instant of the sample, since the rig was opened.
+    volts : ndarray, shape (4,)
+        Voltages in the order of `flexarm_daq.channels.CHANNELS`.
+    """
+
+    time_s: float
+    volts: NDArray[np.float64]
+
+
+class Rig(Protocol):
+    """The seam between the system and its hardware."""
+
+    def open(self) -> None:
+        """Take hold of the hardware, with the drive at zero.
+
+        Raises
+        ------
+        RigError
+            If the hardware is missing or in use.
+        """
+
+    def read(self) -> RigSample:
+        """Sample the four channels now.
+
+        Returns
+        -------
+        RigSample
+            The sample.
+
+        Raises
+        ------
+        RigError
+            If the rig is not open or the reading failed.
+        """
+
+    def write(self, command_v: float) -> None:
+        """Command the drive; it acts at once and until the next write.
+
+        Parameters
+        ----------
+        command_v : float
+            Command of the drive, -10 to 10 V.
+
+        Raises
+        ------
+        RigError
+            If the rig is not open, the command is not finite or the writing failed.
+        """
+
+    def safe_stop(self) -> None:
+        """Set the drive to zero; works in any state, any number of times, and never raises."""
+
+    def close(self) -> None:
+        """Set the drive to zero and let go of the hardware; does nothing on a closed rig."""

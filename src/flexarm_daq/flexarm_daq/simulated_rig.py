@@ -1,0 +1,169 @@
+"""The rig in simulation: plant, sensor noise and converters, in real or in virtual time."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from flexarm_daq.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
+from flexarm_daq.parameters import RigParameters
+from flexarm_daq.plant import Plant
+from flexarm_daq.rig import RigError, RigSample
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+MAX_CATCH_UP_S: Final = 1.0
+"""Longest gap of real time that is integrated; the rest of a longer one is left out."""
+
+
+class SimulatedRig:
+    """A `flexarm_daq.rig.Rig` without hardware.
+
+    In virtual time, the default, sample k stands at k / `rate_hz` however long the caller takes,
+    and a command acts `reply_delay_s` after the last sample: the same seed and the same commands
+    give the same numbers on any machine of a kind. With a clock the rig lives in real time: each
+    call moves it on to now with the command in force. After a gap longer than `MAX_CATCH_UP_S`,
+    as of a stopped process, it moves on by that much only.
+
+    Parameters
+    ----------
+    parameters : RigParameters
+        The rig; the default is the thesis's rig without payload.
+    rate_hz : float
+        Sampling rate of virtual time.
+    seed : int
+        Seed of the sensor noise.
+    reply_delay_s : float
+        Virtual time from a sample to the command that answers it, less than a period.
+    clock : callable, optional
+        Monotonic time in seconds, such as `time.monotonic`; without it, time is virtual.
+
+    Raises
+    ------
+    ValueError
+        If the rate is not positive or the delay is not within a period.
+
+    Examples
+    --------
+    >>> rig = SimulatedRig(seed=1)
+    >>> rig.open()
+    >>> rig.read().time_s
+    0.0
+    >>> rig.write(2.0)
+    >>> round(rig.read().time_s * 300)
+    1
+    """
+
+    def __init__(
+        self,
+        parameters: RigParameters | None = None,
+        *,
+        rate_hz: float = 300.0,
+        seed: int = 0,
+        reply_delay_s: float = 0.0005,
+        clock: Callable[[], float] | None = None,
+    ) -> None:
+        if not 0.0 < rate_hz < math.inf:
+            raise ValueError(f"rate_hz must be positive, got {rate_hz}")
+        if not 0.0 <= reply_delay_s < 1.0 / rate_hz:
+            raise ValueError(
+                f"reply_delay_s must be from 0 to less than the period {1.0 / rate_hz:g} s, "
+                f"got {reply_delay_s}"
+            )
+        self.parameters = parameters if parameters is not None else RigParameters()
+        self._rate_hz = rate_hz
+        self._seed = seed
+        self._reply_delay_s = reply_delay_s
+        self._clock = clock
+        self._plant = Plant(self.parameters)
+        self._noise_v = np.array(self.parameters.noise_v)
+        self._adc_step_v: float = 2.0 * INPUT_RANGE_V / 2**self.parameters.adc_bits
+        self._dac_step_v: float = MAX_COMMAND_V / 2**self.parameters.dac_bits
+        self._is_open = False
+
+    def open(self) -> None:
+        """Start at rest in the middle of the travel, at time zero and with the noise's seed."""
+        self._plant.reset()
+        # Compiles the equations of motion before the first deadline.
+        self._plant.advance(0.0, 0.0)
+        self._random = np.random.default_rng(self._seed)
+        self._command_v = 0.0
+        self._time_s = 0.0
+        self._samples = 0
+        self._epoch_s = self._clock() if self._clock is not None else 0.0
+        self._is_open = True
+
+    def read(self) -> RigSample:
+        """Sample the four channels.
+
+        Returns
+        -------
+        RigSample
+            The sample, with noise and as the converter sees it.
+
+        Raises
+        ------
+        RigError
+            If the rig is not open.
+        """
+        self._require_open()
+        self._advance_to(self._samples / self._rate_hz)
+        self._samples += 1
+        noise_v = self._noise_v * self._random.standard_normal(len(CHANNELS))
+        return RigSample(self._time_s, self._converted(self._plant.outputs_v() + noise_v))
+
+    def write(self, command_v: float) -> None:
+        """Command the drive, to the resolution of the converter.
+
+        Parameters
+        ----------
+        command_v : float
+            Command of the drive; beyond 10 V the converter clips it.
+
+        Raises
+        ------
+        RigError
+            If the rig is not open or the command is not finite.
+        """
+        self._require_open()
+        if not math.isfinite(command_v):
+            raise RigError(f"command_v must be finite, got {command_v}")
+        answered = max(self._samples - 1, 0) / self._rate_hz
+        self._advance_to(answered + self._reply_delay_s)
+        code = min(round(abs(command_v) / self._dac_step_v), 2**self.parameters.dac_bits - 1)
+        self._command_v = math.copysign(code * self._dac_step_v, command_v)
+
+    def safe_stop(self) -> None:
+        """Set the drive to zero; never raises."""
+        if self._is_open:
+            self.write(0.0)
+
+    def close(self) -> None:
+        """Set the drive to zero and let go; `open` starts afresh."""
+        self.safe_stop()
+        self._is_open = False
+
+    def _require_open(self) -> None:
+        if not self._is_open:
+            raise RigError("the simulated rig is not open: call open() first")
+
+    def _advance_to(self, virtual_s: float) -> None:
+        now_s = virtual_s if self._clock is None else self._clock() - self._epoch_s
+        if now_s > self._time_s:
+            gap_s = now_s - self._time_s
+            self._plant.advance(
+                self._command_v, gap_s if self._clock is None else min(gap_s, MAX_CATCH_UP_S)
+            )
+            self._time_s = now_s
+
+    def _converted(self, volts: NDArray[np.float64]) -> NDArray[np.float64]:
+        half_range = 2 ** (self.parameters.adc_bits - 1)
+        codes: NDArray[np.float64] = np.clip(
+            np.rint(volts / self._adc_step_v), -half_range, half_range - 1
+        )
+        return codes * self._adc_step_v

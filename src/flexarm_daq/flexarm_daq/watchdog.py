@@ -1,0 +1,70 @@
+"""Age of the command: a controller that has gone silent must not go on driving the arm."""
+
+from __future__ import annotations
+
+import math
+
+
+class Watchdog:
+    """Tells whether the last command is too old to be in force.
+
+    Parameters
+    ----------
+    period_s : float
+        Sampling period.
+    max_age_periods : int
+        A command older than this many periods is stale.
+
+    Attributes
+    ----------
+    feeds : int
+        Commands seen.
+    lapses : int
+        How often a fresh command has turned stale.
+
+    Raises
+    ------
+    ValueError
+        If the period is not positive or the age is not at least one period.
+    """
+
+    def __init__(self, period_s: float, max_age_periods: int = 3) -> None:
+        if not 0.0 < period_s < math.inf:
+            raise ValueError(f"period_s must be positive, got {period_s}")
+        if max_age_periods < 1:
+            raise ValueError(f"max_age_periods must be at least 1, got {max_age_periods}")
+        self.feeds = 0
+        self.lapses = 0
+        self._max_age_s = period_s * max_age_periods
+        self._fed_s = -math.inf
+        self._is_fresh = False
+
+    def fed(self, now_s: float) -> None:
+        """Note a command.
+
+        Parameters
+        ----------
+        now_s : float
+            Monotonic time of its arrival.
+        """
+        self.feeds += 1
+        self._fed_s = now_s
+        self._is_fresh = True
+
+    def stale(self, now_s: float) -> bool:
+        """Tell whether no command is in force.
+
+        Parameters
+        ----------
+        now_s : float
+            Monotonic time.
+
+        Returns
+        -------
+        bool
+            True if the last command is too old, or none has come yet.
+        """
+        if self._is_fresh and now_s - self._fed_s > self._max_age_s:
+            self._is_fresh = False
+            self.lapses += 1
+        return not self._is_fresh

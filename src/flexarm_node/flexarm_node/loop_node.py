@@ -1,0 +1,156 @@
+"""A managed node whose work is one loop in a thread of its own, beside the executor."""
+
+from __future__ import annotations
+
+import threading
+import time
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from flexarm_node import qos
+from flexarm_node.parameters import Parameters, ParameterSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    Figures = Mapping[str, object]
+
+_AUTOSTART = ParameterSpec(
+    "autostart",
+    default=False,
+    description="configure and activate at the start, without a manager",
+    read_only=True,
+)
+_REPORT_S = 1.0
+_MATCH_TIMEOUT_S = 3.0
+_MATCH_POLL_S = 0.01
+
+
+class LoopNode(LifecycleNode):
+    """Base of the nodes that sample and control.
+
+    Configuring makes the topics, activating starts the thread, deactivating ends it, cleaning
+    up gives the topics back. Once a second the node reports its figures on `/diagnostics`.
+
+    Parameters
+    ----------
+    name
+        Node name, in the namespace `/flexarm`.
+    specs, accept, apply
+        The node's parameters, see `Parameters`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        specs: Sequence[ParameterSpec],
+        *,
+        accept: Callable[[Mapping[str, Any]], object] | None = None,
+        apply: Callable[[Mapping[str, Any]], None] | None = None,
+    ) -> None:
+        super().__init__(name, namespace="/flexarm")
+        self.parameters = Parameters(self, (*specs, _AUTOSTART), accept=accept, apply=apply)
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._ended = self.create_guard_condition(self._deactivate_ended)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.STATE)
+        self.create_timer(_REPORT_S, self._report)
+
+    @abstractmethod
+    def make_topics(self) -> None:
+        """Make the publishers and subscriptions of the loop."""
+
+    @abstractmethod
+    def release_topics(self) -> None:
+        """Give them back."""
+
+    @abstractmethod
+    def prepare(self) -> None:
+        """Make ready for a run: called in the executor's thread before the loop starts."""
+
+    @abstractmethod
+    def loop(self, stopping: threading.Event) -> None:
+        """Work until told to stop, or until there is nothing left to do."""
+
+    @abstractmethod
+    def figures(self) -> Figures:
+        """Return what diagnostics shall show of the loop that runs."""
+
+    @property
+    def running(self) -> bool:
+        """True while the loop's thread exists."""
+        return self._thread is not None
+
+    def start_if_asked(self) -> None:
+        """Configure and activate when the parameter `autostart` says so."""
+        if self.parameters.values()[_AUTOSTART.name]:
+            self.trigger_configure()
+            self.trigger_activate()
+
+    def stop(self) -> None:
+        """End the loop, if it runs, and wait for it."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        """Make the topics."""
+        self.make_topics()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start the loop."""
+        self.prepare()
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._run, daemon=True, name=self.get_name())
+        self._thread.start()
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the loop."""
+        self.stop()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        """Give the topics back."""
+        self.release_topics()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        """End the loop."""
+        self.stop()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _run(self) -> None:
+        self.loop(self._stopping)
+        if not self._stopping.is_set():
+            self._ended.trigger()
+
+    def _deactivate_ended(self) -> None:
+        if self.running:
+            self.trigger_deactivate()
+
+    def _report(self) -> None:
+        status = DiagnosticStatus(name=f"flexarm: {self.get_name()}", message="not active")
+        if self.running:
+            status.message = "active"
+            status.values = [
+                KeyValue(key=key, value=str(value)) for key, value in self.figures().items()
+            ]
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def wait_until(condition: Callable[[], bool]) -> bool:
+    """Poll until the condition holds; give up after a few seconds. For endpoints to be matched."""
+    deadline_s = time.monotonic() + _MATCH_TIMEOUT_S
+    while not condition():
+        if time.monotonic() >= deadline_s:
+            return False
+        time.sleep(_MATCH_POLL_S)
+    return True

@@ -1,0 +1,149 @@
+"""Parameters declared from a table: type by the default, range, choices and description."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
+    Values = dict[str, Any]
+
+
+class ParameterError(ValueError):
+    """A parameter has a value that the node cannot start with."""
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One parameter of a node.
+
+    Numbers have inclusive bounds, strings may have choices. `unit` is written into the description.
+    """
+
+    name: str
+    default: bool | int | float | str | list[float] | list[str]
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+
+    def descriptor(self) -> ParameterDescriptor:
+        """Return what `ros2 param describe` shows."""
+        text = self.description + (f" [{self.unit}]" if self.unit else "")
+        descriptor = ParameterDescriptor(description=text, read_only=self.read_only)
+        if self.choices:
+            descriptor.additional_constraints = "one of: " + ", ".join(self.choices)
+        if self.minimum is not None and self.maximum is not None:
+            if isinstance(self.default, int):
+                descriptor.integer_range = [
+                    IntegerRange(from_value=int(self.minimum), to_value=int(self.maximum), step=0)
+                ]
+            else:
+                descriptor.floating_point_range = [
+                    FloatingPointRange(
+                        from_value=float(self.minimum), to_value=float(self.maximum), step=0.0
+                    )
+                ]
+        return descriptor
+
+    def complaint(self, value: object) -> str | None:
+        """Return why `value` is not one of the choices, or None when it is."""
+        if self.choices and value not in self.choices:
+            return f"parameter {self.name} = '{value}': must be one of {', '.join(self.choices)}"
+        return None
+
+
+class Parameters:
+    """The declared parameters of a node, read and changed as one set.
+
+    Parameters
+    ----------
+    node
+        The node that owns them.
+    specs
+        The table. Overrides from the command line or a parameter file are checked against it.
+    accept
+        Called with the complete set of values that a change would lead to. It raises ValueError
+        with one line when the set does not fit together, and the whole change is refused with
+        that line. What it returns is ignored; it must not act on the values.
+    apply
+        Called with the complete set after a change was accepted, and not at the start.
+
+    Raises
+    ------
+    ParameterError
+        When the values given at the start have the wrong type, are out of range or do not fit
+        together.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        specs: Sequence[ParameterSpec],
+        *,
+        accept: Callable[[Mapping[str, Any]], object] | None = None,
+        apply: Callable[[Mapping[str, Any]], None] | None = None,
+    ) -> None:
+        self._node = node
+        self._specs = {spec.name: spec for spec in specs}
+        self._accept = accept
+        self._apply = apply
+        for spec in specs:
+            self._declare(spec)
+        reason = self._refusal(self.values())
+        if reason:
+            raise ParameterError(reason)
+        node.add_on_set_parameters_callback(self._on_set)
+        node.add_post_set_parameters_callback(self._on_changed)
+
+    def values(self) -> Values:
+        """Return all values by name."""
+        return {name: self._node.get_parameter(name).value for name in self._specs}
+
+    def _declare(self, spec: ParameterSpec) -> None:
+        try:
+            self._node.declare_parameter(spec.name, spec.default, spec.descriptor())
+        except InvalidParameterTypeException as error:
+            wanted = type(spec.default).__name__
+            hint = " (write 300.0, not 300)" if wanted == "float" else ""
+            raise ParameterError(
+                f"parameter {spec.name} must be a {wanted}{hint}: {error}"
+            ) from None
+        except InvalidParameterValueException as error:
+            raise ParameterError(str(error)) from None
+
+    def _refusal(self, values: Mapping[str, Any]) -> str | None:
+        for name, spec in self._specs.items():
+            complaint = spec.complaint(values[name])
+            if complaint:
+                return complaint
+        if self._accept is not None:
+            try:
+                self._accept(values)
+            except ValueError as error:
+                return str(error)
+        return None
+
+    def _on_set(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        ours = {change.name: change.value for change in changes if change.name in self._specs}
+        reason = self._refusal(self.values() | ours) if ours else None
+        return SetParametersResult(successful=reason is None, reason=reason or "")
+
+    def _on_changed(self, changes: Sequence[Parameter]) -> None:
+        if self._apply is not None and any(change.name in self._specs for change in changes):
+            self._apply(self.values())

@@ -1,0 +1,82 @@
+"""The life of a node's process: start, spin, stop cleanly however many signals come."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from typing import TYPE_CHECKING, Protocol
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+
+from flexarm_node.parameters import ParameterError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SPIN_S = 1.0
+
+
+class StoppableNode(Protocol):
+    """A node that can be told to stop what it does."""
+
+    def stop(self) -> None:
+        """Leave everything safe: called once, before the node is destroyed."""
+
+
+def request_stop() -> None:
+    """End this process as a signal would. Any thread may call."""
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def run(make_node: Callable[[], StoppableNode]) -> int:
+    """Run one node until SIGINT or SIGTERM and return the process's exit code.
+
+    A signal ends the spinning at once although the main thread is waiting inside the middleware,
+    and a second one (a launcher and a terminal both send it) cannot break the shutdown.
+
+    Parameters
+    ----------
+    make_node
+        Builds the node. A `ParameterError` from it is printed as one line, exit code 2.
+    """
+    signals, wakeup = os.pipe()
+    os.set_blocking(wakeup, False)
+    signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
+    for stop_signal in _STOP_SIGNALS:
+        signal.signal(stop_signal, _leave_to_wakeup)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    executor = SingleThreadedExecutor()
+    stopped = threading.Event()
+
+    def wait_for_signal() -> None:
+        os.read(signals, 1)
+        stopped.set()
+        executor.wake()
+
+    try:
+        node = make_node()
+    except ParameterError as error:
+        sys.stderr.write(f"{error}\n")
+        try_shutdown()
+        return 2
+    threading.Thread(target=wait_for_signal, daemon=True, name="signals").start()
+    executor.add_node(node)
+    try:
+        while not stopped.is_set():
+            executor.spin_once(timeout_sec=_SPIN_S)
+    finally:
+        node.stop()
+        executor.shutdown(timeout_sec=_SPIN_S)
+        node.destroy_node()  # type: ignore[attr-defined]
+        try_shutdown()
+    return 0
+
+
+def _leave_to_wakeup(*_: object) -> None:
+    """Keep Python from raising; the wake-up pipe has the signal already."""

@@ -1,0 +1,27 @@
+"""Quality of service of flexarm's topics, in one place so that publishers and subscribers match."""
+
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+
+def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
+    return QoSProfile(
+        depth=depth,
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=durability,
+    )
+
+
+STATE = _reliable(10)
+"""Samples of the rig, as published."""
+
+NEWEST = _reliable(1)
+"""For a reader or writer that only ever wants the newest message: the loop's two ends."""
+
+EVERY = _reliable(1000)
+"""For a reader that must see every message although its process pauses: the recorder."""
+
+STATUS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
+"""For what a latecomer must still be told: channel names, the reference in force."""

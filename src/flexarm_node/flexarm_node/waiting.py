@@ -1,0 +1,165 @@
+"""Wait for one topic in the calling thread, outside any executor.
+
+An executor costs several hundred microseconds per message and stalls now and then; a loop that
+answers every sample waits on the middleware itself. This is the only module that touches rclpy's
+internal `WaitSet` and `take_message`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rclpy.node import Node
+    from rclpy.qos import QoSProfile
+
+Message = TypeVar("Message")
+
+
+class _OutsideExecutor(CallbackGroup):
+    """Entities in this group are never handed to an executor."""
+
+    def can_execute(self, entity: object) -> bool:  # noqa: ARG002 - the base class's signature
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:  # noqa: ARG002 - the base class's signature
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        """Do nothing: no execution ever begins."""
+
+
+class RawMessage(NamedTuple):
+    """One message as it came over the wire."""
+
+    topic: int
+    """Index into the topics that are waited on."""
+    raw: bytes
+    """Serialised message (CDR)."""
+    source_ns: int
+    """Instant of publication, nanoseconds since the epoch."""
+
+
+class TopicWaiter(Generic[Message]):
+    """A subscription that one thread waits on.
+
+    Parameters
+    ----------
+    node
+        The node that the subscription belongs to.
+    message_type, topic, qos
+        As for `Node.create_subscription`.
+    """
+
+    def __init__(
+        self, node: Node, message_type: type[Message], topic: str, qos: QoSProfile
+    ) -> None:
+        self._waiting = _WaitSet(node, [(message_type, topic, qos)], raw=False)
+
+    def wait(self, timeout_s: float) -> Message | None:
+        """Return the next message, or None when none came in time."""
+        taken = self._take()
+        if taken is None and timeout_s > 0.0:
+            self._waiting.wait(timeout_s)
+            taken = self._take()
+        return taken
+
+    def wait_newest(self, timeout_s: float) -> Message | None:
+        """Return the newest message, dropping older ones, or None when none came in time."""
+        newest = self.wait(timeout_s)
+        newer = newest
+        while newer is not None:
+            newest, newer = newer, self._take()
+        return newest
+
+    def close(self) -> None:
+        """Give the subscription back. No thread may be waiting any more."""
+        self._waiting.close()
+
+    def _take(self) -> Message | None:
+        taken = self._waiting.take(0)
+        return None if taken is None else taken[0]
+
+
+class RawTopicsWaiter:
+    """Subscriptions to several topics that one thread waits on, for their bytes.
+
+    Parameters
+    ----------
+    node
+        The node that the subscriptions belong to.
+    topics
+        Message type, topic and QoS of each.
+    """
+
+    def __init__(self, node: Node, topics: Sequence[tuple[type, str, QoSProfile]]) -> None:
+        self._waiting = _WaitSet(node, topics, raw=True)
+        self._topics = range(len(topics))
+
+    def wait(self, timeout_s: float) -> list[RawMessage]:
+        """Return everything that is there, or came within the time; may be nothing."""
+        messages = self._take_all()
+        if not messages and timeout_s > 0.0:
+            self._waiting.wait(timeout_s)
+            messages = self._take_all()
+        return messages
+
+    def close(self) -> None:
+        """Give the subscriptions back. No thread may be waiting any more."""
+        self._waiting.close()
+
+    def _take_all(self) -> list[RawMessage]:
+        messages = []
+        for topic in self._topics:
+            while (taken := self._waiting.take(topic)) is not None:
+                messages.append(RawMessage(topic, taken[0], taken[1]["source_timestamp"]))
+        return messages
+
+
+class _WaitSet:
+    """Subscriptions outside the executor and the wait set that holds them."""
+
+    def __init__(
+        self, node: Node, topics: Sequence[tuple[type, str, QoSProfile]], *, raw: bool
+    ) -> None:
+        self._node = node
+        # Held here: rclpy keeps callback groups by weak reference.
+        self._group = _OutsideExecutor()
+        self._raw = raw
+        self._subscriptions = [
+            node.create_subscription(
+                message_type, topic, _never_called, qos, callback_group=self._group, raw=raw
+            )
+            for message_type, topic, qos in topics
+        ]
+        self._types = [message_type for message_type, _, _ in topics]
+        self._wait_set = rclpy_implementation.WaitSet(
+            len(topics), 0, 0, 0, 0, 0, node.context.handle
+        )
+
+    def wait(self, timeout_s: float) -> None:
+        self._wait_set.clear_entities()
+        for subscription in self._subscriptions:
+            self._wait_set.add_subscription(subscription.handle)
+        self._wait_set.wait(int(timeout_s * 1e9))
+
+    def take(self, topic: int) -> tuple[Any, dict[str, int]] | None:
+        handle = self._subscriptions[topic].handle
+        with handle:
+            taken: tuple[Any, dict[str, int]] | None = handle.take_message(
+                self._types[topic], self._raw
+            )
+        return taken
+
+    def close(self) -> None:
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+
+def _never_called(_: Any) -> None:  # noqa: ANN401 - any message type
+    raise AssertionError

@@ -1,0 +1,173 @@
+"""Bags for tests: messages by their fields, written by our writer or by rosbags' own."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+from flexarm_daq.bag_metadata import RecordedTopic
+from flexarm_daq.definitions import describe, load_typestore
+from flexarm_daq.recording import BagWriter
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from rosbags.typesys.store import Msg, Typestore
+
+PROJECT = Path(__file__).parents[1]
+MESSAGE_PACKAGES = {"flexarm_msgs": PROJECT / "src" / "flexarm_msgs"}
+START_NS = 1_700_000_000_000_000_000
+
+
+class Sent(NamedTuple):
+    """One message as it leaves a publisher."""
+
+    topic: str
+    type_name: str
+    time_ns: int
+    raw: bytes
+
+
+@cache
+def typestore() -> Typestore:
+    """Return the types of the project."""
+    return load_typestore(MESSAGE_PACKAGES)
+
+
+def header(stamp_ns: int, frame_id: str = "") -> Msg:
+    """Return a std_msgs/Header."""
+    types = typestore().types
+    stamp = types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+    return types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame_id)
+
+
+def serialised(type_name: str, **fields: object) -> bytes:
+    """Return the CDR bytes of a message."""
+    message = typestore().types[type_name](**fields)  # type: ignore[arg-type]
+    return bytes(typestore().serialize_cdr(message, type_name))
+
+
+def arm_state(
+    sequence: int,
+    stamp_ns: int,
+    outputs: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
+    *,
+    command_v: float = 0.0,
+    compensation_v: float = 0.0,
+    command_sequence: int = 0,
+    frame_id: str = "",
+) -> Sent:
+    """Return an ArmState on /flexarm/state."""
+    type_name = "flexarm_msgs/msg/ArmState"
+    position, base, middle, speed = outputs
+    raw = serialised(
+        type_name,
+        header=header(stamp_ns, frame_id),
+        sequence=sequence,
+        position_v=position,
+        base_strain_v=base,
+        middle_strain_v=middle,
+        speed_v=speed,
+        command_v=command_v,
+        compensation_v=compensation_v,
+        command_sequence=command_sequence,
+    )
+    return Sent("/flexarm/state", type_name, stamp_ns, raw)
+
+
+def motor_command(sequence: int, time_ns: int, effort_v: float) -> Sent:
+    """Return a MotorCommand on /flexarm/command."""
+    type_name = "flexarm_msgs/msg/MotorCommand"
+    raw = serialised(
+        type_name,
+        header=header(time_ns),
+        sequence=sequence,
+        state_sequence=sequence,
+        effort_v=effort_v,
+        compensation_v=0.0,
+    )
+    return Sent("/flexarm/command", type_name, time_ns, raw)
+
+
+def reference(time_ns: int, value_v: float) -> Sent:
+    """Return a Float64 on /flexarm/reference."""
+    type_name = "std_msgs/msg/Float64"
+    return Sent("/flexarm/reference", type_name, time_ns, serialised(type_name, data=value_v))
+
+
+def io_sample(
+    sequence: int, stamp_ns: int, inputs: Sequence[float], outputs: Sequence[float]
+) -> Sent:
+    """Return an IoSample on /flexarm/io."""
+    type_name = "flexarm_msgs/msg/IoSample"
+    raw = serialised(
+        type_name,
+        header=header(stamp_ns),
+        sequence=sequence,
+        inputs=np.array(inputs, dtype=np.float64),
+        outputs=np.array(outputs, dtype=np.float64),
+    )
+    return Sent("/flexarm/io", type_name, stamp_ns, raw)
+
+
+def channel_info(
+    time_ns: int, inputs: Sequence[str], outputs: Sequence[str], rate_hz: float
+) -> Sent:
+    """Return a ChannelInfo of a closed loop on /flexarm/io_channels."""
+    type_name = "flexarm_msgs/msg/ChannelInfo"
+    raw = serialised(
+        type_name,
+        header=header(time_ns),
+        sampling_rate_hz=rate_hz,
+        input_names=list(inputs),
+        input_units=["V"] * len(inputs),
+        output_names=list(outputs),
+        output_units=[""] * len(outputs),
+        source="another rig",
+        closed_loop=True,
+    )
+    return Sent("/flexarm/io_channels", type_name, time_ns, raw)
+
+
+def topics_of(messages: Iterable[Sent]) -> dict[str, str]:
+    """Return topic -> type in the order of appearance."""
+    return {message.topic: message.type_name for message in messages}
+
+
+def recorded_topics(messages: Iterable[Sent]) -> list[RecordedTopic]:
+    """Return what a recorder of these messages would be told."""
+    return [
+        RecordedTopic(topic, describe(typestore(), type_name))
+        for topic, type_name in topics_of(messages).items()
+    ]
+
+
+def write_bag(path: Path, messages: Sequence[Sent]) -> Path:
+    """Write messages with our own writer."""
+    with BagWriter(path, recorded_topics(messages)) as bag:
+        for message in messages:
+            bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
+    return path
+
+
+def write_foreign_bag(
+    path: Path,
+    messages: Sequence[Sent],
+    storage: StoragePlugin,
+    compression: CompressionMode = CompressionMode.NONE,
+) -> Path:
+    """Write messages with the writer of rosbags."""
+    writer = Writer(path, version=9, storage_plugin=storage)
+    writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        connections = {
+            topic: writer.add_connection(topic, type_name, typestore=typestore())
+            for topic, type_name in topics_of(messages).items()
+        }
+        for message in messages:
+            writer.write(connections[message.topic], message.time_ns, message.raw)
+    return path

@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexarm_daq import RigParameters, SimulatedRig
+from flexarm_daq.beam import natural_frequencies_hz
+from flexarm_daq.channels import CHANNELS, Channel
+from flexarm_daq.limiter import Limiter, LimiterSettings
+from flexarm_daq.plant import Plant
+from flexarm_daq.watchdog import Watchdog
+
+ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
+VOLTS = st.floats(-20.0, 20.0)
+REQUESTS = st.lists(
+    st.tuples(
+        VOLTS | ANY_FLOAT,
+        st.floats(-1.0, 1.0) | ANY_FLOAT,
+        st.floats(-8.0, 8.0) | ANY_FLOAT,
+        st.floats(0.0, 0.01) | ANY_FLOAT,
+    ),
+    min_size=1,
+    max_size=20,
+)
+SETTINGS = st.builds(
+    LimiterSettings,
+    max_command_v=st.floats(0.1, 10.0),
+    max_slew_v_per_s=st.floats(1.0, 1e4),
+    position_bound_v=st.floats(0.1, 7.0),
+)
+
+
+@given(SETTINGS, REQUESTS)
+def test_limiter___any_requests___stays_within_every_limit(
+    limits: LimiterSettings, requests: list[tuple[float, float, float, float]]
+) -> None:
+    limiter = Limiter(limits)
+    last_v = 0.0
+    for request in requests:
+        _, _, position_v, interval_s = request
+        command_v, compensation_v, reasons = limiter.apply(*request)
+        assert math.isfinite(command_v)
+        assert abs(command_v) <= limits.max_command_v
+        if command_v != 0.0:
+            allowed_v = limits.max_slew_v_per_s * max(interval_s, 0.0)
+            assert abs(command_v - last_v) <= allowed_v + 1e-9
+            assert not (abs(position_v) > limits.position_bound_v and command_v * position_v > 0.0)
+        if reasons:
+            assert abs(compensation_v) <= abs(command_v)
+            assert compensation_v * command_v >= 0.0
+        last_v = command_v
+
+
+@given(st.floats(-4.0, 4.0), st.floats(-1.0, 1.0), st.floats(-6.5, 6.5))
+def test_limiter___moderate_request___passes_untouched(
+    effort_v: float, compensation_v: float, position_v: float
+) -> None:
+    limited = Limiter().apply(effort_v, compensation_v, position_v, 1.0 / 300.0)
+    assert limited == (effort_v + compensation_v, compensation_v, ())
+
+
+@given(st.sampled_from(CHANNELS), st.floats(-10.0, 10.0))
+def test_channel___to_si_and_back___is_the_same_voltage(channel: Channel, volts: float) -> None:
+    assert channel.to_volts(channel.to_si(volts)) == pytest.approx(volts, rel=1e-12, abs=1e-300)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(0, 5)), max_size=40))
+def test_watchdog___any_history___judges_by_the_last_feed(events: list[tuple[bool, int]]) -> None:
+    watchdog = Watchdog(1.0, max_age_periods=3)
+    now_s = 0
+    fed_s: int | None = None
+    for feeds, wait_s in events:
+        now_s += wait_s
+        if feeds:
+            watchdog.fed(now_s)
+            fed_s = now_s
+        assert watchdog.stale(now_s) == (fed_s is None or now_s - fed_s > 3)
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=60),
+    st.floats(0.0, 0.5),
+    st.floats(0.0, 0.01),
+)
+def test_plant___any_commands___stays_finite_and_near_its_travel(
+    command_v: list[float], payload_kg: float, interval_s: float
+) -> None:
+    plant = Plant(RigParameters(payload_kg=payload_kg))
+    for volts in command_v:
+        plant.advance(volts, interval_s)
+    assert np.isfinite(plant.state).all()
+    assert math.isfinite(plant.energy_j())
+    assert abs(plant.arm_angle_rad) < math.radians(100.0)
+
+
+@settings(max_examples=30)
+@given(st.lists(st.floats(-5.0, 5.0), min_size=1, max_size=40))
+def test_plant___mirrored_commands___mirror_the_motion(command_v: list[float]) -> None:
+    plant, mirror = Plant(RigParameters()), Plant(RigParameters())
+    for volts in command_v:
+        plant.advance(volts, 0.01)
+        mirror.advance(-volts, 0.01)
+    np.testing.assert_array_equal(mirror.state, -plant.state)
+
+
+@settings(max_examples=30)
+@given(st.floats(0.0, 0.5), st.floats(0.01, 0.5))
+def test_beam___heavier_payload___lowers_every_mode(payload_kg: float, added_kg: float) -> None:
+    light = natural_frequencies_hz(RigParameters(payload_kg=payload_kg))
+    heavy = natural_frequencies_hz(RigParameters(payload_kg=payload_kg + added_kg))
+    assert (heavy < light).all()
+    assert (np.diff(light) > 0.0).all()
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**32), st.lists(VOLTS, max_size=30))
+def test_rig___any_commands___reads_codes_within_the_range(
+    seed: int, command_v: list[float]
+) -> None:
+    rig = SimulatedRig(seed=seed)
+    rig.open()
+    for volts in command_v:
+        reading = rig.read().volts
+        assert (reading >= -10.0).all()
+        assert (reading < 10.0).all()
+        rig.write(volts)

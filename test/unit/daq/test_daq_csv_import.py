@@ -1,0 +1,256 @@
+from __future__ import annotations
+
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from bag_samples import PROJECT, typestore
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rosbags.highlevel import AnyReader
+
+from flexarm_daq.csv_import import CsvImportError, import_csv
+from flexarm_daq.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
+from flexarm_daq.recording import RecordingError
+from flexarm_ident.bags import read_bag
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+QUANSER_CSV = PROJECT.parent / "shared" / "data" / "quanser_2dsfl_fsf.csv"
+QUANSER_MAP = PROJECT / "src" / "flexarm_bringup" / "config" / "quanser_2dsfl.yaml"
+ONE_IN_ONE_OUT = CsvMap(
+    inputs=(CsvChannel("i", "current_a", "A"),),
+    outputs=(CsvChannel("q", "angle_deg", "deg"),),
+    time="t",
+    closed_loop=True,
+    description="test rig",
+)
+
+
+def csv_file(folder: Path, lines: Sequence[str]) -> Path:
+    file = folder / "data.csv"
+    file.write_text("\n".join(lines) + "\n")
+    return file
+
+
+def map_file(folder: Path, text: str) -> Path:
+    file = folder / "map.yaml"
+    file.write_text(text)
+    return file
+
+
+def test_import___small_file___writes_samples_names_and_source(tmp_path: Path) -> None:
+    file = csv_file(tmp_path, ["t,unused,q,i", "5.0,x,10,1", "5.1,,11,2", "5.2,y,12,-3"])
+
+    summary = import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+    with AnyReader([tmp_path / "bag"]) as reader:
+        found = [
+            (connection.topic, time_ns, reader.deserialize(raw, connection.msgtype))
+            for connection, time_ns, raw in reader.messages()
+        ]
+
+    digest = sha256(file.read_bytes()).hexdigest()
+    assert (summary.samples, summary.rate_hz, summary.sha256) == (3, 10.0, digest)
+    assert summary.duration_s == pytest.approx(0.2)
+    (topic, time_ns, info), *samples = found
+    assert (topic, time_ns) == ("/flexarm/io_channels", 0)
+    assert vars(info) | {"header": None} == {
+        "__msgtype__": "flexarm_msgs/msg/ChannelInfo",
+        "header": None,
+        "sampling_rate_hz": 10.0,
+        "input_names": ["current_a"],
+        "input_units": ["A"],
+        "output_names": ["angle_deg"],
+        "output_units": ["deg"],
+        "source": f"test rig; data.csv sha256:{digest}",
+        "closed_loop": True,
+    }
+    assert [(topic, time_ns) for topic, time_ns, _ in samples] == [
+        ("/flexarm/io", 0),
+        ("/flexarm/io", 100_000_000),
+        ("/flexarm/io", 200_000_000),
+    ]
+    fields = [vars(sample) for *_, sample in samples]
+    assert [entry["sequence"] for entry in fields] == [1, 2, 3]
+    assert [entry["inputs"].tolist() for entry in fields] == [[1.0], [2.0], [-3.0]]
+    assert [entry["outputs"].tolist() for entry in fields] == [[10.0], [11.0], [12.0]]
+    assert [entry["header"].stamp.nanosec for entry in fields] == [0, 100_000_000, 200_000_000]
+
+
+def test_import___rate_instead_of_time___uses_the_rate(tmp_path: Path) -> None:
+    file = csv_file(tmp_path, ["i,q", "1,2", "3,4"])
+    mapping = CsvMap(ONE_IN_ONE_OUT.inputs, ONE_IN_ONE_OUT.outputs, rate_hz=12.5)
+
+    summary = import_csv(file, mapping, tmp_path / "bag", typestore=typestore())
+
+    assert summary.rate_hz == 12.5
+    assert read_bag(tmp_path / "bag").dt_s == 0.08
+
+
+def test_import___times_printed_with_few_digits___give_the_whole_rate(tmp_path: Path) -> None:
+    rows = [f"{k / 300:.4f},{k},{k}" for k in range(601)]
+    file = csv_file(tmp_path, ["t,i,q", *rows])
+
+    summary = import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+
+    assert summary.rate_hz == 300.0
+
+
+def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Path) -> None:
+    file = tmp_path / "data.csv"
+    file.write_text("t, i ,q\r\n0,1,2\r\n\r\n1,3,4\r\n", encoding="utf-8-sig")
+
+    summary = import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+
+    assert summary.samples == 2
+    assert read_bag(tmp_path / "bag").u.tolist() == [[1.0], [3.0]]
+
+
+@pytest.mark.parametrize(
+    ("lines", "complaint"),
+    [
+        (["t,i,angle", "0,1,2", "1,1,2"], "no column q; there are: t, i, angle"),
+        (["t,i,q,q", "0,1,2,3", "1,1,2,3"], "more than one column q"),
+        (["t,i,q", "0,1,2", "1,1,oops"], "line 3, column q: 'oops' is not a number"),
+        (["t,i,q", "0,1,2", "1,,2"], "line 3, column i: empty cell"),
+        (["t,i,q", "0,1,2", "1,2"], "line 3, column q: empty cell"),
+        (["t,i,q", "0,nan,2", "1,2,3"], "line 2, column i: nan is not finite"),
+        (["t,i,q", "0,1,2", "1,2,-inf"], "line 3, column q: -inf is not finite"),
+        (["t,i,q", "0,1,2"], "1 data rows; at least two are needed"),
+        (["t,i,q"], "0 data rows"),
+        ([], "no column t; there are: "),
+        (["t,i,q", "0,1,1", "1,1,1", "2,1,1", "3.5,1,1", "4.5,1,1"], "1.5 s after t = 2 s"),
+        (["t,i,q", "0,1,1", "0,1,1", "0,1,1"], "column t does not increase"),
+        (["t,i,q", "2,1,1", "1,1,1", "0,1,1"], "column t does not increase"),
+    ],
+)
+def test_import___bad_file___names_the_place(
+    tmp_path: Path, lines: list[str], complaint: str
+) -> None:
+    file = csv_file(tmp_path, lines)
+
+    with pytest.raises(CsvImportError) as caught:
+        import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+
+    assert str(caught.value).startswith(f"{file}: ")
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "bag").exists()
+
+
+def test_import___missing_file___says_so(tmp_path: Path) -> None:
+    with pytest.raises(CsvImportError, match=r"none\.csv: cannot read as CSV: .*No such file"):
+        import_csv(tmp_path / "none.csv", ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+
+
+def test_import___binary_file___says_so(tmp_path: Path) -> None:
+    file = tmp_path / "data.csv"
+    file.write_bytes(bytes(range(256)))
+
+    with pytest.raises(CsvImportError, match=r"data\.csv: cannot read as CSV"):
+        import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+
+
+def test_import___existing_bag___is_not_overwritten(tmp_path: Path) -> None:
+    file = csv_file(tmp_path, ["t,i,q", "0,1,2", "1,3,4"])
+    (tmp_path / "bag").mkdir()
+
+    with pytest.raises(RecordingError, match="is not overwritten"):
+        import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+
+
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    values=st.lists(
+        st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 2), min_size=2, max_size=20
+    ),
+    rate_hz=st.integers(1, 2000),
+)
+def test_import___any_numbers___come_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory,
+    values: list[tuple[float, float]],
+    rate_hz: int,
+) -> None:
+    folder = tmp_path_factory.mktemp("import")
+    rows = [f"{k / rate_hz!r},{i!r},{q!r}" for k, (i, q) in enumerate(values)]
+    file = csv_file(folder, ["t,i,q", *rows])
+
+    import_csv(file, ONE_IN_ONE_OUT, folder / "bag", typestore=typestore())
+    data = read_bag(folder / "bag")
+
+    assert data.u[:, 0].tolist() == [i for i, _ in values]
+    assert data.y[:, 0].tolist() == [q for _, q in values]
+    assert data.dt_s == 1 / rate_hz
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("[1, 2]", "expected the keys closed_loop, description, inputs"),
+        ("time: [", "no YAML"),
+        ("time: t\nrate_hz: 5", "give either time"),
+        ("inputs: []", "give either time"),
+        ("time: 3\ninputs: [{column: i}]\noutputs: [{column: q}]", "time must be a text, not 3"),
+        ("rate_hz: 0\ninputs: [{column: i}]\noutputs: [{column: q}]", "positive number, not 0"),
+        ("rate_hz: yes\ninputs: [{column: i}]\noutputs: [{column: q}]", "positive number, not T"),
+        ("time: t\noutputs: [{column: q}]", "inputs must list at least one column"),
+        ("time: t\ninputs: [{column: i}]\noutputs: q", "outputs must list at least one column"),
+        ("time: t\ninputs: [i]\noutputs: [{column: q}]", r"inputs[0] needs a column"),
+        ("time: t\ninputs: [{column: i, Unit: A}]", "inputs[0]: unknown key Unit"),
+        ("time: t\ninput: [{column: i}]", "unknown key input; known: closed_loop"),
+        (
+            "time: t\ninputs: [{column: i, name: a}, {column: j, name: a}]\noutputs: []",
+            "inputs has a name twice: a, a",
+        ),
+        (
+            "time: t\nclosed_loop: maybe\ninputs: [{column: i}]\noutputs: [{column: q}]",
+            "closed_loop must be true or false, not 'maybe'",
+        ),
+    ],
+)
+def test_map___bad_file___names_file_and_key(tmp_path: Path, text: str, complaint: str) -> None:
+    file = map_file(tmp_path, text)
+
+    with pytest.raises(CsvMapError) as caught:
+        load_csv_map(file)
+
+    assert str(caught.value).startswith(f"{file}: ")
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_map___missing_file___says_so(tmp_path: Path) -> None:
+    with pytest.raises(CsvMapError, match=r"none\.yaml: cannot read: .*No such file"):
+        load_csv_map(tmp_path / "none.yaml")
+
+
+def test_map___name_and_unit_left_out___take_the_column_and_none(tmp_path: Path) -> None:
+    file = map_file(tmp_path, "rate_hz: 5\ninputs: [{column: i}]\noutputs: [{column: q}]")
+
+    assert load_csv_map(file) == CsvMap(
+        inputs=(CsvChannel("i", "i"),), outputs=(CsvChannel("q", "q"),), rate_hz=5.0
+    )
+
+
+@pytest.mark.skipif(not QUANSER_CSV.exists(), reason="the Quanser measurements are not here")
+def test_import___quanser_measurements___are_a_500_hz_closed_loop_record(tmp_path: Path) -> None:
+    table = np.genfromtxt(QUANSER_CSV, delimiter=",", names=True)
+
+    summary = import_csv(
+        QUANSER_CSV, load_csv_map(QUANSER_MAP), tmp_path / "bag", typestore=typestore()
+    )
+    data = read_bag(tmp_path / "bag")
+
+    assert (summary.samples, summary.rate_hz) == (len(table), 500.0)
+    assert (data.dt_s, data.closed_loop) == (0.002, True)
+    assert summary.sha256 in data.source
+    assert data.inputs == ("current1_a", "current2_a")
+    assert data.outputs == ("hub1_deg", "deflection1_deg", "hub2_deg", "deflection2_deg")
+    np.testing.assert_array_equal(data.u[:, 1], table["current2_meas_a"])
+    for column, name in enumerate(data.outputs):
+        np.testing.assert_array_equal(data.y[:, column], table[name])

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from flexarm_daq.limiter import Limiter, LimiterSettings
+
+PERIOD_S = 0.002
+
+
+def test_command___within_the_limits___passes_unchanged() -> None:
+    assert Limiter().apply(1.5, 0.7, 2.0, PERIOD_S) == (2.2, 0.7, ())
+
+
+def test_command___with_opposed_parts___passes_unchanged() -> None:
+    assert Limiter().apply(-0.25, 0.75, 2.0, PERIOD_S) == (0.5, 0.75, ())
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_command___beyond_the_drive___is_clamped_at_the_cost_of_the_effort(sign: float) -> None:
+    limited = Limiter().apply(sign * 12.0, sign * 0.75, 0.0, PERIOD_S)
+    assert limited == (sign * 10.0, sign * 0.75, ("magnitude",))
+
+
+def test_command___slewed___moves_from_the_last_applied_command() -> None:
+    limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
+    first = limiter.apply(5.0, 0.0, 0.0, 0.01)
+    second = limiter.apply(5.0, 0.5, 0.0, 0.01)
+    third = limiter.apply(-5.0, -0.5, 0.0, 0.01)
+    assert first == (1.0, 0.0, ("slew",))
+    assert second == (2.0, 0.5, ("slew",))
+    # The command is still positive, so none of it is the negative compensation.
+    assert third == (1.0, 0.0, ("slew",))
+
+
+def test_compensation___larger_than_a_slewed_command___is_all_of_it() -> None:
+    limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
+    assert limiter.apply(1.0, 0.75, 0.0, 0.005) == (0.5, 0.5, ("slew",))
+
+
+def test_reset___after_a_command___slews_from_zero() -> None:
+    limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
+    for _ in range(20):
+        limiter.apply(5.0, 0.0, 0.0, 0.01)
+    limiter.reset()
+    assert limiter.apply(5.0, 0.0, 0.0, 0.01).command_v == 1.0
+
+
+@pytest.mark.parametrize("interval_s", [0.0, -1.0])
+def test_command___in_no_time___does_not_change(interval_s: float) -> None:
+    limiter = Limiter()
+    limiter.apply(3.0, 0.0, 0.0, PERIOD_S)
+    assert limiter.apply(-3.0, 0.0, 0.0, interval_s) == (3.0, 0.0, ("slew",))
+
+
+@pytest.mark.parametrize(("position_v", "outward_v"), [(6.6, 2.0), (-6.6, -2.0)])
+def test_command___outward_beyond_the_bound___is_refused(
+    position_v: float, outward_v: float
+) -> None:
+    assert Limiter().apply(outward_v, 0.0, position_v, PERIOD_S) == (0.0, 0.0, ("position_bound",))
+    assert Limiter().apply(-outward_v, 0.0, position_v, PERIOD_S) == (-outward_v, 0.0, ())
+
+
+def test_command___outward_only_by_its_slew___is_refused() -> None:
+    limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
+    for _ in range(10):
+        limiter.apply(5.0, 0.0, 0.0, 0.01)
+    limited = limiter.apply(-5.0, 0.0, 6.6, 0.01)
+    assert limited == (0.0, 0.0, ("slew", "position_bound"))
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("argument", range(4))
+def test_anything___not_finite___gives_zero_at_once(bad: float, argument: int) -> None:
+    limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
+    for _ in range(10):
+        limiter.apply(5.0, 0.0, 0.0, 0.01)
+    arguments = [5.0, 0.5, 0.0, 0.01]
+    arguments[argument] = bad
+    assert limiter.apply(*arguments) == (0.0, 0.0, ("not_finite",))
+    assert limiter.apply(5.0, 0.0, 0.0, 0.01).command_v == 1.0
+
+
+@pytest.mark.parametrize("name", ["max_command_v", "max_slew_v_per_s", "position_bound_v"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_settings___not_a_positive_number___are_refused_by_name(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"^{name} must be a positive number"):
+        LimiterSettings(**{name: value})
+
+
+def test_settings___beyond_the_drive___are_refused() -> None:
+    with pytest.raises(ValueError, match="max_command_v must not exceed the drive's 10 V"):
+        LimiterSettings(max_command_v=10.1)

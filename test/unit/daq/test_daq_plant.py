@@ -1,0 +1,391 @@
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numba.core.caching import CacheImpl
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from flexarm_daq import plant as plant_module
+from flexarm_daq.beam import arm_modes
+from flexarm_daq.integrator import ARM, MOTOR, POSITION, VELOCITY, compiled
+from flexarm_daq.parameters import RigParameters
+from flexarm_daq.plant import Plant, simulate
+
+RATE_HZ = 300.0
+RIG = RigParameters()
+FRICTIONLESS = replace(RIG, coulomb_friction_nm=0.0, viscous_friction_nm_s_per_rad=0.0)
+LINEAR = replace(RIG, coulomb_friction_nm=0.0, backlash_deg=0.0, gear_damping_nm_s_per_rad=0.0)
+CONSERVATIVE = replace(
+    LINEAR,
+    viscous_friction_nm_s_per_rad=0.0,
+    mass_damping_per_s=0.0,
+    stiffness_damping_s=0.0,
+)
+
+Derivative = Callable[[float, NDArray[np.float64]], NDArray[np.float64]]
+
+
+def wave(samples: int) -> NDArray[np.float64]:
+    """Return a square wave of 0.6 s that keeps the arm between its stops."""
+    time_s = np.arange(samples) / RATE_HZ
+    return 2.0 * np.sign(np.sin(2.0 * np.pi * (time_s + 0.15) / 0.6))
+
+
+def output_matrix(rig: RigParameters) -> NDArray[np.float64]:
+    """Return the outputs over (motor angle, tacho, modes), then their velocities."""
+    modes = arm_modes(rig)
+    moment = rig.bending_stiffness_nm2
+    matrix = np.zeros((4, 18))
+    matrix[0, 2:9] = rig.position_gain_v_per_rad * modes.hub_angle
+    matrix[1, 2:9] = -rig.base_gauge_v_per_nm * moment * modes.base_curvature
+    matrix[2, 2:9] = rig.middle_gauge_v_per_nm * moment * modes.middle_curvature
+    matrix[3, 1] = rig.tacho_gain_v_s_per_rad
+    return matrix
+
+
+def linear_model(rig: RigParameters) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return A and B of the rig without friction, gap and stops."""
+    modes = arm_modes(rig)
+    gear = np.zeros(9)
+    gear[0], gear[2:] = 1.0, -modes.hub_angle
+    push = np.zeros(9)
+    push[0], push[2:] = -1.0 / rig.motor_inertia_kg_m2, modes.hub_angle
+    cutoff = 2.0 * np.pi * rig.tacho_cutoff_hz
+    omega_squared = modes.omega_rad_per_s**2
+    stiffness = np.diag(np.r_[0.0, cutoff**2, omega_squared])
+    stiffness -= rig.gear_stiffness_nm_per_rad * np.outer(push, gear)
+    damping = np.diag(
+        np.r_[
+            rig.viscous_friction_nm_s_per_rad / rig.motor_inertia_kg_m2,
+            2.0 * rig.tacho_damping_ratio * cutoff,
+            rig.mass_damping_per_s + rig.stiffness_damping_s * omega_squared,
+        ]
+    )
+    damping -= rig.gear_damping_nm_s_per_rad * np.outer(push, gear)
+    damping[1, 0] = -(cutoff**2)
+    system = np.block([[np.zeros((9, 9)), np.eye(9)], [-stiffness, -damping]])
+    entry = np.zeros(18)
+    entry[9] = rig.motor_gain_nm_per_v / rig.motor_inertia_kg_m2
+    return system, entry
+
+
+def exact_response(rig: RigParameters, command_v: NDArray[np.float64]) -> NDArray[np.float64]:
+    system, entry = linear_model(rig)
+    augmented = np.zeros((19, 19))
+    augmented[:18, :18], augmented[:18, 18] = system, entry
+    step = expm(augmented / RATE_HZ)
+    state = np.zeros(19)
+    outputs = np.empty((len(command_v), 4))
+    for k, volts in enumerate(command_v):
+        outputs[k] = output_matrix(rig) @ state[:18]
+        state[18] = volts
+        state = step @ state
+    return outputs
+
+
+def smoothed_response(rig: RigParameters, command_v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the response by LSODA, with the sign of dry friction smoothed over 1 mrad/s."""
+    modes = arm_modes(rig)
+    gap = math.radians(rig.backlash_deg) / 2.0
+    cutoff = 2.0 * np.pi * rig.tacho_cutoff_hz
+    omega_squared = modes.omega_rad_per_s**2
+    modal_damping = rig.mass_damping_per_s + rig.stiffness_damping_s * omega_squared
+
+    def contact(depth: float, rate: float) -> float:
+        torque = rig.gear_stiffness_nm_per_rad * depth + rig.gear_damping_nm_s_per_rad * rate
+        return max(0.0, torque) if depth > 0.0 else 0.0
+
+    def derivative(volts: float) -> Derivative:
+        def evaluate(_time: float, state: NDArray[np.float64]) -> NDArray[np.float64]:
+            position, velocity = state[:9], state[9:]
+            twist = position[0] - modes.hub_angle @ position[2:]
+            rate = velocity[0] - modes.hub_angle @ velocity[2:]
+            torque = contact(twist - gap, rate) - contact(-twist - gap, -rate)
+            stribeck = math.exp(-((velocity[0] / rig.stribeck_speed_rad_per_s) ** 2))
+            friction = rig.coulomb_friction_nm * (1.0 + (rig.breakaway_ratio - 1.0) * stribeck)
+            motor = (
+                rig.motor_gain_nm_per_v * volts
+                - rig.viscous_friction_nm_s_per_rad * velocity[0]
+                - friction * math.tanh(velocity[0] / 1e-3)
+                - torque
+            ) / rig.motor_inertia_kg_m2
+            tacho = cutoff**2 * (velocity[0] - position[1])
+            tacho -= 2.0 * rig.tacho_damping_ratio * cutoff * velocity[1]
+            arm = modes.hub_angle * torque
+            arm -= modal_damping * velocity[2:] + omega_squared * position[2:]
+            return np.concatenate([velocity, [motor, tacho], arm])
+
+        return evaluate
+
+    state = np.zeros(18)
+    outputs = np.empty((len(command_v), 4))
+    for k, volts in enumerate(command_v):
+        outputs[k] = output_matrix(rig) @ state
+        solution = solve_ivp(
+            derivative(volts), (0.0, 1.0 / RATE_HZ), state, "LSODA", rtol=1e-7, atol=1e-9
+        )
+        state = solution.y[:, -1]
+    return outputs
+
+
+def largest_error(actual: NDArray[np.float64], expected: NDArray[np.float64]) -> float:
+    """Return the largest error of any channel, in parts of its range."""
+    return float((np.abs(actual - expected).max(axis=0) / np.ptp(expected, axis=0)).max())
+
+
+def momentum(plant: Plant) -> float:
+    """Return the angular momentum about the axis; the flexible modes carry none."""
+    rig = plant.parameters
+    arm_inertia = rig.inertia_kg_m2 - rig.motor_inertia_kg_m2
+    motor = rig.motor_inertia_kg_m2 * plant.state[VELOCITY, MOTOR]
+    return float(motor + math.sqrt(arm_inertia) * plant.state[VELOCITY, ARM])
+
+
+@pytest.mark.parametrize("payload_kg", [0.0, 0.4])
+def test_response___of_the_linear_rig___is_the_matrix_exponential(payload_kg: float) -> None:
+    rig = replace(LINEAR, payload_kg=payload_kg)
+    command_v = wave(600)
+    assert largest_error(simulate(rig, command_v, RATE_HZ), exact_response(rig, command_v)) < 1e-3
+
+
+def test_response___of_the_whole_rig___agrees_with_lsoda() -> None:
+    command_v = wave(240)
+    outputs_v = simulate(RIG, command_v, RATE_HZ)
+    assert largest_error(outputs_v, smoothed_response(RIG, command_v)) < 0.02
+
+
+def test_response___with_smaller_intervals___converges() -> None:
+    errors = []
+    command_v = wave(300)
+    expected = exact_response(LINEAR, command_v)
+    for parts in (34, 68):
+        plant = Plant(LINEAR)
+        outputs = np.empty_like(expected)
+        for k, volts in enumerate(command_v):
+            outputs[k] = plant.outputs_v()
+            for _ in range(parts):
+                plant.advance(volts, 1.0 / RATE_HZ / parts)
+        errors.append(largest_error(outputs, expected))
+    # Second order: half the step, a quarter of the error.
+    assert errors[1] / errors[0] == pytest.approx(0.25, abs=0.03)
+
+
+def test_frequency_response___of_the_linear_rig___has_the_signs_of_appendix_b() -> None:
+    system, entry = linear_model(RIG)
+    s = 2j * np.pi * 4.0
+    response = output_matrix(RIG) @ np.linalg.solve(s * np.eye(18) - system, entry)
+    # The 0 g model of Appendix B at 4 Hz, between rigid motion and the first mode.
+    assert abs(np.angle(response[1])) < np.radians(30.0)
+    assert abs(np.angle(-response[2])) < np.radians(30.0)
+    decibels = 20.0 * np.log10(np.abs(response[1:3]) / [0.839, 0.145])
+    assert (np.abs(decibels) < 6.0).all()
+
+
+def test_gauges___under_a_steady_push___read_positive_at_the_base_negative_in_the_middle() -> None:
+    # Before the stop, over whole periods of the first mode.
+    outputs_v = simulate(RIG, np.full(150, 2.0), RATE_HZ)
+    assert outputs_v[:, 1].mean() > 0.5
+    assert outputs_v[:, 2].mean() < -0.05
+    assert outputs_v[-1, 0] > 0.0
+    assert outputs_v[-1, 3] > 0.0
+
+
+@pytest.mark.parametrize("command_v", [0.70, -0.70])
+def test_motor___below_break_away___never_moves(command_v: float) -> None:
+    plant = Plant(RIG)
+    for _ in range(20):
+        plant.advance(command_v, 3.0)
+    assert not plant.state.any()
+
+
+@pytest.mark.parametrize("command_v", [0.71, -0.71])
+def test_motor___above_break_away___moves_its_way(command_v: float) -> None:
+    plant = Plant(RIG)
+    plant.advance(command_v, 1.0)
+    assert plant.arm_angle_rad * np.sign(command_v) > 0.05
+
+
+def test_arm___on_a_slow_ramp___is_seen_to_break_away_at_three_quarters_of_a_volt() -> None:
+    command_v = 0.2 * np.arange(0.0, 5.0, 1.0 / RATE_HZ)
+    position_v = simulate(RIG, command_v, RATE_HZ)[:, 0]
+    assert 0.74 <= command_v[np.argmax(position_v > 0.05)] <= 0.76
+
+
+def test_motor___after_a_push___comes_to_rest_for_good() -> None:
+    plant = Plant(RIG)
+    plant.advance(1.5, 0.5)
+    plant.advance(0.0, 60.0)
+    rested_rad = plant.motor_angle_rad
+    plant.advance(0.0, 60.0)
+    assert plant.motor_angle_rad == rested_rad
+    assert plant.state[VELOCITY, MOTOR] == 0.0
+
+
+def test_energy___without_losses___is_conserved() -> None:
+    plant = Plant(CONSERVATIVE)
+    plant.state[VELOCITY, ARM : ARM + 3] = (0.02, 0.4, 0.2)
+    start_j = plant.energy_j()
+    energy_j = []
+    for _ in range(3000):
+        plant.advance(0.0, 1.0 / RATE_HZ)
+        energy_j.append(plant.energy_j())
+    np.testing.assert_allclose(energy_j, start_j, rtol=2e-3)
+    assert np.mean(energy_j[-300:]) == pytest.approx(np.mean(energy_j[:300]), rel=2e-5)
+
+
+def test_energy___at_the_stop_without_losses___comes_back() -> None:
+    plant = Plant(replace(CONSERVATIVE, stop_damping_nm_s_per_rad=0.0))
+    plant.state[VELOCITY, ARM] = 0.5
+    start_j = plant.energy_j()
+    for _ in range(700):
+        plant.advance(0.0, 1.0 / RATE_HZ)
+    assert plant.state[VELOCITY, ARM] < 0.0
+    assert plant.energy_j() == pytest.approx(start_j, rel=1e-3)
+
+
+def test_energy___of_the_whole_rig_left_alone___never_grows() -> None:
+    plant = Plant(RIG)
+    plant.state[VELOCITY, ARM : ARM + 3] = (0.5, 0.4, 0.2)
+    energy_j = []
+    for _ in range(1500):
+        energy_j.append(plant.energy_j())
+        plant.advance(0.0, 1.0 / RATE_HZ)
+    assert (np.diff(energy_j) <= 1e-6 * energy_j[0]).all()
+    assert energy_j[-1] < 0.5 * energy_j[0]
+
+
+@pytest.mark.parametrize("backlash_deg", [0.0, 0.2])
+def test_momentum___without_friction___grows_by_the_torque(backlash_deg: float) -> None:
+    rig = replace(
+        FRICTIONLESS, mass_damping_per_s=0.0, stiffness_damping_s=0.0, backlash_deg=backlash_deg
+    )
+    plant = Plant(rig)
+    plant.advance(1.5, 0.4)
+    assert momentum(plant) == pytest.approx(0.55 * 1.5 * 0.4, rel=1e-9)
+
+
+def test_momentum___of_a_sliding_motor___grows_by_the_torque_less_friction() -> None:
+    rig = replace(CONSERVATIVE, coulomb_friction_nm=0.3, breakaway_ratio=1.0)
+    plant = Plant(rig)
+    plant.state[VELOCITY, MOTOR] = 3.0
+    plant.state[VELOCITY, ARM:] = 3.0 * arm_modes(rig).hub_angle[0] ** -1 * np.eye(7)[0]
+    start = momentum(plant)
+    plant.advance(2.0, 0.2)
+    assert momentum(plant) - start == pytest.approx((0.55 * 2.0 - 0.3) * 0.2, rel=1e-9)
+
+
+def test_command___beyond_full_scale___saturates() -> None:
+    outputs_v = simulate(RIG, np.full(60, 25.0), RATE_HZ)
+    np.testing.assert_array_equal(outputs_v, simulate(RIG, np.full(60, 10.0), RATE_HZ))
+
+
+def test_arm___driven_into_the_stop___rests_just_beyond_it() -> None:
+    plant = Plant(RIG)
+    plant.advance(2.0, 30.0)
+    pushed_rad = math.radians(80.0) + 2.0 * RIG.motor_gain_nm_per_v / RIG.stop_stiffness_nm_per_rad
+    assert math.radians(80.0) < plant.arm_angle_rad < pushed_rad
+
+
+def test_motor___within_the_gap___leaves_the_arm_alone() -> None:
+    plant = Plant(RIG)
+    plant.state[POSITION, MOTOR] = math.radians(0.09)
+    plant.advance(0.0, 1.0)
+    assert plant.arm_angle_rad == 0.0
+
+
+@pytest.mark.parametrize("interval_s", [0.0, 5e-324])
+def test_advance___no_time___changes_nothing(interval_s: float) -> None:
+    plant = Plant(RIG)
+    plant.advance(2.0, 0.1)
+    before = plant.state.copy()
+    plant.advance(-5.0, interval_s)
+    np.testing.assert_array_equal(plant.state, before)
+
+
+def test_reset___after_motion___is_a_new_plant() -> None:
+    plant = Plant(RIG)
+    plant.advance(3.0, 0.3)
+    plant.reset()
+    assert not plant.outputs_v().any()
+    assert plant.energy_j() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("command_v", "interval_s", "message"),
+    [
+        (math.nan, 0.1, "command_v must be finite"),
+        (math.inf, 0.1, "command_v must be finite"),
+        (0.0, -0.1, "interval_s must be"),
+        (0.0, math.nan, "interval_s must be"),
+        (0.0, math.inf, "interval_s must be"),
+    ],
+)
+def test_advance___bad_argument___is_refused(
+    command_v: float, interval_s: float, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        Plant(RIG).advance(command_v, interval_s)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.001])
+def test_simulate___with_a_delay___lets_each_command_act_late(delay_s: float) -> None:
+    command_v = wave(90)
+    plant = Plant(RIG)
+    in_force_v = 0.0
+    expected = []
+    for volts in command_v:
+        expected.append(plant.outputs_v())
+        plant.advance(in_force_v, delay_s)
+        in_force_v = volts
+        plant.advance(in_force_v, 1.0 / RATE_HZ - delay_s)
+    outputs_v = simulate(RIG, command_v, RATE_HZ, delay_s=delay_s)
+    np.testing.assert_allclose(outputs_v, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("command_v", "rate_hz", "delay_s", "message"),
+    [
+        (np.zeros((3, 1)), 300.0, 0.0, "command_v must have shape"),
+        ([0.0, math.nan], 300.0, 0.0, "command_v must be finite"),
+        ([0.0], 0.0, 0.0, "rate_hz must be positive"),
+        ([0.0], math.nan, 0.0, "rate_hz must be positive"),
+        ([0.0], 300.0, 1.0 / 300.0, "delay_s must be"),
+        ([0.0], 300.0, -1e-4, "delay_s must be"),
+    ],
+)
+def test_simulate___bad_argument___is_refused(
+    command_v: NDArray[np.float64], rate_hz: float, delay_s: float, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        simulate(RIG, command_v, rate_hz, delay_s=delay_s)
+
+
+def test_compiling___with_no_place_for_a_cache___goes_without(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
+
+    def double(value: float) -> float:
+        return 2.0 * value
+
+    assert compiled(double)(2.5) == 5.0
+
+
+def test_package___with_ros_blocked___imports() -> None:
+    script = (
+        "import sys; sys.modules['rclpy'] = None\n"
+        "import flexarm_daq.plant, flexarm_daq.limiter, flexarm_daq.watchdog, flexarm_daq.rig\n"
+        "assert not [name for name in sys.modules if name.endswith('_msgs')]\n"
+        "assert flexarm_daq.SimulatedRig and flexarm_daq.RigParameters\n"
+    )
+    path = plant_module.__file__.rsplit("/flexarm_daq/", 1)[0]
+    code = f"import sys; sys.path.insert(0, {path!r})\n{script}"
+    subprocess.run([sys.executable, "-c", code], check=True)  # noqa: S603 - our own script
