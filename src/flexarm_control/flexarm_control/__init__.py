@@ -1,1 +1,43 @@
 """Control laws, margins and the controller node."""
+
+from flexarm_control.criteria import StepFigures, itae, step_figures
+from flexarm_control.errors import ControlError
+from flexarm_control.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains
+from flexarm_control.laws import LAWS, Effort, Law, Pd, Pdp, Pdpc, build_law
+from flexarm_control.margins import Margins, margins
+from flexarm_control.nominal_models import nominal_model, nominal_payloads_kg
+from flexarm_control.references import REFERENCES, Reference, build_reference
+from flexarm_control.simulation import LoopRun, simulate_loop
+from flexarm_control.tuning import PdpTuning, PiTuning, tune_pdp, tune_pi
+
+__all__ = [
+    "LAWS",
+    "REFERENCES",
+    "Compensation",
+    "ControlError",
+    "Coulomb",
+    "Effort",
+    "Law",
+    "LoopRun",
+    "Margins",
+    "Pd",
+    "PdGains",
+    "Pdp",
+    "PdpGains",
+    "PdpTuning",
+    "Pdpc",
+    "PiGains",
+    "PiTuning",
+    "Reference",
+    "StepFigures",
+    "build_law",
+    "build_reference",
+    "itae",
+    "margins",
+    "nominal_model",
+    "nominal_payloads_kg",
+    "simulate_loop",
+    "step_figures",
+    "tune_pdp",
+    "tune_pi",
+]

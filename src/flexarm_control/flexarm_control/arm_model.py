@@ -1,0 +1,147 @@
+"""What this package asks of a model of the arm: its signals, a loop delay, its response."""
+
+from __future__ import annotations
+
+from math import floor
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+from scipy.linalg import fractional_matrix_power
+
+from flexarm_control.errors import ControlError
+
+if TYPE_CHECKING:
+    from flexarm_control.arrays import ComplexArray, FloatArray
+
+#: The measured signals, in the order of the thesis (y1 to y4).
+OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
+POSITION, BASE_STRAIN, MIDDLE_STRAIN, SPEED = range(4)
+
+
+_FREQUENCIES_AT_ONCE = 512
+_ROUNDING = 1e-9
+
+
+def check_arm_model(model: control.StateSpace) -> None:
+    """Refuse a model that is not a sampled model of the arm with one input and four outputs.
+
+    Raises
+    ------
+    ControlError
+        When the model is not discrete-time, has another number of signals, or has the four
+        known outputs in another order.
+    """
+    if not model.dt or model.dt is True:
+        raise ControlError(f"the model has dt = {model.dt}; set its sampling interval in s")
+    if (model.ninputs, model.noutputs) != (1, len(OUTPUTS)):
+        raise ControlError(
+            f"the model has {model.ninputs} inputs and {model.noutputs} outputs; "
+            f"one input and the outputs {', '.join(OUTPUTS)} are needed"
+        )
+    labels = tuple(model.output_labels)
+    if any(label in OUTPUTS and label != OUTPUTS[i] for i, label in enumerate(labels)):
+        raise ControlError(
+            f"the model's outputs are {', '.join(labels)}; reorder them to {', '.join(OUTPUTS)}"
+        )
+
+
+def check_no_feedthrough(model: control.StateSpace) -> None:
+    """Refuse a model whose outputs depend on the input of the same sample.
+
+    Raises
+    ------
+    ControlError
+        When D is not zero: a command answers a sample, so it cannot be part of it.
+    """
+    if np.any(model.D):
+        raise ControlError(
+            "the model's D is not zero, but a sample cannot depend on the command that answers "
+            "it; state a loop delay greater than zero or identify the model without D"
+        )
+
+
+def delayed(model: control.StateSpace, delay_s: float) -> control.StateSpace:
+    """Model whose input acts a time after the sample that it answers.
+
+    The delay is exact for the held input, also for fractions of a sample: the fraction 1 - d of
+    the transition matrix of state and held input, [[A, B], [0, 1]]^(1-d), holds the part of B
+    that the new command still gets in the period; the command before it gets the rest.
+
+    Parameters
+    ----------
+    model
+        Discrete-time model of a continuous plant, without a delay of its own.
+    delay_s
+        Delay, s, at least zero.
+
+    Returns
+    -------
+    control.StateSpace
+        Model with one more state per started sample of delay, and the same names and dt.
+
+    Raises
+    ------
+    ControlError
+        When the delay is negative or not finite.
+    """
+    if not 0.0 <= delay_s < np.inf:
+        raise ControlError(f"delay_s = {delay_s:g}; a loop delay is finite and not negative")
+    samples = delay_s / model.dt
+    whole = floor(samples + _ROUNDING)
+    fraction = max(0.0, samples - whole)
+    A, B, C, D = (np.asarray(matrix) for matrix in (model.A, model.B, model.C, model.D))
+    if fraction > _ROUNDING:
+        new = _input_over_fraction(A, B, 1.0 - fraction)
+        A, B, C, D = _append_held_input(A, B - new, C, D, new)
+    for _ in range(whole):
+        A, B, C, D = _append_held_input(A, B, C, D, np.zeros_like(B))
+    return control.StateSpace(
+        A, B, C, D, model.dt, inputs=model.input_labels, outputs=model.output_labels
+    )
+
+
+def _input_over_fraction(A: FloatArray, B: FloatArray, fraction: float) -> FloatArray:
+    order, inputs = B.shape
+    transition = np.block([[A, B], [np.zeros((inputs, order)), np.eye(inputs)]])
+    # A real pole below zero has no real fractional power; the real part is the mean of its two.
+    part: FloatArray = np.real(fractional_matrix_power(transition, fraction))
+    return part[:order, order:]
+
+
+def _append_held_input(
+    A: FloatArray, held: FloatArray, C: FloatArray, D: FloatArray, new: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    order, inputs = held.shape
+    return (
+        np.block([[A, held], [np.zeros((inputs, order + inputs))]]),
+        np.vstack([new, np.eye(inputs)]),
+        np.hstack([C, D]),
+        np.zeros_like(D),
+    )
+
+
+def frequency_response(model: control.StateSpace, frequency_hz: FloatArray) -> ComplexArray:
+    """Response C (zI - A)^-1 B + D of a discrete-time model with one input.
+
+    Parameters
+    ----------
+    model
+        Discrete-time model with one input.
+    frequency_hz
+        Frequencies, Hz, shape (frequencies,).
+
+    Returns
+    -------
+    ndarray
+        Complex response, shape (frequencies, outputs).
+    """
+    A, B, C, D = (np.asarray(matrix) for matrix in (model.A, model.B, model.C, model.D))
+    z = np.exp(2j * np.pi * frequency_hz * model.dt)
+    eye = np.eye(len(A))
+    # In portions: one resolvent per frequency would fill the memory for a large model.
+    parts = [
+        np.linalg.solve(part[:, None, None] * eye - A, B[None])[..., 0] @ C.T + D.T
+        for part in np.array_split(z, 1 + len(z) // _FREQUENCIES_AT_ONCE)
+    ]
+    return np.concatenate(parts)

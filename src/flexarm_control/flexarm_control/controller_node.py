@@ -1,0 +1,197 @@
+"""The controller: answers every sample of `state` with one `command`.
+
+A managed node. The law, its gains and the reference are parameters; a change is checked as a whole
+and takes effect between two samples. While the node is not active the DAQ node's watchdog holds the
+drive at zero.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from std_msgs.msg import Float64
+
+from flexarm_control.laws import LAWS, Law, build_law
+from flexarm_control.references import REFERENCES, TRAVEL_V, Reference, build_reference
+from flexarm_msgs.msg import ArmState, MotorCommand
+from flexarm_node import qos
+from flexarm_node.loop_node import LoopNode, wait_until
+from flexarm_node.parameters import ParameterSpec
+from flexarm_node.process import run
+from flexarm_node.statistics import Window
+from flexarm_node.waiting import TopicWaiter
+
+if TYPE_CHECKING:
+    import threading
+    from collections.abc import Mapping
+
+    from flexarm_control.parameters import ParameterSpec as Bound
+
+_WAIT_S = 0.1
+_STATISTICS_SAMPLES = 3000
+TOPIC = "topic"
+"""The reference comes from the topic `reference` and not from a built-in profile."""
+
+
+def _declared(prefix: str, bounds: tuple[Bound, ...]) -> list[ParameterSpec]:
+    return [
+        ParameterSpec(
+            f"{prefix}.{bound.name}",
+            bound.default,
+            bound.description,
+            bound.minimum,
+            bound.maximum,
+            bound.unit,
+        )
+        for bound in bounds
+    ]
+
+
+PARAMETERS = (
+    ParameterSpec("law", "pd", "the control law", choices=tuple(LAWS)),
+    ParameterSpec(
+        "reference", TOPIC, "a built-in profile, or the topic", choices=(TOPIC, *REFERENCES)
+    ),
+    *(spec for name, law in LAWS.items() for spec in _declared(name, law.parameters)),
+    *(
+        spec
+        for name, reference in REFERENCES.items()
+        for spec in _declared(name, reference.parameters)
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What answers the samples; replaced as a whole, by one assignment.
+
+    Attributes
+    ----------
+    law
+        The control law.
+    profile
+        The built-in reference, or None when it comes from the topic.
+    """
+
+    law: Law
+    profile: Reference | None
+
+
+def _setup(values: Mapping[str, Any]) -> Setup:
+    """Build law and reference from the parameters.
+
+    Raises
+    ------
+    ControlError
+        When a value is out of range or the values do not fit together.
+    """
+    law, reference = values["law"], values["reference"]
+    profile = None
+    if reference != TOPIC:
+        profile = build_reference(reference, _below(reference, values))
+    return Setup(build_law(law, _below(law, values)), profile)
+
+
+def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    start = prefix + "."
+    return {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
+
+
+class ControllerNode(LoopNode):
+    """Wires parameters and topics to a law and a reference."""
+
+    def __init__(self) -> None:
+        super().__init__("controller", PARAMETERS, accept=_setup, apply=self._replace)
+        self._setup = _setup(self.parameters.values())
+        self._reference_v = 0.0
+        self._answered = 0
+        self._skipped = 0
+        self._answer_s = Window(_STATISTICS_SAMPLES)
+        self.start_if_asked()
+
+    def make_topics(self) -> None:
+        """Make the topics of the loop."""
+        self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
+        self._commands = self.create_publisher(MotorCommand, "command", qos.NEWEST)
+        self._references_out = self.create_publisher(Float64, "reference", qos.STATUS)
+        self._references_in = self.create_subscription(
+            Float64, "reference", self._on_reference, qos.NEWEST
+        )
+
+    def release_topics(self) -> None:
+        """Give the topics back."""
+        self._states.close()
+        self.destroy_publisher(self._commands)
+        self.destroy_publisher(self._references_out)
+        self.destroy_subscription(self._references_in)
+
+    def prepare(self) -> None:
+        """Wait until the commands have a reader, if there is one."""
+        wait_until(lambda: self._commands.get_subscription_count() > 0)
+
+    def loop(self, stopping: threading.Event) -> None:
+        """Answer until told to stop."""
+        last_sequence = 0
+        start_s = 0.0
+        told_v = None
+        command = MotorCommand()
+        command.header.frame_id = "flexarm"
+        while not stopping.is_set():
+            state = self._states.wait_newest(_WAIT_S)
+            if state is None:
+                continue
+            received_s = time.monotonic()
+            setup = self._setup
+            stamp_s = state.header.stamp.sec + state.header.stamp.nanosec * 1e-9
+            if state.sequence <= last_sequence or last_sequence == 0:
+                start_s, last_sequence, told_v = stamp_s, state.sequence - 1, None
+                setup.law.reset()
+            self._skipped += state.sequence - last_sequence - 1
+            last_sequence = state.sequence
+            if setup.profile is not None:
+                self._reference_v = setup.profile(stamp_s - start_s)
+                if self._reference_v != told_v:
+                    told_v = self._reference_v
+                    self._references_out.publish(Float64(data=told_v))
+            effort = setup.law.step(
+                (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v),
+                self._reference_v,
+            )
+            command.header.stamp = self.get_clock().now().to_msg()
+            command.sequence += 1
+            command.state_sequence = state.sequence
+            command.effort_v, command.compensation_v = effort
+            self._commands.publish(command)
+            self._answered += 1
+            self._answer_s.add(time.monotonic() - received_s)
+
+    def _replace(self, values: Mapping[str, Any]) -> None:
+        self._setup = _setup(values)
+
+    def _on_reference(self, message: Float64) -> None:
+        if self._setup.profile is not None:
+            return
+        if not abs(message.data) <= TRAVEL_V:
+            self.get_logger().error(
+                f"reference {message.data} V refused: the travel is +-{TRAVEL_V:.3f} V"
+            )
+            return
+        self._reference_v = message.data
+
+    def figures(self) -> Mapping[str, object]:
+        """Return the figures of the loop."""
+        answer = self._answer_s.percentiles()
+        return {
+            "law": self.parameters.values()["law"],
+            "answered samples": self._answered,
+            "skipped samples": self._skipped,
+            "answer p50 ms": f"{answer.p50 * 1e3:.3f}",
+            "answer p99 ms": f"{answer.p99 * 1e3:.3f}",
+        }
+
+
+def main() -> int:
+    """Run the node."""
+    return run(ControllerNode)

@@ -1,0 +1,149 @@
+"""Figures of merit of a run: ITAE criteria and the figures of a step response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_control.errors import ControlError
+
+if TYPE_CHECKING:
+    from flexarm_control.arrays import FloatArray
+
+_MEAN_WINDOW_S = 2.0
+_SETTLING_BAND = 0.05
+_RISE_FROM, _RISE_TO = 0.1, 0.9
+
+
+def itae(error: FloatArray, *, dt_s: float) -> float:
+    """Integral of time-multiplied absolute error (4-1).
+
+    Parameters
+    ----------
+    error
+        Error, shape (samples,), the first sample at time zero.
+    dt_s
+        Sampling interval, s.
+
+    Returns
+    -------
+    float
+        dt sum t(k) |e(k)|, in the unit of the error times s^2.
+    """
+    time_s = dt_s * np.arange(len(error))
+    return float(dt_s * time_s @ np.abs(error))
+
+
+def position_itae(position_v: FloatArray, reference_v: float, *, dt_s: float) -> float:
+    """ITAE of the position error normalised by the set-point (4-4), s^2.
+
+    Parameters
+    ----------
+    position_v
+        Position after a step of the reference at time zero, V, shape (samples,).
+    reference_v
+        Set-point R, V.
+    dt_s
+        Sampling interval, s.
+    """
+    return itae((reference_v - position_v) / reference_v, dt_s=dt_s)
+
+
+def strain_itae(base_strain_v: FloatArray, middle_strain_v: FloatArray, *, dt_s: float) -> float:
+    """ITAE of both strain signals, each normalised by its own peak (4-5), s^2.
+
+    Parameters
+    ----------
+    base_strain_v, middle_strain_v
+        Strain signals after a step of the reference at time zero, V, shape (samples,). A signal
+        that is zero throughout counts as zero.
+    dt_s
+        Sampling interval, s.
+    """
+    total = 0.0
+    for strain_v in (base_strain_v, middle_strain_v):
+        peak_v = float(np.max(np.abs(strain_v)))
+        total += itae(strain_v / peak_v, dt_s=dt_s) if peak_v > 0.0 else 0.0
+    return total
+
+
+@dataclass(frozen=True)
+class StepFigures:
+    """Figures of one step response.
+
+    Attributes
+    ----------
+    mean_error_v
+        Mean of reference minus position over the last 2 s, V; over the whole record when it is
+        shorter.
+    overshoot
+        Largest excess over the reference as a fraction of the step, 0 for none.
+    settling_s
+        Time from which the position stays within 5 % of the step around the reference, s;
+        infinite when the last sample is outside.
+    rise_s
+        Time between the first samples beyond 10 % and 90 % of the step, s; infinite when the
+        position never gets to 90 %.
+    """
+
+    mean_error_v: float
+    overshoot: float
+    settling_s: float
+    rise_s: float
+
+
+def step_figures(
+    time_s: FloatArray, position_v: FloatArray, reference_v: float, start_v: float = 0.0
+) -> StepFigures:
+    """Figures of a step response that starts with the first sample.
+
+    Parameters
+    ----------
+    time_s
+        Sample instants, s, shape (samples,), increasing.
+    position_v
+        Position, V, shape (samples,).
+    reference_v
+        Set-point, V.
+    start_v
+        Position that the step starts from, V.
+
+    Raises
+    ------
+    ControlError
+        When there is no sample, the lengths differ, or the step has no height.
+    """
+    if len(time_s) == 0 or np.shape(time_s) != np.shape(position_v):
+        raise ControlError(
+            f"a step response needs one time per position; got {np.shape(time_s)} times and "
+            f"{np.shape(position_v)} positions"
+        )
+    if reference_v == start_v:
+        raise ControlError(f"no step: reference_v and start_v are both {start_v:g} V")
+    since_step_s = time_s - time_s[0]
+    progress = (position_v - start_v) / (reference_v - start_v)
+    last = since_step_s >= since_step_s[-1] - _MEAN_WINDOW_S
+    return StepFigures(
+        mean_error_v=float(np.mean(reference_v - position_v[last])),
+        overshoot=max(0.0, float(np.max(progress)) - 1.0),
+        settling_s=_settling_s(since_step_s, progress),
+        rise_s=_rise_s(since_step_s, progress),
+    )
+
+
+def _settling_s(since_step_s: FloatArray, progress: FloatArray) -> float:
+    outside = np.flatnonzero(np.abs(progress - 1.0) > _SETTLING_BAND)
+    if len(outside) == 0:
+        return 0.0
+    first_inside = int(outside[-1]) + 1
+    return float(since_step_s[first_inside]) if first_inside < len(since_step_s) else inf
+
+
+def _rise_s(since_step_s: FloatArray, progress: FloatArray) -> float:
+    if np.max(progress) < _RISE_TO:
+        return inf
+    start, end = int(np.argmax(progress >= _RISE_FROM)), int(np.argmax(progress >= _RISE_TO))
+    return float(since_step_s[end] - since_step_s[start])

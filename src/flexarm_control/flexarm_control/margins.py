@@ -1,0 +1,240 @@
+"""Gain and phase margins of the PDP loop (4-2), with every crossing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, nan
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_control.arm_model import (
+    MIDDLE_STRAIN,
+    POSITION,
+    SPEED,
+    check_arm_model,
+    delayed,
+    frequency_response,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import control
+
+    from flexarm_control.arrays import ComplexArray, FloatArray
+    from flexarm_control.gains import PdpGains
+
+_SLOW_FREQUENCIES, _FREQUENCIES = 1500, 7500
+_SLOWEST = 1e-5
+
+
+class Crossing(NamedTuple):
+    """One frequency at which the loop crosses gain one or phase -180 deg.
+
+    Attributes
+    ----------
+    frequency_hz
+        Where, Hz.
+    margin
+        At phase -180 deg the gain that is missing to one, dB; at gain one the phase above
+        -180 deg, between -180 and 180 deg.
+    """
+
+    frequency_hz: float
+    margin: float
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of one loop.
+
+    Of all crossings the one closest to instability counts. The two margins are distances: they
+    are positive when the closed loop is stable and negative when it is not.
+
+    Attributes
+    ----------
+    gain_margin_db, gain_margin_hz
+        Gain margin, dB (infinite for none), and its frequency, Hz (NaN for none).
+    phase_margin_deg, phase_margin_hz
+        Phase margin, deg, and its frequency, Hz.
+    phase_crossings
+        Every crossing of -180 deg, margins in dB.
+    gain_crossings
+        Every crossing of gain one, margins in deg.
+    stable
+        Whether all poles of the closed loop lie inside the unit circle.
+    """
+
+    gain_margin_db: float
+    gain_margin_hz: float
+    phase_margin_deg: float
+    phase_margin_hz: float
+    phase_crossings: tuple[Crossing, ...]
+    gain_crossings: tuple[Crossing, ...]
+    stable: bool
+
+
+class LoopResponse:
+    """Loop (4-2) of one model, ready to be evaluated for many gains.
+
+    Parameters
+    ----------
+    model
+        Model of the arm: one input, the four outputs of the thesis, dt set.
+    delay_s
+        Loop delay, s.
+    lowest_hz
+        Crossings below do not count, unless there is no crossing of gain one above. The slow
+        poles of a model printed to four decimals are not those of the arm.
+
+    Raises
+    ------
+    ControlError
+        When the model is not one of the arm or the delay is negative.
+    """
+
+    def __init__(
+        self, model: control.StateSpace, *, delay_s: float = 0.0, lowest_hz: float = 0.2
+    ) -> None:
+        check_arm_model(model)
+        self.model = delayed(model, delay_s)
+        self._lowest_hz = lowest_hz
+        nyquist_hz = 0.5 / model.dt
+        self._frequency_hz: FloatArray = np.union1d(
+            np.geomspace(_SLOWEST * nyquist_hz, 0.01 * nyquist_hz, _SLOW_FREQUENCIES),
+            np.linspace(0.01 * nyquist_hz, nyquist_hz, _FREQUENCIES),
+        )
+        self._response = frequency_response(self.model, self._frequency_hz)
+
+    def margins(self, gains: PdpGains) -> Margins:
+        """Margins for these gains."""
+        position, strain, speed = self._response[:, [POSITION, MIDDLE_STRAIN, SPEED]].T
+        forward = gains.kp * position
+        inner = 1.0 + gains.ksg * strain + gains.kd * speed
+        phase_crossings = _phase_crossings(self._frequency_hz, forward, inner)
+        gain_crossings = _gain_crossings(self._frequency_hz, forward, inner)
+        stable = self._is_stable(gains)
+        sign = 1.0 if stable else -1.0
+        gain = _closest([c for c in phase_crossings if c.frequency_hz >= self._lowest_hz])
+        # A slow loop has its crossover below the limit; it is then the last one that matters.
+        phase = _closest(
+            [c for c in gain_crossings if c.frequency_hz >= self._lowest_hz]
+            or list(gain_crossings[-1:])
+        )
+        return Margins(
+            gain_margin_db=sign * abs(gain.margin),
+            gain_margin_hz=gain.frequency_hz,
+            phase_margin_deg=sign * abs(phase.margin),
+            phase_margin_hz=phase.frequency_hz,
+            phase_crossings=phase_crossings,
+            gain_crossings=gain_crossings,
+            stable=stable,
+        )
+
+    def _is_stable(self, gains: PdpGains) -> bool:
+        A, B, C, D = self.model.A, self.model.B, self.model.C, self.model.D
+        feedback = np.array([[gains.kp, 0.0, gains.ksg, gains.kd]])
+        closed = A - B @ feedback @ C / (1.0 + (feedback @ D).item())
+        return bool(np.max(np.abs(np.linalg.eigvals(closed))) < 1.0)
+
+
+def margins(
+    model: control.StateSpace, gains: PdpGains, *, delay_s: float = 0.0, lowest_hz: float = 0.2
+) -> Margins:
+    """Gain and phase margins of the PDP loop (4-2), opened at the position error.
+
+    Parameters
+    ----------
+    model
+        Model of the arm: one input, the four outputs of the thesis, dt set.
+    gains
+        Gains of the PDP law; a PD law is one with ``ksg=0``.
+    delay_s
+        Time from a sample to the instant at which its command acts, s.
+    lowest_hz
+        Crossings below do not count, unless there is no crossing of gain one above.
+
+    Returns
+    -------
+    Margins
+        The margins, every crossing, and whether the closed loop is stable.
+
+    Raises
+    ------
+    ControlError
+        When the model is not one of the arm or the delay is negative.
+
+    Examples
+    --------
+    >>> from flexarm_control import PdpGains, nominal_model
+    >>> from flexarm_control.margins import margins
+    >>> found = margins(nominal_model(0.0), PdpGains(kp=0.5, kd=3.3, ksg=0.07))
+    >>> round(found.gain_margin_db, 1), round(found.gain_margin_hz, 2)
+    (11.2, 0.96)
+    """
+    return LoopResponse(model, delay_s=delay_s, lowest_hz=lowest_hz).margins(gains)
+
+
+def _closest(crossings: list[Crossing]) -> Crossing:
+    return min(crossings, key=lambda c: abs(c.margin), default=Crossing(nan, inf))
+
+
+def _phase_crossings(
+    frequency_hz: FloatArray, forward: ComplexArray, inner: ComplexArray
+) -> tuple[Crossing, ...]:
+    found = []
+    for i, share in _sign_changes(forward, inner, lambda a, b: (a * b.conj()).imag):
+        value = _between(forward, i, share) / _between(inner, i, share)
+        if value.real < 0.0:
+            found.append(Crossing(_frequency(frequency_hz, i, share), _missing_gain_db(value)))
+    # At half the sampling rate the loop is real: it ends on the axis without crossing it.
+    end = complex(forward[-1] / inner[-1])
+    if end.real < 0.0 and (not found or found[-1].frequency_hz < frequency_hz[-2]):
+        found.append(Crossing(float(frequency_hz[-1]), _missing_gain_db(end)))
+    return tuple(found)
+
+
+def _gain_crossings(
+    frequency_hz: FloatArray, forward: ComplexArray, inner: ComplexArray
+) -> tuple[Crossing, ...]:
+    found = []
+    for i, share in _sign_changes(
+        forward + inner, forward - inner, lambda a, b: (a * b.conj()).real
+    ):
+        value = _between(forward, i, share) / _between(inner, i, share)
+        phase_deg = float(np.degrees(np.angle(-value)))
+        found.append(Crossing(_frequency(frequency_hz, i, share), phase_deg))
+    return tuple(found)
+
+
+def _sign_changes(
+    first: ComplexArray,
+    second: ComplexArray,
+    form: Callable[[ComplexArray, ComplexArray], FloatArray],
+) -> list[tuple[int, float]]:
+    """Where a form of two responses changes sign: index, and share of the interval after it.
+
+    The inner loop can be far less damped than the plant. So the responses of the plant are
+    interpolated and not the loop: the form is then a polynomial of second degree in the share.
+    """
+    above = form(first, second) >= 0.0
+    found = []
+    for i in np.flatnonzero(above[1:] != above[:-1]):
+        a, b = first[i : i + 2], second[i : i + 2]
+        da, db = a[1] - a[0], b[1] - b[0]
+        roots = np.roots([form(da, db), form(da, b[0]) + form(a[0], db), form(a[0], b[0])])
+        found.append((int(i), float(roots[np.argmin(np.abs(roots - 0.5))].real)))
+    return found
+
+
+def _between(values: ComplexArray, i: int, share: float) -> complex:
+    return complex(values[i] + share * (values[i + 1] - values[i]))
+
+
+def _frequency(frequency_hz: FloatArray, i: int, share: float) -> float:
+    return float(frequency_hz[i] + share * (frequency_hz[i + 1] - frequency_hz[i]))
+
+
+def _missing_gain_db(value: complex) -> float:
+    return float(-20.0 * np.log10(abs(value)))

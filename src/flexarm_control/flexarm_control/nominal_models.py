@@ -1,0 +1,67 @@
+"""The nominal models of the arm that the thesis prints (Appendix B)."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+
+import control
+import yaml
+
+from flexarm_control.errors import ControlError
+
+
+@cache
+def _available() -> dict[float, str]:
+    folder = files("flexarm_control") / "models"
+    documents = [file.read_text("utf-8") for file in folder.iterdir() if file.name.endswith("yaml")]
+    texts = {float(yaml.safe_load(text)["payload_kg"]): text for text in documents}
+    return dict(sorted(texts.items()))
+
+
+def nominal_payloads_kg() -> tuple[float, ...]:
+    """Payloads for which there is a nominal model, kg, smallest first."""
+    return tuple(_available())
+
+
+def nominal_model(payload_kg: float) -> control.StateSpace:
+    """Nominal model of Appendix B, printed to four decimals.
+
+    Parameters
+    ----------
+    payload_kg
+        Payload at the tip, kg: 0, 0.2 or 0.4.
+
+    Returns
+    -------
+    control.StateSpace
+        Model from the motor command to position, base strain, middle strain and speed, all in V,
+        at 300 Hz and with D = 0.
+
+    Raises
+    ------
+    ControlError
+        When there is no model for the payload; the message names the available payloads.
+
+    Examples
+    --------
+    >>> from flexarm_control import nominal_model
+    >>> nominal_model(0.2).nstates
+    9
+    """
+    if payload_kg not in _available():
+        payloads = ", ".join(f"{payload:g}" for payload in nominal_payloads_kg())
+        raise ControlError(
+            f"no nominal model for payload_kg = {payload_kg:g}; Appendix B has {payloads} kg"
+        )
+    content = yaml.safe_load(_available()[payload_kg])
+    return control.StateSpace(
+        content["a"],
+        content["b"],
+        content["c"],
+        0.0,
+        1.0 / content["sampling_rate_hz"],
+        inputs=content["inputs"],
+        outputs=content["outputs"],
+        name=f"payload_{1000 * payload_kg:.0f}g",
+    )

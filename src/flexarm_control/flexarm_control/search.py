@@ -1,0 +1,111 @@
+"""Constrained search for gains from one starting point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+import numpy as np
+from scipy.optimize import NonlinearConstraint, minimize
+
+from flexarm_control.gains import PdpGains, PiGains
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flexarm_control.arrays import FloatArray
+
+_GainsT = TypeVar("_GainsT", PdpGains, PiGains)
+
+# Large enough to repel the search from an unstable loop, small enough for its arithmetic.
+_WORST = 1e3
+_MET_WITHIN = 0.01
+
+
+@dataclass(frozen=True)
+class Search(Generic[_GainsT]):
+    """Result of the search from one starting point.
+
+    Attributes
+    ----------
+    start
+        Where it started.
+    gains
+        Where it ended.
+    criterion
+        Value of the criterion there.
+    feasible
+        Whether it met every constraint.
+    """
+
+    start: _GainsT
+    gains: _GainsT
+    criterion: float
+    feasible: bool
+
+
+def search(
+    kind: type[_GainsT],
+    criterion: Callable[[FloatArray], float],
+    start: _GainsT,
+    bounds: tuple[tuple[float, float], ...],
+    excess: Callable[[FloatArray], FloatArray],
+) -> Search[_GainsT]:
+    """Minimise a criterion over gains by sequential quadratic programming.
+
+    Parameters
+    ----------
+    kind
+        Class of the gains.
+    criterion
+        Value of the criterion for an array of gains.
+    start
+        Starting point.
+    bounds
+        Lower and upper bound of every gain.
+    excess
+        What every constraint is met by, at least zero where it is met.
+
+    Returns
+    -------
+    Search
+        Where the search ended, feasible or not.
+    """
+    lower, upper = np.transpose(bounds)
+
+    def bounded_criterion(values: FloatArray) -> float:
+        # An unstable loop overflows on the way; it is then as bad as can be.
+        with np.errstate(over="ignore", invalid="ignore"):
+            value = criterion(np.clip(values, lower, upper))
+        return min(value, _WORST) if np.isfinite(value) else _WORST
+
+    def bounded_excess(values: FloatArray) -> FloatArray:
+        return excess(np.clip(values, lower, upper))
+
+    # Both clip their argument: the optimiser oversteps its bounds by rounding errors.
+    result = minimize(
+        bounded_criterion,
+        np.clip(gain_values(start), lower, upper),
+        method="SLSQP",
+        bounds=bounds,
+        constraints=NonlinearConstraint(bounded_excess, 0.0, np.inf),
+        options={"ftol": 1e-6, "maxiter": 200},
+    )
+    found = np.clip(result.x, lower, upper)
+    value = bounded_criterion(found)
+    return Search(
+        start=start,
+        gains=kind(*found.tolist()),
+        criterion=value,
+        feasible=value < _WORST and bool(np.all(bounded_excess(found) >= -_MET_WITHIN)),
+    )
+
+
+def unconstrained(values: FloatArray) -> FloatArray:
+    """Excess for a search without constraints."""
+    return np.zeros_like(values)
+
+
+def gain_values(gains: PdpGains | PiGains) -> FloatArray:
+    """Gains as an array, in the order of the fields."""
+    return np.array(list(vars(gains).values()))

@@ -1,0 +1,84 @@
+"""Unit step responses of the linear closed loops, fast enough for an optimiser."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_control.arm_model import POSITION
+
+if TYPE_CHECKING:
+    import control
+
+    from flexarm_control.arrays import FloatArray
+    from flexarm_control.gains import PdpGains, PiGains
+
+
+def pdp_step_response(model: control.StateSpace, gains: PdpGains, samples: int) -> FloatArray:
+    """Simulate the PDP loop (4-7) after a step of the reference from 0 to 1 V.
+
+    Parameters
+    ----------
+    model
+        Model of the arm with D = 0.
+    gains
+        Gains of the PDP law.
+    samples
+        Number of samples, the first at the step.
+
+    Returns
+    -------
+    ndarray
+        Position, base strain, middle strain and speed, V, shape (samples, 4).
+    """
+    feedback = np.array([[gains.kp, 0.0, gains.ksg, gains.kd]])
+    closed = model.A - model.B @ feedback @ model.C
+    return _constant_input_response(closed, gains.kp * model.B, model.C, samples)
+
+
+def pi_step_response(model: control.StateSpace, gains: PiGains, samples: int) -> FloatArray:
+    """Simulate the PI loop of Figure 4-1 after a step of the reference from 0 to 1 V.
+
+    The effort is kp e(k) + ki dt (e(0) + ... + e(k)).
+
+    Parameters
+    ----------
+    model
+        Model of the arm with D = 0.
+    gains
+        Gains of the PI law.
+    samples
+        Number of samples, the first at the step.
+
+    Returns
+    -------
+    ndarray
+        Position, base strain, middle strain and speed, V, shape (samples, 4).
+    """
+    position = model.C[[POSITION]]
+    integral_gain = gains.ki * model.dt
+    error_gain = gains.kp + integral_gain
+    # The extra state is the sum of the errors before this sample.
+    closed = np.block(
+        [[model.A - error_gain * model.B @ position, integral_gain * model.B], [-position, 1.0]]
+    )
+    outputs = np.hstack([model.C, np.zeros((len(model.C), 1))])
+    return _constant_input_response(
+        closed, np.vstack([error_gain * model.B, [[1.0]]]), outputs, samples
+    )
+
+
+def _constant_input_response(
+    A: FloatArray, b: FloatArray, C: FloatArray, samples: int
+) -> FloatArray:
+    """Response from rest to a constant input of one; each pass doubles the number of samples."""
+    order = len(A)
+    power = np.block([[A, b], [np.zeros((1, order)), 1.0]])
+    states = np.zeros((order + 1, 1))
+    states[-1] = 1.0
+    while states.shape[1] < samples:
+        states = np.hstack([states, power @ states])
+        power = power @ power
+    response: FloatArray = (C @ states[:-1, :samples]).T
+    return response

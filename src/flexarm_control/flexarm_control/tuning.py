@@ -1,0 +1,259 @@
+"""Gains that minimise an ITAE criterion: PDP over payloads (4-3), PI on one model (4-1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_control.arm_model import (
+    BASE_STRAIN,
+    MIDDLE_STRAIN,
+    POSITION,
+    check_arm_model,
+    check_no_feedthrough,
+    delayed,
+)
+from flexarm_control.criteria import itae, position_itae, strain_itae
+from flexarm_control.errors import ControlError
+from flexarm_control.gains import PdpGains, PiGains
+from flexarm_control.margins import LoopResponse, Margins
+from flexarm_control.search import Search, gain_values, search, unconstrained
+from flexarm_control.step_response import pdp_step_response, pi_step_response
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from flexarm_control.arrays import FloatArray
+
+#: Bounds of the search of Table 4-2: Kp, Kd, Ksg.
+PDP_BOUNDS = ((0.005, 1.0), (0.05, 15.0), (0.005, 2.0))
+#: Starting points of Table 4-2; the second is its result.
+PDP_STARTS = (PdpGains(0.3, 1.0, 0.1), PdpGains(0.594, 4.266, 0.254), PdpGains(0.8, 4.0, 0.5))
+#: Bounds of the search of Table 4-1: Kp, Ki.
+PI_BOUNDS = ((0.005, 2.0), (5e-6, 0.2))
+#: Starting points for the PI law; the first is that of Table 4-1.
+PI_STARTS = (PiGains(0.3, 0.01), PiGains(1.0, 0.1))
+
+# An infinite margin is more than the arithmetic of the search can take.
+_MOST_DB, _MOST_DEG = 60.0, 180.0
+_ACTIVE_WITHIN_DB, _ACTIVE_WITHIN_DEG = 0.1, 0.5
+
+
+@dataclass(frozen=True)
+class PdpTuning:
+    """Tuned gains of the PDP law, with what certifies them.
+
+    Attributes
+    ----------
+    gains
+        The gains.
+    criterion
+        J of (4-3).
+    error_itae, strain_itae
+        E of (4-4) and Y of (4-5), s^2, one per model.
+    margins
+        Margins, one per model.
+    active
+        Constraints and bounds that hold the gains where they are, in words.
+    searches
+        What each starting point led to.
+    gain_spread
+        Largest difference of a gain between the feasible searches and the result, V/V. A large
+        one says that there are several local minima.
+    """
+
+    gains: PdpGains
+    criterion: float
+    error_itae: tuple[float, ...]
+    strain_itae: tuple[float, ...]
+    margins: tuple[Margins, ...]
+    active: tuple[str, ...]
+    searches: tuple[Search[PdpGains], ...]
+    gain_spread: float
+
+
+@dataclass(frozen=True)
+class PiTuning:
+    """Tuned gains of the PI law.
+
+    Attributes
+    ----------
+    gains
+        The gains.
+    criterion
+        J of (4-1) for a step of 1 V, V s^2.
+    searches
+        What each starting point led to.
+    """
+
+    gains: PiGains
+    criterion: float
+    searches: tuple[Search[PiGains], ...]
+
+
+def tune_pdp(
+    models: Sequence[control.StateSpace],
+    *,
+    error_weight: float = 0.5,
+    strain_weight: float = 0.5,
+    gain_margin_db: float = 10.0,
+    phase_margin_deg: float = 55.0,
+    delay_s: float = 0.0,
+    duration_s: float = 5.0,
+    starts: Sequence[PdpGains] = PDP_STARTS,
+) -> PdpTuning:
+    """Tune the PDP law over several models with constraints on their margins, (4-3) to (4-5).
+
+    Parameters
+    ----------
+    models
+        Models of the arm, one per payload.
+    error_weight, strain_weight
+        W_E and W_sg of (4-3).
+    gain_margin_db, phase_margin_deg
+        Least margins on every model.
+    delay_s
+        Loop delay, s; it is part of the simulations and of the margins.
+    duration_s
+        Length of the simulated step responses, s.
+    starts
+        Starting points of the search.
+
+    Returns
+    -------
+    PdpTuning
+        The gains of the best feasible search, and its certificate.
+
+    Raises
+    ------
+    ControlError
+        When a model cannot be used or no search meets the constraints.
+    """
+    if not models or not starts:
+        raise ControlError("tuning needs at least one model and one starting point")
+    loops = [LoopResponse(model, delay_s=delay_s) for model in models]
+    for loop in loops:
+        check_no_feedthrough(loop.model)
+
+    def parts(gains: PdpGains) -> FloatArray:
+        return np.array([_error_and_strain(loop.model, gains, duration_s) for loop in loops])
+
+    def criterion(values: FloatArray) -> float:
+        sums = parts(PdpGains(*values)).sum(axis=0)
+        return float(error_weight * sums[0] + strain_weight * sums[1])
+
+    def excess(values: FloatArray) -> FloatArray:
+        found = [loop.margins(PdpGains(*values)) for loop in loops]
+        gain = np.clip([m.gain_margin_db for m in found], -_MOST_DB, _MOST_DB)
+        phase = np.clip([m.phase_margin_deg for m in found], -_MOST_DEG, _MOST_DEG)
+        return np.concatenate([gain - gain_margin_db, phase - phase_margin_deg])
+
+    searches = tuple(search(PdpGains, criterion, start, PDP_BOUNDS, excess) for start in starts)
+    feasible = [found for found in searches if found.feasible]
+    if not feasible:
+        raise ControlError(
+            f"no gains found with {gain_margin_db:g} dB and {phase_margin_deg:g} deg on every "
+            f"model; ask for less, reduce the delay of {delay_s:g} s or give other starts"
+        )
+    best = min(feasible, key=lambda found: found.criterion)
+    margins = tuple(loop.margins(best.gains) for loop in loops)
+    errors, strains = parts(best.gains).T
+    return PdpTuning(
+        gains=best.gains,
+        criterion=best.criterion,
+        error_itae=tuple(errors.tolist()),
+        strain_itae=tuple(strains.tolist()),
+        margins=margins,
+        active=_active(best.gains, margins, gain_margin_db, phase_margin_deg),
+        searches=searches,
+        gain_spread=max(
+            float(np.max(np.abs(gain_values(found.gains) - gain_values(best.gains))))
+            for found in feasible
+        ),
+    )
+
+
+def tune_pi(
+    model: control.StateSpace,
+    *,
+    delay_s: float = 0.0,
+    duration_s: float = 5.0,
+    starts: Sequence[PiGains] = PI_STARTS,
+) -> PiTuning:
+    """Tune the PI law that evaluates a model (4-1).
+
+    Parameters
+    ----------
+    model
+        Model of the arm.
+    delay_s
+        Loop delay, s.
+    duration_s
+        Length of the simulated step response, s.
+    starts
+        Starting points of the search.
+
+    Returns
+    -------
+    PiTuning
+        The gains of the best search.
+
+    Raises
+    ------
+    ControlError
+        When the model cannot be used or there is no starting point.
+    """
+    if not starts:
+        raise ControlError("tuning needs at least one starting point")
+    check_arm_model(model)
+    late = delayed(model, delay_s)
+    check_no_feedthrough(late)
+    samples = _samples(model, duration_s)
+
+    def criterion(values: FloatArray) -> float:
+        position_v = pi_step_response(late, PiGains(*values), samples)[:, POSITION]
+        return itae(1.0 - position_v, dt_s=model.dt)
+
+    searches = tuple(
+        search(PiGains, criterion, start, PI_BOUNDS, unconstrained) for start in starts
+    )
+    best = min(searches, key=lambda found: found.criterion)
+    return PiTuning(best.gains, best.criterion, searches)
+
+
+def _error_and_strain(
+    model: control.StateSpace, gains: PdpGains, duration_s: float
+) -> tuple[float, float]:
+    y = pdp_step_response(model, gains, _samples(model, duration_s))
+    return (
+        position_itae(y[:, POSITION], 1.0, dt_s=model.dt),
+        strain_itae(y[:, BASE_STRAIN], y[:, MIDDLE_STRAIN], dt_s=model.dt),
+    )
+
+
+def _samples(model: control.StateSpace, duration_s: float) -> int:
+    return round(duration_s / float(model.dt))
+
+
+def _active(
+    gains: PdpGains,
+    margins: Sequence[Margins],
+    gain_margin_db: float,
+    phase_margin_deg: float,
+) -> tuple[str, ...]:
+    found = []
+    for number, margin in enumerate(margins, start=1):
+        if margin.gain_margin_db <= gain_margin_db + _ACTIVE_WITHIN_DB:
+            found.append(f"gain margin of model {number}")
+        if margin.phase_margin_deg <= phase_margin_deg + _ACTIVE_WITHIN_DEG:
+            found.append(f"phase margin of model {number}")
+    for name, value, (lower, upper) in zip(
+        ("kp", "kd", "ksg"), gain_values(gains), PDP_BOUNDS, strict=True
+    ):
+        if np.isclose(value, (lower, upper)).any():
+            found.append(f"bound of {name}")
+    return tuple(found)

@@ -1,0 +1,131 @@
+"""What holds for every law, reference and step response."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexarm_control import (
+    LAWS,
+    REFERENCES,
+    Effort,
+    Pdp,
+    Pdpc,
+    build_law,
+    build_reference,
+    step_figures,
+)
+from flexarm_control.references import TRAVEL_V
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+ANY = st.floats()
+VOLTS = st.floats(-10.0, 10.0)
+
+
+def _values(table: dict[str, object], names: st.SearchStrategy[str]) -> st.SearchStrategy[object]:
+    def values_of(name: str) -> st.SearchStrategy[tuple[str, dict[str, float]]]:
+        parameters = table[name].parameters  # type: ignore[attr-defined]
+        values = {
+            spec.name: st.integers(spec.minimum, spec.maximum)
+            if isinstance(spec.default, int)
+            else st.floats(spec.minimum, spec.maximum)
+            for spec in parameters
+        }
+        return st.tuples(st.just(name), st.fixed_dictionaries(values))
+
+    return names.flatmap(values_of)
+
+
+LAW_VALUES = _values(dict(LAWS), st.sampled_from(sorted(LAWS)))
+SIMPLE_REFERENCES = _values(dict(REFERENCES), st.sampled_from(["constant", "step", "square"]))
+
+
+@given(LAW_VALUES, st.tuples(ANY, ANY, ANY, ANY), ANY)
+def test_law___any_input_at_all___has_finite_outputs(
+    law: tuple[str, dict[str, float]], volts: tuple[float, ...], reference_v: float
+) -> None:
+    effort = build_law(*law).step(volts, reference_v)
+
+    assert math.isfinite(effort.effort_v)
+    assert math.isfinite(effort.compensation_v)
+
+
+@given(LAW_VALUES, st.tuples(VOLTS, VOLTS, VOLTS, VOLTS), VOLTS)
+def test_law___any_measurement___compensates_along_the_effort(
+    law: tuple[str, dict[str, float]], volts: tuple[float, ...], reference_v: float
+) -> None:
+    effort = build_law(*law).step(volts, reference_v)
+
+    level_v = law[1].get("compensation_v", 0.0)
+    assert abs(effort.compensation_v) in (0.0, level_v)
+    assert effort.compensation_v * effort.effort_v >= 0.0
+
+
+@given(st.tuples(VOLTS, VOLTS, VOLTS, VOLTS), VOLTS)
+def test_pdpc___any_measurement___is_4_8_in_words(
+    volts: tuple[float, ...], reference_v: float
+) -> None:
+    effort = Pdpc().step(volts, reference_v)
+
+    moving = abs(reference_v - volts[0]) >= 0.05 or abs(volts[3]) >= 0.05
+    expected_v = (0.7 if effort.effort_v >= 0 else -0.7) if moving else 0.0
+    assert effort == Effort(Pdp().step(volts, reference_v).effort_v, expected_v)
+
+
+@given(SIMPLE_REFERENCES, st.floats(0.0, 1e6))
+def test_reference___any_time___stays_within_the_travel(
+    reference: tuple[str, dict[str, float]], time_s: float
+) -> None:
+    value_v = build_reference(*reference)(time_s)
+
+    assert abs(value_v) <= TRAVEL_V
+    assert abs(value_v) in (0.0, abs(reference[1]["amplitude_v"]))
+
+
+@given(
+    st.floats(-6.0, 6.0),
+    st.tuples(st.floats(0.1, 10.0), st.floats(0.1, 10.0)),
+    st.integers(0, 2**31 - 1),
+    st.floats(0.0, 1e6),
+)
+def test_varying_square___same_seed___gives_the_same_value(
+    amplitude_v: float, lengths_s: tuple[float, float], seed: int, time_s: float
+) -> None:
+    values = {
+        "amplitude_v": amplitude_v,
+        "shortest_s": min(lengths_s),
+        "longest_s": max(lengths_s),
+        "seed": seed,
+    }
+
+    value_v = build_reference("varying_square", values)(time_s)
+
+    assert value_v == build_reference("varying_square", values)(time_s)
+    assert abs(value_v) == abs(amplitude_v)
+
+
+@given(
+    st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=40),
+    st.floats(0.1, 5.0),
+    st.floats(-3.0, 3.0),
+    st.sampled_from([-1.0, 1.0]),
+)
+def test_step_figures___scaled_and_shifted___keep_their_ratios(
+    progress: list[float], height_v: float, start_v: float, direction: float
+) -> None:
+    # A sixteenth keeps the bands' comparisons away from rounding.
+    steps = np.round(np.array(progress) * 16) / 16
+    time_s = 0.1 * np.arange(len(steps))
+    plain = step_figures(time_s, steps, 1.0)
+
+    reference_v = start_v + direction * height_v
+    moved = step_figures(time_s, start_v + direction * height_v * steps, reference_v, start_v)
+
+    assert math.isclose(moved.overshoot, plain.overshoot, abs_tol=1e-9)
+    assert moved.settling_s == plain.settling_s
+    assert moved.rise_s == plain.rise_s
+    error_v = direction * height_v * plain.mean_error_v
+    assert math.isclose(moved.mean_error_v, error_v, abs_tol=1e-9)

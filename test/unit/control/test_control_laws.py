@@ -1,0 +1,182 @@
+"""Control laws: the truth table of (4-8), registry and ranges."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from flexarm_control import (
+    LAWS,
+    Compensation,
+    ControlError,
+    Coulomb,
+    Effort,
+    Pd,
+    PdGains,
+    Pdp,
+    Pdpc,
+    PdpGains,
+    build_law,
+)
+
+ONLY_POSITION = PdpGains(kp=1.0, kd=0.0, ksg=0.0)
+
+
+def test_pd___step___weighs_error_and_speed_and_follows_the_sign() -> None:
+    law = Pd(PdGains(kp=1.0, kd=2.8), Coulomb(0.8))
+
+    forward = law.step((1.0, 9.0, 9.0, 0.5), 3.0)
+    backward = law.step((3.0, 9.0, 9.0, 0.5), 3.0)
+
+    assert forward == pytest.approx((0.6, 0.8))
+    assert backward == pytest.approx((-1.4, -0.8))
+
+
+def test_pd___no_effort___has_no_compensation() -> None:
+    assert Pd().step((0.0, 0.0, 0.0, 0.0), 0.0) == Effort(0.0, 0.0)
+
+
+def test_pdp___step___is_4_7_without_compensation() -> None:
+    law = Pdp(PdpGains(kp=0.5, kd=4.0, ksg=0.25))
+
+    assert law.step((1.0, 7.0, 2.0, 0.1), 3.0) == pytest.approx((1.0 - 0.4 - 0.5, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("error_v", "speed_v", "compensation_v"),
+    [
+        # Boundaries of (4-8) belong to the compensated side.
+        (0.05, 0.0, 0.7),
+        (-0.05, 0.0, -0.7),
+        (0.0499, 0.05, 0.7),
+        (-0.0499, 0.05, -0.7),
+        (0.0499, -0.05, 0.7),
+        (0.0499, 0.0499, 0.0),
+        (-0.0499, -0.0499, 0.0),
+        (0.0, 0.0, 0.0),
+        # The effort is exactly zero: (4-8) compensates upwards.
+        (0.0, 0.05, 0.7),
+        (1.0, 0.0, 0.7),
+        (1.0, 1.0, 0.7),
+        (-1.0, 0.0, -0.7),
+    ],
+)
+def test_pdpc___step___follows_the_truth_table(
+    error_v: float, speed_v: float, compensation_v: float
+) -> None:
+    # Position zero makes the error exactly the reference.
+    effort = Pdpc(ONLY_POSITION).step((0.0, 0.0, 0.0, speed_v), error_v)
+
+    assert effort == Effort(error_v, compensation_v)
+
+
+def test_pdpc_unconditional___at_the_set_point___still_compensates() -> None:
+    law = Pdpc(ONLY_POSITION, conditional=False)
+
+    assert law.step((0.0, 0.0, 0.0, 0.0), 0.001).compensation_v == 0.7
+    assert law.step((0.0, 0.0, 0.0, 0.0), -0.001).compensation_v == -0.7
+
+
+def test_pdpc___thresholds___come_from_the_compensation() -> None:
+    law = Pdpc(ONLY_POSITION, Compensation(0.3, error_threshold_v=0.5, speed_threshold_v=0.2))
+
+    assert law.step((0.0, 0.0, 0.0, 0.1), 0.4).compensation_v == 0.0
+    assert law.step((0.0, 0.0, 0.0, 0.2), 0.4).compensation_v == 0.3
+    assert law.step((0.0, 0.0, 0.0, 0.1), 0.5).compensation_v == 0.3
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("channel", [0, 3, "reference"])
+def test_law___input_not_finite___answers_zero(name: str, bad: float, channel: int | str) -> None:
+    volts, reference_v = [0.1, 0.2, 0.3, 0.4], 1.0
+    if isinstance(channel, int):
+        volts[channel] = bad
+    else:
+        reference_v = bad
+
+    assert build_law(name).step(volts, reference_v) == Effort(0.0, 0.0)
+
+
+def test_pdpc___middle_strain_not_finite___answers_zero() -> None:
+    assert Pdpc().step((0.0, 0.0, math.nan, 0.0), 1.0) == Effort(0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_law___reset_and_repeat___gives_the_same_answer(name: str) -> None:
+    law = build_law(name)
+    first = law.step((0.5, 0.1, -0.2, 0.3), 3.0)
+    law.step((2.5, 1.0, 1.0, 0.0), -3.0)
+
+    law.reset()
+
+    assert law.step((0.5, 0.1, -0.2, 0.3), 3.0) == first
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_build_law___defaults___equal_the_table(name: str) -> None:
+    defaults = {spec.name: spec.default for spec in LAWS[name].parameters}
+
+    assert build_law(name) == build_law(name, defaults)
+
+
+def test_laws___defaults___are_those_of_the_thesis() -> None:
+    tables = {
+        name: {spec.name: spec.default for spec in law.parameters} for name, law in LAWS.items()
+    }
+
+    assert tables["pd"] == {"kp": 1.0, "kd": 2.8, "compensation_v": 0.8}
+    assert tables["pdp"] == {"kp": 0.5935, "kd": 4.2664, "ksg": 0.2538}
+    assert tables["pdpc"] == {
+        "kp": 0.5935,
+        "kd": 4.2664,
+        "ksg": 0.2538,
+        "compensation_v": 0.7,
+        "error_threshold_v": 0.05,
+        "speed_threshold_v": 0.05,
+    }
+
+
+def test_build_law___every_value___reaches_the_law() -> None:
+    values = {"kp": 0.1, "kd": 0.2, "ksg": -0.3, "compensation_v": 0.4}
+
+    assert build_law("pdpc_unconditional", values) == Pdpc(
+        PdpGains(0.1, 0.2, -0.3), Compensation(0.4), conditional=False
+    )
+    assert build_law("pd", {"kp": 0.1, "kd": 0.2, "compensation_v": 0.4}) == Pd(
+        PdGains(0.1, 0.2), Coulomb(0.4)
+    )
+    assert build_law("pdp", {"kp": 0.1, "kd": 0.2, "ksg": -0.3}) == Pdp(PdpGains(0.1, 0.2, -0.3))
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_build_law___value_out_of_range___is_refused_with_the_range(name: str) -> None:
+    for spec in LAWS[name].parameters:
+        for value in (spec.minimum - 1e-3, spec.maximum + 1e-3, math.nan):
+            with pytest.raises(ControlError) as refused:
+                build_law(name, {spec.name: value})
+            assert f"{spec.name} = " in str(refused.value)
+            assert spec.range_text in str(refused.value)
+
+
+def test_build_law___value_at_the_limit___is_accepted() -> None:
+    for name, law in LAWS.items():
+        for spec in law.parameters:
+            build_law(name, {spec.name: spec.minimum})
+            build_law(name, {spec.name: spec.maximum})
+
+
+def test_build_law___range_message___reads_well() -> None:
+    with pytest.raises(ControlError, match=r"PdGains: kp = 7 is outside 0 to 5 V/V; choose"):
+        build_law("pd", {"kp": 7.0})
+
+
+def test_build_law___unknown_name___lists_the_known() -> None:
+    with pytest.raises(ControlError, match="no law 'lqg'; choose one of pd, pdp, pdpc"):
+        build_law("lqg")
+
+
+def test_build_law___unknown_parameter___lists_the_known() -> None:
+    with pytest.raises(ControlError, match="pd has no parameter 'ksg'; it has kp, kd"):
+        build_law("pd", {"ksg": 0.1})

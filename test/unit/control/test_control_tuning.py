@@ -1,0 +1,164 @@
+"""Tuning against recomputed optima, and its optimality by simulation of the stepped law."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+
+from flexarm_control import (
+    ControlError,
+    Pdp,
+    PdpGains,
+    PdpTuning,
+    PiGains,
+    margins,
+    nominal_model,
+    simulate_loop,
+    tune_pdp,
+    tune_pi,
+)
+from flexarm_control.arm_model import delayed
+
+DT_S = 1 / 300
+
+
+def _flipped(model: control.StateSpace) -> control.StateSpace:
+    C = model.C * np.array([[1.0], [1.0], [-1.0], [1.0]])
+    return control.StateSpace(model.A, model.B, C, 0, model.dt)
+
+
+PRINTED_MODELS = [nominal_model(payload_kg) for payload_kg in (0.0, 0.2, 0.4)]
+FLIPPED_MODELS = [_flipped(model) for model in PRINTED_MODELS]
+
+
+@pytest.fixture(scope="module")
+def printed() -> PdpTuning:
+    return tune_pdp(PRINTED_MODELS)
+
+
+@pytest.fixture(scope="module")
+def flipped() -> PdpTuning:
+    return tune_pdp(FLIPPED_MODELS)
+
+
+def _stepped_criterion(
+    models: list[control.StateSpace], gains: PdpGains, set_point_v: float
+) -> float:
+    """J of (4-3), written out over the samples of the stepped law, set-point as on the arm."""
+    time_s = np.arange(1500) * DT_S
+    total = 0.0
+    for model in models:
+        y = simulate_loop(model, Pdp(gains), np.full(1500, set_point_v)).y
+        error = DT_S * np.sum(time_s * np.abs(set_point_v - y[:, 0])) / set_point_v
+        strain = DT_S * np.sum(time_s[:, None] * np.abs(y[:, 1:3]) / np.abs(y[:, 1:3]).max(axis=0))
+        total += 0.5 * error + 0.5 * strain
+    return float(total)
+
+
+def test_tune_pdp___printed_models___is_the_recomputed_optimum(printed: PdpTuning) -> None:
+    assert printed.criterion == pytest.approx(3.54, abs=0.005)
+    assert printed.gains.kp == pytest.approx(0.490, abs=0.002)
+    assert printed.gains.kd == pytest.approx(4.33, abs=0.02)
+    assert printed.gains.ksg == pytest.approx(0.005, abs=1e-6)
+    assert printed.active == ("gain margin of model 3", "bound of ksg")
+
+
+def test_tune_pdp___flipped_gauge___is_the_recomputed_optimum(flipped: PdpTuning) -> None:
+    assert flipped.criterion == pytest.approx(3.35, abs=0.005)
+    assert flipped.gains.kp == pytest.approx(0.543, abs=0.003)
+    assert flipped.gains.kd == pytest.approx(4.11, abs=0.02)
+    assert flipped.gains.ksg == pytest.approx(0.222, abs=0.003)
+    assert flipped.active == ("gain margin of model 3", "phase margin of model 3")
+
+
+def test_tune_pdp___every_start___ends_at_the_same_gains(
+    printed: PdpTuning, flipped: PdpTuning
+) -> None:
+    for tuning in (printed, flipped):
+        assert len(tuning.searches) == 3
+        assert all(search.feasible for search in tuning.searches)
+        assert tuning.gain_spread < 0.005
+
+
+def test_tune_pdp___certificate___is_what_its_parts_say(flipped: PdpTuning) -> None:
+    assert flipped.margins == tuple(margins(model, flipped.gains) for model in FLIPPED_MODELS)
+    assert all(found.gain_margin_db > 9.99 for found in flipped.margins)
+    assert all(found.phase_margin_deg > 54.99 for found in flipped.margins)
+    parts = 0.5 * sum(flipped.error_itae) + 0.5 * sum(flipped.strain_itae)
+    assert flipped.criterion == pytest.approx(parts)
+    stepped = _stepped_criterion(FLIPPED_MODELS, flipped.gains, 3.0)
+    assert flipped.criterion == pytest.approx(stepped, rel=1e-9)
+
+
+def test_tune_pdp___feasible_neighbours___are_no_better(flipped: PdpTuning) -> None:
+    best = np.array([flipped.gains.kp, flipped.gains.kd, flipped.gains.ksg])
+    generator = np.random.default_rng(3)
+    compared = 0
+    for _ in range(60):
+        gains = PdpGains(*(best * (1 + 0.03 * generator.standard_normal(3))).tolist())
+        found = [margins(model, gains) for model in FLIPPED_MODELS[2:]]
+        if all(m.gain_margin_db >= 10.0 and m.phase_margin_deg >= 55.0 for m in found):
+            compared += 1
+            assert _stepped_criterion(FLIPPED_MODELS, gains, 1.0) > flipped.criterion - 1e-4
+    assert compared >= 5
+
+
+def test_tune_pdp___delay___is_part_of_margins_and_responses() -> None:
+    tuning = tune_pdp(PRINTED_MODELS[:1], delay_s=0.002, starts=[PdpGains(0.3, 1.0, 0.1)])
+
+    assert tuning.margins == (margins(PRINTED_MODELS[0], tuning.gains, delay_s=0.002),)
+    stepped = _stepped_criterion([delayed(PRINTED_MODELS[0], 0.002)], tuning.gains, 1.0)
+    assert tuning.criterion == pytest.approx(stepped, rel=1e-9)
+
+
+def test_tune_pdp___weights___move_the_optimum() -> None:
+    accurate = tune_pdp(FLIPPED_MODELS[:1], error_weight=1.0, strain_weight=0.0)
+    calm = tune_pdp(FLIPPED_MODELS[:1], error_weight=0.0, strain_weight=1.0)
+
+    assert accurate.error_itae[0] < calm.error_itae[0]
+    assert accurate.strain_itae[0] > calm.strain_itae[0]
+    assert accurate.criterion == pytest.approx(accurate.error_itae[0])
+    assert calm.criterion == pytest.approx(calm.strain_itae[0])
+
+
+def test_tune_pdp___margins_out_of_reach___is_refused() -> None:
+    with pytest.raises(ControlError, match="no gains found with 59 dB and 120 deg"):
+        tune_pdp(PRINTED_MODELS, gain_margin_db=59.0, phase_margin_deg=120.0)
+
+
+def test_tune_pdp___nothing_to_tune___is_refused() -> None:
+    with pytest.raises(ControlError, match="at least one model"):
+        tune_pdp([])
+    with pytest.raises(ControlError, match="one starting point"):
+        tune_pdp(PRINTED_MODELS, starts=[])
+
+
+def test_tune_pdp___feedthrough___is_refused() -> None:
+    model = control.StateSpace([[0.5]], [[1.0]], np.ones((4, 1)), np.ones((4, 1)), DT_S)
+
+    with pytest.raises(ControlError, match="D is not zero"):
+        tune_pdp([model])
+    with pytest.raises(ControlError, match="D is not zero"):
+        tune_pi(model)
+
+
+@pytest.mark.parametrize("duration_s", [4.0, 5.0])
+def test_tune_pi___no_payload___is_that_of_table_4_1(duration_s: float) -> None:
+    tuning = tune_pi(nominal_model(0.0), duration_s=duration_s)
+
+    # Table 4-1: 0.3998 and 0.4034; the criterion is flat in ki.
+    assert 0.40 <= tuning.gains.kp <= 0.43
+    assert 0.39 <= tuning.criterion <= 0.42
+
+
+def test_tune_pi___every_start___ends_at_the_same_criterion() -> None:
+    tuning = tune_pi(nominal_model(0.2), starts=[PiGains(0.1, 0.001), PiGains(1.5, 0.15)])
+
+    values = [search.criterion for search in tuning.searches]
+    assert values == pytest.approx([tuning.criterion] * 2, rel=1e-4)
+
+
+def test_tune_pi___no_start___is_refused() -> None:
+    with pytest.raises(ControlError, match="one starting point"):
+        tune_pi(nominal_model(0.0), starts=[])
