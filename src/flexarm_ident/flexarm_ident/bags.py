@@ -1,0 +1,230 @@
+"""Bags as records of experiments: the only file of this package that opens a bag.
+
+How times are chosen: the sampling period comes from the header stamps, the instants of sampling.
+References have no header: they are ordered by log time, which our recorder sets to the instant of
+sending. Which input acts on which sample is decided in :mod:`flexarm_ident.alignment`.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+import yaml
+from rosbags.highlevel import AnyReader
+
+from flexarm_ident.alignment import BagReading, Channels, Recorded, arm_reading, io_reading
+from flexarm_ident.cdr import CdrError, decode, members
+from flexarm_ident.errors import DataError, IdentificationError
+from flexarm_ident.mcap_chunks import Messages, read_topic
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_ident.iodata import IoData
+
+ARM_STATE = "flexarm_msgs/msg/ArmState"
+IO_SAMPLE = "flexarm_msgs/msg/IoSample"
+CHANNEL_INFO = "flexarm_msgs/msg/ChannelInfo"
+MOTOR_COMMAND = "flexarm_msgs/msg/MotorCommand"
+REFERENCE = "std_msgs/msg/Float64"
+
+
+class BagError(IdentificationError):
+    """A bag cannot be read as the record of an experiment."""
+
+
+def read_bag(uri: Path | str, *, topic: str | None = None) -> IoData:
+    """Read the record of an experiment from a bag.
+
+    Parameters
+    ----------
+    uri
+        rosbag2 folder (MCAP or SQLite, split or compressed) or a single ``.mcap`` or ``.db3`` file.
+    topic
+        Topic of ArmState or IoSample messages; None takes the only one, ArmState first.
+
+    Returns
+    -------
+    IoData
+        The longest part without a gap. :func:`read_bag_report` tells what was left out.
+
+    Raises
+    ------
+    BagError
+        If the bag is missing, damaged, or holds no usable samples.
+    """
+    return read_bag_report(uri, topic=topic).data
+
+
+def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
+    """Read the record of an experiment from a bag, with everything worth knowing about it.
+
+    Parameters
+    ----------
+    uri
+        rosbag2 folder (MCAP or SQLite, split or compressed) or a single ``.mcap`` or ``.db3`` file.
+    topic
+        Topic of ArmState or IoSample messages; None takes the only one, ArmState first.
+
+    Returns
+    -------
+    BagReading
+        The record, warnings, and the counts of samples and of lost samples.
+
+    Raises
+    ------
+    BagError
+        If the bag is missing, damaged, or holds no usable samples.
+    """
+    path = Path(uri)
+    with _opened(path) as bag:
+        chosen = bag.choose(topic)
+        if bag.types[chosen] == ARM_STATE:
+            references = _sibling(chosen, "reference")
+            commands = _sibling(chosen, "command")
+            return arm_reading(
+                bag.recorded(chosen),
+                bag.recorded(references) if bag.types.get(references) == REFERENCE else None,
+                commanded=bag.types.get(commands) == MOTOR_COMMAND and bag.count(commands) > 0,
+                source=str(path),
+            )
+        return io_reading(
+            bag.recorded(chosen), bag.channels(_sibling(chosen, "io_channels")), source=str(path)
+        )
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[_Bag]:
+    """Open a bag; whatever the parsers raise on a damaged one becomes one line."""
+    _require_bag(path)
+    try:
+        with AnyReader([path]) as reader:
+            yield _Bag(path, reader, _plain_mcap_files(path))
+    except BagError:
+        raise
+    except DataError as error:
+        message = str(error)
+        raise BagError(
+            message if message.startswith(str(path)) else f"{path}: {message}"
+        ) from error
+    except Exception as error:
+        cause = " ".join(str(error).split()) or type(error).__name__
+        raise BagError(
+            f"{path}: truncated or damaged: {cause}; try `flexarm bag repair {path}`"
+        ) from error
+
+
+def _require_bag(path: Path) -> None:
+    if not path.exists():
+        raise BagError(f"{path}: no such bag")
+    if path.is_dir():
+        if not (path / "metadata.yaml").is_file():
+            raise BagError(f"{path}: no bag: the folder has no metadata.yaml")
+    elif path.suffix not in {".mcap", ".db3"}:
+        raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
+
+
+def _plain_mcap_files(path: Path) -> tuple[Path, ...]:
+    """Return the files whose chunks can be read directly; none when rosbag2 compressed them."""
+    if not path.is_dir():
+        return (path,) if path.suffix == ".mcap" else ()
+    content = yaml.safe_load((path / "metadata.yaml").read_text("utf-8"))
+    information = content["rosbag2_bagfile_information"]
+    compressed = (information.get("compression_mode") or "none").lower() != "none"
+    if information["storage_identifier"] != "mcap" or compressed:
+        return ()
+    return tuple(path / PurePath(name).name for name in information["relative_file_paths"])
+
+
+def _sibling(topic: str, name: str) -> str:
+    return f"{topic.rpartition('/')[0]}/{name}"
+
+
+@dataclass(frozen=True)
+class _Bag:
+    """An open bag."""
+
+    path: Path
+    reader: AnyReader
+    mcap_files: tuple[Path, ...]
+
+    @property
+    def types(self) -> dict[str, str]:
+        return {entry.topic: entry.msgtype for entry in self.reader.connections}
+
+    def count(self, topic: str) -> int:
+        return sum(entry.msgcount for entry in self.reader.connections if entry.topic == topic)
+
+    def choose(self, topic: str | None) -> str:
+        types = self.types
+        listed = ", ".join(f"{name} ({types[name]})" for name in sorted(types)) or "none"
+        if topic is not None:
+            if types.get(topic) not in {ARM_STATE, IO_SAMPLE}:
+                raise BagError(f"{self.path}: {topic} holds no samples; topics: {listed}")
+            return topic
+        for wanted in (ARM_STATE, IO_SAMPLE):
+            found = sorted(name for name, type_name in types.items() if type_name == wanted)
+            if len(found) > 1:
+                raise BagError(f"{self.path}: choose one topic of {', '.join(found)}")
+            if found:
+                return found[0]
+        raise BagError(f"{self.path}: neither ArmState nor IoSample in there; topics: {listed}")
+
+    def recorded(self, topic: str) -> Recorded:
+        """Return all messages of a topic as columns."""
+        messages = self._chunked_messages(topic)
+        if messages is None:
+            messages = self._single_messages(topic)
+        if not len(messages.log_times_ns):
+            raise BagError(f"{self.path}: no messages on {topic}")
+        layout = members(self.types[topic], self.reader.typestore.fielddefs)
+        try:
+            columns = decode(messages.groups, layout)
+        except CdrError as error:
+            raise BagError(f"{self.path}: {topic}: {error}") from error
+        return Recorded(messages.log_times_ns, columns)
+
+    def channels(self, topic: str) -> Channels | None:
+        """Return the last ChannelInfo of a topic, None when there is none."""
+        if self.types.get(topic) != CHANNEL_INFO:
+            return None
+        connections = [entry for entry in self.reader.connections if entry.topic == topic]
+        info = None
+        for _, _, raw in self.reader.messages(connections):
+            info = self.reader.deserialize(raw, CHANNEL_INFO)
+        if info is None:
+            return None
+        return Channels(
+            tuple(getattr(info, "input_names")),  # noqa: B009 - generated from the bag's definition
+            tuple(getattr(info, "output_names")),  # noqa: B009
+            rate_hz=float(getattr(info, "sampling_rate_hz")),  # noqa: B009
+            closed_loop=bool(getattr(info, "closed_loop")),  # noqa: B009
+            source=str(getattr(info, "source")),  # noqa: B009
+        )
+
+    def _chunked_messages(self, topic: str) -> Messages | None:
+        """Return None when the files are not fully chunked and indexed."""
+        if not self.mcap_files:
+            return None
+        with ExitStack() as stack:
+            streams = [stack.enter_context(file.open("rb")) for file in self.mcap_files]
+            return read_topic(streams, topic)
+
+    def _single_messages(self, topic: str) -> Messages:
+        connections = [entry for entry in self.reader.connections if entry.topic == topic]
+        times_ns: list[int] = []
+        raws: list[bytes] = []
+        for _, time_ns, raw in self.reader.messages(connections):
+            times_ns.append(time_ns)
+            raws.append(raw)
+        sizes = np.array([len(raw) for raw in raws], dtype=np.int64)
+        groups = []
+        for size in np.unique(sizes).tolist():
+            numbers = np.flatnonzero(sizes == size)
+            joined = b"".join(raws[number] for number in numbers)
+            groups.append((numbers, np.frombuffer(joined, np.uint8).reshape(-1, size)))
+        return Messages(np.array(times_ns, dtype=np.int64), groups)

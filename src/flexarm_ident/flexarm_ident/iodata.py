@@ -1,0 +1,174 @@
+"""The record of an experiment: inputs, outputs and what belongs to them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident.errors import DataError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from flexarm_ident.arrays import FloatArray
+
+ARM_OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
+
+
+@dataclass(frozen=True, eq=False)
+class IoData:
+    """Sampled inputs and outputs of one experiment (2-6), checked and read-only.
+
+    Input ``u[k]`` acts between ``y[k]`` and ``y[k + 1]``: a controller's answer to sample `k`
+    stands in row `k`.
+
+    Parameters
+    ----------
+    u, y : array_like, (samples, channels)
+        Inputs and outputs. One-dimensional arrays are taken as one channel.
+    dt_s : float
+        Sampling period.
+    inputs, outputs : sequence of str
+        Channel names.
+    closed_loop : bool, optional
+        Whether a controller made the input. None when unknown.
+    source : str
+        Where the record came from, for messages and reports.
+    compensation : array_like, (samples, inputs), optional
+        The part of `u` that compensated Coulomb friction (section 2.4.3). None: `u` has no such
+        part.
+    reference : array_like, (samples,), optional
+        Set-point of the first output.
+
+    Raises
+    ------
+    DataError
+        If shapes, names or the period do not fit, or a value is not finite.
+    """
+
+    u: FloatArray
+    y: FloatArray
+    _: KW_ONLY
+    dt_s: float
+    inputs: tuple[str, ...] = ("command_v",)
+    outputs: tuple[str, ...] = ARM_OUTPUTS
+    closed_loop: bool | None = None
+    source: str = ""
+    compensation: FloatArray | None = None
+    reference: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        self._set("inputs", tuple(self.inputs))
+        self._set("outputs", tuple(self.outputs))
+        self._set("dt_s", float(self.dt_s))
+        if not (math.isfinite(self.dt_s) and self.dt_s > 0.0):
+            raise DataError(f"{self.label}: dt_s must be a positive number of seconds: {self.dt_s}")
+        self._set("u", self._checked(self.u, "u", self.inputs))
+        self._set("y", self._checked(self.y, "y", self.outputs))
+        if len(self.u) != len(self.y):
+            raise DataError(f"{self.label}: u has {len(self.u)} samples, y has {len(self.y)}")
+        if self.compensation is not None:
+            names = tuple(f"compensation of {name}" for name in self.inputs)
+            self._set("compensation", self._checked(self.compensation, "compensation", names))
+        if self.reference is not None:
+            reference = self._checked(self.reference, "reference", ("reference",))
+            self._set("reference", reference[:, 0])
+        for name in ("compensation", "reference"):
+            column = getattr(self, name)
+            if column is not None and len(column) != len(self.u):
+                raise DataError(
+                    f"{self.label}: {name} has {len(column)} samples, u has {len(self.u)}"
+                )
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    @property
+    def label(self) -> str:
+        """Name of the record in messages."""
+        return self.source or "record"
+
+    @property
+    def effort(self) -> FloatArray:
+        """Input without the Coulomb compensation (section 2.4.3), (samples, inputs)."""
+        return self.u if self.compensation is None else self.u - self.compensation
+
+    def head(self, samples: int) -> IoData:
+        """Return the first `samples` samples (all of them if there are fewer)."""
+        return self._rows(slice(0, samples))
+
+    def split(self, fraction: float) -> tuple[IoData, IoData]:
+        """Return the leading `fraction` of the record and the rest.
+
+        Raises
+        ------
+        DataError
+            If `fraction` leaves one of the two parts empty.
+        """
+        samples = round(fraction * len(self)) if math.isfinite(fraction) else 0
+        if not 0 < samples < len(self):
+            raise DataError(f"{self.label}: fraction must lie between 0 and 1: {fraction}")
+        return self._rows(slice(0, samples)), self._rows(slice(samples, None))
+
+    def _rows(self, rows: slice) -> IoData:
+        return replace(
+            self,
+            u=self.u[rows],
+            y=self.y[rows],
+            compensation=None if self.compensation is None else self.compensation[rows],
+            reference=None if self.reference is None else self.reference[rows],
+        )
+
+    def _set(self, field: str, value: object) -> None:
+        object.__setattr__(self, field, value)
+
+    def _checked(self, values: ArrayLike, field: str, names: Sequence[str]) -> FloatArray:
+        array = np.array(values, dtype=np.float64, order="C")
+        if array.ndim == 1:
+            array = array[:, np.newaxis]
+        if array.ndim != 2 or array.size == 0:  # noqa: PLR2004 (samples, channels)
+            raise DataError(f"{self.label}: {field} must be (samples, channels): {array.shape}")
+        if array.shape[1] != len(names):
+            raise DataError(
+                f"{self.label}: {field} has {array.shape[1]} channels, but {len(names)} names"
+            )
+        bad = np.argwhere(~np.isfinite(array))
+        if len(bad):
+            row, channel = bad[0]
+            raise DataError(
+                f"{self.label}: {names[channel]} is {array[row, channel]} in row {row}: "
+                "remove or repair the samples that are not finite"
+            )
+        array.setflags(write=False)
+        return array
+
+
+def as_records(data: IoData | Sequence[IoData]) -> tuple[IoData, ...]:
+    """Return one or several records as a tuple, checked to be of the same rig.
+
+    Raises
+    ------
+    DataError
+        If there is no record, or the channels or periods differ.
+    """
+    records = (data,) if isinstance(data, IoData) else tuple(data)
+    if not records:
+        raise DataError("no record given")
+    first = records[0]
+    for record in records[1:]:
+        for field in ("inputs", "outputs"):
+            if getattr(record, field) != getattr(first, field):
+                raise DataError(
+                    f"{record.label}: {field} {getattr(record, field)} differ from "
+                    f"{getattr(first, field)} of {first.label}"
+                )
+        if not math.isclose(record.dt_s, first.dt_s, rel_tol=1e-6):
+            raise DataError(
+                f"{record.label}: dt_s {record.dt_s} differs from {first.dt_s} of {first.label}"
+            )
+    return records

@@ -1,0 +1,302 @@
+"""Eigenmodes of an identified model and how much each contributes (2-26 .. 2-28), (3-1 .. 3-8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import signal
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from flexarm_ident.arrays import ComplexArray, FloatArray
+    from flexarm_ident.iodata import IoData
+
+# exp of it is still a double.
+_LARGEST_LOG = 700.0
+_PERSISTENT = 1e-12
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One mode: a complex pair, or one real eigenvalue.
+
+    Attributes
+    ----------
+    eigenvalue : complex
+        Discrete-time eigenvalue, of a pair the one with positive imaginary part.
+    frequency_hz : float
+        Natural frequency (2-28); 0 for a positive real eigenvalue, which does not oscillate.
+    damping_ratio : float
+        Damping ratio (2-28); negative for an unstable mode. A positive real eigenvalue has 1 when
+        it decays, -1 when it grows and 0 when it stays.
+    states : tuple of int
+        Numbers of its states in the modal form, from 0: two for a pair.
+    msv, mrm : float
+        Mode singular value (3-4) and modal response magnitude (3-8).
+    msv_rank, mrm_rank : int
+        Rank among all modes, 1 for the largest.
+    kept : bool
+        Whether the mode is part of the reduced model.
+    """
+
+    eigenvalue: complex
+    frequency_hz: float
+    damping_ratio: float
+    states: tuple[int, ...]
+    msv: float
+    mrm: float
+    msv_rank: int
+    mrm_rank: int
+    kept: bool = True
+
+    @property
+    def is_pair(self) -> bool:
+        """Whether the mode is a complex pair."""
+        return len(self.states) > 1
+
+    @property
+    def label(self) -> str:
+        """Number of the mode as in Table 3-1a: ``3/4`` for a pair, ``17`` for a real one."""
+        return "/".join(str(state + 1) for state in self.states)
+
+
+@dataclass(frozen=True)
+class ModalForm:
+    """Model in modal coordinates (3-3), complex pairs grouped and first (2-27).
+
+    Pairs are ordered by falling frequency and real eigenvalues by rising value, as in Table 3-1a.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray, (states,)
+        Diagonal of the state matrix; a conjugate follows its partner.
+    vectors : ndarray, (states, states)
+        Eigenvectors, Psi of (3-1).
+    B : ndarray, (states, inputs)
+        Modal input matrix.
+    C : ndarray, (outputs, states)
+        Modal output matrix.
+    dt_s : float
+        Sampling period.
+    """
+
+    eigenvalues: ComplexArray
+    vectors: ComplexArray
+    B: ComplexArray
+    C: ComplexArray
+    dt_s: float
+
+    @property
+    def groups(self) -> list[tuple[int, ...]]:
+        """States of each mode: two for a pair, one for a real eigenvalue."""
+        upper = np.flatnonzero(self.eigenvalues.imag >= 0.0)
+        return [
+            (int(i), int(i) + 1) if self.eigenvalues[i].imag > 0.0 else (int(i),) for i in upper
+        ]
+
+
+def modal_form(model: control.StateSpace) -> ModalForm:
+    """Return a discrete model in modal coordinates (3-1 .. 3-3).
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model whose A has a full set of eigenvectors.
+
+    Returns
+    -------
+    ModalForm
+        The same model, diagonal.
+    """
+    eigenvalues, vectors = np.linalg.eig(np.asarray(model.A, dtype=np.float64))
+    eigenvalues, vectors = eigenvalues.astype(complex), vectors.astype(complex)
+    upper = np.flatnonzero(eigenvalues.imag > 0.0)
+    # Stable sorts, so that equal eigenvalues keep the order LAPACK gave them.
+    frequency = np.abs(np.log(eigenvalues[upper]))
+    pairs = upper[np.argsort(-frequency, kind="stable")]
+    real = np.flatnonzero(eigenvalues.imag == 0.0)
+    real = real[np.argsort(eigenvalues[real].real, kind="stable")]
+    lam = np.concatenate(
+        [np.ravel([(eigenvalues[i], eigenvalues[i].conj()) for i in pairs]), eigenvalues[real]]
+    )
+    columns = [v for i in pairs for v in (vectors[:, i], vectors[:, i].conj())]
+    psi = np.stack([*columns, *(vectors[:, i] for i in real)], axis=1)
+    B = np.linalg.solve(psi, model.B.astype(complex))
+    # Rounding leaves the halves of a pair a little apart.
+    for i in range(0, 2 * len(pairs), 2):
+        B[i + 1] = B[i].conj()
+    return ModalForm(lam, psi, B, model.C @ psi, float(model.dt))
+
+
+def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, float]:
+    """Return natural frequency in hertz and damping ratio of a discrete eigenvalue (2-28).
+
+    Parameters
+    ----------
+    eigenvalue : complex
+        Discrete-time eigenvalue.
+    dt_s : float
+        Sampling period.
+
+    Returns
+    -------
+    float
+        Natural frequency; 0 for a positive real eigenvalue.
+    float
+        Damping ratio; 1, 0 or -1 for a positive real eigenvalue.
+    """
+    if eigenvalue == 0.0:
+        return 0.0, 1.0
+    rate = complex(np.log(complex(eigenvalue)))
+    if rate.imag == 0.0:
+        return 0.0, float(np.sign(-rate.real))
+    return abs(rate) / (2.0 * np.pi * dt_s), -rate.real / abs(rate)
+
+
+def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> FloatArray:
+    """Return the response of one mode to the input, from rest (3-6), (3-7).
+
+    Parameters
+    ----------
+    form : ModalForm
+        Model in modal coordinates.
+    group : tuple of int
+        States of the mode, from `ModalForm.groups`.
+    u : ndarray, (samples, inputs)
+        Input.
+
+    Returns
+    -------
+    ndarray, (samples, outputs)
+        Response; of a pair, the sum of its two conjugates.
+    """
+    i = group[0]
+    drive = u @ form.B[i]
+    state = signal.lfilter([0.0, 1.0], [1.0, -form.eigenvalues[i]], drive)
+    response = np.outer(state.real, form.C[:, i].real) - np.outer(state.imag, form.C[:, i].imag)
+    return np.asarray(len(group) * response)
+
+
+def modal_response_magnitudes(
+    form: ModalForm, records: Sequence[IoData], output_scale: FloatArray
+) -> FloatArray:
+    """Return the MRM of each mode (3-8), over all samples of all records.
+
+    Parameters
+    ----------
+    form : ModalForm
+        Model in modal coordinates.
+    records : sequence of IoData
+        Records whose input drives the modes.
+    output_scale : ndarray, (outputs,)
+        Factors of the outputs: the maximum over outputs compares them, so they need one unit.
+
+    Returns
+    -------
+    ndarray, (modes,)
+        Mean magnitude of the modal response in the output where it is largest.
+    """
+    samples = sum(len(record) for record in records)
+    magnitudes = []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for group in form.groups:
+            total = sum(
+                np.abs(modal_response(form, group, record.u)).sum(axis=0) for record in records
+            )
+            largest = np.max(np.asarray(total) / samples * output_scale)
+            magnitudes.append(largest if np.isfinite(largest) else np.finfo(float).max)
+    return np.array(magnitudes)
+
+
+def mode_singular_values(form: ModalForm, samples: int, output_scale: FloatArray) -> FloatArray:
+    """Return the MSV of each mode (3-4); of a pair, that of one of its two eigenvalues.
+
+    Parameters
+    ----------
+    form : ModalForm
+        Model in modal coordinates.
+    samples : int
+        Length of the pulse response, K of (3-4).
+    output_scale : ndarray, (outputs,)
+        Factors of the outputs.
+
+    Returns
+    -------
+    ndarray, (modes,)
+        Mode singular values; a value beyond the range of a double is given as about 1e304.
+    """
+    first = [group[0] for group in form.groups]
+    gain = np.linalg.norm(form.C[:, first] * output_scale[:, np.newaxis], axis=0)
+    gain = gain * np.linalg.norm(form.B[first], axis=1)
+    sums = np.array([_log_geometric_sum(abs(form.eigenvalues[i]), samples - 1) for i in first])
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.exp(np.minimum(0.5 * (np.log(gain) + sums), _LARGEST_LOG)))
+
+
+def mode_table(
+    model: control.StateSpace, records: Sequence[IoData], output_scale: FloatArray
+) -> tuple[Mode, ...]:
+    """Return the modes of a model with both indices and their ranks, as Table 3-1a.
+
+    The indices are taken of outputs scaled as in section 2.5, because the thesis's models were
+    identified with such outputs and both compare numbers across channels.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model.
+    records : sequence of IoData
+        Records whose input drives the modes.
+    output_scale : ndarray, (outputs,)
+        Factors of the outputs, of `preprocess.output_scale`.
+
+    Returns
+    -------
+    tuple of Mode
+        All modes in the order of the modal form.
+    """
+    form = modal_form(model)
+    msv = mode_singular_values(form, max(len(record) for record in records), output_scale)
+    mrm = modal_response_magnitudes(form, records, output_scale)
+    msv_rank, mrm_rank = _ranks(msv), _ranks(mrm)
+    modes = []
+    for i, group in enumerate(form.groups):
+        eigenvalue = complex(form.eigenvalues[group[0]])
+        frequency_hz, damping_ratio = frequency_and_damping(eigenvalue, form.dt_s)
+        modes.append(
+            Mode(
+                eigenvalue,
+                frequency_hz,
+                damping_ratio,
+                group,
+                float(msv[i]),
+                float(mrm[i]),
+                int(msv_rank[i]),
+                int(mrm_rank[i]),
+            )
+        )
+    return tuple(modes)
+
+
+def _log_geometric_sum(radius: float, terms: int) -> float:
+    """Return the logarithm of 1 + radius + ... + radius^(terms - 1)."""
+    if abs(radius - 1.0) < _PERSISTENT:
+        return float(np.log(max(terms, 1)))
+    if radius == 0.0:
+        return 0.0
+    growth = terms * np.log(radius)
+    if growth > _LARGEST_LOG:
+        return float(growth - np.log(radius - 1.0))
+    return float(np.log(np.expm1(growth) / (radius - 1.0)))
+
+
+def _ranks(index: FloatArray) -> list[int]:
+    order = np.argsort(-index, kind="stable")
+    ranks = np.empty(len(index), dtype=int)
+    ranks[order] = np.arange(1, len(index) + 1)
+    return [int(rank) for rank in ranks]

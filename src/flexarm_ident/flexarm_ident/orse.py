@@ -1,0 +1,225 @@
+"""Observability range space from the block Gram, and A, C from its shift (2-18 .. 2-23).
+
+Plain ORSE takes the dominant eigenvectors of the outputs' Gram matrix with the inputs' part
+removed (2-20). That is biased when the channels' noise differs, whatever the record's length. Here
+each output is divided by the standard deviation of its one-step innovation, which stands in the
+last block of a Cholesky factor of the same matrix, so that noise weighs the same in all channels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from flexarm_ident.errors import IdentificationError
+
+if TYPE_CHECKING:
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.gram import BlockGram
+
+# Of a product matrix: half the digits of the data's own condition.
+SINGULAR_CONDITION = 1e12
+_SMALLEST_EIGENVALUE = 1e-13
+# An innovation below this part of an output's RMS is rounding, not noise.
+_SMALLEST_INNOVATION = 1e-6
+
+
+@dataclass(frozen=True)
+class RangeSpace:
+    """Base vectors of the observability range space (2-21), (2-23), of scaled outputs.
+
+    Attributes
+    ----------
+    basis : ndarray, (block_rows * outputs, vectors)
+        Orthonormal base vectors, the most significant first.
+    singular_values : ndarray, (block_rows * outputs,)
+        Singular values of (2-21), descending.
+    output_scale : ndarray, (outputs,)
+        Factors the outputs were multiplied by.
+    condition : float
+        Condition number of the inputs' product matrix U U'.
+    """
+
+    basis: FloatArray
+    singular_values: FloatArray
+    output_scale: FloatArray
+    condition: float
+
+    @property
+    def block_rows(self) -> int:
+        """Number of block rows in the basis, q of (2-7)."""
+        return len(self.basis) // len(self.output_scale)
+
+    @property
+    def largest_order(self) -> int:
+        """Largest order that the shift (2-10) determines."""
+        return (self.block_rows - 1) * len(self.output_scale)
+
+
+class StateMatrices(NamedTuple):
+    """A and C of one realisation."""
+
+    A: FloatArray
+    C: FloatArray
+
+
+def innovation_scaled(gram: BlockGram) -> RangeSpace:
+    """Return the range space of outputs scaled by their one-step innovation.
+
+    Parameters
+    ----------
+    gram : BlockGram
+        Products of the data.
+
+    Returns
+    -------
+    RangeSpace
+        Base vectors and singular values.
+    """
+    remainder, rms, condition = _output_remainder(gram)
+    deviation = _innovation_deviation(remainder, gram.outputs)
+    return _range_space(remainder, 1.0 / deviation, rms, condition)
+
+
+def plain(gram: BlockGram, output_scale: FloatArray) -> RangeSpace:
+    """Return the range space as the thesis does, for comparison.
+
+    Parameters
+    ----------
+    gram : BlockGram
+        Products of the data.
+    output_scale : ndarray, (outputs,)
+        The factors of section 2.5, step 4.
+
+    Returns
+    -------
+    RangeSpace
+        Base vectors and singular values.
+    """
+    remainder, rms, condition = _output_remainder(gram)
+    return _range_space(remainder, output_scale * rms, rms, condition)
+
+
+def past_instruments(gram: BlockGram) -> RangeSpace:
+    """Return the range space that past data explain (PO-MOESP), outputs scaled by innovation.
+
+    The first half of the block rows is the past, the second the future. Noise that is not white
+    drops out, because it does not correlate with the instruments.
+    Verhaegen, "Identification of the deterministic part of MIMO state space models given in
+    innovations form from input-output data", Automatica 30 (1994).
+
+    Parameters
+    ----------
+    gram : BlockGram
+        Products of the data, with twice as many block rows as the basis shall have.
+
+    Returns
+    -------
+    RangeSpace
+        Base vectors and singular values.
+    """
+    past, both = gram.block_rows // 2, gram.block_rows
+    scaled, rms = _equilibrated(gram)
+    u_future = gram.input_rows(past, both)
+    z_past = gram.input_rows(0, past) + gram.output_rows(0, past)
+    y_future = gram.output_rows(past, both)
+    remainder, condition = _schur_complement(scaled, z_past + y_future, u_future)
+    w = len(z_past)
+    values, vectors = linalg.eigh(remainder[:w, :w])
+    kept = values > _SMALLEST_EIGENVALUE * values[-1]
+    explained = remainder[w:, :w] @ (vectors[:, kept] / np.sqrt(values[kept]))
+    unexplained = remainder[w:, w:] - explained @ explained.T
+    deviation = _innovation_deviation(unexplained, gram.outputs, remainder[w:, w:])
+    weight = np.tile(1.0 / deviation, both - past)
+    basis, singular_values, _ = linalg.svd(weight[:, np.newaxis] * explained, full_matrices=False)
+    return RangeSpace(basis, singular_values, 1.0 / (deviation * rms), condition)
+
+
+def state_matrices(space: RangeSpace, order: int) -> StateMatrices:
+    """Return A and C from the shift structure, by least squares (2-9), (2-10).
+
+    Parameters
+    ----------
+    space : RangeSpace
+        Base vectors.
+    order : int
+        Number of states.
+
+    Returns
+    -------
+    StateMatrices
+        A and C, of outputs in their own units.
+
+    Raises
+    ------
+    IdentificationError
+        If the block rows do not determine that many states.
+    """
+    largest = min(space.largest_order, space.basis.shape[1])
+    if not 1 <= order <= largest:
+        raise IdentificationError(
+            f"order must lie between 1 and {largest} for {space.block_rows} block rows of "
+            f"{len(space.output_scale)} outputs: {order}"
+        )
+    outputs = len(space.output_scale)
+    basis = space.basis[:, :order]
+    A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
+    C = basis[:outputs] / space.output_scale[:, np.newaxis]
+    # The states' unit is free: with C of unit norm neither B nor C gets extreme.
+    return StateMatrices(np.asarray(A, dtype=np.float64), C / np.linalg.norm(C))
+
+
+def _output_remainder(gram: BlockGram) -> tuple[FloatArray, FloatArray, float]:
+    scaled, rms = _equilibrated(gram)
+    y = gram.output_rows(0, gram.block_rows)
+    u = gram.input_rows(0, gram.block_rows)
+    remainder, condition = _schur_complement(scaled, y, u)
+    return remainder, rms, condition
+
+
+def _equilibrated(gram: BlockGram) -> tuple[FloatArray, FloatArray]:
+    """Return the Gram of channels with unit RMS, and the outputs' RMS."""
+    channels = gram.outputs + gram.inputs
+    power = np.diag(gram.matrix).reshape(gram.block_rows, channels).mean(axis=0)
+    rms = np.sqrt(power / gram.columns)
+    rms[rms == 0.0] = 1.0
+    weight = np.tile(1.0 / rms, gram.block_rows) / np.sqrt(gram.columns)
+    return gram.matrix * np.outer(weight, weight), rms[: gram.outputs]
+
+
+def _schur_complement(
+    gram: FloatArray, keep: list[int], given: list[int]
+) -> tuple[FloatArray, float]:
+    """Return (2-20): what is left of `keep` when `given` is removed, and the latter's condition."""
+    values, vectors = linalg.eigh(gram[np.ix_(given, given)])
+    kept = values > _SMALLEST_EIGENVALUE * values[-1]
+    cross = gram[np.ix_(keep, given)] @ (vectors[:, kept] / np.sqrt(values[kept]))
+    condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])
+    return gram[np.ix_(keep, keep)] - cross @ cross.T, float(condition)
+
+
+def _innovation_deviation(
+    remainder: FloatArray, outputs: int, power: FloatArray | None = None
+) -> FloatArray:
+    """Return the deviation of the last outputs given all before them, floored for clean data."""
+    total = np.sqrt(np.diag(remainder if power is None else power)[-outputs:].clip(min=0.0))
+    floor = np.where(total > 0.0, _SMALLEST_INNOVATION * total, 1.0)
+    try:
+        last = linalg.cholesky(remainder, lower=True)[-outputs:, -outputs:]
+        deviation = np.linalg.norm(last, axis=1)
+    except linalg.LinAlgError:
+        rows = list(range(len(remainder)))
+        last, _ = _schur_complement(remainder, rows[-outputs:], rows[:-outputs])
+        deviation = np.sqrt(np.diag(last).clip(min=0.0))
+    return np.asarray(np.maximum(deviation, floor))
+
+
+def _range_space(
+    remainder: FloatArray, weight: FloatArray, rms: FloatArray, condition: float
+) -> RangeSpace:
+    rows = np.tile(weight, len(remainder) // len(weight))
+    values, vectors = linalg.eigh(remainder * np.outer(rows, rows))
+    return RangeSpace(vectors[:, ::-1], values[::-1].clip(min=0.0), weight / rms, condition)

@@ -1,0 +1,218 @@
+"""Preparation of a record for identification (section 2.5)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from scipy import signal
+
+from flexarm_ident.errors import DataError
+from flexarm_ident.iodata import as_records
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.iodata import IoData
+
+ZERO_MEAN_OUTPUTS = ("base_strain_v", "middle_strain_v")
+_LONGEST_REST_S = 1.0
+# The mean of fewer samples is noise that would be added to the whole record.
+_SHORTEST_REST = 30
+
+
+def preprocess(
+    data: IoData,
+    *,
+    compensation: Literal["remove", "keep"] = "remove",
+    bias: Literal["rest", "first", "mean", "none"] = "rest",
+    zero_mean: Sequence[str] = ZERO_MEAN_OUTPUTS,
+    cutoff_hz: float | None = None,
+    filter_input: bool = True,
+    decimation: int = 1,
+) -> IoData:
+    """Prepare a record as section 2.5 does, with defaults that do no damage.
+
+    The steps are: Coulomb compensation removed from the input (section 2.4.3), output biases
+    removed, strain gauges forced to zero mean, low-pass filter, decimation.
+
+    The mean of a position is legitimate signal (a square wave between 0 and 3 V has one), so the
+    default bias of an output is its mean over the rest at the start: the samples before the input
+    first changes, at most 1 s. A record that starts with fewer than 30 such samples keeps its
+    offsets; the initial state that is estimated with the model takes most of them up. A bare beam
+    at rest is not bent, so the gauges can be forced to zero mean always.
+
+    The thesis filters the outputs only, at 50 Hz. That adds the filter's poles to the model and
+    colours the noise, so the default is no filter; a `cutoff_hz` filters inputs and outputs
+    alike, which leaves the input-output relation as it is.
+
+    Parameters
+    ----------
+    data : IoData
+        Record of one experiment.
+    compensation : {'remove', 'keep'}
+        What happens to the Coulomb compensation in the input.
+    bias : {'rest', 'first', 'mean', 'none'}
+        Level subtracted from each output: mean of the rest at the start, first sample (step 2 of
+        section 2.5), mean of the record, or nothing.
+    zero_mean : sequence of str
+        Outputs whose mean is subtracted whatever `bias` says; those the record lacks are skipped.
+    cutoff_hz : float, optional
+        Cut-off of the second-order Butterworth low-pass filter; the thesis has 50 Hz.
+    filter_input : bool
+        Filter the input with the same filter. False is the thesis's way.
+    decimation : int
+        Keep every `decimation`-th sample; needs a `cutoff_hz` below the new Nyquist frequency.
+
+    Returns
+    -------
+    IoData
+        The prepared record. The reference is shifted and filtered with the first output, so that
+        a linear control law still holds between the channels.
+
+    Raises
+    ------
+    DataError
+        If the cut-off is not below the Nyquist frequency.
+    """
+    prepared = remove_compensation(data) if compensation == "remove" else data
+    prepared = _subtract(prepared, _bias(prepared, bias, zero_mean))
+    _check_cutoff(prepared, cutoff_hz, decimation)
+    if cutoff_hz is not None:
+        prepared = low_pass(prepared, cutoff_hz, filter_input=filter_input)
+    return prepared if decimation == 1 else _decimate(prepared, decimation)
+
+
+def remove_compensation(data: IoData) -> IoData:
+    """Subtract the recorded Coulomb compensation from the input (section 2.4.3)."""
+    return replace(data, u=data.effort, compensation=None)
+
+
+def low_pass(data: IoData, cutoff_hz: float, *, filter_input: bool = True) -> IoData:
+    """Filter with a second-order Butterworth low-pass, started in its steady state.
+
+    Parameters
+    ----------
+    data : IoData
+        Record of one experiment.
+    cutoff_hz : float
+        Frequency of -3 dB.
+    filter_input : bool
+        Filter input, compensation and reference too, so that the input-output relation stays.
+
+    Returns
+    -------
+    IoData
+        The filtered record.
+    """
+    b, a = signal.butter(2, cutoff_hz, fs=1.0 / data.dt_s)
+    steady = signal.lfilter_zi(b, a)
+
+    def filtered(x: FloatArray) -> FloatArray:
+        start = np.multiply.outer(steady, x[0])
+        return np.asarray(signal.lfilter(b, a, x, axis=0, zi=start)[0])
+
+    if not filter_input:
+        return replace(data, y=filtered(data.y))
+    return replace(
+        data,
+        u=filtered(data.u),
+        y=filtered(data.y),
+        compensation=None if data.compensation is None else filtered(data.compensation),
+        reference=None if data.reference is None else filtered(data.reference),
+    )
+
+
+def output_scale(data: IoData | Sequence[IoData]) -> FloatArray:
+    """Return the factors that bring each output's maximum to the input's (section 2.5, step 4).
+
+    Parameters
+    ----------
+    data : IoData or sequence of IoData
+        One or several records.
+
+    Returns
+    -------
+    ndarray, (outputs,)
+        Factors; 1 for an output that is zero throughout.
+    """
+    records = as_records(data)
+    largest_u = max(float(np.abs(record.u).max()) for record in records)
+    largest_y = np.max([np.abs(record.y).max(axis=0) for record in records], axis=0)
+    usable = (largest_y > 0.0) & (largest_u > 0.0)
+    factors = np.divide(largest_u, largest_y, out=np.ones_like(largest_y), where=usable)
+    return np.asarray(factors)
+
+
+def scale(data: IoData, factors: FloatArray) -> IoData:
+    """Multiply each output by its factor (section 2.5, step 4)."""
+    return replace(data, y=data.y * factors)
+
+
+def unscale(model: control.StateSpace, factors: FloatArray) -> control.StateSpace:
+    """Return the model of the unscaled outputs, given that of the scaled ones (section 2.5)."""
+    unscaled = model.copy()
+    unscaled.C = model.C / factors[:, np.newaxis]
+    unscaled.D = model.D / factors[:, np.newaxis]
+    return unscaled
+
+
+def _bias(data: IoData, kind: str, zero_mean: Sequence[str]) -> FloatArray:
+    mean = np.asarray(data.y.mean(axis=0))
+    if kind == "rest":
+        level = _rest_level(data)
+    elif kind == "first":
+        level = data.y[0]
+    elif kind == "mean":
+        level = mean
+    elif kind == "none":
+        level = np.zeros_like(mean)
+    else:
+        raise DataError(f"{data.label}: bias must be rest, first, mean or none: {kind!r}")
+    return np.where(np.isin(data.outputs, list(zero_mean)), mean, level)
+
+
+def _rest_level(data: IoData) -> FloatArray:
+    moved = np.flatnonzero(np.any(data.u != data.u[0], axis=1))
+    rest = min(moved[0] if len(moved) else len(data), round(_LONGEST_REST_S / data.dt_s))
+    if rest < _SHORTEST_REST or np.any(data.u[0] != 0.0):
+        return np.zeros(data.y.shape[1])
+    return np.asarray(data.y[:rest].mean(axis=0))
+
+
+def _subtract(data: IoData, bias: FloatArray) -> IoData:
+    reference = None if data.reference is None else data.reference - bias[0]
+    return replace(data, y=data.y - bias, reference=reference)
+
+
+def _check_cutoff(data: IoData, cutoff_hz: float | None, decimation: int) -> None:
+    if decimation < 1:
+        raise DataError(f"{data.label}: decimation must be 1 or more: {decimation}")
+    nyquist_hz = 0.5 / (data.dt_s * decimation)
+    if cutoff_hz is None:
+        if decimation > 1:
+            raise DataError(
+                f"{data.label}: decimation by {decimation} needs a cutoff_hz below "
+                f"{nyquist_hz:g} Hz, or noise folds into the modes"
+            )
+    elif not 0.0 < cutoff_hz < nyquist_hz:
+        raise DataError(
+            f"{data.label}: cutoff_hz must lie between 0 and the Nyquist frequency "
+            f"{nyquist_hz:g} Hz: {cutoff_hz:g}"
+        )
+
+
+def _decimate(data: IoData, decimation: int) -> IoData:
+    rows = slice(None, None, decimation)
+    return replace(
+        data,
+        u=data.u[rows],
+        y=data.y[rows],
+        dt_s=data.dt_s * decimation,
+        compensation=None if data.compensation is None else data.compensation[rows],
+        reference=None if data.reference is None else data.reference[rows],
+    )

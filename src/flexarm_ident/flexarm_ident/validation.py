@@ -1,0 +1,265 @@
+"""Validation of a model: data matching (DMV) and set-point following (SFV), section 2.4."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+
+from flexarm_ident.errors import IdentificationError
+from flexarm_ident.output_fit import fit_initial_states
+from flexarm_ident.preprocess import remove_compensation
+from flexarm_ident.simulation import simulate
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from flexarm_ident.arrays import ComplexArray, FloatArray
+    from flexarm_ident.iodata import IoData
+
+# Drive's limit: beyond it the effort is not what the law asked for.
+DRIVE_LIMIT_V = 10.0
+_LAW_OUTPUTS = ("position_v", "speed_v", "middle_strain_v")
+_LAW_RESIDUAL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Dmv:
+    """Data matching validation: the model driven by the measured input.
+
+    Attributes
+    ----------
+    delta : ndarray, (outputs,)
+        Relative error of each output (2-25).
+    mean : float
+        Mean of `delta`.
+    y : ndarray, (samples, outputs)
+        Simulated outputs.
+    x0 : ndarray, (states,)
+        Initial state of the simulation.
+    """
+
+    delta: FloatArray
+    mean: float
+    y: FloatArray
+    x0: FloatArray
+
+
+@dataclass(frozen=True)
+class Gains:
+    """A linear law ``u = kp (R - y1) - kd y4 - ksg y3 + offset_v`` (Figure 2-3, (4-6), (4-7)).
+
+    Attributes
+    ----------
+    kp, kd, ksg : float
+        Gains on position error, speed and middle strain.
+    offset_v : float
+        Constant part, left by biases that were removed from the record.
+    """
+
+    kp: float
+    kd: float
+    ksg: float = 0.0
+    offset_v: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sfv:
+    """Set-point following validation: the model under the experiment's own control law.
+
+    Attributes
+    ----------
+    delta : ndarray, (outputs,)
+        Relative error of each output (2-25).
+    mean : float
+        Mean of `delta`.
+    y : ndarray, (samples, outputs)
+        Outputs of the closed loop with the model.
+    gains : Gains
+        The law.
+    """
+
+    delta: FloatArray
+    mean: float
+    y: FloatArray
+    gains: Gains
+
+
+def relative_errors(measured: FloatArray, simulated: FloatArray) -> FloatArray:
+    """Return delta of each output (2-24), (2-25).
+
+    Parameters
+    ----------
+    measured, simulated : ndarray, (samples, outputs)
+        Outputs.
+
+    Returns
+    -------
+    ndarray, (outputs,)
+        RMS error over RMS output; infinite for an output that is zero but simulated otherwise.
+    """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        missed = np.sqrt(np.mean((measured - simulated) ** 2, axis=0))
+        level = np.sqrt(np.mean(measured**2, axis=0))
+        delta = np.where((missed == 0.0) & (level == 0.0), 0.0, missed / level)
+    return np.where(np.isfinite(delta), delta, np.inf)
+
+
+def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None = None) -> Dmv:
+    """Compare measured outputs with a free simulation under the measured input.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model.
+    data : IoData
+        Record, in the thesis twice as long as the part that was identified.
+    x0 : array_like, (states,), optional
+        Initial state. By default it is fitted to the whole record by least squares; nothing else
+        is.
+
+    Returns
+    -------
+    Dmv
+        Errors and simulated outputs.
+
+    Raises
+    ------
+    IdentificationError
+        If the model does not belong to the record.
+    """
+    _check_model(model, data)
+    start = _initial_state(model, data) if x0 is None else _checked_state(model, x0)
+    y = simulate(model, data.u, start)
+    delta = relative_errors(data.y, y)
+    return Dmv(delta, float(delta.mean()), y, start)
+
+
+def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = None) -> Sfv:
+    """Compare measured outputs with the model in closed loop on the recorded reference.
+
+    The law answers sample k before sample k + 1, without Coulomb compensation and without
+    saturation (Figure 2-3). The initial state is that of `validate_dmv` under the effort alone.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model without feedthrough.
+    data : IoData
+        Closed-loop record with its reference.
+    gains : Gains, optional
+        The law; by default recovered from the record.
+
+    Returns
+    -------
+    Sfv
+        Errors, outputs and the law.
+
+    Raises
+    ------
+    IdentificationError
+        If the record has no reference, no linear law made its input, or the model does not fit.
+    """
+    _check_model(model, data)
+    if data.reference is None:
+        raise IdentificationError(f"{data.label}: SFV needs the recorded reference, there is none")
+    law = gains or recover_gains(data)
+    if law is None:
+        raise IdentificationError(
+            f"{data.label}: no linear law of position, speed and middle strain made the recorded "
+            "effort: give the gains, or validate with DMV only"
+        )
+    if np.any(model.D):
+        raise IdentificationError("SFV needs a model without feedthrough (D = 0)")
+    feedback = np.zeros((1, model.noutputs))
+    for name, gain in zip(_LAW_OUTPUTS, (law.kp, law.kd, law.ksg), strict=True):
+        if gain != 0.0:
+            feedback[0, data.outputs.index(name)] = gain
+    loop = control.ss(model.A - model.B @ feedback @ model.C, model.B, model.C, model.D, model.dt)
+    drive = (law.kp * data.reference + law.offset_v)[:, np.newaxis]
+    y = simulate(loop, drive, _initial_state(model, remove_compensation(data)))
+    delta = relative_errors(data.y, y)
+    return Sfv(delta, float(delta.mean()), y, law)
+
+
+def recover_gains(data: IoData, *, limit_v: float = DRIVE_LIMIT_V) -> Gains | None:
+    """Recover the linear law that made the recorded effort, by least squares.
+
+    The effort is recorded without loss and answers the sample in its own row, so a PD or PDP law
+    fits to rounding. Rows in which the drive saturates are left out.
+
+    Parameters
+    ----------
+    data : IoData
+        Closed-loop record with its reference.
+    limit_v : float
+        Magnitude of the input from which the drive saturates.
+
+    Returns
+    -------
+    Gains or None
+        The law; None when the record has no reference, lacks one of the outputs, or its effort
+        comes from something else than such a law.
+    """
+    if data.reference is None or data.u.shape[1] != 1:
+        return None
+    if not set(_LAW_OUTPUTS) <= set(data.outputs):
+        return None
+    position, speed, strain = (data.y[:, data.outputs.index(name)] for name in _LAW_OUTPUTS)
+    free = np.abs(data.u[:, 0]) < limit_v
+    columns = [data.reference - position, -speed, -strain, np.ones(len(data))]
+    regressors, effort = np.stack(columns, axis=1)[free], data.effort[free, 0]
+    if len(effort) <= len(columns):
+        return None
+    scale = np.linalg.norm(regressors, axis=0)
+    scale[scale == 0.0] = 1.0
+    solution = np.linalg.lstsq(regressors / scale, effort, rcond=None)[0] / scale
+    residual = np.abs(effort - regressors @ solution).max()
+    if residual > _LAW_RESIDUAL * np.abs(effort).max():
+        return None
+    return Gains(*(float(gain) for gain in solution))
+
+
+def frequency_response(model: control.StateSpace, frequencies_hz: ArrayLike) -> ComplexArray:
+    """Return the frequency response of a discrete model, (2-4) with e^{+j w dt}.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model.
+    frequencies_hz : array_like, (frequencies,)
+        Frequencies.
+
+    Returns
+    -------
+    ndarray, (frequencies, outputs, inputs)
+        Complex gains.
+    """
+    z = np.exp(2j * np.pi * np.asarray(frequencies_hz, dtype=np.float64) * model.dt)
+    resolvent = z[:, np.newaxis, np.newaxis] * np.eye(model.nstates) - model.A
+    return np.asarray(model.C @ np.linalg.solve(resolvent, model.B) + model.D)
+
+
+def _initial_state(model: control.StateSpace, data: IoData) -> FloatArray:
+    return fit_initial_states(model, [data])[0]
+
+
+def _checked_state(model: control.StateSpace, x0: ArrayLike) -> FloatArray:
+    start = np.asarray(x0, dtype=np.float64).ravel()
+    if len(start) != model.nstates:
+        raise IdentificationError(f"x0 has {len(start)} states, the model has {model.nstates}")
+    return start
+
+
+def _check_model(model: control.StateSpace, data: IoData) -> None:
+    if (model.ninputs, model.noutputs) != (data.u.shape[1], data.y.shape[1]):
+        raise IdentificationError(
+            f"{data.label}: the model has {model.ninputs} inputs and {model.noutputs} outputs, "
+            f"the record {data.u.shape[1]} and {data.y.shape[1]}"
+        )
+    if not np.isclose(model.dt, data.dt_s, rtol=1e-6, atol=0.0):
+        raise IdentificationError(
+            f"{data.label}: the model's period is {model.dt} s, the record's {data.dt_s} s"
+        )

@@ -1,0 +1,502 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from bag_samples import (
+    START_NS,
+    Sent,
+    arm_state,
+    channel_info,
+    io_sample,
+    motor_command,
+    recorded_topics,
+    reference,
+    typestore,
+    write_bag,
+    write_foreign_bag,
+)
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+
+from flexarm_daq.recording import BagWriter
+from flexarm_ident.bags import BagError, read_bag, read_bag_report
+from flexarm_ident.errors import IdentificationError
+from flexarm_ident.iodata import ARM_OUTPUTS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+STEP_NS = 2_000_000
+FOREIGN = [
+    (StoragePlugin.MCAP, CompressionMode.NONE),
+    (StoragePlugin.MCAP, CompressionMode.STORAGE),
+    (StoragePlugin.MCAP, CompressionMode.FILE),
+    (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+    (StoragePlugin.SQLITE3, CompressionMode.NONE),
+    (StoragePlugin.SQLITE3, CompressionMode.FILE),
+    (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+]
+
+
+def outputs(k: int) -> tuple[float, float, float, float]:
+    return (float(k), 10.0 + k, 20.0 + k, -float(k))
+
+
+def open_loop(sequences: Sequence[int]) -> list[Sent]:
+    """Return states whose values tell their sequence number: command_v is 100 + sequence."""
+    return [
+        arm_state(
+            sequence,
+            START_NS + sequence * STEP_NS,
+            outputs(sequence),
+            command_v=100.0 + sequence,
+            compensation_v=0.5 * sequence,
+        )
+        for sequence in sequences
+    ]
+
+
+def mcap_file(bag: Path) -> Path:
+    (file,) = bag.glob("*.mcap")
+    return file
+
+
+def test_read___own_rig___takes_the_input_from_the_sample_that_follows(tmp_path: Path) -> None:
+    # By hand: while sample 2 was taken 102 V were in force. They were the answer to sample 1 and
+    # act from sample 1 to sample 2, so they belong into the row of sample 1.
+    bag = write_bag(tmp_path / "run", open_loop([1, 2, 3, 4]))
+
+    reading = read_bag_report(bag)
+
+    data = reading.data
+    assert data.y.tolist() == [list(outputs(1)), list(outputs(2)), list(outputs(3))]
+    assert data.u.tolist() == [[102.0], [103.0], [104.0]]
+    assert data.compensation is not None
+    assert data.compensation.tolist() == [[1.0], [1.5], [2.0]]
+    assert (data.inputs, data.outputs) == (("command_v",), ARM_OUTPUTS)
+    assert (data.dt_s, data.closed_loop, data.reference) == (0.002, None, None)
+    assert data.source == str(bag)
+    assert (reading.samples, reading.lost, reading.warnings) == (4, 0, ())
+    assert reading.duration_s == pytest.approx(0.006)
+
+
+def test_read___reference___is_the_last_one_sent_before_the_next_sample(tmp_path: Path) -> None:
+    states = open_loop([1, 2, 3, 4, 5])
+    first, _, third, fourth, _ = (state.time_ns for state in states)
+    messages = [
+        *states,
+        reference(first - 5, 1.0),
+        reference(third + 100, 2.0),
+        # At the very instant of sample 4 it cannot have answered sample 3.
+        reference(fourth, 3.0),
+    ]
+    bag = write_bag(tmp_path / "run", messages)
+
+    data = read_bag(bag)
+
+    assert data.reference is not None
+    assert data.reference.tolist() == [1.0, 1.0, 2.0, 3.0]
+    assert data.closed_loop is True
+
+
+def test_read___reference_only_later___takes_it_before_too_and_warns(tmp_path: Path) -> None:
+    states = open_loop([1, 2, 3, 4, 5])
+    bag = write_bag(tmp_path / "run", [*states, reference(states[2].time_ns + 1, 2.0)])
+
+    reading = read_bag_report(bag)
+
+    assert reading.data.reference is not None
+    assert reading.data.reference.tolist() == [2.0] * 4
+    assert reading.warnings == (
+        "no reference before row 2: took the first one for the rows before",
+    )
+
+
+@pytest.mark.parametrize("with_command", [True, False])
+def test_read___commands___mean_a_closed_loop(tmp_path: Path, *, with_command: bool) -> None:
+    states = open_loop([1, 2, 3])
+    extra = [motor_command(1, START_NS, 1.0)] if with_command else []
+
+    data = read_bag(write_bag(tmp_path / "run", [*states, *extra]))
+
+    assert data.closed_loop is (True if with_command else None)
+
+
+def test_read___state_that_names_its_command___means_a_closed_loop(tmp_path: Path) -> None:
+    states = [arm_state(k, START_NS + k * STEP_NS, command_sequence=k) for k in (1, 2, 3)]
+
+    assert read_bag(write_bag(tmp_path / "run", states)).closed_loop is True
+
+
+@pytest.mark.parametrize(("storage", "compression"), FOREIGN)
+def test_read___foreign_bag___gives_the_same_record(
+    tmp_path: Path, storage: StoragePlugin, compression: CompressionMode
+) -> None:
+    messages = [*open_loop(range(1, 60)), reference(START_NS, 0.5), motor_command(1, START_NS, 1.0)]
+    ours = read_bag(write_bag(tmp_path / "ours", messages))
+
+    theirs = read_bag(write_foreign_bag(tmp_path / "run", messages, storage, compression))
+
+    np.testing.assert_array_equal(theirs.u, ours.u)
+    np.testing.assert_array_equal(theirs.y, ours.y)
+    np.testing.assert_array_equal(theirs.compensation, ours.compensation)
+    np.testing.assert_array_equal(theirs.reference, ours.reference)
+    assert (theirs.dt_s, theirs.closed_loop) == (ours.dt_s, ours.closed_loop)
+
+
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+def test_read___single_file___needs_no_folder(tmp_path: Path, storage: StoragePlugin) -> None:
+    bag = write_foreign_bag(tmp_path / "run", open_loop([1, 2, 3]), storage)
+    (file,) = (entry for entry in bag.iterdir() if entry.suffix in {".mcap", ".db3"})
+
+    assert read_bag(file).u.tolist() == [[102.0], [103.0]]
+
+
+def test_read___split_bag___joins_the_parts(tmp_path: Path) -> None:
+    first = write_bag(tmp_path / "first", open_loop([1, 2, 3]))
+    second = write_bag(tmp_path / "second", open_loop([4, 5]))
+    text = (first / "metadata.yaml").read_text()
+    text = text.replace("- first_0.mcap\n", "- first_0.mcap\n  - second_0.mcap\n", 1)
+    (first / "metadata.yaml").write_text(text)
+    mcap_file(second).rename(first / "second_0.mcap")
+
+    assert read_bag(first).u[:, 0].tolist() == [102.0, 103.0, 104.0, 105.0]
+
+
+def test_read___many_chunks_and_frames___keep_the_order(tmp_path: Path) -> None:
+    # Frame names of several lengths move the numbers to other places in the message.
+    frames = ["", "a", "flexarm", "a_rather_long_frame_name"]
+    messages = [
+        arm_state(k, START_NS + k * STEP_NS, outputs(k), frame_id=frames[k % 4])
+        for k in range(1, 200)
+    ]
+    with BagWriter(tmp_path / "run", recorded_topics(messages), flush_period_s=1e6) as bag:
+        for count, message in enumerate(messages):
+            bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
+            if count % 7 == 0:
+                bag.flush()
+
+    assert read_bag(tmp_path / "run").y[:, 0].tolist() == [float(k) for k in range(1, 199)]
+
+
+@settings(
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    rows=st.lists(
+        st.tuples(
+            *[st.floats(allow_nan=False, allow_infinity=False)] * 6, st.sampled_from(["", "abc"])
+        ),
+        min_size=3,
+        max_size=12,
+    )
+)
+def test_read___any_values___are_those_of_the_rosbags_deserialiser(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, ...]]
+) -> None:
+    messages = [
+        arm_state(
+            k + 1,
+            START_NS + k * STEP_NS,
+            row[:4],
+            command_v=row[4],
+            compensation_v=row[5],
+            frame_id=str(row[6]),
+        )
+        for k, row in enumerate(rows)
+    ]
+
+    data = read_bag(write_bag(tmp_path_factory.mktemp("bag") / "run", messages))
+    fields = [
+        vars(typestore().deserialize_cdr(message.raw, message.type_name)) for message in messages
+    ]
+
+    assert data.y.tolist() == [[entry[name] for name in ARM_OUTPUTS] for entry in fields[:-1]]
+    assert data.u[:, 0].tolist() == [entry["command_v"] for entry in fields[1:]]
+    assert data.compensation is not None
+    assert data.compensation[:, 0].tolist() == [entry["compensation_v"] for entry in fields[1:]]
+
+
+def test_read___gap___takes_the_longest_part_and_says_so(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "run", open_loop([1, 2, 5, 6, 7, 8, 10, 11]))
+
+    reading = read_bag_report(bag)
+
+    assert reading.data.y[:, 0].tolist() == [5.0, 6.0, 7.0]
+    assert reading.data.u[:, 0].tolist() == [106.0, 107.0, 108.0]
+    assert (reading.samples, reading.lost) == (8, 3)
+    assert reading.warnings == (
+        "3 samples lost at 2 places: used rows 2 to 5 of 8, the longest part without a gap",
+    )
+
+
+def test_read___restart_of_the_numbering___is_a_gap_without_loss(tmp_path: Path) -> None:
+    states = open_loop([7, 8, 9])
+    restarted = [
+        arm_state(k, START_NS + (20 + k) * STEP_NS, outputs(k), command_v=100.0 + k)
+        for k in (1, 2, 3, 4)
+    ]
+
+    reading = read_bag_report(write_bag(tmp_path / "run", [*states, *restarted]))
+
+    assert reading.data.y[:, 0].tolist() == [1.0, 2.0, 3.0]
+    assert reading.lost == 0
+
+
+@pytest.mark.parametrize(
+    ("period_ns", "dt_s"),
+    [
+        (3_333_333, 1 / 300),
+        (2_000_900, 1 / 500),
+        (32_894_737, 0.032894737),
+        (10**9, 1.0),
+    ],
+)
+def test_period___near_a_whole_rate___is_that_rate(
+    tmp_path: Path, period_ns: int, dt_s: float
+) -> None:
+    states = [arm_state(k, START_NS + k * period_ns) for k in range(1, 6)]
+
+    assert read_bag(write_bag(tmp_path / "run", states)).dt_s == pytest.approx(dt_s, rel=1e-12)
+
+
+def test_period___one_late_sample___does_not_move_it_and_is_reported(tmp_path: Path) -> None:
+    late_ns = [0, 0, 0, 0, STEP_NS, STEP_NS, STEP_NS, STEP_NS]
+    states = [arm_state(k + 1, START_NS + k * STEP_NS + extra) for k, extra in enumerate(late_ns)]
+
+    reading = read_bag_report(write_bag(tmp_path / "run", states))
+
+    assert reading.data.dt_s == 0.002
+    (warning,) = reading.warnings
+    assert warning.startswith("1 of 7 sampling intervals are irregular, the worst 4.000 ms")
+
+
+def test_read___other_rig___takes_names_rate_and_loop_from_its_channel_info(
+    tmp_path: Path,
+) -> None:
+    info = channel_info(START_NS, ["a", "b"], ["q"], 500.0)
+    samples = [
+        io_sample(k, START_NS + k * STEP_NS, [1.0 * k, 2.0 * k], [3.0 * k]) for k in (1, 2, 3)
+    ]
+    bag = write_bag(tmp_path / "run", [info, *samples])
+
+    reading = read_bag_report(bag)
+
+    data = reading.data
+    assert data.u.tolist() == [[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]]
+    assert data.y.tolist() == [[3.0], [6.0], [9.0]]
+    assert (data.inputs, data.outputs) == (("a", "b"), ("q",))
+    assert (data.dt_s, data.closed_loop) == (0.002, True)
+    assert data.source == f"{bag} (another rig)"
+    assert (reading.samples, reading.lost, reading.warnings) == (3, 0, ())
+
+
+def test_read___other_rig_without_channel_info___numbers_the_channels_and_warns(
+    tmp_path: Path,
+) -> None:
+    samples = [io_sample(k, START_NS + k * STEP_NS, [1.0], [2.0, 3.0]) for k in (1, 2)]
+
+    reading = read_bag_report(write_bag(tmp_path / "run", samples))
+
+    assert reading.data.inputs == ("input_1",)
+    assert reading.data.outputs == ("output_1", "output_2")
+    assert reading.data.closed_loop is None
+    assert reading.warnings == ("no ChannelInfo was recorded: names and kind of loop are unknown",)
+
+
+def test_read___channel_info_with_another_rate___believes_the_stamps(tmp_path: Path) -> None:
+    info = channel_info(START_NS, ["a"], ["q"], 100.0)
+    samples = [io_sample(k, START_NS + k * STEP_NS, [1.0], [2.0]) for k in (1, 2, 3)]
+
+    reading = read_bag_report(write_bag(tmp_path / "run", [info, *samples]))
+
+    assert reading.data.dt_s == 0.002
+    assert reading.warnings == ("ChannelInfo says 100 Hz, the stamps 500 Hz: used the stamps",)
+
+
+def test_read___two_rigs_in_one_bag___wants_a_choice(tmp_path: Path) -> None:
+    first = open_loop([1, 2, 3])
+    second = [entry._replace(topic="/other/state") for entry in open_loop([11, 12, 13])]
+    bag = write_bag(tmp_path / "run", [*first, *second])
+
+    with pytest.raises(BagError, match="choose one topic of /flexarm/state, /other/state"):
+        read_bag(bag)
+    assert read_bag(bag, topic="/other/state").u.tolist() == [[112.0], [113.0]]
+
+
+def test_read___chosen_topic_without_samples___lists_the_topics(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "run", [*open_loop([1, 2, 3]), reference(START_NS, 1.0)])
+
+    with pytest.raises(BagError, match=r"run: /flexarm/reference holds no samples; topics: /fl"):
+        read_bag(bag, topic="/flexarm/reference")
+
+
+def test_read___bag_of_something_else___lists_its_topics(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "run", [reference(START_NS, 1.0)])
+
+    with pytest.raises(
+        BagError, match=r"run: neither .* topics: /flexarm/reference \(std_msgs/msg/Float64\)"
+    ):
+        read_bag(bag)
+
+
+def no_folder(path: Path) -> Path:
+    return path / "nothing"
+
+
+def empty_folder(path: Path) -> Path:
+    return path
+
+
+def metadata_only(path: Path) -> Path:
+    bag = write_bag(path / "run", open_loop([1, 2, 3]))
+    mcap_file(bag).unlink()
+    return bag
+
+
+def garbage_metadata(path: Path) -> Path:
+    bag = write_bag(path / "run", open_loop([1, 2, 3]))
+    (bag / "metadata.yaml").write_bytes(bytes(range(256)))
+    return bag
+
+
+def foreign_metadata(path: Path) -> Path:
+    bag = write_bag(path / "run", open_loop([1, 2, 3]))
+    (bag / "metadata.yaml").write_text("- a list\n")
+    return bag
+
+
+def text_file(path: Path) -> Path:
+    (path / "notes.txt").write_text("no bag")
+    return path / "notes.txt"
+
+
+def garbage_file(path: Path) -> Path:
+    (path / "run.mcap").write_bytes(bytes(range(256)) * 20)
+    return path / "run.mcap"
+
+
+def empty_file(path: Path) -> Path:
+    (path / "run.mcap").write_bytes(b"")
+    return path / "run.mcap"
+
+
+def garbage_database(path: Path) -> Path:
+    (path / "run.db3").write_bytes(b"SQLite format 3\0" + bytes(range(256)) * 20)
+    return path / "run.db3"
+
+
+def cut_bag(path: Path) -> Path:
+    bag = write_bag(path / "run", open_loop(range(1, 100)))
+    content = mcap_file(bag).read_bytes()
+    mcap_file(bag).write_bytes(content[: len(content) // 2])
+    return bag
+
+
+def no_messages(path: Path) -> Path:
+    BagWriter(path / "run", recorded_topics(open_loop([1]))).close()
+    return path / "run"
+
+
+def two_samples(path: Path) -> Path:
+    return write_bag(path / "run", open_loop([1, 2]))
+
+
+def lonely_io_sample(path: Path) -> Path:
+    return write_bag(path / "run", [io_sample(1, START_NS, [1.0], [1.0])])
+
+
+def nan_in_output(path: Path) -> Path:
+    states = open_loop([1, 2, 3, 4])
+    states[1] = arm_state(2, states[1].time_ns, (0.0, 0.0, float("nan"), 0.0))
+    return write_bag(path / "run", states)
+
+
+def ragged_io(path: Path) -> Path:
+    samples = [io_sample(k, START_NS + k * STEP_NS, [1.0], [1.0] * k) for k in (1, 2)]
+    return write_bag(path / "run", samples)
+
+
+def misnamed_io(path: Path) -> Path:
+    samples = [io_sample(k, START_NS + k * STEP_NS, [1.0], [1.0]) for k in (1, 2)]
+    return write_bag(path / "run", [channel_info(START_NS, ["a"], ["q", "r"], 500.0), *samples])
+
+
+def stopped_clock(path: Path) -> Path:
+    return write_bag(path / "run", [arm_state(k, START_NS) for k in (1, 2, 3)])
+
+
+def short_message(path: Path) -> Path:
+    states = open_loop([1, 2, 3])
+    states[1] = states[1]._replace(raw=states[1].raw[:-20])
+    return write_bag(path / "run", states)
+
+
+def big_endian(path: Path) -> Path:
+    states = [state._replace(raw=b"\0\0" + state.raw[2:]) for state in open_loop([1, 2, 3])]
+    return write_bag(path / "run", states)
+
+
+@pytest.mark.parametrize(
+    ("make", "complaint"),
+    [
+        (no_folder, "no such bag"),
+        (empty_folder, "no bag: the folder has no metadata.yaml"),
+        (metadata_only, "truncated or damaged: Some database files are missing"),
+        (garbage_metadata, "truncated or damaged: "),
+        (foreign_metadata, "truncated or damaged: "),
+        (text_file, "no bag: expected a rosbag2 folder or a .mcap or .db3 file"),
+        (garbage_file, "truncated or damaged: File magic is invalid"),
+        (empty_file, "seems to be empty"),
+        (garbage_database, "truncated or damaged: "),
+        (cut_bag, "File end magic is invalid.; try `flexarm bag repair"),
+        (no_messages, "no messages on /flexarm/state"),
+        (two_samples, "only 2 samples follow each other"),
+        (lonely_io_sample, "no two samples follow each other"),
+        (nan_in_output, "middle_strain_v is nan in row 1"),
+        (ragged_io, "/flexarm/io: member outputs has 1 values in message 0 and 2 in message 1"),
+        (misnamed_io, "y has 1 channels, but 2 names"),
+        (stopped_clock, "the stamps do not advance"),
+        (short_message, "/flexarm/state: a message of 64 bytes is too short"),
+        (big_endian, "/flexarm/state: a message is not little-endian CDR"),
+    ],
+)
+def test_read___unusable_bag___is_one_line_that_names_it(
+    tmp_path: Path, make: Callable[[Path], Path], complaint: str
+) -> None:
+    path = make(tmp_path)
+
+    with pytest.raises(BagError) as caught:
+        read_bag(path)
+
+    assert isinstance(caught.value, IdentificationError)
+    assert str(caught.value).startswith(str(path))
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
+def test_read___one_flipped_bit___never_changes_a_value_unnoticed(
+    tmp_path_factory: pytest.TempPathFactory, place: float, bit: int
+) -> None:
+    bag = write_bag(tmp_path_factory.mktemp("bag") / "run", open_loop(range(1, 40)))
+    good = read_bag(bag)
+    content = bytearray(mcap_file(bag).read_bytes())
+    content[int(place * len(content))] ^= 1 << bit
+    mcap_file(bag).write_bytes(content)
+
+    try:
+        data = read_bag(bag)
+    except BagError:
+        return
+
+    np.testing.assert_array_equal(data.u, good.u)
+    np.testing.assert_array_equal(data.y, good.y)
+    assert data.dt_s == good.dt_s

@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from ident_systems import random_model, record
+from numpy.typing import NDArray
+
+from flexarm_ident import DataError, IoData
+from flexarm_ident.gram import block_gram, lag_sums
+
+Array = NDArray[np.float64]
+
+
+def hankel(z: Array, block_rows: int) -> Array:
+    """Return (2-19) of all channels, formed explicitly."""
+    columns = len(z) - block_rows + 1
+    return np.vstack([z[i : i + columns].T for i in range(block_rows)])
+
+
+@pytest.mark.parametrize("samples", [7, 8, 30, 61, 256, 1001])
+@pytest.mark.parametrize("block_rows", [1, 2, 7])
+def test_block_gram___one_record___equals_explicit_hankel_product(
+    samples: int, block_rows: int
+) -> None:
+    data = record(random_model(3), samples, seed=samples)
+    explicit = hankel(np.hstack([data.y, data.u]), block_rows)
+    gram = block_gram([data], block_rows)
+    scale = np.abs(explicit @ explicit.T).max()
+    np.testing.assert_allclose(gram.matrix, explicit @ explicit.T, atol=1e-12 * scale)
+    assert gram.columns == explicit.shape[1]
+
+
+def test_block_gram___record_longer_than_a_chunk___equals_explicit_hankel_product() -> None:
+    data = record(random_model(4, inputs=1), 9001, seed=1)
+    explicit = hankel(np.hstack([data.y, data.u]), 21)
+    gram = block_gram([data], 21).matrix
+    np.testing.assert_allclose(gram, explicit @ explicit.T, rtol=0, atol=1e-12 * np.abs(gram).max())
+
+
+def test_block_gram___several_records___products_add_up() -> None:
+    model = random_model(5)
+    records = [record(model, 200, seed=1), record(model, 133, seed=2)]
+    together, apart = block_gram(records, 9), [block_gram([r], 9) for r in records]
+    np.testing.assert_allclose(together.matrix, apart[0].matrix + apart[1].matrix, rtol=1e-14)
+    assert together.columns == apart[0].columns + apart[1].columns
+
+
+def test_block_gram___rows_of_inputs_and_outputs___pick_the_channels() -> None:
+    data = record(random_model(6), 100, seed=3)
+    gram = block_gram([data], 4)
+    rows = gram.output_rows(1, 3)
+    outputs = hankel(data.y, 4)[3:9]
+    np.testing.assert_allclose(gram.matrix[np.ix_(rows, rows)], outputs @ outputs.T)
+    rows = gram.input_rows(0, 4)
+    inputs = hankel(data.u, 4)
+    np.testing.assert_allclose(gram.matrix[np.ix_(rows, rows)], inputs @ inputs.T)
+
+
+def test_lag_sums___constant_signal___counts_the_columns() -> None:
+    np.testing.assert_allclose(lag_sums(np.ones((100, 1)), 5)[:, 0, 0], 96.0)
+
+
+def test_block_gram___record_shorter_than_block_rows___raises() -> None:
+    data = IoData(np.zeros(5), np.zeros((5, 4)), dt_s=0.01, source="short")
+    with pytest.raises(DataError, match="short: 5 samples are fewer than the 6 block rows"):
+        block_gram([data], 6)

@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from ident_systems import (
+    DT_S,
+    arm_model,
+    named,
+    pulse_responses,
+    random_model,
+    record,
+    square_wave,
+    step_by_step,
+)
+
+from flexarm_ident import DataError, IdentificationError, IoData, identify, validate_dmv
+from flexarm_ident.order import suggest_order
+
+
+def arm_experiment(seed: int, samples: int = 12_000) -> IoData:
+    """Return noisy outputs of the arm, in motion from the first sample."""
+    rng = np.random.default_rng(seed)
+    u = square_wave(samples, seed)
+    y = step_by_step(arm_model(), u, 0.05 * rng.normal(size=arm_model().nstates))
+    noise = np.array([0.01, 0.15, 0.10, 0.05]) * y.std(axis=0) * rng.normal(size=y.shape)
+    return IoData(u, y + noise, dt_s=DT_S)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_identify___noisy_arm_under_square_wave___modes_within_a_few_percent(seed: int) -> None:
+    data = arm_experiment(seed)
+    found = identify(data.head(6000))
+    pairs = [mode for mode in found.modes if mode.is_pair and mode.damping_ratio < 0.2]
+    for true_hz in (9.4, 24.1, 45.6):
+        nearest = min(pairs, key=lambda mode: abs(mode.frequency_hz - true_hz))
+        assert nearest.frequency_hz == pytest.approx(true_hz, rel=0.03)
+    # The noise alone costs 0.08 in the mean.
+    assert validate_dmv(found.model, data).mean < 0.1
+    assert not found.warnings
+    assert found.order in found.stable_orders
+
+
+def test_identify___order_given___is_kept_and_described() -> None:
+    data = arm_experiment(3, 3000)
+    found = identify(data, order=12)
+    assert found.order == found.model.nstates == 12
+    assert found.model.dt == pytest.approx(DT_S)
+    assert tuple(found.model.input_labels) == data.inputs
+    assert tuple(found.model.output_labels) == data.outputs
+    assert not found.model.D.any()
+    assert len(found.x0) == 1
+    y = step_by_step(found.model, data.u, found.x0[0])
+    error = np.linalg.norm(data.y - y, axis=0) / np.linalg.norm(data.y, axis=0)
+    np.testing.assert_allclose(found.fit_error, error, rtol=1e-6)
+
+
+def test_identify___several_records___one_model_and_an_initial_state_each() -> None:
+    model = random_model(1)
+    records = [record(model, 300, seed=1), record(model, 201, seed=2), record(model, 404, seed=3)]
+    found = identify(records, order=5, block_rows=10)
+    expected = pulse_responses(model)
+    np.testing.assert_allclose(pulse_responses(found.model), expected, atol=1e-9)
+    for data, x0 in zip(records, found.x0, strict=True):
+        np.testing.assert_allclose(step_by_step(found.model, data.u, x0), data.y, atol=1e-8)
+
+
+def test_identify___clean_data_without_order___finds_the_true_one() -> None:
+    found = identify(record(random_model(2, states=9), 1500, seed=2), block_rows=20)
+    assert found.order == 9
+    assert found.suggested_order == 9
+
+
+def test_suggest_order___clear_gap___is_found() -> None:
+    assert suggest_order(np.array([9.0, 8.0, 7.0, 1e-3, 9e-4]), 4) == 3
+    assert suggest_order(np.array([5.0, 0.0, 0.0]), 2) == 1
+
+
+def test_identify___feedthrough___is_recovered() -> None:
+    model = random_model(3, feedthrough=True)
+    found = identify(record(model, 500, seed=3), order=5, block_rows=10, feedthrough=True)
+    np.testing.assert_allclose(pulse_responses(found.model), pulse_responses(model), atol=1e-9)
+
+
+def test_identify___unstable_plant___eigenvalue_is_moved_and_reported() -> None:
+    model = random_model(4)
+    A = model.A / np.abs(np.linalg.eigvals(model.A)).max() * 1.001
+    data = record(named(A, model.B, model.C, model.D), 500, seed=4)
+    found = identify(data, order=5, block_rows=10)
+    assert np.abs(np.linalg.eigvals(found.model.A)).max() < 1.0
+    assert found.moved_eigenvalues >= 1
+    assert "unstable eigenvalues of order 5 were moved" in found.warnings[0]
+
+
+def test_identify___sine_as_input___warns_with_the_condition_number() -> None:
+    model = random_model(5, inputs=1)
+    u = np.sin(0.3 * np.arange(800))[:, np.newaxis]
+    data = IoData(u, step_by_step(model, u), dt_s=DT_S, inputs=("u0",), outputs=("y0", "y1", "y2"))
+    found = identify(data, order=5, block_rows=10)
+    assert found.input_condition > 1e12
+    assert "excites few frequencies" in found.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("method", "text"), [("orse", "a small bias remains"), ("orse_thesis", "plain ORSE is biased")]
+)
+def test_identify___closed_loop_record___warns(method: str, text: str) -> None:
+    data = replace(arm_experiment(6, 1000), closed_loop=True)
+    found = identify(data, order=9, method=method)
+    assert any("closed-loop" in note and text in note for note in found.warnings)
+
+
+def test_identify___offset_and_saturation___are_reported_by_channel() -> None:
+    data = arm_experiment(7, 1000)
+    y = data.y + np.array([0.0, 0.0, 1e5, 0.0])
+    y[100, 3] = 10.0
+    found = identify(replace(data, y=y, source="run 7"), order=9)
+    assert "run 7: middle_strain_v is almost all offset: remove its bias first" in found.warnings
+    assert "run 7: speed_v reaches 10.00 V and may be saturated" in found.warnings
+
+
+def test_identify___progress___ends_with_the_fit() -> None:
+    seen: list[tuple[str, float]] = []
+    identify(arm_experiment(8, 1500), progress=lambda stage, part: seen.append((stage, part)))
+    stages = [stage for stage, _ in seen]
+    assert stages[0] == "gram"
+    assert seen[-1] == ("fit", 1.0)
+    assert ("order", 1.0) in seen
+    assert all(0.0 <= part <= 1.0 for _, part in seen)
+
+
+def test_identify___method_auto___names_what_it_chose() -> None:
+    assert identify(arm_experiment(9, 1000), order=9, method="auto").method == "orse"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "pem"}, "method must be one of auto, orse, .*: 'pem'"),
+        ({"block_rows": 1}, "block_rows must be 2 or more: 1"),
+        ({"order": 0}, "order must lie between 1 and 39 for block_rows = 40: 0"),
+        ({"order": 40}, "order must lie between 1 and 39 for block_rows = 40: 40"),
+        ({"block_rows": 300}, "1000 samples are too few, 300 block rows need at least 1800"),
+        (
+            {"block_rows": 100, "method": "orse_iv"},
+            "1000 samples are too few, 100 block rows need at least 1200",
+        ),
+    ],
+)
+def test_identify___impossible_request___raises_one_clear_line(
+    options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(IdentificationError, match=message) as caught:
+        identify(arm_experiment(10, 1000), **options)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.5])
+def test_identify___constant_input___raises(level: float) -> None:
+    data = arm_experiment(11, 1000)
+    with pytest.raises(DataError, match="input command_v is constant, it excites nothing"):
+        identify(replace(data, u=np.full_like(data.u, level)))
+
+
+def test_identify___records_do_not_match___raises() -> None:
+    data = arm_experiment(12, 1000)
+    with pytest.raises(DataError, match="dt_s"):
+        identify([data, replace(data, dt_s=0.002)])
