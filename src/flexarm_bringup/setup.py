@@ -1,3 +1,5 @@
+from pathlib import Path
+
 from setuptools import find_packages, setup
 
 PACKAGE = "flexarm_bringup"
@@ -9,6 +11,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", [str(path) for path in Path("config").glob("*")]),
+        (f"share/{PACKAGE}/launch", [str(path) for path in Path("launch").glob("*")]),
+        ("bin", ["bin/flexarm"]),
     ],
     install_requires=["setuptools"],
     maintainer="flexarm maintainers",

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 LATEST_TIME_NS = 2**63 - 1
 
 
-class RecordingError(Exception):
+class RecordingError(RuntimeError):
     """The bag cannot be created or written."""
 
 

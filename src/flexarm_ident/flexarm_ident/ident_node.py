@@ -26,7 +26,7 @@ from flexarm_node.parameters import Parameters, ParameterSpec
 from flexarm_node.process import run as run_node
 
 if TYPE_CHECKING:
-    from flexarm_ident.bags import BagReading
+    from flexarm_ident.alignment import BagReading
     from flexarm_ident.modes import Mode
 
 PARAMETERS = (

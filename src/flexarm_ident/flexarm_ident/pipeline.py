@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from flexarm_ident.orse import RangeSpace
 
 METHODS = ("orse", "orse_iv", "orse_thesis")
-DEFAULT_METHOD = "orse"
 _SMALLEST_BLOCK_ROWS = 2
 _LARGE_OFFSET = 1e3
 _FULL_SCALE_V = 9.99
@@ -120,8 +119,9 @@ def identify(
     block_rows : int
         Block rows of the Hankel matrices, q of (2-18).
     method : {'auto', 'orse', 'orse_iv', 'orse_thesis'}
-        ORSE with outputs scaled by their innovation ('orse', which 'auto' stands for), with past
-        data as instruments ('orse_iv'), or with the thesis's own scaling ('orse_thesis').
+        ORSE with outputs scaled by their innovation ('orse'), with past data as instruments
+        ('orse_iv'), or with the thesis's own scaling ('orse_thesis'). 'auto' takes 'orse_iv' for
+        closed-loop records, in which noise reaches the input, and 'orse' for others.
     stable : bool
         Move unstable eigenvalues inside the unit circle before B is fitted (section 3.2).
     feedthrough : bool
@@ -141,7 +141,8 @@ def identify(
     """
     records = as_records(data)
     report = progress or _silent
-    method = DEFAULT_METHOD if method == "auto" else method
+    if method == "auto":
+        method = "orse_iv" if any(record.closed_loop for record in records) else "orse"
     _check_request(records, order, block_rows, method)
     report("gram", 0.0)
     space = _range_space(records, block_rows, method)

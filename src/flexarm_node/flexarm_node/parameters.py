@@ -118,14 +118,13 @@ class Parameters:
     def _declare(self, spec: ParameterSpec) -> None:
         try:
             self._node.declare_parameter(spec.name, spec.default, spec.descriptor())
-        except InvalidParameterTypeException as error:
+        except InvalidParameterTypeException:
             wanted = type(spec.default).__name__
-            hint = " (write 300.0, not 300)" if wanted == "float" else ""
-            raise ParameterError(
-                f"parameter {spec.name} must be a {wanted}{hint}: {error}"
-            ) from None
-        except InvalidParameterValueException as error:
-            raise ParameterError(str(error)) from None
+            hint = ": write 300.0, not 300" if wanted == "float" else ""
+            raise ParameterError(f"parameter {spec.name} must be a {wanted}{hint}") from None
+        except InvalidParameterValueException:
+            span = f"{spec.minimum:g} to {spec.maximum:g} {spec.unit}".rstrip()
+            raise ParameterError(f"parameter {spec.name} is out of its range, {span}") from None
 
     def _refusal(self, values: Mapping[str, Any]) -> str | None:
         for name, spec in self._specs.items():

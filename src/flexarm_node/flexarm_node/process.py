@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import sys
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SPIN_S = 1.0
+_PR_SET_PDEATHSIG = 1
+DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
+"""Environment variable: a node that finds it set stops when the process that started it dies."""
 
 
 class StoppableNode(Protocol):
@@ -45,6 +49,8 @@ def run(make_node: Callable[[], StoppableNode]) -> int:
     make_node
         Builds the node. A `ParameterError` from it is printed as one line, exit code 2.
     """
+    if os.environ.pop(DIE_WITH_PARENT, None):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     signals, wakeup = os.pipe()
     os.set_blocking(wakeup, False)
     signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)

@@ -1,0 +1,41 @@
+"""`flexarm test`: lint, types and tests of the checkout."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from flexarm_bringup import terminal
+from flexarm_bringup.processes import LaunchError
+
+_CHECKS = (
+    ("lint", ["ruff", "check"]),
+    ("format", ["ruff", "format", "--check"]),
+    ("types", ["mypy"]),
+    ("tests", ["pytest"]),
+)
+
+
+def check_everything(arguments: tuple[str, ...]) -> int:
+    """Run all checks, or pytest with the arguments; return the exit code.
+
+    Raises
+    ------
+    LaunchError
+        Outside a checkout.
+    """
+    root = os.environ.get("FLEXARM_ROOT")
+    if root is None or not Path(root, "pyproject.toml").is_file():
+        raise LaunchError("the tests live in the checkout: run ./flexarm test there")
+    checks = (("tests", ["pytest", *arguments]),) if arguments else _CHECKS
+    failed = []
+    for name, (tool, *options) in checks:
+        terminal.step(f"{name}: {' '.join((tool, *options))}")
+        command = [sys.executable, "-m", tool, *options]
+        if subprocess.run(command, cwd=root, check=False).returncode != 0:  # noqa: S603
+            failed.append(name)
+    if failed:
+        terminal.CONSOLE.print(f"[bold red]failed: {', '.join(failed)}[/bold red]")
+    return 1 if failed else 0

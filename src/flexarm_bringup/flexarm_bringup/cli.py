@@ -1,0 +1,235 @@
+"""The `flexarm` command: one verb per job, one-line errors, exit code 0 only on success."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+# A verb imports what it needs when it runs: `--help` and tab completion stay quick.
+
+_RUN_ON = {"ignore_unknown_options": True, "allow_interspersed_args": False}
+
+
+class _Verbs(click.Group):
+    """Turns the errors that a user can mend into one line, and Ctrl-C into exit code 130."""
+
+    def invoke(self, context: click.Context) -> Any:  # noqa: ANN401 - as click has it
+        try:
+            return super().invoke(context)
+        except KeyboardInterrupt:
+            click.echo("flexarm: interrupted", err=True)
+            sys.exit(130)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except (ValueError, RuntimeError, OSError) as error:
+            if os.environ.get("FLEXARM_DEBUG"):
+                raise
+            click.echo(f"flexarm: {' '.join(str(error).split())}", err=True)
+            sys.exit(1)
+
+    def list_commands(self, context: click.Context) -> list[str]:  # noqa: ARG002
+        return list(self.commands)
+
+
+def _examples(*lines: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    def add(function: Callable[..., Any]) -> Callable[..., Any]:
+        text = "\n".join(f"  flexarm {line}" for line in lines)
+        function.__doc__ = f"{function.__doc__}\n\n\b\nExamples:\n{text}"
+        return function
+
+    return add
+
+
+@click.group(cls=_Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option("0.1.0", prog_name="flexarm")
+def main() -> None:
+    """Measure, model and control a flexible arm.
+
+    FLEXARM_DEBUG=1 shows where an error comes from.
+    """
+
+
+@main.command()
+@click.option(
+    "--payload", type=click.FloatRange(0.0, 1.0), default=0.0, help="Mass at the tip, kg."
+)
+@click.option(
+    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the noise."
+)
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True)
+@click.option("--fast", is_flag=True, help="Virtual time: as fast as the machine can.")
+@click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag.")
+@_examples("demo", "demo --fast --payload 0.4 --seed 7", "demo --out /tmp/arm --keep-bag")
+def demo(payload: float, seed: int, out: Path, *, fast: bool, keep_bag: bool) -> None:
+    """Excite, record, identify, reduce and control the simulated arm, with real nodes."""
+    from flexarm_bringup.demo import DemoSettings, run_demo  # noqa: PLC0415
+
+    run_demo(DemoSettings(out, payload, seed, fast, keep_bag))
+
+
+@main.command()
+@click.option(
+    "--payload", type=click.FloatRange(0.0, 1.0), default=0.0, help="Mass at the tip, kg."
+)
+@click.option(
+    "--rate", type=click.FloatRange(10.0, 2000.0), default=300.0, show_default=True, help="Hz."
+)
+@click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
+@_examples("up", "up --rate 500 --payload 0.2", "up --bag out/run1")
+def up(payload: float, rate: float, bag: Path | None) -> None:
+    """Start daq, controller, recorder and ident, and keep them until Ctrl-C."""
+    from flexarm_bringup.up import run_graph  # noqa: PLC0415
+
+    run_graph(payload_kg=payload, rate_hz=rate, bag=bag)
+
+
+@main.command(context_settings=_RUN_ON)
+@click.argument("package")
+@click.argument("executable")
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+@_examples(
+    "run flexarm_daq daq_node --ros-args -p autostart:=true -p rate_hz:=500.0",
+    "run flexarm_daq recorder_node --ros-args -p bag:=out/run1",
+)
+def run(package: str, executable: str, arguments: tuple[str, ...]) -> None:
+    """Run one node, as `ros2 run` does."""
+    from flexarm_bringup.processes import find_executable  # noqa: PLC0415
+
+    path = str(find_executable(package, executable))
+    os.execv(path, [path, *arguments])  # noqa: S606 - this is what the verb is for
+
+
+@main.command("exec", context_settings=_RUN_ON)
+@click.argument("command", nargs=-1, required=True, type=click.UNPROCESSED)
+@_examples("exec python -c 'import rclpy'", "exec bash")
+def execute(command: tuple[str, ...]) -> None:
+    """Run any command inside the environment."""
+    try:
+        os.execvp(command[0], command)  # noqa: S606 - this is what the verb is for
+    except FileNotFoundError:
+        raise click.ClickException(f"no command {command[0]}") from None
+
+
+@main.command("import")
+@click.argument("csv", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option(
+    "--map",
+    "map_file",
+    required=True,
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="YAML file that says which column is what.",
+)
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="Bag to create."
+)
+@_examples("import run.csv --map columns.yaml -o bags/run")
+def import_(csv: Path, map_file: Path, output: Path) -> None:
+    """Turn a CSV file with named columns into a bag."""
+    from flexarm_bringup.files import import_measurements  # noqa: PLC0415
+
+    click.echo(import_measurements(csv, map_file, output))
+
+
+@main.command()
+@click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("out/identify"), show_default=True
+)
+@click.option(
+    "--method", default="auto", show_default=True, help="auto, orse, orse_iv or orse_thesis."
+)
+@click.option(
+    "--train-fraction", type=float, default=0.5, show_default=True, help="Part that is fitted."
+)
+@click.option("--block-rows", type=click.IntRange(2), default=40, show_default=True)
+@click.option("--order", type=click.IntRange(1), help="Order of the full model; else chosen.")
+@click.option(
+    "--reduction",
+    type=click.Choice(["none", "mrm", "msv", "mrmc"]),
+    default="none",
+    show_default=True,
+)
+@click.option("--reduced-order", type=click.IntRange(1), help="States to keep; else chosen.")
+@click.option(
+    "--known-mode", "known_modes_hz", multiple=True, type=float, help="Hz, for mrmc; repeat."
+)
+@click.option("--update", type=click.Choice(["none", "b", "c"]), default="none", show_default=True)
+@click.option("--keep-compensation", is_flag=True, help="Leave the Coulomb compensation in.")
+@_examples(
+    "identify bags/c_dat3",
+    "identify bags/c_dat3 --reduction mrm --reduced-order 10 --update b -o out/c3",
+)
+def identify(bags: tuple[Path, ...], out: Path, *, keep_compensation: bool, **request: Any) -> None:  # noqa: ANN401
+    """Identify a model from bags, without any node; write parameters and report."""
+    from flexarm_bringup.files import identify_bags  # noqa: PLC0415
+
+    identify_bags(bags, out, remove_compensation=not keep_compensation, **request)
+
+
+@main.command()
+@click.argument("bag", type=click.Path(path_type=Path))
+@click.option("--rate", type=float, default=1.0, show_default=True, help="2 plays twice as fast.")
+@click.option("--loop", is_flag=True, help="Start again at the end.")
+@_examples("play bags/c_dat3", "play bags/c_dat3 --rate 2")
+def play(bag: Path, rate: float, *, loop: bool) -> None:
+    """Publish the messages of a bag with their original timing."""
+    _exec_node("player_node", {"bag": bag.absolute(), "rate": rate, "loop": loop})
+
+
+@main.command()
+@click.argument("bag", type=click.Path(path_type=Path))
+@_examples("record out/run1")
+def record(bag: Path) -> None:
+    """Record state, command and reference of the running graph until Ctrl-C."""
+    _exec_node("recorder_node", {"bag": bag.absolute()})
+
+
+@main.group()
+def bag() -> None:
+    """Look after bags."""
+
+
+@bag.command("repair")
+@click.argument("damaged", type=click.Path(exists=True, path_type=Path))
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="Bag to create."
+)
+@_examples("bag repair out/run1 -o out/run1_repaired")
+def repair(damaged: Path, output: Path) -> None:
+    """Copy every whole message of a damaged bag into a new one."""
+    from flexarm_bringup.files import repair_bag  # noqa: PLC0415
+
+    click.echo(repair_bag(damaged, output))
+
+
+@main.command(context_settings=_RUN_ON)
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+@_examples("test", "test test/unit -k margins")
+def test(arguments: tuple[str, ...]) -> None:
+    """Lint, check types and run the tests; with arguments, run pytest with them only."""
+    from flexarm_bringup.check import check_everything  # noqa: PLC0415
+
+    sys.exit(check_everything(arguments))
+
+
+@main.command()
+@_examples("doctor")
+def doctor() -> None:
+    """Say what this environment consists of and whether nodes can talk."""
+    from flexarm_bringup.doctor import examine  # noqa: PLC0415
+
+    sys.exit(examine())
+
+
+def _exec_node(executable: str, parameters: dict[str, object]) -> None:
+    from flexarm_bringup.processes import NodeProgram  # noqa: PLC0415
+
+    command = NodeProgram("flexarm_daq", executable, parameters).command()
+    os.execv(command[0], command)  # noqa: S606 - our own node

@@ -1,0 +1,273 @@
+"""The whole loop once: excite, record, identify, reduce, control, report.
+
+The closed-loop experiment has the shape of C_dat3 (Table A-3): PD with compensation, 3 V square
+wave with half-periods of 2.5 to 5 s, 12000 samples at 300 Hz.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import shutil
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm_bringup import terminal
+from flexarm_bringup.graph import running_graph
+from flexarm_control.criteria import step_figures
+from flexarm_control.gains import PdpGains
+from flexarm_control.margins import margins
+from flexarm_daq.beam import natural_frequencies_hz
+from flexarm_daq.parameters import RigParameters
+from flexarm_ident.bags import read_bag_report
+from flexarm_ident.iodata import ARM_OUTPUTS
+from flexarm_ident.model_io import read_parameter_file
+from flexarm_ident.plots import step_plot
+from flexarm_ident.report import Section, append_section
+from flexarm_msgs.srv import Identify
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_bringup.operation import Operator
+    from flexarm_control.criteria import StepFigures
+    from flexarm_ident.alignment import BagReading
+
+RATE_HZ = 300.0
+EXPERIMENT_SAMPLES = 12000
+STEP_SAMPLES = 3000
+SET_POINT_V = 3.0
+REDUCED_ORDER = 10
+# A reply takes about that long over DDS; the margins include it.
+REPLY_DELAY_S = 6e-4
+
+
+@dataclass(frozen=True)
+class DemoSettings:
+    """What a user can choose.
+
+    Attributes
+    ----------
+    out
+        Folder of the results.
+    payload_kg
+        Mass at the tip of the simulated arm.
+    seed
+        Seed of the sensor noise and of the reference's half-periods.
+    fast
+        Virtual time instead of real time.
+    keep_bag
+        Keep the two bags in the folder of the results.
+    """
+
+    out: Path
+    payload_kg: float = 0.0
+    seed: int = 1
+    fast: bool = False
+    keep_bag: bool = False
+
+
+def run_demo(settings: DemoSettings) -> dict[str, Any]:
+    """Run the demo and return its summary, which is also written to `summary.json`.
+
+    Raises
+    ------
+    LaunchError
+        When a node does not do its part.
+    """
+    out = settings.out
+    out.mkdir(parents=True, exist_ok=True)
+    log = out / "nodes.log"
+    log.unlink(missing_ok=True)
+    true_modes_hz = natural_frequencies_hz(RigParameters(payload_kg=settings.payload_kg))
+    with _bag_folder(out / "bag", keep=settings.keep_bag) as bags:
+        terminal.step("Starting the nodes: daq, controller, recorder, ident")
+        with running_graph(_start_parameters(settings), log) as (operator, _):
+            terminal.step(_experiment_text(settings))
+            _record(operator, bags / "experiment", EXPERIMENT_SAMPLES, "exciting the arm")
+            terminal.step("Identifying, reducing and validating a model")
+            with terminal.busy("subspace identification of the recorded bag"):
+                response = operator.identify(_request(bags / "experiment", true_modes_hz))
+            _show(response)
+            terminal.step(f"Controlling the arm: PDPC, step to {SET_POINT_V:g} V")
+            operator.set_parameters(
+                "controller",
+                {"law": "pdpc", "reference": "step", "step.amplitude_v": SET_POINT_V},
+            )
+            _record(operator, bags / "step", STEP_SAMPLES, "stepping")
+        experiment, step = read_bag_report(bags / "experiment"), read_bag_report(bags / "step")
+    figures = _figures(step)
+    summary = _summary(settings, response, experiment, figures, true_modes_hz)
+    _write_report(out, response, step, figures)
+    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    _show_step(summary, out)
+    return summary
+
+
+@contextmanager
+def _bag_folder(folder: Path, *, keep: bool) -> Iterator[Path]:
+    """Give an empty folder for bags; remove it at the end, whatever the end is, unless kept."""
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        yield folder.absolute()
+    finally:
+        if not keep:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _start_parameters(settings: DemoSettings) -> dict[str, dict[str, Any]]:
+    return {
+        "daq": {
+            "rate_hz": RATE_HZ,
+            "time": "virtual" if settings.fast else "real",
+            "payload_kg": settings.payload_kg,
+            "seed": settings.seed,
+            "reply_delay_s": REPLY_DELAY_S,
+        },
+        "controller": {
+            "law": "pd",
+            "pd.compensation_v": 0.7,
+            "reference": "varying_square",
+            "varying_square.amplitude_v": SET_POINT_V,
+            "varying_square.shortest_s": 2.5,
+            "varying_square.longest_s": 5.0,
+            "varying_square.seed": settings.seed,
+        },
+        "ident": {"output_folder": str((settings.out / "models").absolute())},
+    }
+
+
+def _experiment_text(settings: DemoSettings) -> str:
+    seconds = EXPERIMENT_SAMPLES / RATE_HZ
+    pace = "as fast as it goes" if settings.fast else f"{seconds:.0f} s"
+    return (
+        f"Closed-loop experiment, {settings.payload_kg * 1e3:.0f} g payload: "
+        f"{EXPERIMENT_SAMPLES} samples at {RATE_HZ:.0f} Hz, {pace}"
+    )
+
+
+def _record(operator: Operator, bag: Path, samples: int, text: str) -> None:
+    operator.record(str(bag))
+    with terminal.progress_bar(text, samples) as progress:
+        operator.sample(samples, progress)
+    terminal.CONSOLE.print(f"  recorded {operator.record(None)}")
+
+
+def _request(bag: Path, known_modes_hz: np.ndarray) -> Identify.Request:
+    return Identify.Request(
+        bag_uris=[str(bag)],
+        train_fraction=0.5,
+        method="auto",
+        reduction="mrmc",
+        reduced_order=REDUCED_ORDER,
+        known_modes_hz=known_modes_hz.tolist(),
+        update="b",
+        remove_compensation=True,
+        stabilise=True,
+    )
+
+
+def _figures(step: BagReading) -> StepFigures:
+    time_s = np.arange(len(step.data)) * step.data.dt_s
+    return step_figures(time_s, step.data.y[:, 0], SET_POINT_V)
+
+
+def _kept_modes_hz(response: Identify.Response, known_modes_hz: np.ndarray) -> list[float]:
+    """Return the reduced model's flexible modes, one for each known one."""
+    pairs = [mode for mode in response.modes if mode.kept and mode.eigenvalue_imaginary > 0.0]
+    return [
+        min(pairs, key=lambda mode: abs(math.log(mode.frequency_hz / known))).frequency_hz
+        for known in known_modes_hz
+    ]
+
+
+def _summary(
+    settings: DemoSettings,
+    response: Identify.Response,
+    experiment: BagReading,
+    figures: StepFigures,
+    true_modes_hz: np.ndarray,
+) -> dict[str, Any]:
+    (model,) = read_parameter_file(Path(response.report_path, "model.yaml")).values()
+    robustness = margins(model, PdpGains(), delay_s=REPLY_DELAY_S)
+    return {
+        "payload_kg": settings.payload_kg,
+        "seed": settings.seed,
+        "time": "virtual" if settings.fast else "real",
+        "samples": experiment.samples,
+        "lost": experiment.lost,
+        "full_order": sum(1 + (mode.eigenvalue_imaginary > 0.0) for mode in response.modes),
+        "reduced_order": int(model.nstates),
+        "modes_hz": _kept_modes_hz(response, true_modes_hz),
+        "true_modes_hz": true_modes_hz.tolist(),
+        "dmv": list(response.dmv[:-1]),
+        "dmv_mean": response.dmv[-1],
+        "sfv": list(response.sfv[:-1]),
+        "sfv_mean": response.sfv[-1] if response.sfv else None,
+        "warnings": list(response.warnings),
+        "margins": {
+            "gain_db": robustness.gain_margin_db,
+            "phase_deg": robustness.phase_margin_deg,
+        },
+        "pdpc": {
+            "set_point_v": SET_POINT_V,
+            "mean_error_v": figures.mean_error_v,
+            "overshoot": figures.overshoot,
+            "settling_s": figures.settling_s if math.isfinite(figures.settling_s) else None,
+        },
+        "versions": {
+            "python": platform.python_version(),
+            "ros_distro": os.environ.get("ROS_DISTRO", "unknown"),
+            **{name: version(name) for name in ("numpy", "scipy", "control", "mcap")},
+        },
+    }
+
+
+def _write_report(
+    out: Path, response: Identify.Response, step: BagReading, figures: StepFigures
+) -> None:
+    """Write the service's report with the controlled step added."""
+    text = Path(response.report_path, "report.html").read_text(encoding="utf-8")
+    data = step.data
+    time_s = np.arange(len(data)) * data.dt_s
+    plot = step_plot(time_s, data.y, np.full(len(data), SET_POINT_V), data.u[:, 0])
+    words = (
+        f"PDPC (4-6 to 4-8) with the thesis's gains, step to {SET_POINT_V:g} V. "
+        f"Mean error over the last 2 s {figures.mean_error_v:+.4f} V, "
+        f"overshoot {100 * figures.overshoot:.1f} %, "
+        f"within 5 % after {figures.settling_s:.2f} s."
+    )
+    section = Section("Controlled step", words, plot)
+    (out / "report.html").write_text(append_section(text, section), encoding="utf-8")
+
+
+def _show(response: Identify.Response) -> None:
+    console = terminal.CONSOLE
+    console.print(f"  {response.message}")
+    console.print(terminal.mode_table(response.modes))
+    rows = [("data matching (DMV)", response.dmv)]
+    if response.sfv:
+        rows.append(("set-point following (SFV)", response.sfv))
+    console.print(terminal.error_table(ARM_OUTPUTS, rows))
+    for warning in response.warnings:
+        console.print(f"  note: {warning}")
+
+
+def _show_step(summary: dict[str, Any], out: Path) -> None:
+    pdpc, robustness = summary["pdpc"], summary["margins"]
+    settling = pdpc["settling_s"]
+    terminal.CONSOLE.print(
+        f"  on the reduced model: gain margin {robustness['gain_db']:.1f} dB, "
+        f"phase margin {robustness['phase_deg']:.1f} deg\n"
+        f"  on the rig: mean error over the last 2 s {pdpc['mean_error_v']:+.4f} V, "
+        f"overshoot {100 * pdpc['overshoot']:.1f} %, settled after "
+        + ("-" if settling is None else f"{settling:.2f} s")
+    )
+    terminal.step(f"Report: {out / 'report.html'}")

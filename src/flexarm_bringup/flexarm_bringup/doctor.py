@@ -1,0 +1,91 @@
+"""`flexarm doctor`: what this environment consists of, and whether nodes can talk."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import platform
+import sys
+import time
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING
+
+from flexarm_bringup import terminal
+from flexarm_bringup.processes import LaunchError, find_executable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_TALK_S = 10.0
+_EXECUTABLES = (
+    ("flexarm_daq", "daq_node"),
+    ("flexarm_daq", "recorder_node"),
+    ("flexarm_daq", "player_node"),
+    ("flexarm_ident", "ident_node"),
+    ("flexarm_control", "controller_node"),
+)
+
+
+def examine() -> int:
+    """Examine one thing after the other; return 1 when one is wrong."""
+    checks: tuple[tuple[str, Callable[[], str]], ...] = (
+        ("Python", platform.python_version),
+        ("ROS 2", lambda: os.environ.get("ROS_DISTRO", "unknown distribution")),
+        ("domain", _domain),
+        ("libraries", _libraries),
+        ("messages", _messages),
+        ("executables", _executables),
+        ("talk over DDS", _talk),
+    )
+    return min(sum(_is_wrong(name, check) for name, check in checks), 1)
+
+
+def _is_wrong(name: str, check: Callable[[], str]) -> bool:
+    try:
+        terminal.CONSOLE.print(f"[green]ok[/green]    {name}: {check()}")
+    except (ImportError, LaunchError, PackageNotFoundError, RuntimeError) as error:
+        terminal.CONSOLE.print(f"[red]wrong[/red] {name}: {error}")
+        return True
+    return False
+
+
+def _domain() -> str:
+    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    return f"ROS_DOMAIN_ID {os.environ.get('ROS_DOMAIN_ID', '0')}, discovery range {reach}"
+
+
+def _libraries() -> str:
+    names = ("numpy", "scipy", "control", "numba", "rosbags", "mcap")
+    return ", ".join(f"{name} {version(name)}" for name in names)
+
+
+def _messages() -> str:
+    return str(importlib.import_module("flexarm_msgs.msg").__name__)
+
+
+def _executables() -> str:
+    for package, executable in _EXECUTABLES:
+        find_executable(package, executable)
+    return ", ".join(executable for _, executable in _EXECUTABLES)
+
+
+def _talk() -> str:
+    import rclpy  # noqa: PLC0415 - may be what is missing
+    from std_msgs.msg import Float64  # noqa: PLC0415
+
+    rclpy.init()
+    heard: list[float] = []
+    try:
+        node = rclpy.create_node(f"flexarm_doctor_{os.getpid()}")
+        topic = f"flexarm_doctor_{os.getpid()}"
+        node.create_subscription(Float64, topic, lambda message: heard.append(message.data), 1)
+        publisher = node.create_publisher(Float64, topic, 1)
+        started_s = time.monotonic()
+        while not heard:
+            publisher.publish(Float64(data=1.0))
+            rclpy.spin_once(node, timeout_sec=0.1)
+            if time.monotonic() - started_s > _TALK_S:
+                raise LaunchError(f"a message to itself did not arrive within {_TALK_S:.0f} s")
+    finally:
+        rclpy.try_shutdown()
+    return f"a message came back after {time.monotonic() - started_s:.2f} s ({sys.platform})"

@@ -1,0 +1,85 @@
+"""The graph of the laboratory as processes, and an operator for it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+
+from flexarm_bringup.operation import NAMESPACE, Operator
+from flexarm_bringup.processes import LaunchError, NodeProcesses, NodeProgram
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+    from typing import Any
+
+_DISCOVERY_S = 0.7
+_NODES = {
+    "recorder": ("flexarm_daq", "recorder_node"),
+    "ident": ("flexarm_ident", "ident_node"),
+    "controller": ("flexarm_control", "controller_node"),
+    "daq": ("flexarm_daq", "daq_node"),
+}
+
+
+@contextmanager
+def running_graph(
+    parameters: Mapping[str, Mapping[str, Any]], log: Path
+) -> Iterator[tuple[Operator, NodeProcesses]]:
+    """Start recorder, ident, controller and daq; configure the managed ones; stop all at the end.
+
+    Parameters
+    ----------
+    parameters
+        Parameters to start with, by node name.
+    log
+        File that gets what the nodes print.
+
+    Raises
+    ------
+    LaunchError
+        When another flexarm graph is running in this domain, or a node does not start.
+    """
+    signal.signal(signal.SIGTERM, _interrupt)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node("operator", namespace=NAMESPACE)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        programs = [
+            NodeProgram(package, executable, parameters.get(name, {}))
+            for name, (package, executable) in _NODES.items()
+        ]
+        processes = NodeProcesses(programs, log)
+        operator = Operator(node, executor, processes.check)
+        _require_free_domain(operator)
+        with processes:
+            for name in ("daq", "controller"):
+                operator.configure(name)
+            operator.activate("controller")
+            yield operator, processes
+    finally:
+        try_shutdown()
+
+
+def _require_free_domain(operator: Operator) -> None:
+    time.sleep(_DISCOVERY_S)
+    others = operator.nodes() & {f"{NAMESPACE}/{name}" for name in _NODES}
+    if others:
+        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        raise LaunchError(
+            f"{', '.join(sorted(others))} runs already in ROS domain {domain}: "
+            "stop it, or set ROS_DOMAIN_ID to another number"
+        )
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt

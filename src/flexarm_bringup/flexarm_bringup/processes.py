@@ -1,0 +1,160 @@
+"""Nodes as processes of their own: find, start, stop in order, leave none behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+from flexarm_node.process import DIE_WITH_PARENT
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from types import TracebackType
+
+_PATIENCE_S = 8.0
+
+
+class LaunchError(RuntimeError):
+    """A program cannot be found or did not do what was expected."""
+
+
+@dataclass(frozen=True)
+class NodeProgram:
+    """A node to start.
+
+    Attributes
+    ----------
+    package, executable
+        As for `ros2 run`.
+    parameters
+        Values to start with.
+    """
+
+    package: str
+    executable: str
+    parameters: Mapping[str, Any]
+
+    def command(self) -> list[str]:
+        """Return the command line that starts it."""
+        line = [str(find_executable(self.package, self.executable))]
+        if self.parameters:
+            line.append("--ros-args")
+        for name, value in self.parameters.items():
+            line += ["-p", f"{name}:={_as_yaml(value)}"]
+        return line
+
+
+def find_executable(package: str, executable: str) -> Path:
+    """Return the path of a node's executable.
+
+    Raises
+    ------
+    LaunchError
+        When there is no such package or executable; the message lists what there is.
+    """
+    try:
+        folder = Path(get_package_prefix(package), "lib", package)
+    except PackageNotFoundError:
+        raise LaunchError(f"no package {package} in this environment") from None
+    path = folder / executable
+    if not path.is_file():
+        known = sorted(each.name for each in folder.iterdir()) if folder.is_dir() else []
+        raise LaunchError(f"{package} has no {executable}; it has {', '.join(known) or 'none'}")
+    return path
+
+
+class NodeProcesses:
+    """The processes of a graph; leaving the context stops them in reverse order.
+
+    Each one is in a session of its own, so that Ctrl-C reaches this process only and the order of
+    the shutdown is ours. Should this process die, the kernel tells them to stop.
+
+    Parameters
+    ----------
+    programs
+        What to start, in this order.
+    log
+        File that gets what they print.
+    """
+
+    def __init__(self, programs: Sequence[NodeProgram], log: Path) -> None:
+        self._commands = [program.command() for program in programs]
+        self.log = log
+        self._processes: list[subprocess.Popen[bytes]] = []
+
+    def __enter__(self) -> NodeProcesses:  # noqa: PYI034 - Self needs Python 3.11
+        self.log.parent.mkdir(parents=True, exist_ok=True)
+        with self.log.open("ab") as output:
+            for command in self._commands:
+                self._processes.append(
+                    subprocess.Popen(  # noqa: S603 - our own nodes
+                        command,
+                        stdin=subprocess.DEVNULL,
+                        stdout=output,
+                        stderr=subprocess.STDOUT,
+                        start_new_session=True,
+                        env=os.environ | {DIE_WITH_PARENT: "1"},
+                    )
+                )
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc_value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        # A second Ctrl-C must not break the shutdown.
+        previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            for process in reversed(self._processes):
+                _stop(process)
+        finally:
+            signal.signal(signal.SIGINT, previous)
+
+    def check(self) -> None:
+        """Complain when one of them has ended.
+
+        Raises
+        ------
+        LaunchError
+            With the last line that was printed.
+        """
+        for process in self._processes:
+            if process.poll() is not None:
+                name = Path(str(process.args[0])).name  # type: ignore[index]
+                raise LaunchError(
+                    f"{name} ended with exit code {process.returncode}: {self.last_line()}"
+                )
+
+    def last_line(self) -> str:
+        """Return the last line that any of them printed."""
+        lines = self.log.read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else f"it printed nothing ({self.log})"
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    for stop_signal in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+        if process.poll() is None:
+            process.send_signal(stop_signal)
+        try:
+            process.wait(_PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            continue
+        return
+
+
+def _as_yaml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_as_yaml(each) for each in value) + "]"
+    return repr(value)
