@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,8 @@ if TYPE_CHECKING:
     from flexarm_ident.modes import Mode
     from flexarm_msgs.msg import ModeSummary
 
-CONSOLE = Console(highlight=False)
+# Without a terminal there is nothing to wrap for.
+CONSOLE = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110)
 _PLAIN_STEPS = 10
 
 

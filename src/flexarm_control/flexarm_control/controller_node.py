@@ -114,7 +114,7 @@ class ControllerNode(LoopNode):
     def make_topics(self) -> None:
         """Make the topics of the loop."""
         self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
-        self._commands = self.create_publisher(MotorCommand, "command", qos.NEWEST)
+        self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
         self._references_out = self.create_publisher(Float64, "reference", qos.STATUS)
         self._references_in = self.create_subscription(
             Float64, "reference", self._on_reference, qos.NEWEST

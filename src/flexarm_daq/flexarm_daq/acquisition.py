@@ -38,6 +38,14 @@ class Command(NamedTuple):
     compensation_v: float
 
 
+class Applied(NamedTuple):
+    """What the drive was told: volts after the limiter, and which command they come from."""
+
+    command_v: float
+    compensation_v: float
+    command_sequence: int
+
+
 class Record(NamedTuple):
     """One sample with the command in force while it was taken."""
 
@@ -47,6 +55,9 @@ class Record(NamedTuple):
     command_v: float
     compensation_v: float
     command_sequence: int
+
+
+_NOTHING = Applied(0.0, 0.0, 0)
 
 
 class Link(Protocol):
@@ -94,9 +105,8 @@ class Acquisition:
         self._answer_timeout_s = answer_timeout_s
         self._emergency = False
         self._position_v = 0.0
-        self._in_force = Command(0, 0, 0.0, 0.0)
-        self._applied_v = 0.0
-        self._applied_compensation_v = 0.0
+        self._answer = Command(0, 0, 0.0, 0.0)
+        self._applied = _NOTHING
         self._tick_s = 0.0
         self._sample_time_s = 0.0
         self.sequence = 0
@@ -143,23 +153,15 @@ class Acquisition:
     def _tick(self) -> None:
         sample = self._rig.read()
         self._tick_s = time.monotonic()
-        if self._in_force.state_sequence != self.sequence:
+        if self._answer.state_sequence != self.sequence:
             self.unanswered += 1
-        if self._applied_v != 0.0 and (self._emergency or self._watchdog.stale(sample.time_s)):
-            self._write(0.0, 0.0)
+        in_force = self._applied
+        if in_force != _NOTHING and (self._emergency or self._watchdog.stale(sample.time_s)):
+            self._write(_NOTHING)
             self._limiter.reset()
         self.sequence += 1
         self._position_v = float(sample.volts[0])
-        self._link.publish(
-            Record(
-                self.sequence,
-                sample.time_s,
-                sample.volts,
-                self._applied_v,
-                self._applied_compensation_v,
-                self._in_force.sequence,
-            )
-        )
+        self._link.publish(Record(self.sequence, sample.time_s, sample.volts, *in_force))
         self._sample_time_s = sample.time_s
 
     def _next_deadline(self, deadline_s: float) -> float:
@@ -180,17 +182,17 @@ class Acquisition:
 
     def _await_answer(self, timeout_s: float) -> None:
         until_s = time.monotonic() + timeout_s
-        while self._in_force.state_sequence != self.sequence:
+        while self._answer.state_sequence != self.sequence:
             command = self._link.wait(until_s - time.monotonic())
             if command is None:
                 return
             self._act(command)
 
     def _act(self, command: Command) -> None:
-        if not self._in_force.state_sequence < command.state_sequence <= self.sequence:
+        if not self._answer.state_sequence < command.state_sequence <= self.sequence:
             self.refused += 1
             return
-        self._in_force = command
+        self._answer = command
         self._watchdog.fed(self._sample_time_s)
         self.reply_s.add(time.monotonic() - self._tick_s)
         if self._emergency:
@@ -199,9 +201,8 @@ class Acquisition:
             command.effort_v, command.compensation_v, self._position_v, self._period_s
         )
         self.limited += bool(limited.reasons)
-        self._write(limited.command_v, limited.compensation_v)
+        self._write(Applied(limited.command_v, limited.compensation_v, command.sequence))
 
-    def _write(self, command_v: float, compensation_v: float) -> None:
-        self._rig.write(command_v)
-        self._applied_v = command_v
-        self._applied_compensation_v = compensation_v
+    def _write(self, applied: Applied) -> None:
+        self._rig.write(applied.command_v)
+        self._applied = applied

@@ -85,7 +85,8 @@ class DaqNode(LoopNode):
         """Build the rig, and wait until everybody who listens will get the first sample."""
         values = self.parameters.values()
         rig, settings = _rig_and_limits(values)
-        self._link.start(values["rate_hz"])
+        virtual = values["time"] == "virtual"
+        self._link.start(values["rate_hz"], await_controller=virtual)
         self._acquisition = Acquisition(
             rig,
             Limiter(settings),
@@ -93,7 +94,7 @@ class DaqNode(LoopNode):
             self._link,
             rate_hz=values["rate_hz"],
             samples=values["samples"],
-            answer_timeout_s=values["answer_timeout_s"] if values["time"] == "virtual" else None,
+            answer_timeout_s=values["answer_timeout_s"] if virtual else None,
         )
 
     def loop(self, stopping: threading.Event) -> None:
@@ -139,8 +140,8 @@ class _TopicLink:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._publisher = node.create_publisher(ArmState, "state", qos.STATE)
-        self._joint_states = node.create_publisher(JointState, "joint_states", qos.STATE)
+        self._publisher = node.create_publisher(ArmState, "state", qos.SENT)
+        self._joint_states = node.create_publisher(JointState, "joint_states", qos.SENT)
         self._commands: TopicWaiter[Any] = TopicWaiter(node, MotorCommand, "command", qos.NEWEST)
         self._state = ArmState()
         self._state.header.frame_id = "flexarm"
@@ -149,8 +150,10 @@ class _TopicLink:
         self._joint_every = 1
         self._start_ns = 0
 
-    def start(self, rate_hz: float) -> None:
+    def start(self, rate_hz: float, *, await_controller: bool) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
+        if await_controller:
+            wait_until(lambda: self._commands.publishers() > 0)
         topic = self._publisher.topic_name
         wait_until(
             lambda: self._publisher.get_subscription_count() >= self._node.count_subscribers(topic)

@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Schema
+from mcap.records import Channel, Message, Schema, Statistics
 from mcap.stream_reader import StreamReader
 
 from flexarm_daq.bag_metadata import RecordedTopic, TopicQos
@@ -61,6 +60,8 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
     RecordingError
         When there is no MCAP file, nothing whole in it, or the new bag cannot be written.
     """
+    if not damaged.exists():
+        raise RecordingError(f"{damaged}: no such bag")
     files = sorted(damaged.glob("*.mcap")) if damaged.is_dir() else [damaged]
     if not files:
         raise RecordingError(f"{damaged}: no .mcap file in there to repair")
@@ -82,20 +83,34 @@ def _whole(
 ) -> Iterator[tuple[RecordedTopic, Message]]:
     """Yield the messages of each file up to its damage, which is noted."""
     for file in files:
-        schemas: dict[int, Schema] = {}
-        topics: dict[int, RecordedTopic] = {}
-        with file.open("rb") as stream:
-            try:
-                for record in StreamReader(stream, validate_crcs=True).records:
-                    if isinstance(record, Schema):
-                        schemas[record.id] = record
-                    elif isinstance(record, Channel):
-                        topics[record.id] = _topic(record, schemas[record.schema_id])
-                    elif isinstance(record, Message):
-                        yield topics[record.channel_id], record
-            except (McapError, EOFError, KeyError, ValueError) as error:
-                if damage is not None:
-                    damage.append(f"{file.name}: {' '.join(str(error).split())}")
+        yield from _up_to_damage(file, [] if damage is None else damage)
+
+
+def _up_to_damage(file: Path, damage: list[str]) -> Iterator[tuple[RecordedTopic, Message]]:
+    try:
+        yield from _messages(file)
+    except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+        cause = " ".join(str(error).split()) or type(error).__name__
+        damage.append(f"{file.name}: {cause}")
+
+
+def _messages(file: Path) -> Iterator[tuple[RecordedTopic, Message]]:
+    topics: dict[int, RecordedTopic] = {}
+    schemas: dict[int, Schema] = {}
+    count = 0
+    with file.open("rb") as stream:
+        limit = file.stat().st_size
+        for record in StreamReader(stream, validate_crcs=True, record_size_limit=limit).records:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                topics[record.id] = _topic(record, schemas[record.schema_id])
+            elif isinstance(record, Message):
+                yield topics[record.channel_id], record
+                count += 1
+            elif isinstance(record, Statistics) and record.message_count != count:
+                # A chunk whose kind was overwritten is passed over without an error.
+                raise RecordingError(f"{count} of {record.message_count} messages found")
 
 
 def _topic(channel: Channel, schema: Schema) -> RecordedTopic:

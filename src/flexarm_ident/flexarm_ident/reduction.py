@@ -77,9 +77,9 @@ def reduce_model(
 ) -> Reduction:
     """Keep the significant modes of an identified model and refit what truncation disturbed.
 
-    Modes are taken in the order of the ranking; an unstable model is stabilised first. If the last
-    one is a pair with room for one state only, the model gets one state more than `order`: a pair
-    is never split, and the thesis, too, takes 11 by MSV where MRM gives 10 (Table 3-1).
+    Modes are taken in the order of the ranking; an unstable model is stabilised first. A pair is
+    never split: with room for one state only, the next real mode is taken in its place. When there
+    is none, the model gets one state more than `order`.
 
     The MRMC ranking of section 3.2 keeps, for each known frequency, the complex pair nearby
     with the strongest MRM, then fills up with the rigid motion (real modes and pairs below half
@@ -233,14 +233,16 @@ def _choose(
         rigid = [mode for mode in queue if mode.frequency_hz < slow_hz and mode not in flexible]
         others = [mode for mode in queue if mode not in flexible and mode not in rigid]
         queue = flexible + rigid + others
-    kept, states = [], 0
+    kept: list[Mode] = []
+    room = order
     for mode in queue:
-        if states >= order:
-            break
-        kept.append(mode)
-        states += len(mode.states)
-    if states > order:
-        notes.append(f"order {states} instead of {order}: mode {kept[-1].label} is a complex pair")
+        if len(mode.states) <= room:
+            kept.append(mode)
+            room -= len(mode.states)
+    if room:
+        pair = next(mode for mode in queue if mode not in kept)
+        kept.append(pair)
+        notes.append(f"order {order + 1} instead of {order}: only complex pairs are left")
     return sorted(kept, key=lambda mode: mode.states), notes
 
 

@@ -8,6 +8,7 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from flexarm_node import qos
@@ -56,8 +57,11 @@ class LoopNode(LifecycleNode):
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._ended = self.create_guard_condition(self._deactivate_ended)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.STATE)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.SENT)
         self.create_timer(_REPORT_S, self._report)
+        # rclpy's own answer to a transition that the present state does not have is an exception.
+        self._answer_transition = self._service_change_state.callback
+        self._service_change_state.callback = self._on_change_state
 
     @abstractmethod
     def make_topics(self) -> None:
@@ -124,6 +128,16 @@ class LoopNode(LifecycleNode):
         """End the loop."""
         self.stop()
         return TransitionCallbackReturn.SUCCESS
+
+    def _on_change_state(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        try:
+            return self._answer_transition(request, response)
+        except RuntimeError as error:
+            self.get_logger().error(f"transition {request.transition.id} refused: {error}")
+            response.success = False
+            return response
 
     def _run(self) -> None:
         self.loop(self._stopping)

@@ -14,13 +14,13 @@ def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATI
     )
 
 
-STATE = _reliable(10)
-"""Samples of the rig, as published."""
+SENT = _reliable(1000)
+"""Samples and commands as published: kept so long that a reader whose process pauses loses none."""
 
 NEWEST = _reliable(1)
-"""For a reader or writer that only ever wants the newest message: the loop's two ends."""
+"""For a reader that only ever wants the newest message: the loop's two ends."""
 
-EVERY = _reliable(1000)
+EVERY = _reliable(10000)
 """For a reader that must see every message although its process pauses: the recorder."""
 
 STATUS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)

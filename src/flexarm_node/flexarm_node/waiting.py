@@ -61,6 +61,10 @@ class TopicWaiter(Generic[Message]):
     ) -> None:
         self._waiting = _WaitSet(node, [(message_type, topic, qos)], raw=False)
 
+    def publishers(self) -> int:
+        """Return how many publishers of the topic the graph knows."""
+        return self._waiting.publishers(0)
+
     def wait(self, timeout_s: float) -> Message | None:
         """Return the next message, or None when none came in time."""
         taken = self._take()
@@ -147,6 +151,9 @@ class _WaitSet:
         for subscription in self._subscriptions:
             self._wait_set.add_subscription(subscription.handle)
         self._wait_set.wait(int(timeout_s * 1e9))
+
+    def publishers(self, topic: int) -> int:
+        return int(self._node.count_publishers(self._subscriptions[topic].topic_name))
 
     def take(self, topic: int) -> tuple[Any, dict[str, int]] | None:
         handle = self._subscriptions[topic].handle

@@ -1,0 +1,47 @@
+"""Channel names as people read them: what is measured, and its unit."""
+
+from __future__ import annotations
+
+# The unit stands at the end of a name; the longer ending counts.
+_UNITS = {
+    "rad_s": "rad/s",
+    "deg_s": "deg/s",
+    "v": "V",
+    "a": "A",
+    "deg": "deg",
+    "rad": "rad",
+    "s": "s",
+    "hz": "Hz",
+    "kg": "kg",
+    "nm": "N m",
+    "n": "N",
+    "m": "m",
+}
+
+
+def label_and_unit(name: str) -> tuple[str, str]:
+    """Return what a channel is in words, and its unit.
+
+    Parameters
+    ----------
+    name : str
+        Name of a channel, such as ``base_strain_v``.
+
+    Returns
+    -------
+    str
+        Words, ``base strain``.
+    str
+        Unit, ``V``; empty when the name has none.
+    """
+    for ending, unit in _UNITS.items():
+        words = name.removesuffix(f"_{ending}")
+        if words not in (name, ""):
+            return words.replace("_", " "), unit
+    return name.replace("_", " "), ""
+
+
+def axis_label(name: str) -> str:
+    """Return the label of an axis: ``base strain, V``."""
+    words, unit = label_and_unit(name)
+    return f"{words}, {unit}" if unit else words

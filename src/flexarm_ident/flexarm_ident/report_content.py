@@ -1,0 +1,297 @@
+"""What a report says of an identification: its sentences, tables and plots."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident import plots
+from flexarm_ident.channels import label_and_unit
+from flexarm_ident.validation import relative_errors
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.iodata import IoData
+    from flexarm_ident.workflow import Outcome
+
+_RECORDS_SHOWN = 3
+# Keeps a report below 1.5 MB whatever its number of channels.
+_ALL_POINTS = 60_000
+_FEWEST_POINTS = 200
+_LIGHT_DAMPING = 0.2
+_LARGE = 1e3
+
+_METHODS = {
+    "orse": "ORSE, outputs scaled by their innovation",
+    "orse_iv": "ORSE with past data as instruments",
+    "orse_thesis": "ORSE, outputs scaled by their maxima",
+}
+_RANKINGS = {
+    "mrm": "largest modal response (MRM)",
+    "msv": "largest mode singular value (MSV)",
+    "mrmc": "known flexible modes first, then largest modal response (MRMC)",
+}
+_UPDATES = {"none": "nothing was refitted", "b": "B was refitted", "c": "C was refitted"}
+_LOOPS = {True: "closed", False: "open", None: "unknown"}
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells of a table as text; the first column names the row.
+
+    Attributes
+    ----------
+    header : tuple of str
+        Column titles.
+    rows : tuple of tuple of str
+        Cells.
+    marked : tuple of bool
+        Rows that stand out; empty when none does.
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    marked: tuple[bool, ...] = ()
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """Plots of one kind: what they are, and caption and SVG of each."""
+
+    title: str
+    words: str
+    plots: tuple[tuple[str, str], ...]
+
+
+def summary(outcome: Outcome) -> list[str]:
+    """Return the outcome in a few sentences."""
+    records, model = outcome.records, outcome.model
+    seconds = sum(len(record) * record.dt_s for record in records)
+    origin = f", reduced from {outcome.identification.order}" if outcome.reduction else ""
+    error = _percent(float(outcome.dmv_errors.mean()))
+    lines = [
+        f"The model has {model.nstates} states{origin}.",
+        f"It comes from {_count(len(records), 'record')} of {seconds:.1f} s in all.",
+        f"Driven by the measured input alone, it misses the outputs by {error} on average.",
+    ]
+    if outcome.sfv is not None:
+        lines.append(
+            "Under the experiment's own control law, it misses them by "
+            f"{_percent(outcome.sfv.mean)} on average."
+        )
+    light = [
+        f"{mode.frequency_hz:.2f} Hz"
+        for mode in sorted(outcome.modes, key=lambda mode: mode.frequency_hz)
+        if mode.kept and mode.is_pair and mode.damping_ratio < _LIGHT_DAMPING
+    ]
+    lines.append(
+        f"It vibrates at {_listed(light)} (damping ratio below {_LIGHT_DAMPING})."
+        if light
+        else f"It has no vibration with a damping ratio below {_LIGHT_DAMPING}."
+    )
+    return lines
+
+
+def record_table(outcome: Outcome) -> Table:
+    """Return the records with their size, fitted part and mean error."""
+    rows = []
+    for record, trained, dmv in zip(outcome.records, outcome.trained, outcome.dmv, strict=True):
+        cells = (
+            record.label,
+            str(len(record)),
+            f"{1.0 / record.dt_s:.6g}",
+            f"{len(record) * record.dt_s:.1f}",
+            f"{len(trained) * record.dt_s:.1f}",
+            _LOOPS[record.closed_loop],
+            _error(dmv.mean),
+        )
+        rows.append(cells)
+    header = ("Record", "Samples", "Rate, Hz", "Length, s", "Fitted, s", "Loop", "Mean δ")
+    return Table(header, tuple(rows))
+
+
+def channel_table(records: Sequence[IoData]) -> Table:
+    """Return inputs and outputs with units and ranges, after preprocessing."""
+    first = records[0]
+    inputs = np.vstack([record.u for record in records])
+    outputs = np.vstack([record.y for record in records])
+    rows = [
+        (label_and_unit(name)[0], role, label_and_unit(name)[1] or "-", f"{low:.3f}", f"{high:.3f}")
+        for role, names, values in (
+            ("input", first.inputs, inputs),
+            ("output", first.outputs, outputs),
+        )
+        for name, low, high in zip(names, values.min(axis=0), values.max(axis=0), strict=True)
+    ]
+    return Table(("Channel", "Role", "Unit", "Lowest", "Highest"), tuple(rows))
+
+
+def order_words(outcome: Outcome) -> list[str]:
+    """Return why the full model has its order."""
+    identification = outcome.identification
+    how = "as asked for" if outcome.request.order else "chosen by its fit"
+    stable = _ranges(identification.stable_orders)
+    return [
+        f"The full model has order {identification.order}, {how}.",
+        f"The widest gap of the singular values is after number {identification.suggested_order}.",
+        f"Models of these orders are stable as identified: {stable}."
+        if stable
+        else "No order gives a model that is stable as identified.",
+    ]
+
+
+def mode_table(outcome: Outcome) -> Table:
+    """Return the modes of the full model, as Tables 3-1a to 3-3a."""
+    header = ("States", "Frequency, Hz", "Damping", "MSV (rank)", "MRM (rank)", "Kept")
+    rows = tuple(
+        (
+            mode.label,
+            f"{mode.frequency_hz:.3f}" if mode.frequency_hz else "-",
+            f"{mode.damping_ratio:.3f}",
+            f"{_index(mode.msv)} ({mode.msv_rank})",
+            f"{_index(mode.mrm)} ({mode.mrm_rank})",
+            "yes" if mode.kept else "no",
+        )
+        for mode in outcome.modes
+    )
+    marked = tuple(mode.kept for mode in outcome.modes) if outcome.reduction else ()
+    return Table(header, rows, marked)
+
+
+def error_table(outcome: Outcome) -> Table:
+    """Return the errors (2-25) of each output and their mean, as Tables 3-1b to 3-3b."""
+    columns: list[tuple[str, FloatArray]] = []
+    if outcome.reduction:
+        measured = np.vstack([record.y for record in outcome.records])
+        simulated = np.vstack([dmv.y for dmv in outcome.full_dmv])
+        columns.append(("Full, DMV", relative_errors(measured, simulated)))
+    name = "Reduced" if outcome.reduction else "Full"
+    columns.append((f"{name}, DMV", outcome.dmv_errors))
+    if outcome.sfv is not None:
+        columns.append((f"{name}, SFV", outcome.sfv.delta))
+    rows = [
+        (label_and_unit(output)[0], *(_error(delta[i]) for _, delta in columns))
+        for i, output in enumerate(outcome.records[0].outputs)
+    ]
+    rows.append(("mean", *(_error(float(delta.mean())) for _, delta in columns)))
+    header = ("Output", *(title for title, _ in columns))
+    return Table(header, tuple(rows), (*(False for _ in rows[1:]), True))
+
+
+def galleries(outcome: Outcome) -> list[Gallery]:
+    """Return the plots of both validations and of the frequency response."""
+    shown = outcome.records[:_RECORDS_SHOWN]
+    runs = len(shown) + (outcome.sfv is not None)
+    curves = 2 * runs * shown[0].y.shape[1]
+    points = min(plots.CURVE_POINTS, max(_FEWEST_POINTS, _ALL_POINTS // curves))
+    galleries = []
+    for i, record in enumerate(shown):
+        words = f"{record.label}: the model is driven by the measured input and nothing else."
+        if i == 0 and len(outcome.records) > len(shown):
+            words += f" The first {len(shown)} of {len(outcome.records)} records are shown."
+        simulated, delta = outcome.dmv[i].y, outcome.dmv[i].delta
+        matches = _matches(record, simulated, delta, len(outcome.trained[i]), points)
+        galleries.append(Gallery("Data matching", words, matches))
+    if outcome.sfv is not None:
+        gains = outcome.sfv.gains
+        words = (
+            f"{shown[0].label}: the model follows the recorded set-point under the law of the "
+            f"experiment, kp = {gains.kp:.3f}, kd = {gains.kd:.3f}, ksg = {abs(gains.ksg):.3f}."
+        )
+        sfv = outcome.sfv
+        matches = _matches(shown[0], sfv.y, sfv.delta, len(outcome.trained[0]), points)
+        galleries.append(Gallery("Set-point following", words, matches))
+    galleries.append(_frequency_gallery(outcome))
+    return galleries
+
+
+def _matches(
+    record: IoData, simulated: FloatArray, delta: FloatArray, fitted: int, points: int
+) -> tuple[tuple[str, str], ...]:
+    time_s = np.linspace(0.0, (len(record) - 1) * record.dt_s, len(record))
+    return tuple(
+        (
+            f"{label_and_unit(name)[0]}, δ = {_error(delta[i])}",
+            plots.match_plot(
+                time_s,
+                record.y[:, i],
+                simulated[:, i],
+                name,
+                fitted_s=fitted * record.dt_s,
+                points=points,
+            ),
+        )
+        for i, name in enumerate(record.outputs)
+    )
+
+
+def _frequency_gallery(outcome: Outcome) -> Gallery:
+    record = max(outcome.records, key=len)
+    responses = tuple(
+        (
+            label_and_unit(name)[0],
+            plots.frequency_plot(
+                outcome.identification.model,
+                outcome.reduction.model if outcome.reduction else None,
+                i,
+                lowest_hz=1.0 / (len(record) * record.dt_s),
+                known_modes_hz=outcome.request.known_modes_hz,
+            ),
+        )
+        for i, name in enumerate(record.outputs)
+    )
+    words = f"From {label_and_unit(record.inputs[0])[0]} to each output."
+    return Gallery("Frequency response", words, responses)
+
+
+def model_facts(outcome: Outcome) -> dict[str, str]:
+    """Return how the model was made."""
+    identification = outcome.identification
+    facts = {
+        "method": _METHODS.get(identification.method, identification.method),
+        "block rows": str(identification.block_rows),
+        "full order": str(identification.order),
+        "sampling period": f"{outcome.model.dt:.6g} s",
+        "eigenvalues moved inside the circle": str(identification.moved_eigenvalues),
+    }
+    if outcome.reduction:
+        facts["reduction"] = (
+            f"{_RANKINGS[outcome.request.reduction]}; {_UPDATES[outcome.request.update]}"
+        )
+        facts["kept states"] = ", ".join(outcome.reduction.kept)
+    return facts
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def _percent(error: float) -> str:
+    return f"{100.0 * error:.1f} %" if math.isfinite(error) else "more than can be told"
+
+
+def _index(value: float) -> str:
+    return f"{value:.3f}" if value < _LARGE else f"{value:.1e}"
+
+
+def _error(delta: float) -> str:
+    return f"{delta:.4f}" if math.isfinite(delta) else "∞"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def _ranges(numbers: Iterable[int]) -> str:
+    """Return numbers with runs drawn together: ``7 to 12, 14``."""
+    runs = (
+        [number for _, number in run]
+        for _, run in groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0])
+    )
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)

@@ -1,0 +1,222 @@
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from bag_samples import START_NS, reference, write_bag
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool
+from system_graph import PACKAGES, executable
+
+from flexarm_msgs.msg import ArmState, MotorCommand
+from flexarm_node import qos
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from system_graph import Graph
+
+pytestmark = pytest.mark.system
+
+
+def values_of(graph: Graph, name: str, *parameters: str) -> list[object]:
+    """Return parameters of a node."""
+    response = graph.call(
+        GetParameters, f"{name}/get_parameters", GetParameters.Request(names=parameters)
+    )
+    return [Parameter.from_parameter_msg(_named(value)).value for value in response.values]
+
+
+def _named(value: Any) -> Any:  # noqa: ANN401 - messages
+    message = Parameter("any", value=0).to_parameter_msg()
+    message.value = value
+    return message
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_executable___of_every_node___stands_where_ros2_run_looks(name: str) -> None:
+    assert os.access(executable(name), os.X_OK)
+
+
+def test_remapped_node___talks_on_the_other_names(graph: Graph) -> None:
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "/lab/other/state", states.append, qos.SENT)
+    graph.start(
+        "daq",
+        {"autostart": True, "time": "virtual", "rate_hz": 100.0, "answer_timeout_s": 0.05},
+        *("-r", "__ns:=/lab", "-r", "__node:=rig", "-r", "state:=other/state"),
+        *("-r", "command:=drive"),
+    )
+
+    graph.wait(lambda: len(states) >= 3, "samples")
+
+    assert [state.sequence for state in states[:3]] == [1, 2, 3]
+    stamps_ns = [state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for state in states]
+    assert stamps_ns[2] - stamps_ns[1] == stamps_ns[1] - stamps_ns[0] == 10_000_000
+    assert "/lab/rig" in graph.operator.nodes()
+    assert graph.node.count_subscribers("/lab/drive") == 1
+    assert graph.node.count_publishers("/flexarm/state") == 0
+
+
+def test_remapped_controller___answers_on_the_other_names(graph: Graph) -> None:
+    commands: list[MotorCommand] = []
+    graph.node.create_subscription(MotorCommand, "/flexarm/drive", commands.append, qos.NEWEST)
+    samples = graph.node.create_publisher(ArmState, "/flexarm/other/state", qos.SENT)
+    graph.start(
+        "controller",
+        {"autostart": True, "law": "pd", "pd.kp": 2.0, "pd.compensation_v": 0.0}
+        | {"reference": "constant", "constant.amplitude_v": 0.25},
+        *("-r", "state:=other/state", "-r", "command:=drive"),
+    )
+    graph.wait(lambda: samples.get_subscription_count() == 1, "the controller")
+    graph.wait(lambda: graph.node.count_publishers("/flexarm/drive") == 1, "the command's topic")
+
+    def answered() -> bool:
+        samples.publish(ArmState(sequence=41))
+        return bool(commands)
+
+    graph.wait(answered, "a command")
+
+    assert commands[0].state_sequence == 41
+    assert commands[0].effort_v == pytest.approx(2.0 * 0.25)
+    assert commands[0].compensation_v == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "complaint"),
+    [
+        ("daq", {"rate_hz": 5000.0}, "parameter rate_hz is out of its range, 10 to 2000 Hz"),
+        ("daq", {"rate_hz": 300}, "parameter rate_hz must be a float: write 300.0, not 300"),
+        ("daq", {"max_age_periods": 0}, "parameter max_age_periods is out of its range, 1 to 1000"),
+        ("daq", {"rig": "other"}, "parameter rig = 'other': must be one of simulated"),
+        (
+            "daq",
+            {"rate_hz": 1000.0, "reply_delay_s": 0.002},
+            "reply_delay_s must be from 0 to less than the period 0.001 s, got 0.002",
+        ),
+        ("controller", {"pdp.kp": -0.5}, "parameter pdp.kp is out of its range, 0 to 5 V/V"),
+        ("controller", {"law": "lqr"}, "parameter law = 'lqr': must be one of pd, pdp, pdpc"),
+        (
+            "controller",
+            {"reference": "varying_square", "varying_square.shortest_s": 7.0},
+            "shortest_s = 7 .*longest_s = 5",
+        ),
+        ("recorder", {"topics": ["state", "sound"]}, "parameter topics: no sound; choose from"),
+        ("recorder", {"bag": "/dev/null"}, "parameter bag: /dev/null: exists already"),
+        ("player", {}, "parameter bag is empty: name the bag, -p bag:=FOLDER"),
+        ("player", {"bag": "/nowhere/bag"}, "parameter bag: /nowhere/bag: no such bag"),
+        ("player", {"rate": 0.0}, "parameter rate is out of its range, 0.01 to 1000"),
+        ("ident", {"output_folder": 3}, "parameter output_folder must be a str"),
+    ],
+)
+def test_start___with_a_value_that_does_not_do___ends_with_one_line(
+    graph: Graph, name: str, parameters: dict[str, object], complaint: str
+) -> None:
+    process = graph.start(name, parameters)
+    code = process.popen.wait(60.0)
+    (line,) = process.printed.splitlines()
+    assert re.search(complaint, line)
+    assert code == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "value", "complaint"),
+    [
+        ("daq", "payload_kg", 1.5, "Min: 0.0, Max: 1.0"),
+        ("daq", "seed", -1, "Min: 0, Max: 2147483647"),
+        ("daq", "noise", "loud", "noise = 'loud': must be one of low, thesis, none"),
+        ("daq", "rate_hz", 100, "Wrong parameter type"),
+        ("daq", "autostart", True, "read.only"),
+        ("controller", "step.amplitude_v", 9.0, r"6\.857"),
+        ("controller", "reference", "sine", "must be one of topic, constant"),
+        ("recorder", "topics", ["sound"], "no sound; choose from state"),
+    ],
+)
+def test_running_node___refuses_a_value_with_what_it_may_be(
+    graph: Graph, name: str, parameter: str, value: object, complaint: str
+) -> None:
+    graph.start(name)
+    (before,) = values_of(graph, name, parameter)
+    request = SetParameters.Request(
+        parameters=[Parameter(parameter, value=value).to_parameter_msg()]
+    )
+
+    (result,) = graph.call(SetParameters, f"{name}/set_parameters", request).results
+
+    assert not result.successful
+    assert re.search(complaint, result.reason)
+    assert values_of(graph, name, parameter) == [before]
+
+
+def test_parameters_that_belong_together___are_taken_or_refused_as_one_set(graph: Graph) -> None:
+    graph.start("controller", {"reference": "varying_square"})
+    names = ("law", "pdp.kp", "varying_square.shortest_s", "varying_square.longest_s")
+    before = ["pd", pytest.approx(0.5935), 2.5, 5.0]
+
+    assert "pdp.kp" in graph.refusal("controller", {"law": "pdp", "pdp.kp": 99.0})
+    assert values_of(graph, "controller", *names) == before
+
+    lonely = graph.refusal("controller", {"varying_square.shortest_s": 6.0})
+    assert re.search("shortest_s = 6 .*longest_s = 5", lonely)
+    assert values_of(graph, "controller", *names) == before
+
+    pair = {"varying_square.shortest_s": 6.0, "varying_square.longest_s": 7.0}
+    assert graph.refusal("controller", pair | {"law": "pdp"}) == ""
+    assert values_of(graph, "controller", *names) == ["pdp", before[1], 6.0, 7.0]
+
+
+@pytest.mark.parametrize("name", ["daq", "controller"])
+def test_managed_node___goes_through_its_states_twice(graph: Graph, name: str) -> None:
+    graph.start(name)
+    assert graph.state_of(name) == "unconfigured"
+    assert not graph.transition(name, "activate")
+    for _ in range(2):
+        for label, state in (
+            ("configure", "inactive"),
+            ("activate", "active"),
+            ("deactivate", "inactive"),
+            ("cleanup", "unconfigured"),
+        ):
+            assert graph.transition(name, label)
+            assert graph.state_of(name) == state
+
+
+def test_every_activation___counts_its_samples_from_one(graph: Graph) -> None:
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    graph.start("daq", {"rate_hz": 200.0})
+    assert graph.transition("daq", "configure")
+    for _ in range(2):
+        states.clear()
+        assert graph.transition("daq", "activate")
+        graph.wait(lambda: len(states) >= 5, "samples")
+        assert graph.transition("daq", "deactivate")
+        assert [state.sequence for state in states[:5]] == [1, 2, 3, 4, 5]
+
+
+def test_recorder___says_what_it_cannot_do(graph: Graph, tmp_path: Path) -> None:
+    graph.start("recorder")
+
+    def record(*, on: bool) -> SetBool.Response:
+        return graph.call(SetBool, "recorder/record", SetBool.Request(data=on))
+
+    first = record(on=True)
+    assert (first.success, first.message) == (
+        False,
+        "set the parameter bag to the folder to create",
+    )
+
+    existing = write_bag(tmp_path / "existing", [reference(START_NS, 1.0)])
+    assert graph.refusal("recorder", {"bag": str(existing)}) == ""
+    second = record(on=True)
+    assert not second.success
+    assert re.search("existing: exists already and is not overwritten", second.message)
+
+    assert graph.refusal("recorder", {"bag": str(tmp_path / "new")}) == ""
+    assert record(on=True).success
+    assert record(on=True).message == f"already recording to {tmp_path / 'new'}"
+    assert record(on=False).success
+    assert record(on=False).message == "was not recording"

@@ -1,0 +1,267 @@
+"""Real nodes in real processes for the system tests, each graph in a ROS domain of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+try:
+    import rclpy
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState, GetState
+    from rcl_interfaces.srv import SetParametersAtomically
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.parameter import Parameter
+    from rclpy.signals import SignalHandlerOptions
+
+    import flexarm_msgs.msg  # noqa: F401 - the workspace is built and sourced
+    from flexarm_bringup.operation import NAMESPACE, Operator
+
+    INSTALL = Path(os.environ["FLEXARM_INSTALL"])
+    ROOT = Path(os.environ["FLEXARM_ROOT"])
+except (ImportError, KeyError) as problem:
+    pytest.fail(
+        f"the system tests need the environment ({problem}): run ./flexarm test", pytrace=False
+    )
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from types import TracebackType
+
+    from numpy.typing import NDArray
+
+    Transitions = Mapping[str, int]
+
+PACKAGES = {
+    "daq": "flexarm_daq",
+    "recorder": "flexarm_daq",
+    "player": "flexarm_daq",
+    "ident": "flexarm_ident",
+    "controller": "flexarm_control",
+}
+"""Nodes by name, and the package that each belongs to."""
+
+PATIENCE_S = 60.0
+"""Deadline of everything that usually takes a moment; the machine may be busy."""
+
+TRANSITIONS = {
+    "configure": Transition.TRANSITION_CONFIGURE,
+    "activate": Transition.TRANSITION_ACTIVATE,
+    "deactivate": Transition.TRANSITION_DEACTIVATE,
+    "cleanup": Transition.TRANSITION_CLEANUP,
+}
+_POLL_S = 0.05
+_DOMAINS = count(os.getpid())
+
+
+def executable(name: str) -> Path:
+    """Return where a node's executable must be."""
+    package = PACKAGES[name]
+    return INSTALL / package / "lib" / package / f"{name}_node"
+
+
+def ros_arguments(parameters: Mapping[str, Any], *more: str) -> list[str]:
+    """Return the command line of parameters and of further ROS arguments."""
+    # A JSON value is a YAML value.
+    pairs = [f"{name}:={json.dumps(value)}" for name, value in parameters.items()]
+    return ["--ros-args", *(word for pair in pairs for word in ("-p", pair)), *more]
+
+
+def eventually(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
+    """Poll until a condition holds; fail when it does not in time."""
+    deadline_s = time.monotonic() + patience_s
+    while not condition():
+        if time.monotonic() > deadline_s:
+            pytest.fail(f"{what} did not come within {patience_s:.0f} s")
+        time.sleep(_POLL_S)
+
+
+class Process:
+    """One started program and what it prints."""
+
+    def __init__(self, command: list[str], log: Path, environment: Mapping[str, str]) -> None:
+        self.log = log
+        with log.open("wb") as output:
+            self.popen = subprocess.Popen(  # noqa: S603 - our own programs
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                env=dict(environment),
+            )
+
+    @property
+    def printed(self) -> str:
+        """Everything printed so far."""
+        return self.log.read_text(errors="replace")
+
+    def send(self, *signals: signal.Signals) -> None:
+        """Send signals, one after the other at once."""
+        for each in signals:
+            self.popen.send_signal(each)
+
+    def exit_code(self, patience_s: float = PATIENCE_S) -> int:
+        """Wait for the end."""
+        try:
+            return self.popen.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f"still running after {patience_s:.0f} s; it printed: {self.printed}")
+
+    def kill(self) -> None:
+        """End it in any case, with everything that it started in its session."""
+        if self.popen.poll() is None:
+            os.killpg(self.popen.pid, signal.SIGKILL)
+            self.popen.wait()
+
+
+class Graph:
+    """One ROS domain: nodes as processes, and an operator in this process."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        # Above 100 the ports are those that the system gives to anybody.
+        self.domain = 1 + next(_DOMAINS) % 100
+        self.environment = os.environ | {
+            "ROS_DOMAIN_ID": str(self.domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        }
+        self._processes: list[Process] = []
+        self._expected_to_run: list[Process] = []
+
+    def __enter__(self) -> Graph:  # noqa: PYI034 - Self needs Python 3.11
+        self._context = rclpy.Context()
+        rclpy.init(
+            context=self._context,
+            domain_id=self.domain,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self.node = rclpy.create_node("tester", namespace=NAMESPACE, context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self.operator = Operator(self.node, self._executor, self.check)
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc_value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        for process in reversed(self._processes):
+            process.kill()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def start(self, name: str, parameters: Mapping[str, Any] | None = None, *more: str) -> Process:
+        """Start a node that is to run until it is told to stop."""
+        process = self.run([str(executable(name)), *ros_arguments(parameters or {}, *more)])
+        self._expected_to_run.append(process)
+        return process
+
+    def run(self, command: list[str]) -> Process:
+        """Start any program in the domain."""
+        log = self.folder / f"{len(self._processes)}_{Path(command[0]).name}.log"
+        process = Process(command, log, self.environment)
+        self._processes.append(process)
+        return process
+
+    def stop(self, process: Process, *signals: signal.Signals) -> int:
+        """Send signals, SIGINT if none is named, and return the exit code."""
+        self._expected_to_run.remove(process)
+        process.send(*(signals or (signal.SIGINT,)))
+        return process.exit_code()
+
+    def check(self) -> None:
+        """Fail when a node that is to run has ended."""
+        for process in self._expected_to_run:
+            if process.popen.poll() is not None:
+                pytest.fail(f"{process.log.name}: {process.popen.returncode}: {process.printed}")
+
+    def wait(
+        self, condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S
+    ) -> None:
+        """Spin until a condition holds; fail when it does not in time."""
+        self.operator.wait(condition, what, patience_s)
+
+    def call(
+        self, service: type, name: str, request: object, patience_s: float = PATIENCE_S
+    ) -> Any:  # noqa: ANN401
+        """Call a service below the namespace and return its response."""
+        client = self.node.create_client(service, name)
+        try:
+            self.wait(client.service_is_ready, f"service {name}")
+            future = client.call_async(request)
+            self.wait(future.done, f"answer of {name}", patience_s)
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
+
+    def transition(self, name: str, label: str) -> bool:
+        """Ask a managed node for a transition; return whether it succeeded."""
+        request = ChangeState.Request(transition=Transition(id=TRANSITIONS[label]))
+        return bool(self.call(ChangeState, f"{name}/change_state", request).success)
+
+    def state_of(self, name: str) -> str:
+        """Return the lifecycle state of a managed node."""
+        return str(self.call(GetState, f"{name}/get_state", GetState.Request()).current_state.label)
+
+    def refusal(self, name: str, values: Mapping[str, Any]) -> str:
+        """Set parameters together; return the reason of the refusal, empty when they are set."""
+        request = SetParametersAtomically.Request(
+            parameters=[
+                Parameter(key, value=value).to_parameter_msg() for key, value in values.items()
+            ]
+        )
+        result = self.call(
+            SetParametersAtomically, f"{name}/set_parameters_atomically", request
+        ).result
+        assert result.successful == (not result.reason)
+        return str(result.reason)
+
+    def activate_loop(self) -> None:
+        """Configure daq and controller, and activate the controller: ready to sample."""
+        for name in ("daq", "controller"):
+            assert self.transition(name, "configure")
+        assert self.transition("controller", "activate")
+
+
+class States:
+    """The samples of a bag, as recorded."""
+
+    def __init__(self, bag: Path, topic: str = "/flexarm/state") -> None:
+        with AnyReader([bag]) as reader:
+            connections = [each for each in reader.connections if each.topic == topic]
+            messages: list[Any] = [
+                reader.deserialize(raw, connection.msgtype)
+                for connection, _, raw in reader.messages(connections)
+            ]
+        self.sequence = np.array([message.sequence for message in messages], dtype=np.int64)
+        self.command_sequence = np.array([m.command_sequence for m in messages], dtype=np.int64)
+        names = (
+            "position_v",
+            "base_strain_v",
+            "middle_strain_v",
+            "speed_v",
+            "command_v",
+            "compensation_v",
+        )
+        self.volts: NDArray[np.float64] = np.array(
+            [[getattr(message, name) for name in names] for message in messages]
+        )
+
+    @property
+    def command_v(self) -> NDArray[np.float64]:
+        """The command in force at each sample."""
+        return self.volts[:, 4]

@@ -1,0 +1,387 @@
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from flexarm_daq.acquisition import Acquisition, Command, Record
+from flexarm_daq.limiter import Limiter, LimiterSettings
+from flexarm_daq.rig import RigError, RigSample
+from flexarm_daq.watchdog import Watchdog
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+# A power of two: sums of periods are exact.
+RATE_HZ = 256.0
+PERIOD_S = 1.0 / RATE_HZ
+WIDE = LimiterSettings(max_slew_v_per_s=1e6)
+TIMEOUT_S = 1.0
+# A wait is over a little late, so that it never ends just before its end by rounding.
+WAKE_UP_S = 1e-9
+
+
+class Clock:
+    """Time that passes only when somebody waits."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        assert seconds >= 0.0
+        self.now_s += seconds
+
+
+class LoggingRig:
+    """Notes every call with its instant; in virtual time sample k stands at k periods."""
+
+    def __init__(self, clock: Clock, *, virtual: bool) -> None:
+        self.calls: list[tuple[str, float]] = []
+        self.writes: list[float] = []
+        self.read_times_s: list[float] = []
+        self.write_times_s: list[float] = []
+        self.slow_reads_s: dict[int, float] = {}
+        self.fails_at: int | None = None
+        self.position_v = 0.0
+        self._clock = clock
+        self._virtual = virtual
+        self._start_s = clock.now_s
+
+    def open(self) -> None:
+        self.calls.append(("open", 0.0))
+
+    def read(self) -> RigSample:
+        count = len(self.read_times_s)
+        if count == self.fails_at:
+            raise RigError("a wire broke")
+        time_s = count * PERIOD_S if self._virtual else self._clock.now_s - self._start_s
+        self.calls.append(("read", time_s))
+        self.read_times_s.append(time_s)
+        self._clock.now_s += self.slow_reads_s.get(count, 0.0)
+        return RigSample(time_s, np.array([self.position_v, 0.1, 0.2, 0.3]))
+
+    def write(self, command_v: float) -> None:
+        self.calls.append(("write", command_v))
+        self.writes.append(command_v)
+        self.write_times_s.append(self._clock.now_s - self._start_s)
+
+    def safe_stop(self) -> None:
+        self.calls.append(("safe_stop", 0.0))
+
+    def close(self) -> None:
+        self.calls.append(("close", 0.0))
+
+
+class ScriptedLink:
+    """Answers every record with commands that arrive after their delays."""
+
+    def __init__(
+        self, clock: Clock, answer: Callable[[Record], Sequence[tuple[float, Command]]]
+    ) -> None:
+        self.records: list[Record] = []
+        self._clock = clock
+        self._answer = answer
+        self._coming: list[tuple[float, Command]] = []
+
+    def publish(self, record: Record) -> None:
+        self.records.append(record)
+        for delay_s, command in self._answer(record):
+            self._coming.append((self._clock.now_s + delay_s, command))
+
+    def wait(self, timeout_s: float) -> Command | None:
+        until_s = self._clock.now_s + max(timeout_s, 0.0)
+        if self._coming and self._coming[0][0] <= until_s:
+            arrival_s, command = self._coming.pop(0)
+            self._clock.now_s = max(self._clock.now_s, arrival_s)
+            return command
+        self._clock.now_s = until_s + WAKE_UP_S
+        return None
+
+
+class Bench:
+    """An acquisition between doubles, on a clock of its own."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        answer: Callable[[Record], Sequence[tuple[float, Command]]],
+        *,
+        virtual: bool,
+        samples: int,
+        limits: LimiterSettings = WIDE,
+        max_age_periods: int = 3,
+    ) -> None:
+        self.rig = LoggingRig(clock, virtual=virtual)
+        self.link = ScriptedLink(clock, answer)
+        self.watchdog = Watchdog(PERIOD_S, max_age_periods)
+        self.acquisition = Acquisition(
+            self.rig,
+            Limiter(limits),
+            self.watchdog,
+            self.link,
+            rate_hz=RATE_HZ,
+            samples=samples,
+            answer_timeout_s=TIMEOUT_S if virtual else None,
+        )
+
+    def run(self) -> Bench:
+        self.acquisition.run(threading.Event())
+        return self
+
+    @property
+    def commands_v(self) -> list[float]:
+        return [record.command_v for record in self.link.records]
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr("flexarm_daq.acquisition.time", made)
+    return made
+
+
+def reply(record: Record, effort_v: float, compensation_v: float = 0.0) -> Command:
+    return Command(1000 + record.sequence, record.sequence, effort_v, compensation_v)
+
+
+def at_once(effort_v: Callable[[Record], float]) -> Callable[[Record], list[tuple[float, Command]]]:
+    return lambda record: [(0.0, reply(record, effort_v(record)))]
+
+
+def never(_: Record) -> list[tuple[float, Command]]:
+    return []
+
+
+def test_lock_step___every_sample_answered___commands_act_between_their_samples(
+    clock: Clock,
+) -> None:
+    bench = Bench(clock, at_once(lambda record: record.sequence / 4.0), virtual=True, samples=5)
+
+    bench.run()
+
+    assert bench.rig.writes == [0.25, 0.5, 0.75, 1.0]
+    kinds = [kind for kind, _ in bench.rig.calls]
+    assert kinds == ["open", *["read", "write"] * 4, "read", "safe_stop", "close"]
+    assert bench.commands_v == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert [record.command_sequence for record in bench.link.records] == [0, 1001, 1002, 1003, 1004]
+    assert [record.sequence for record in bench.link.records] == [1, 2, 3, 4, 5]
+    acquisition = bench.acquisition
+    assert (acquisition.unanswered, acquisition.refused, acquisition.missed) == (0, 0, 0)
+
+
+def test_records___hold_the_sample_and_the_parts_of_the_command(clock: Clock) -> None:
+    bench = Bench(
+        clock, lambda record: [(0.0, reply(record, 2.0, 0.5))], virtual=True, samples=2
+    ).run()
+
+    first, second = bench.link.records
+    assert (first.time_s, second.time_s) == (0.0, PERIOD_S)
+    np.testing.assert_array_equal(second.volts, [0.0, 0.1, 0.2, 0.3])
+    assert (first.command_v, first.compensation_v) == (0.0, 0.0)
+    assert (second.command_v, second.compensation_v) == (2.5, 0.5)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 7])
+def test_samples___are_the_exact_number_of_readings(clock: Clock, samples: int) -> None:
+    bench = Bench(clock, at_once(lambda _: 1.0), virtual=True, samples=samples).run()
+    assert len(bench.rig.read_times_s) == len(bench.link.records) == samples
+    assert bench.acquisition.sequence == samples
+
+
+def test_no_limit_on_samples___runs_until_told_to_stop(clock: Clock) -> None:
+    stop = threading.Event()
+
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        if record.sequence == 40:
+            stop.set()
+        return [(0.0, reply(record, 1.0))]
+
+    bench = Bench(clock, answer, virtual=True, samples=0)
+    bench.acquisition.run(stop)
+
+    assert bench.acquisition.sequence == 40
+    assert bench.rig.calls[-2:] == [("safe_stop", 0.0), ("close", 0.0)]
+
+
+def test_lock_step___samples_without_answer___are_counted_and_time_out(clock: Clock) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [] if record.sequence in {2, 3} else [(0.0, reply(record, 1.0))]
+
+    started_s = clock.now_s
+    bench = Bench(clock, answer, virtual=True, samples=5).run()
+
+    assert bench.acquisition.unanswered == 2
+    assert clock.now_s - started_s == pytest.approx(2 * TIMEOUT_S)
+
+
+def test_lock_step___late_answer___is_refused_when_a_newer_one_acts(clock: Clock) -> None:
+    early: list[Command] = []
+
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        command = reply(record, float(record.sequence))
+        if record.sequence == 2:
+            early.append(command)
+            return []
+        late = [(0.0, early.pop())] if record.sequence == 4 else []
+        return [(0.0, command), *late]
+
+    bench = Bench(clock, answer, virtual=True, samples=6).run()
+
+    assert bench.acquisition.refused == 1
+    assert bench.acquisition.unanswered == 1
+    assert bench.rig.writes == [1.0, 3.0, 4.0, 5.0]
+
+
+def test_duplicate_and_future_commands___are_refused_and_counted(clock: Clock) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        command = reply(record, 1.0)
+        future = command._replace(state_sequence=record.sequence + 1, effort_v=9.0)
+        duplicate = command._replace(effort_v=7.0)
+        return [(0.0, future), (0.0, command), (0.0, duplicate)]
+
+    bench = Bench(clock, answer, virtual=True, samples=3).run()
+
+    # The duplicate of one sample is met while the answer to the next one is awaited.
+    assert bench.rig.writes == [1.0, 1.0]
+    assert bench.acquisition.refused == 3
+    assert bench.acquisition.unanswered == 0
+
+
+def test_answer_to_no_sample___is_refused(clock: Clock) -> None:
+    bench = Bench(clock, lambda _: [(0.0, Command(1, 0, 5.0, 0.0))], virtual=True, samples=3).run()
+    assert bench.rig.writes == []
+    assert bench.acquisition.refused == 2
+    assert bench.acquisition.unanswered == 2
+
+
+@pytest.mark.parametrize("max_age_periods", [1, 3, 5])
+def test_silent_controller___drive_goes_to_zero_after_the_age(
+    clock: Clock, max_age_periods: int
+) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [(0.0, reply(record, 2.0))] if record.sequence == 4 else []
+
+    bench = Bench(clock, answer, virtual=True, samples=15, max_age_periods=max_age_periods).run()
+
+    # In force from sample 4 on; stale at the first sample later than the age.
+    stale = 4 + max_age_periods + 1
+    assert bench.commands_v == [0.0] * 4 + [2.0] * (stale - 4) + [0.0] * (15 - stale)
+    assert bench.rig.writes == [2.0, 0.0]
+    assert bench.rig.calls.index(("write", 0.0)) == 1 + bench.rig.calls.index(
+        ("read", (stale - 1) * PERIOD_S)
+    )
+    assert {record.command_sequence for record in bench.link.records[stale:]} == {0}
+    assert bench.watchdog.lapses == 1
+
+
+def test_controller_that_comes_back___drives_again(clock: Clock) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [] if 2 <= record.sequence < 9 else [(0.0, reply(record, 2.0))]
+
+    bench = Bench(clock, answer, virtual=True, samples=11).run()
+    assert bench.commands_v == [0.0, *[2.0] * 4, *[0.0] * 4, 2.0, 2.0]
+
+
+def test_slew___is_counted_from_zero_after_a_lapse(clock: Clock) -> None:
+    slow = LimiterSettings(max_slew_v_per_s=RATE_HZ)  # one volt a period
+
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [] if 4 <= record.sequence < 12 else [(0.0, reply(record, 10.0))]
+
+    bench = Bench(clock, answer, virtual=True, samples=14, limits=slow).run()
+    assert bench.rig.writes == [1.0, 2.0, 3.0, 0.0, 1.0, 2.0]
+    assert bench.acquisition.limited == 5
+
+
+def test_emergency_stop___holds_zero_to_the_end(clock: Clock) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        if record.sequence == 4:
+            bench.acquisition.emergency_stop()
+        return [(0.0, reply(record, 2.0))]
+
+    bench = Bench(clock, answer, virtual=True, samples=10)
+    bench.run()
+
+    assert bench.rig.writes == [2.0, 2.0, 2.0, 0.0]
+    assert bench.commands_v == [0.0, *[2.0] * 4, *[0.0] * 5]
+    assert bench.acquisition.unanswered == 0
+
+
+def test_emergency_stop___before_the_run___never_drives(clock: Clock) -> None:
+    bench = Bench(clock, at_once(lambda _: 2.0), virtual=True, samples=5)
+    bench.acquisition.emergency_stop()
+    bench.run()
+    assert bench.rig.writes == []
+    assert bench.commands_v == [0.0] * 5
+
+
+def test_limits___that_act___are_counted(clock: Clock) -> None:
+    efforts = {1: 5.0, 2: 11.0, 3: float("nan"), 4: -12.0, 5: 1.0}
+    bench = Bench(
+        clock, at_once(lambda record: efforts.get(record.sequence, 0.0)), virtual=True, samples=6
+    ).run()
+    assert bench.rig.writes == [5.0, 10.0, 0.0, -10.0, 1.0]
+    assert bench.acquisition.limited == 3
+
+
+def test_position_beyond_its_bound___stops_the_outward_drive(clock: Clock) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        bench.rig.position_v = 6.6
+        return [(0.0, reply(record, 3.0 if record.sequence < 3 else -3.0))]
+
+    bench = Bench(clock, answer, virtual=True, samples=4)
+    bench.run()
+    assert bench.rig.writes == [3.0, 0.0, -3.0]
+    assert bench.acquisition.limited == 1
+
+
+@pytest.mark.parametrize("virtual", [True, False])
+def test_rig_that_fails___is_stopped_and_closed_before_the_error(
+    clock: Clock,
+    virtual: bool,  # noqa: FBT001 - a parameter of the test
+) -> None:
+    bench = Bench(clock, at_once(lambda _: 2.0), virtual=virtual, samples=9)
+    bench.rig.fails_at = 3
+    with pytest.raises(RigError, match="a wire broke"):
+        bench.run()
+    assert bench.acquisition.sequence == 3
+    assert bench.rig.calls[-2:] == [("safe_stop", 0.0), ("close", 0.0)]
+
+
+def test_real_time___command_acts_when_it_arrives(clock: Clock) -> None:
+    delay_s = PERIOD_S / 8
+    bench = Bench(
+        clock, lambda record: [(delay_s, reply(record, 1.0))], virtual=False, samples=4
+    ).run()
+    np.testing.assert_allclose(bench.rig.read_times_s, np.arange(4) * PERIOD_S)
+    np.testing.assert_allclose(bench.rig.write_times_s, np.arange(3) * PERIOD_S + delay_s)
+    assert bench.acquisition.missed == 0
+    assert bench.acquisition.reply_s.percentiles().maximum == pytest.approx(delay_s)
+
+
+def test_real_time___late_answer_that_no_newer_one_overtook___still_acts(clock: Clock) -> None:
+    bench = Bench(
+        clock, lambda record: [(1.5 * PERIOD_S, reply(record, 1.0))], virtual=False, samples=4
+    ).run()
+    assert bench.rig.writes == [1.0, 1.0]
+    assert bench.acquisition.refused == 0
+    assert bench.acquisition.unanswered == 3
+
+
+def test_real_time___slow_reading___skips_whole_periods_and_never_bursts(clock: Clock) -> None:
+    bench = Bench(clock, never, virtual=False, samples=8)
+    bench.rig.slow_reads_s[2] = 3.5 * PERIOD_S
+
+    bench.run()
+
+    # Reading 2 fills periods 2 to 5: 3 and 4 are missed, 5 is late, 6 is on time again.
+    np.testing.assert_allclose(
+        np.array(bench.rig.read_times_s) / PERIOD_S, [0, 1, 2, 5.5, 6, 7, 8, 9]
+    )
+    assert bench.acquisition.missed == 2
+    assert [record.sequence for record in bench.link.records] == list(range(1, 9))

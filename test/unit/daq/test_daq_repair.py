@@ -1,0 +1,285 @@
+from __future__ import annotations
+
+import shutil
+import struct
+from typing import TYPE_CHECKING
+
+import pytest
+from bag_samples import (
+    START_NS,
+    Sent,
+    arm_state,
+    channel_info,
+    motor_command,
+    recorded_topics,
+    reference,
+    write_bag,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
+
+from flexarm_daq.bag_metadata import TopicQos
+from flexarm_daq.recording import BagWriter, RecordingError
+from flexarm_daq.repair import repair_bag
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SAMPLES = 60
+STEP_NS = 2_000_000
+MAGIC = b"\x89MCAP0\r\n"
+CHUNK_OPCODE = 6
+CHUNK = 16
+"""Messages after which the bag is flushed."""
+
+
+def experiment() -> list[Sent]:
+    messages = [reference(START_NS, 0.5)]
+    for k in range(SAMPLES):
+        stamp_ns = START_NS + k * STEP_NS
+        messages += [
+            arm_state(k + 1, stamp_ns, (0.1 * k, 1.0, 2.0, -0.1 * k), command_v=0.01 * k),
+            motor_command(k + 1, stamp_ns + 400_000, 0.01 * (k + 1)),
+        ]
+    return messages
+
+
+class Recording:
+    """A whole bag in chunks, and where each chunk ends in its file."""
+
+    def __init__(self, bag: Path) -> None:
+        self.bag = bag
+        self.messages = experiment()
+        with BagWriter(bag, recorded_topics(self.messages), flush_period_s=1e6) as writer:
+            for count, message in enumerate(self.messages, start=1):
+                writer.write(message.topic, message.raw, message.time_ns, message.time_ns)
+                if count % CHUNK == 0:
+                    writer.flush()
+        self.file = mcap_file(bag)
+        self.chunks = chunks_of(self.file.read_bytes())
+
+    def whole_at(self, size: int) -> int:
+        """Return how many messages are whole when the file is cut to a size."""
+        chunks = sum(end <= size for _, end in self.chunks)
+        return min(chunks * CHUNK, len(self.messages))
+
+
+def chunks_of(raw: bytes) -> list[tuple[int, int]]:
+    """Walk the records of an MCAP file: opcode, 8 bytes of length, content."""
+    chunks = []
+    position = len(MAGIC)
+    while position < len(raw) - len(MAGIC):
+        opcode, length = struct.unpack_from("<BQ", raw, position)
+        if opcode == CHUNK_OPCODE:
+            chunks.append((position, position + 9 + length))
+        position += 9 + length
+    return chunks
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    return Recording(tmp_path_factory.mktemp("recording") / "run")
+
+
+def mcap_file(bag: Path) -> Path:
+    (file,) = bag.glob("*.mcap")
+    return file
+
+
+def content(bag: Path) -> list[Sent]:
+    with AnyReader([bag]) as reader:
+        found = [
+            Sent(connection.topic, connection.msgtype, time_ns, bytes(raw))
+            for connection, time_ns, raw in reader.messages()
+        ]
+        assert reader.message_count == len(found)
+    return found
+
+
+def damaged_copy(recording: Recording, folder: Path, raw: bytes) -> Path:
+    folder.mkdir()
+    shutil.copy(recording.bag / "metadata.yaml", folder)
+    (folder / recording.file.name).write_bytes(raw)
+    return folder
+
+
+def repaired(damaged: Path, copy: Path) -> tuple[list[Sent], str]:
+    """Return what a repair saves, and the damage it met."""
+    try:
+        summary = repair_bag(damaged, copy)
+    except RecordingError as error:
+        assert not copy.exists()
+        return [], str(error)
+    return content(copy), summary.damage
+
+
+def test_undamaged_bag___copy_is_identical(recording: Recording, tmp_path: Path) -> None:
+    summary = repair_bag(recording.bag, tmp_path / "copy")
+
+    assert summary.bag == tmp_path / "copy"
+    assert (summary.messages, summary.damage) == (len(recording.messages), "")
+    assert content(summary.bag) == content(recording.bag) == recording.messages
+
+
+def test_single_file___is_repaired_like_its_folder(recording: Recording, tmp_path: Path) -> None:
+    repair_bag(recording.file, tmp_path / "copy")
+    assert content(tmp_path / "copy") == recording.messages
+
+
+def test_copy___keeps_definitions_and_durability(tmp_path: Path) -> None:
+    info = channel_info(START_NS, ["current"], ["angle"], 500.0)
+    topic = recorded_topics([info])[0]
+    with BagWriter(
+        tmp_path / "run",
+        [type(topic)(topic.name, topic.definition, TopicQos(durability="transient_local"))],
+    ) as bag:
+        bag.write(info.topic, info.raw, info.time_ns, info.time_ns)
+
+    repair_bag(tmp_path / "run", tmp_path / "copy")
+
+    with AnyReader([tmp_path / "copy"]) as reader:
+        (connection,) = reader.connections
+        assert connection.digest == topic.definition.type_hash
+        assert connection.msgdef.data.strip() == topic.definition.text.strip()
+        assert isinstance(connection.ext, ConnectionExtRosbag2)
+        (profile,) = connection.ext.offered_qos_profiles
+        assert profile.durability is QosDurability.TRANSIENT_LOCAL
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_file_cut_anywhere___every_whole_chunk_is_saved(
+    tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
+) -> None:
+    raw = recording.file.read_bytes()
+    size = data.draw(st.integers(0, len(raw) - 1))
+    folder = tmp_path_factory.mktemp("cut")
+    damaged = damaged_copy(recording, folder / "run", raw[:size])
+    whole = recording.whole_at(size)
+
+    if whole == 0:
+        with pytest.raises(RecordingError, match="run: holds no whole message"):
+            repair_bag(damaged, folder / "copy")
+        assert not (folder / "copy").exists()
+    else:
+        summary = repair_bag(damaged, folder / "copy")
+        assert summary.messages == whole
+        assert summary.damage
+        assert "\n" not in summary.damage
+        assert content(folder / "copy") == recording.messages[:whole]
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.data())
+def test_one_wrong_byte_in_a_chunk___what_is_saved_is_a_prefix(
+    tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
+) -> None:
+    raw = bytearray(recording.file.read_bytes())
+    start, end = data.draw(st.sampled_from(recording.chunks))
+    # The content: behind times, size, checksum and name of the compression.
+    position = data.draw(st.integers(start + 9 + 28 + 4 + len("zstd") + 8, end - 1))
+    raw[position] ^= data.draw(st.integers(1, 255))
+    folder = tmp_path_factory.mktemp("flip")
+    damaged = damaged_copy(recording, folder / "run", bytes(raw))
+
+    saved, damage = repaired(damaged, folder / "copy")
+
+    # Rarely the wrong byte does not matter: a bit of the compression that nobody reads.
+    assert saved == recording.messages[: recording.whole_at(start) if damage else None]
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.data())
+def test_one_wrong_byte_anywhere___no_message_is_changed(
+    tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
+) -> None:
+    raw = bytearray(recording.file.read_bytes())
+    position = data.draw(st.integers(0, len(raw) - 1))
+    raw[position] ^= data.draw(st.integers(1, 255))
+    folder = tmp_path_factory.mktemp("flip")
+    damaged = damaged_copy(recording, folder / "run", bytes(raw))
+
+    saved, damage = repaired(damaged, folder / "copy")
+
+    in_order = iter(recording.messages)
+    assert all(message in in_order for message in saved)
+    assert len(saved) == len(recording.messages) or damage
+    assert len(saved) >= recording.whole_at(position)
+
+
+def test_chunk_of_another_kind___is_missed(recording: Recording, tmp_path: Path) -> None:
+    raw = bytearray(recording.file.read_bytes())
+    raw[recording.chunks[1][0]] = 0x7F
+    damaged = damaged_copy(recording, tmp_path / "run", bytes(raw))
+    summary = repair_bag(damaged, tmp_path / "copy")
+    assert summary.damage.endswith("105 of 121 messages found")
+    assert content(tmp_path / "copy") == [*recording.messages[:16], *recording.messages[32:]]
+
+
+def test_damaged_index___costs_no_message(recording: Recording, tmp_path: Path) -> None:
+    raw = bytearray(recording.file.read_bytes())
+    raw[-20] ^= 0xFF
+    summary = repair_bag(damaged_copy(recording, tmp_path / "run", bytes(raw)), tmp_path / "copy")
+    assert content(summary.bag) == recording.messages
+
+
+def test_split_bag___damage_in_one_file_spares_the_other(
+    recording: Recording, tmp_path: Path
+) -> None:
+    raw = recording.file.read_bytes()
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "run_0.mcap").write_bytes(raw[: recording.chunks[0][1] + 30])
+    (folder / "run_1.mcap").write_bytes(raw)
+
+    summary = repair_bag(folder, tmp_path / "copy")
+
+    assert summary.messages == CHUNK + len(recording.messages)
+    assert summary.damage.startswith("run_0.mcap: ")
+
+
+def test_bag_without_messages___has_nothing_to_repair(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "run", recorded_topics([reference(START_NS, 0.0)])):
+        pass
+    with pytest.raises(RecordingError, match="run: holds no whole message"):
+        repair_bag(tmp_path / "run", tmp_path / "copy")
+
+
+def test_text_in_place_of_a_bag___has_nothing_to_repair(tmp_path: Path) -> None:
+    file = tmp_path / "notes.mcap"
+    file.write_text("no bag at all, but long enough to be one")
+    with pytest.raises(RecordingError, match=r"notes\.mcap: holds no whole message"):
+        repair_bag(file, tmp_path / "copy")
+
+
+def test_folder_without_mcap_file___says_so(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"no \.mcap file in there"):
+        repair_bag(tmp_path, tmp_path / "copy")
+
+
+def test_missing_bag___says_so(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="nowhere: no such bag"):
+        repair_bag(tmp_path / "nowhere", tmp_path / "copy")
+
+
+def test_existing_target___is_not_touched(recording: Recording, tmp_path: Path) -> None:
+    write_bag(tmp_path / "copy", [reference(START_NS, 1.0)])
+    with pytest.raises(RecordingError, match="copy: exists already"):
+        repair_bag(recording.bag, tmp_path / "copy")
+    assert len(content(tmp_path / "copy")) == 1
+
+
+def test_foreign_definition___is_copied_without_our_types(tmp_path: Path) -> None:
+    sent = reference(START_NS, 2.0)
+    topic = recorded_topics([sent])[0]
+    foreign = type(topic.definition)("lab/msg/Level", "float64 data\n", "")
+    with BagWriter(tmp_path / "run", [type(topic)("/level", foreign)]) as bag:
+        bag.write("/level", sent.raw, sent.time_ns, sent.time_ns)
+
+    repair_bag(tmp_path / "run", tmp_path / "copy")
+
+    with AnyReader([tmp_path / "copy"]) as reader:
+        ((connection, _, raw),) = reader.messages()
+        assert reader.deserialize(raw, connection.msgtype).data == 2.0  # type: ignore[attr-defined]

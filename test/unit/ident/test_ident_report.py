@@ -1,0 +1,314 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import unescape
+from html.parser import HTMLParser
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
+
+from flexarm_ident import IdentificationError, IoData
+from flexarm_ident.channels import axis_label, label_and_unit
+from flexarm_ident.plots import frequency_plot, match_plot, singular_value_plot, step_plot
+from flexarm_ident.report import Section, append_section, render_report
+from flexarm_ident.workflow import Outcome, Request, run
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+VOID = {"meta", "br", "hr", "img", "link", "input"}
+KNOWN_HZ = (9.4, 24.1, 45.6)
+HOSTILE = '<script>alert("1")</script> & </main> $x_1$'
+
+
+class Page(HTMLParser):
+    """Checks that tags nest, and keeps what a test asks for."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.text += data
+
+    def count(self, tag: str) -> int:
+        return sum(name == tag for name, _ in self.tags)
+
+
+def closed_loop(source: str = "arm_bag", samples: int = 3000) -> IoData:
+    """Return a record in which a PD law follows a square wave."""
+    model, reference = arm_model(), square_wave(samples, 3, (150, 300))[:, 0]
+    x, u, y = np.zeros(model.nstates), np.empty((samples, 1)), np.empty((samples, 4))
+    noise = 0.002 * np.random.default_rng(4).normal(size=(samples, 4))
+    for k in range(samples):
+        y[k] = model.C @ x + noise[k]
+        u[k] = 0.4 * (reference[k] - y[k, 0]) - 0.8 * y[k, 3]
+        x = model.A @ x + model.B @ u[k]
+    return IoData(u, y, dt_s=DT_S, reference=reference, closed_loop=True, source=source)
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Outcome:
+    request = Request(
+        method="orse",
+        order=14,
+        block_rows=20,
+        reduction="mrmc",
+        reduced_order=9,
+        known_modes_hz=KNOWN_HZ,
+        update="b",
+    )
+    return run(closed_loop(), request)
+
+
+@pytest.fixture(scope="module")
+def text(outcome: Outcome) -> str:
+    return render_report(outcome, title="An arm", facts={"hash": "0a1b"})
+
+
+@pytest.fixture(scope="module")
+def many_channels() -> Outcome:
+    model = random_model(3, states=5, outputs=3, inputs=2)
+    records = [record(model, 600, seed, noise=0.01, source=f"bag {seed}") for seed in range(4)]
+    return run(records, Request(method="orse", order=5, block_rows=8))
+
+
+def test_render_report___outcome___is_one_file_that_loads_nothing(text: str) -> None:
+    page = Page(text)
+    assert text.startswith("<!DOCTYPE html>")
+    assert {"script", "link", "img", "iframe", "object"}.isdisjoint(tag for tag, _ in page.tags)
+    for tag, attributes in page.tags:
+        for name, value in attributes.items():
+            assert not name.startswith("on"), tag
+            if name in ("src", "href", "xlink:href"):
+                assert (value or "").startswith("#"), tag
+    assert "@import" not in text
+    addresses = re.findall(r"(\S*?)https?://", text)
+    assert {address.split("=")[0] for address in addresses} <= {"xmlns", "xmlns:xlink"}
+
+
+def test_render_report___outcome___is_small(text: str) -> None:
+    assert len(text.encode()) < 1.5e6
+
+
+def test_render_report___twice___is_the_same_text(outcome: Outcome, text: str) -> None:
+    assert render_report(outcome, title="An arm", facts={"hash": "0a1b"}) == text
+
+
+def test_render_report___outcome___has_no_name_twice(text: str) -> None:
+    names = [attributes["id"] for _, attributes in Page(text).tags if "id" in attributes]
+    used = re.findall(r'(?:url\(|href=")#([^")]+)', text)
+    assert len(set(names)) == len(names)
+    assert set(used) == set(names)
+
+
+def test_render_report___outcome___has_a_plot_per_output_and_kind(text: str) -> None:
+    assert Page(text).count("svg") == 1 + 4 * 3
+    for words in ("Data matching", "Set-point following", "Frequency response"):
+        assert f"<h2>{words}</h2>" in text
+
+
+def test_render_report___outcome___lists_every_mode(outcome: Outcome, text: str) -> None:
+    table = text.split("<h2>Modes</h2>")[1].split("</table>", maxsplit=1)[0]
+    rows = re.findall(r'<tr( class="marked")?><th scope="row">(.*?)</th>(.*)</tr>', table)
+    assert len(rows) == len(outcome.modes)
+    for mode, (marked, label, cells) in zip(outcome.modes, rows, strict=True):
+        frequency, damping, msv, mrm, kept = re.findall("<td>(.*?)</td>", cells)
+        assert label == mode.label
+        assert frequency == (f"{mode.frequency_hz:.3f}" if mode.frequency_hz else "-")
+        assert float(damping) == pytest.approx(mode.damping_ratio, abs=6e-4)
+        assert msv.endswith(f" ({mode.msv_rank})")
+        assert mrm.endswith(f" ({mode.mrm_rank})")
+        assert (kept == "yes") == bool(marked) == mode.kept
+
+
+def test_render_report___outcome___lists_every_error(outcome: Outcome, text: str) -> None:
+    assert outcome.sfv is not None
+    table = text.split("<h2>Errors</h2>")[1].split("</table>", maxsplit=1)[0]
+    rows = [re.findall("<td>(.*?)</td>", row) for row in table.split("</tr>")][1:-1]
+    found = np.array(rows, dtype=float)
+    measured = outcome.records[0].y
+    columns = []
+    for simulated in (outcome.full_dmv[0].y, outcome.dmv[0].y, outcome.sfv.y):
+        squares = ((measured - simulated) ** 2).sum(axis=0) / (measured**2).sum(axis=0)
+        delta = np.sqrt(squares)
+        columns.append([*delta, delta.mean()])
+    np.testing.assert_allclose(found, np.transpose(columns), atol=5.1e-5)
+
+
+def test_render_report___outcome___tells_data_order_and_origin(outcome: Outcome, text: str) -> None:
+    words = " ".join(Page(text).text.split())
+    assert f"The model has {outcome.model.nstates} states, reduced from 14." in words
+    assert "It comes from 1 record of 10.0 s in all." in words
+    assert "The full model has order 14, as asked for." in words
+    table = text.split("<h2>Data</h2>")[1].split("</table>", maxsplit=1)[0]
+    cells = re.findall(r"<td>(.*?)</td>", table)
+    assert cells[:5] == ["3000", "300", "10.0", "5.0", "closed"]
+    assert "base strain" in words
+    assert "hash" in words
+    assert "0a1b" in words
+    assert "kp = 0.400, kd = 0.800, ksg = 0.000" in words
+    for warning in outcome.warnings:
+        assert warning in words
+
+
+def test_render_report___hostile_names___are_text(outcome: Outcome) -> None:
+    outputs = (HOSTILE, "base_strain_v", "middle_strain_v", "speed_v")
+    records = tuple(replace(each, source=HOSTILE, outputs=outputs) for each in outcome.records)
+    hostile = replace(outcome, records=records, warnings=(HOSTILE,))
+    text = render_report(hostile, title=HOSTILE, facts={HOSTILE: HOSTILE})
+    page = Page(text)
+    assert page.count("script") == 0
+    assert page.text.count(HOSTILE) >= 6
+    assert text.count("</main>") == 1
+
+
+def test_render_report___several_inputs_outputs_and_records___shows_three_records(
+    many_channels: Outcome,
+) -> None:
+    text = render_report(many_channels, title="Other rig", facts={})
+    page = Page(text)
+    assert page.count("svg") == 1 + 3 * 3 + 3
+    assert len(text.encode()) < 1.5e6
+    assert "The first 3 of 4 records are shown." in page.text
+    assert "bag 3" in page.text
+    assert "From u0 to each output." in page.text
+    assert "Set-point following" not in re.findall("<h2>(.*?)</h2>", text)
+    assert 'class="marked"' not in text.split("<h2>Modes</h2>")[1].split("</table>", maxsplit=1)[0]
+
+
+def test_render_report___simulation_that_runs_away___is_still_drawn(outcome: Outcome) -> None:
+    wild = np.full_like(outcome.dmv[0].y, np.nan)
+    wild[:100], wild[100:200], wild[200:300] = 0.0, 1e300, -np.inf
+    delta = np.full(4, np.inf)
+    dmv = replace(outcome.dmv[0], y=wild, delta=delta, mean=np.inf)
+    text = render_report(replace(outcome, dmv=(dmv,), dmv_errors=delta), title="Unstable", facts={})
+    page = Page(text)
+    assert "δ = ∞" in page.text
+    assert "it misses the outputs by more than can be told" in page.text
+    assert not re.search(r' d="[^"]*(nan|inf|e\+)', text)
+
+
+def test_render_report___extra_sections___stand_at_the_end_in_order(outcome: Outcome) -> None:
+    sections = [Section("First <b>", "5 < 6 & more"), Section("Second", "with a plot", a_step())]
+    text = render_report(outcome, title="An arm", facts={}, extra_sections=sections)
+    headings = [unescape(heading) for heading in re.findall("<h2>(.*?)</h2>", text)]
+    assert headings[-3:] == ["The model", "First <b>", "Second"]
+    assert "<p>5 &lt; 6 &amp; more</p>" in text
+    assert a_step() in text
+    Page(text)
+
+
+def test_append_section___text_of_something_else___is_refused() -> None:
+    with pytest.raises(IdentificationError, match="cannot add 'Step': the text is no report"):
+        append_section("<html></html>", Section("Step", "words"))
+
+
+def times(samples: int) -> NDArray[np.float64]:
+    return np.linspace(0.0, (samples - 1) * DT_S, samples)
+
+
+def a_step() -> str:
+    time_s = times(300)
+    volts = np.outer(1.0 - np.exp(-5.0 * time_s), [3.0, 0.5, 0.2, 0.1])
+    return step_plot(time_s, volts, np.full(300, 3.0), 3.0 - volts[:, 0])
+
+
+def texts(svg: str) -> Sequence[str]:
+    return ["".join(node.itertext()) for node in ET.fromstring(svg).iter() if "text" in node.tag]  # noqa: S314 (own text)
+
+
+def curve_points(svg: str) -> int:
+    paths: list[str] = re.findall(r' d="([^"]*)"', svg)
+    return max(path.count("L") + path.count("M") for path in paths)
+
+
+@pytest.mark.parametrize(
+    ("svg", "expected"),
+    [
+        (a_step(), {"position", "set-point", "base", "middle", "strain, V", "command, V"}),
+        (singular_value_plot(np.geomspace(1e3, 1e-9, 60), 12), {"order 12", "singular value"}),
+        (singular_value_plot(np.array([2.0, 1.0, 0.0]), 2), {"order 2", "used", "left out"}),
+        (
+            frequency_plot(arm_model(), arm_model(), 3, lowest_hz=0.1, known_modes_hz=KNOWN_HZ),
+            {"full, 9 states", "reduced, 9 states", "known modes", "gain, dB (V/V)", "10"},
+        ),
+        (
+            frequency_plot(random_model(1), None, 0, lowest_hz=0.1),
+            {"full, 5 states", "gain, dB", "phase, deg", "frequency, Hz"},
+        ),
+    ],
+)
+def test_plot___any___is_an_element_with_labels(svg: str, expected: set[str]) -> None:
+    root = ET.fromstring(svg)  # noqa: S314 (own text)
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    assert root.attrib["role"] == "img"
+    assert root.attrib["aria-label"]
+    assert "width" not in root.attrib
+    assert expected <= set(texts(svg))
+
+
+def test_match_plot___long_record___keeps_every_peak_with_few_points() -> None:
+    time_s = times(100_000)
+    measured = np.zeros(100_000)
+    measured[77_777] = 1.0
+    svg = match_plot(time_s, measured, 0.0 * measured, "speed_v", fitted_s=10.0)
+    assert curve_points(svg) <= 2000
+    whole = match_plot(time_s[:3], measured[77_776:77_779], np.zeros(3), "speed_v", fitted_s=0.0)
+    assert peak(svg) == pytest.approx(peak(whole), abs=0.02)
+
+
+def peak(svg: str) -> float:
+    """Return the height of the first clipped line, the measured one."""
+    lines = re.findall(r'<path d="([^"]*)" clip-path[^>]*stroke: #56b4e9', svg)
+    return min(float(y) for y in re.findall(r"[ML] [\d.-]+ ([\d.-]+)", lines[0]))
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "unit"),
+    [
+        ("position_v", "position", "V"),
+        ("base_strain_v", "base strain", "V"),
+        ("elbow_deg", "elbow", "deg"),
+        ("elbow_deg_s", "elbow", "deg/s"),
+        ("motor_current_a", "motor current", "A"),
+        ("torque_nm", "torque", "N m"),
+        ("u0", "u0", ""),
+        ("v", "v", ""),
+        ("_v", "v", ""),
+        ("plan_b", "plan b", ""),
+    ],
+)
+def test_label_and_unit___name___is_split(name: str, words: str, unit: str) -> None:
+    assert (label_and_unit(name)[0].strip(), label_and_unit(name)[1]) == (words, unit)
+    assert axis_label(name).strip() == (f"{words}, {unit}" if unit else words)
+
+
+def test_match_plot___one_output___names_channel_and_unit() -> None:
+    u = square_wave(400, 1)
+    y = step_by_step(arm_model(), u)[:, 0]
+    svg = match_plot(times(400), y, y, "position_v", fitted_s=0.5)
+    assert {"position, V", "time, s", "measured", "simulated", "fitted part"} <= set(texts(svg))
