@@ -229,8 +229,8 @@ def _write_report(out: Path, response: Identify.Response, step: BagReading) -> N
     figures = _figures(step)
     text = Path(response.report_path, "report.html").read_text(encoding="utf-8")
     data = step.data
-    time_s = np.arange(len(data)) * data.dt_s
-    set_point_v = np.full(len(data), SET_POINT_V, dtype=np.float64)
+    time_s = np.arange(len(data), dtype=np.float64) * data.dt_s
+    set_point_v = np.full(len(data), SET_POINT_V)
     plot = step_plot(time_s, data.y, set_point_v, data.u[:, 0])
     words = (
         f"PDPC (4-6 to 4-8) with the thesis's gains, step to {SET_POINT_V:g} V. "

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 _FARTHEST = 0.3
 # ... but MRM counts less with the distance: 0.6 at this one.
 _NEAR = 0.1
+# A beam's mode vibrates; a pair that is damped more is none.
+_VIBRATES = 0.4
 # Below this part of the lowest known frequency a pair belongs to the rigid motion.
 _SLOW = 0.5
 
@@ -81,7 +83,7 @@ def reduce_model(
     never split: with room for one state only, the next real mode is taken in its place. When there
     is none, the model gets one state more than `order`.
 
-    The MRMC ranking of section 3.2 keeps, for each known frequency, the complex pair nearby
+    The MRMC ranking of section 3.2 keeps, for each known frequency, the vibrating pair nearby
     with the strongest MRM, then fills up with the rigid motion (real modes and pairs below half
     the lowest known frequency) by MRM.
 
@@ -255,14 +257,14 @@ def _flexible(
         near = [
             (mode.mrm * np.exp(-0.5 * (distance / _NEAR) ** 2), mode)
             for mode in modes
-            if mode.is_pair and mode not in chosen
+            if mode.is_pair and mode.damping_ratio < _VIBRATES and mode not in chosen
             for distance in [abs(np.log(mode.frequency_hz / known_hz))]
             if distance < _FARTHEST
         ]
         if near:
             chosen.append(max(near, key=lambda scored: scored[0])[1])
         else:
-            notes.append(f"no complex mode near {known_hz:g} Hz: none kept for it")
+            notes.append(f"no vibrating mode near {known_hz:g} Hz: none kept for it")
     return chosen, notes
 
 

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 DRIVE_LIMIT_V = 10.0
 _LAW_OUTPUTS = ("position_v", "speed_v", "middle_strain_v")
 _LAW_RESIDUAL = 1e-6
+# Share of the rows that a law must explain, and the reweightings that find it.
+_LAW_SHARE = 0.9
+_LAW_ITERATIONS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,10 +188,11 @@ def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = 
 
 
 def recover_gains(data: IoData, *, limit_v: float = DRIVE_LIMIT_V) -> Gains | None:
-    """Recover the linear law that made the recorded effort, by least squares.
+    """Recover the linear law that made the recorded effort, by least absolute deviations.
 
     The effort is recorded without loss and answers the sample in its own row, so a PD or PDP law
-    fits to rounding. Rows in which the drive saturates are left out.
+    fits to rounding. Rows in which the drive saturates are left out; a few samples that went
+    unanswered in real time, and kept the effort before, do no harm.
 
     Parameters
     ----------
@@ -215,9 +219,14 @@ def recover_gains(data: IoData, *, limit_v: float = DRIVE_LIMIT_V) -> Gains | No
         return None
     scale = np.linalg.norm(regressors, axis=0)
     scale[scale == 0.0] = 1.0
-    solution = np.linalg.lstsq(regressors / scale, effort, rcond=None)[0] / scale
-    residual = np.abs(effort - regressors @ solution).max()
-    if residual > _LAW_RESIDUAL * np.abs(effort).max():
+    tolerance = _LAW_RESIDUAL * np.abs(effort).max()
+    weight = np.ones(len(effort))
+    for _ in range(_LAW_ITERATIONS):
+        weighted = (regressors / scale) * weight[:, np.newaxis]
+        solution = np.linalg.lstsq(weighted, effort * weight, rcond=None)[0] / scale
+        residual = np.abs(effort - regressors @ solution)
+        weight = 1.0 / np.sqrt(np.maximum(residual, tolerance))
+    if np.mean(residual <= tolerance) < _LAW_SHARE:
         return None
     return Gains(*(float(gain) for gain in solution))
 

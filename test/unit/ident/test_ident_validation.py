@@ -158,3 +158,15 @@ def test_frequency_response___random_model___equals_python_control() -> None:
     expected = control.frequency_response(model, 2.0 * np.pi * hz, squeeze=False)
     found = frequency_response(model, hz)
     np.testing.assert_allclose(found, np.moveaxis(expected.complex, 2, 0), rtol=1e-9)
+
+
+def test_recover_gains___some_samples_unanswered___still_exact() -> None:
+    rng = np.random.default_rng(5)
+    y = rng.normal(size=(1000, 4))
+    reference = np.where(np.arange(1000) % 200 < 100, 3.0, -3.0)
+    effort = 0.9 * (reference - y[:, 0]) - 2.5 * y[:, 3] - 0.2 * y[:, 2]
+    for row in rng.choice(np.arange(1, 1000), 60, replace=False):
+        effort[row] = effort[row - 1]
+    gains = recover_gains(IoData(effort, y, dt_s=1 / 300, reference=reference))
+    assert gains is not None
+    assert (gains.kp, gains.kd, gains.ksg) == pytest.approx((0.9, 2.5, 0.2), abs=1e-6)
