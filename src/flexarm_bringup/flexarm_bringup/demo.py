@@ -246,9 +246,9 @@ def _show(response: Identify.Response) -> None:
     console = terminal.CONSOLE
     console.print(f"  {response.message}")
     console.print(terminal.mode_table(response.modes))
-    rows = [("data matching", response.dmv)]
+    rows = [("data (DMV)", response.dmv)]
     if response.sfv:
-        rows.append(("set-point following", response.sfv))
+        rows.append(("set-point (SFV)", response.sfv))
     console.print(terminal.error_table(ARM_OUTPUTS, rows))
     for warning in response.warnings:
         console.print(f"  note: {warning}")

@@ -40,9 +40,9 @@ def identify_bags(bags: tuple[Path, ...], out: Path, **request: Any) -> None:  #
         )
     write_results(out, outcome)
     outputs = outcome.records[0].outputs
-    rows = [("data matching", [*outcome.dmv_errors, outcome.dmv_errors.mean()])]
+    rows = [("data (DMV)", [*outcome.dmv_errors, outcome.dmv_errors.mean()])]
     if outcome.sfv is not None:
-        rows.append(("set-point following", [*outcome.sfv.delta, outcome.sfv.mean]))
+        rows.append(("set-point (SFV)", [*outcome.sfv.delta, outcome.sfv.mean]))
     console = terminal.CONSOLE
     console.print(terminal.mode_table(outcome.modes))
     console.print(terminal.error_table(outputs, rows))
