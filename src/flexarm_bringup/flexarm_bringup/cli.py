@@ -81,13 +81,20 @@ def demo(payload: float, seed: int, out: Path, *, fast: bool, keep_bag: bool) ->
 @click.option(
     "--rate", type=click.FloatRange(10.0, 2000.0), default=300.0, show_default=True, help="Hz."
 )
+@click.option(
+    "--reference",
+    type=click.Choice(["topic", "step", "square", "varying_square"]),
+    default="topic",
+    show_default=True,
+    help="Set-points from /flexarm/reference, or a built-in profile.",
+)
 @click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
-@_examples("up", "up --rate 500 --payload 0.2", "up --bag out/run1")
-def up(payload: float, rate: float, bag: Path | None) -> None:
+@_examples("up", "up --rate 500 --payload 0.2 --reference square", "up --bag out/run1")
+def up(payload: float, rate: float, reference: str, bag: Path | None) -> None:
     """Start daq, controller, recorder and ident, and keep them until Ctrl-C."""
     from flexarm_bringup.up import run_graph  # noqa: PLC0415
 
-    run_graph(payload_kg=payload, rate_hz=rate, bag=bag)
+    run_graph(payload_kg=payload, rate_hz=rate, reference=reference, bag=bag)
 
 
 @main.command(context_settings=_RUN_ON)

@@ -10,13 +10,15 @@ from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
 
 
-def run_graph(*, payload_kg: float, rate_hz: float, bag: Path | None) -> None:
+def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | None) -> None:
     """Start daq, controller, recorder and ident; sample until Ctrl-C.
 
     Parameters
     ----------
     payload_kg, rate_hz
         Of the simulated rig.
+    reference
+        `topic`, or the name of a built-in profile.
     bag
         Folder to record into; None records nothing.
 
@@ -27,7 +29,7 @@ def run_graph(*, payload_kg: float, rate_hz: float, bag: Path | None) -> None:
     """
     parameters: dict[str, dict[str, Any]] = {
         "daq": {"payload_kg": payload_kg, "rate_hz": rate_hz},
-        "controller": {"law": "pdpc", "reference": "topic"},
+        "controller": {"law": "pdpc", "reference": reference},
         "recorder": {"bag": str(bag.absolute())} if bag else {},
     }
     with (
@@ -36,8 +38,7 @@ def run_graph(*, payload_kg: float, rate_hz: float, bag: Path | None) -> None:
     ):
         operator.activate("daq")
         terminal.CONSOLE.print(
-            f"/flexarm is up: PDPC at {rate_hz:g} Hz, set-points in V on /flexarm/reference. "
-            "Ctrl-C ends it."
+            f"/flexarm is up: PDPC at {rate_hz:g} Hz, reference: {reference}. Ctrl-C ends it."
         )
         try:
             operator.wait(lambda: False, "nothing", timeout_s=float("inf"))

@@ -165,7 +165,7 @@ def _opened(bag: Path) -> Iterator[AnyReader]:
     except Exception as error:
         cause = " ".join(str(error).split()) or type(error).__name__
         raise PlaybackError(
-            f"{bag}: cannot read: {cause}; try `flexarm bag repair {bag}`"
+            f"{bag}: cannot read: {cause}; try `flexarm bag repair {bag} -o NEW`"
         ) from error
 
 

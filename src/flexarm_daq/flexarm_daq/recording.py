@@ -240,5 +240,5 @@ class BagWriter:
             self._write_metadata(self._kept)
         raise RecordingError(
             f"{self.path}: cannot write: {error.strerror}; the first {self._kept.total} messages"
-            f" are kept, get them with `flexarm bag repair {self.path}`"
+            f" are kept, get them with `flexarm bag repair {self.path} -o NEW`"
         ) from error

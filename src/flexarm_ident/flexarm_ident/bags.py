@@ -114,7 +114,7 @@ def _opened(path: Path) -> Iterator[_Bag]:
     except Exception as error:
         cause = " ".join(str(error).split()) or type(error).__name__
         raise BagError(
-            f"{path}: truncated or damaged: {cause}; try `flexarm bag repair {path}`"
+            f"{path}: truncated or damaged: {cause}; try `flexarm bag repair {path} -o NEW`"
         ) from error
 
 
