@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import time
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,12 +36,11 @@ except (ImportError, KeyError) as problem:
     )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Mapping
     from types import TracebackType
 
     from numpy.typing import NDArray
 
-    Transitions = Mapping[str, int]
 
 PACKAGES = {
     "daq": "flexarm_daq",
@@ -61,6 +61,7 @@ TRANSITIONS = {
     "cleanup": Transition.TRANSITION_CLEANUP,
 }
 _POLL_S = 0.05
+_MARK = "FLEXARM_TEST_GRAPH"
 _DOMAINS = count(os.getpid())
 
 
@@ -135,19 +136,20 @@ class Graph:
         self.environment = os.environ | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            _MARK: str(folder),
         }
         self._processes: list[Process] = []
         self._expected_to_run: list[Process] = []
 
     def __enter__(self) -> Graph:  # noqa: PYI034 - Self needs Python 3.11
-        self._context = rclpy.Context()
+        self.context = rclpy.Context()
         rclpy.init(
-            context=self._context,
+            context=self.context,
             domain_id=self.domain,
             signal_handler_options=SignalHandlerOptions.NO,
         )
-        self.node = rclpy.create_node("tester", namespace=NAMESPACE, context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self.node = rclpy.create_node("tester", namespace=NAMESPACE, context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self.operator = Operator(self.node, self._executor, self.check)
         return self
@@ -160,15 +162,22 @@ class Graph:
     ) -> None:
         for process in reversed(self._processes):
             process.kill()
+        for survivor in self.survivors():
+            with suppress(ProcessLookupError):
+                os.kill(survivor, signal.SIGKILL)
         self._executor.shutdown()
         self.node.destroy_node()
-        rclpy.shutdown(context=self._context)
+        rclpy.shutdown(context=self.context)
 
     def start(self, name: str, parameters: Mapping[str, Any] | None = None, *more: str) -> Process:
         """Start a node that is to run until it is told to stop."""
-        process = self.run([str(executable(name)), *ros_arguments(parameters or {}, *more)])
+        process = self.run_node(name, parameters or {}, *more)
         self._expected_to_run.append(process)
         return process
+
+    def run_node(self, name: str, parameters: Mapping[str, Any], *more: str) -> Process:
+        """Start a node that ends by itself."""
+        return self.run([str(executable(name)), *ros_arguments(parameters, *more)])
 
     def run(self, command: list[str]) -> Process:
         """Start any program in the domain."""
@@ -188,6 +197,16 @@ class Graph:
         for process in self._expected_to_run:
             if process.popen.poll() is not None:
                 pytest.fail(f"{process.log.name}: {process.popen.returncode}: {process.printed}")
+
+    def survivors(self) -> list[int]:
+        """Return the processes of this graph that are alive, whoever started them."""
+        mark = f"{_MARK}={self.folder}".encode()
+        found = []
+        for path in Path("/proc").glob("[0-9]*/environ"):
+            with suppress(OSError):
+                if mark in path.read_bytes().split(b"\0"):
+                    found.append(int(path.parent.name))
+        return found
 
     def wait(
         self, condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S

@@ -44,6 +44,7 @@ def test_executable___of_every_node___stands_where_ros2_run_looks(name: str) -> 
 def test_remapped_node___talks_on_the_other_names(graph: Graph) -> None:
     states: list[ArmState] = []
     graph.node.create_subscription(ArmState, "/lab/other/state", states.append, qos.SENT)
+    graph.node.create_publisher(MotorCommand, "/lab/drive", qos.SENT)
     graph.start(
         "daq",
         {"autostart": True, "time": "virtual", "rate_hz": 100.0, "answer_timeout_s": 0.05},
@@ -170,6 +171,8 @@ def test_parameters_that_belong_together___are_taken_or_refused_as_one_set(graph
 
 @pytest.mark.parametrize("name", ["daq", "controller"])
 def test_managed_node___goes_through_its_states_twice(graph: Graph, name: str) -> None:
+    # The other end of the loop, so that nobody waits for it.
+    graph.node.create_subscription(MotorCommand, "command", lambda _: None, qos.NEWEST)
     graph.start(name)
     assert graph.state_of(name) == "unconfigured"
     assert not graph.transition(name, "activate")

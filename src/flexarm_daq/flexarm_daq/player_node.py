@@ -57,15 +57,7 @@ class PlayerNode(Node):
         self._thread.join()
 
     def _play(self) -> None:
-        wait_until(
-            lambda: (
-                self._stopping.is_set()
-                or all(
-                    publisher.get_subscription_count() >= self.count_subscribers(topic) > 0
-                    for topic, publisher in self._publishers_of.items()
-                )
-            )
-        )
+        wait_until(lambda: self._stopping.is_set() or self._is_heard())
         start_s = time.monotonic()
         count = 0
         try:
@@ -79,6 +71,14 @@ class PlayerNode(Node):
             self.get_logger().error(str(error))
         self.get_logger().info(f"played {count} messages")
         request_stop()
+
+    def _is_heard(self) -> bool:
+        """Return whether somebody listens, and everybody who does is matched."""
+        listeners = {topic: self.count_subscribers(topic) for topic in self._publishers_of}
+        return any(listeners.values()) and all(
+            publisher.get_subscription_count() >= listeners[topic]
+            for topic, publisher in self._publishers_of.items()
+        )
 
 
 def _message_type(topic: PlayedTopic) -> type:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import queue
 import threading
+import time
 from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,6 +47,9 @@ PARAMETERS = (
     ParameterSpec("topics", ["state", "command", "reference"], "which topics are recorded"),
 )
 _WAIT_S = 0.1
+# A message that was sent arrives within this time after the one before it.
+_QUIET_S = 0.2
+_DRAIN_S = 5.0
 
 
 class RecorderNode(Node):
@@ -103,6 +107,16 @@ class RecorderNode(Node):
             name = self._names[message.topic]
             self._writer.write(name, message.raw, message.source_ns, message.source_ns)
 
+    def _write_what_is_on_its_way(self) -> None:
+        """Write every message that was sent before now, as far as it comes in time."""
+        now_ns = time.time_ns()
+        deadline_s = time.monotonic() + _DRAIN_S
+        while time.monotonic() < deadline_s:
+            messages = self._waiter.wait(_QUIET_S)
+            self._write([message for message in messages if message.source_ns <= now_ns])
+            if not messages or messages[-1].source_ns > now_ns:
+                return
+
     def _open(self) -> str:
         if self._writer is not None:
             raise RecordingError(f"already recording to {self._writer.path}")
@@ -117,10 +131,10 @@ class RecorderNode(Node):
         return text
 
     def _close(self) -> str:
-        self._write(self._waiter.wait(0.0))
-        writer, self._writer = self._writer, None
-        if writer is None:
+        if self._writer is None:
             return "was not recording"
+        self._write_what_is_on_its_way()
+        writer, self._writer = self._writer, None
         writer.close()
         text = f"{writer.message_count} messages in {writer.path}"
         self.get_logger().info(text)

@@ -8,7 +8,6 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from flexarm_node import qos
@@ -16,6 +15,8 @@ from flexarm_node.parameters import Parameters, ParameterSpec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+
+    from lifecycle_msgs.srv import ChangeState
 
     Figures = Mapping[str, object]
 
@@ -26,7 +27,8 @@ _AUTOSTART = ParameterSpec(
     read_only=True,
 )
 _REPORT_S = 1.0
-_MATCH_TIMEOUT_S = 3.0
+# A discovery that misses the first announcements hears the next ones after 3 s.
+_MATCH_TIMEOUT_S = 7.0
 _MATCH_POLL_S = 0.01
 
 

@@ -14,7 +14,7 @@ def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATI
     )
 
 
-SENT = _reliable(1000)
+SENT = _reliable(10000)
 """Samples and commands as published: kept so long that a reader whose process pauses loses none."""
 
 NEWEST = _reliable(1)

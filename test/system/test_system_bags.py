@@ -1,0 +1,194 @@
+from __future__ import annotations
+
+import signal
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import yaml
+from bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from system_graph import eventually
+
+from flexarm_msgs.msg import ArmState
+from flexarm_node import qos
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from system_graph import Graph, Process
+
+pytestmark = pytest.mark.system
+
+STEP_NS = 2_000_000
+TOPICS = {"/flexarm/state", "/flexarm/command", "/flexarm/reference"}
+
+
+def played_bag(path: Path, samples: int) -> list[Sent]:
+    """Write a bag at 500 Hz and return its messages."""
+    messages = [reference(START_NS, 3.0)]
+    for k in range(samples):
+        time_ns = START_NS + k * STEP_NS
+        messages += [
+            arm_state(k + 1, time_ns, (0.01 * k, 1.0, 2.0, 3.0), command_v=0.02 * k),
+            motor_command(k + 1, time_ns + 500_000, 0.02 * (k + 1)),
+        ]
+    write_bag(path, messages)
+    return messages
+
+
+def content(bag: Path) -> dict[str, list[bytes]]:
+    """Return the serialised messages of a bag by topic."""
+    found: dict[str, list[bytes]] = {}
+    with AnyReader([bag]) as reader:
+        for connection, _, raw in reader.messages():
+            found.setdefault(connection.topic, []).append(bytes(raw))
+    return found
+
+
+def message_count(bag: Path) -> int:
+    """Return what the metadata says."""
+    text = yaml.safe_load((bag / "metadata.yaml").read_text())
+    return int(text["rosbag2_bagfile_information"]["message_count"])
+
+
+def decoded_by_embedded_definitions(file: Path) -> dict[str, list[Any]]:
+    """Decode an MCAP file with nothing but what is in it."""
+    found: dict[str, list[Any]] = {}
+    with file.open("rb") as stream:
+        for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
+            typestore = get_typestore(Stores.EMPTY)
+            typestore.register(get_types_from_msg(schema.data.decode(), schema.name))
+            found.setdefault(channel.topic, []).append(
+                typestore.deserialize_cdr(message.data, schema.name)
+            )
+    return found
+
+
+def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
+    graph: Graph, tmp_path: Path
+) -> None:
+    bag = tmp_path / "run"
+    graph.start("recorder")
+    graph.start("controller", {"law": "pdpc", "reference": "step"})
+    graph.start("daq", {"time": "virtual"})
+    graph.activate_loop()
+    graph.operator.record(str(bag))
+    graph.operator.sample(300, lambda _: None)
+    graph.operator.record(None)
+
+    with AnyReader([bag]) as reader:
+        deserialised: dict[str, list[Any]] = {}
+        for connection, _, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            deserialised.setdefault(connection.topic, []).append(message)
+        assert reader.message_count == message_count(bag)
+
+    (file,) = bag.glob("*.mcap")
+    states = deserialised["/flexarm/state"]
+    assert set(deserialised) == TOPICS
+    assert [state.sequence for state in states] == list(range(1, 301))
+    assert [command.state_sequence for command in deserialised["/flexarm/command"]] == list(
+        range(1, 301)
+    )
+    assert deserialised["/flexarm/reference"][-1].data == 3.0
+    own = decoded_by_embedded_definitions(file)
+    assert {topic: len(messages) for topic, messages in own.items()} == {
+        topic: len(messages) for topic, messages in deserialised.items()
+    }
+    for mine, theirs in zip(own["/flexarm/state"], states, strict=True):
+        assert (mine.header.frame_id, mine.header.stamp.nanosec) == (
+            "flexarm",
+            theirs.header.stamp.nanosec,
+        )
+        assert (mine.position_v, mine.speed_v, mine.command_v) == (
+            theirs.position_v,
+            theirs.speed_v,
+            theirs.command_v,
+        )
+
+
+def test_player___plays_to_another_recorder_and_ends_by_itself(
+    graph: Graph, tmp_path: Path
+) -> None:
+    messages = played_bag(tmp_path / "played", 500)
+    recorder = graph.start("recorder", {"bag": str(tmp_path / "copy")})
+    eventually(lambda: "recording to" in recorder.printed, "the recorder")
+
+    player = graph.run_node("player", {"bag": str(tmp_path / "played")})
+
+    assert player.exit_code() == 0
+    assert f"played {len(messages)} messages" in player.printed
+    assert graph.stop(recorder) == 0
+    assert content(tmp_path / "copy") == content(tmp_path / "played")
+
+
+def test_player___leaves_out_and_speeds_up_as_it_is_told(graph: Graph, tmp_path: Path) -> None:
+    played_bag(tmp_path / "played", 1000)
+    recorder = graph.start("recorder", {"bag": str(tmp_path / "copy"), "topics": ["state"]})
+    eventually(lambda: "recording to" in recorder.printed, "the recorder")
+
+    player = graph.run_node(
+        "player",
+        {"bag": str(tmp_path / "played"), "start_s": 0.5, "duration_s": 0.6, "rate": 2.0},
+    )
+
+    assert player.exit_code() == 0
+    assert graph.stop(recorder) == 0
+    assert content(tmp_path / "copy")["/flexarm/state"] == [
+        arm_state(k + 1, START_NS + k * STEP_NS, (0.01 * k, 1.0, 2.0, 3.0), command_v=0.02 * k).raw
+        for k in range(250, 550)
+    ]
+
+
+def test_player___with_a_damaged_bag___ends_with_one_line(graph: Graph, tmp_path: Path) -> None:
+    played_bag(tmp_path / "played", 100)
+    (file,) = (tmp_path / "played").glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-100])
+
+    player = graph.run_node("player", {"bag": str(tmp_path / "played")})
+
+    assert player.exit_code() == 2
+    (line,) = player.printed.splitlines()
+    assert "cannot read" in line
+    assert "flexarm bag repair" in line
+
+
+@pytest.mark.parametrize(
+    "signals",
+    [(signal.SIGINT,), (signal.SIGTERM,), (signal.SIGINT, signal.SIGINT)],
+    ids=["ctrl_c", "terminate", "ctrl_c_twice"],
+)
+def test_signal___ends_every_node_cleanly(
+    graph: Graph, tmp_path: Path, signals: tuple[signal.Signals, ...]
+) -> None:
+    played_bag(tmp_path / "played", 100)
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    nodes: list[Process] = [
+        graph.start("recorder", {"bag": str(tmp_path / "run")}),
+        graph.start("ident", {"output_folder": str(tmp_path)}),
+        graph.start(
+            "player",
+            {"bag": str(tmp_path / "played"), "loop": True},
+            *(word for topic in TOPICS for word in ("-r", f"{topic}:=/elsewhere{topic}")),
+        ),
+        graph.start("controller", {"autostart": True, "reference": "square"}),
+        graph.start("daq", {"autostart": True, "rate_hz": 300.0}),
+    ]
+    graph.wait(lambda: "/flexarm/ident" in graph.operator.nodes(), "the ident node")
+    graph.wait(lambda: graph.node.count_publishers("/elsewhere/flexarm/state") == 1, "the player")
+    graph.wait(lambda: len(states) > 200, "samples")
+
+    codes = [graph.stop(node, *signals) for node in nodes]
+
+    assert codes == [0] * len(nodes)
+    for node in nodes:
+        assert "Traceback" not in node.printed
+        assert "terminate called" not in node.printed
+    recorded = content(tmp_path / "run")
+    assert len(recorded["/flexarm/state"]) > 100
+    assert sum(map(len, recorded.values())) == message_count(tmp_path / "run")

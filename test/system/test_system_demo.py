@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import json
+import signal
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from system_graph import ROOT, eventually
+
+from flexarm_daq import RigParameters
+from flexarm_daq.beam import natural_frequencies_hz
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from system_graph import Graph
+
+pytestmark = pytest.mark.system
+
+KEYS = {
+    "modes_hz",
+    "true_modes_hz",
+    "dmv",
+    "dmv_mean",
+    "sfv_mean",
+    "samples",
+    "lost",
+    "pdpc",
+    "versions",
+    "seed",
+}
+DEMO = [str(ROOT / "flexarm"), "demo", "--fast"]
+
+
+@pytest.mark.parametrize(("payload_kg", "first_mode_within"), [(0.0, 0.08), (0.4, 0.15)])
+def test_demo___meets_its_figures_and_leaves_only_results(
+    graph: Graph, tmp_path: Path, payload_kg: float, first_mode_within: float
+) -> None:
+    out = tmp_path / "demo"
+
+    demo = graph.run([*DEMO, "--payload", str(payload_kg), "--seed", "5", "--out", str(out)])
+
+    assert demo.exit_code(200.0) == 0, demo.printed
+    summary = json.loads((out / "summary.json").read_text())
+    assert set(summary) >= KEYS
+    assert (summary["samples"], summary["lost"], summary["seed"]) == (12_000, 0, 5)
+    true_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg))
+    np.testing.assert_allclose(summary["true_modes_hz"], true_hz)
+    first, second, *_ = np.abs(np.array(summary["modes_hz"]) / true_hz - 1.0)
+    assert first <= first_mode_within
+    assert second <= 0.08
+    assert summary["dmv_mean"] < 0.45
+    assert summary["dmv_mean"] == pytest.approx(np.mean(summary["dmv"]))
+    pdpc = summary["pdpc"]
+    assert abs(pdpc["mean_error_v"]) <= 0.05
+    assert pdpc["overshoot"] <= 0.08
+    assert pdpc["settling_s"] is not None
+    assert "Controlled step" in (out / "report.html").read_text()
+    assert not (out / "bag").exists()
+    assert "Traceback" not in (out / "nodes.log").read_text()
+    assert graph.survivors() == []
+
+
+@pytest.mark.parametrize(
+    "moment",
+    ["Starting the nodes", "exciting the arm: 20 %", "Identifying", "stepping: 10 %"],
+)
+def test_demo___interrupted___leaves_no_process_and_no_bag(
+    graph: Graph, tmp_path: Path, moment: str
+) -> None:
+    out = tmp_path / "demo"
+    demo = graph.run([*DEMO, "--out", str(out)])
+    eventually(lambda: moment in demo.printed or demo.popen.poll() is not None, moment)
+
+    demo.send(signal.SIGINT)
+
+    assert demo.exit_code() == 130, demo.printed
+    assert demo.printed.endswith("flexarm: interrupted\n")
+    assert "Traceback" not in demo.printed
+    assert graph.survivors() == []
+    assert not (out / "bag").exists()
+    assert not (out / "summary.json").exists()
+
+
+def test_killed_demo___takes_its_nodes_with_it(graph: Graph, tmp_path: Path) -> None:
+    demo = graph.run([*DEMO, "--out", str(tmp_path / "demo")])
+    eventually(lambda: "exciting the arm" in demo.printed, "the experiment")
+    assert len(graph.survivors()) > 1
+
+    demo.send(signal.SIGKILL)
+
+    assert demo.exit_code() == -signal.SIGKILL
+    eventually(lambda: graph.survivors() == [], "the end of the nodes")

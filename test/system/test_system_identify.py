@@ -1,0 +1,368 @@
+from __future__ import annotations
+
+import re
+import shutil
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import rclpy
+from bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import Parameter, parameter_value_to_python
+from scipy.signal import cont2discrete
+from system_graph import ROOT, Graph, ros_arguments
+
+from flexarm_daq import RigParameters
+from flexarm_daq.beam import natural_frequencies_hz
+from flexarm_msgs.srv import Identify
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+pytestmark = pytest.mark.system
+
+STEP_NS = 2_000_000
+PROJECT = Path(__file__).parents[2]
+QUANSER = PROJECT.parent / "shared" / "data" / "quanser_2dsfl_fsf.csv"
+ARM_OUTPUTS = ["position_v", "base_strain_v", "middle_strain_v", "speed_v"]
+
+
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """Return a graph with an ident node, and with a bag `run` of a closed-loop experiment."""
+    folder = tmp_path_factory.mktemp("laboratory")
+    with Graph(folder) as graph:
+        graph.start("ident", {"output_folder": str(folder / "models")})
+        graph.start("recorder")
+        graph.start(
+            "controller",
+            {"law": "pd", "pd.compensation_v": 0.7, "reference": "varying_square"},
+        )
+        graph.start("daq", {"time": "virtual", "seed": 1})
+        graph.activate_loop()
+        graph.operator.record(str(folder / "run"))
+        graph.operator.sample(9000, lambda _: None)
+        graph.operator.record(None)
+        yield graph
+
+
+def identify(graph: Graph, *bags: Path, **fields: Any) -> Identify.Response:  # noqa: ANN401
+    request = Identify.Request(bag_uris=[str(bag) for bag in bags], **fields)
+    response: Identify.Response = graph.call(Identify, "identify", request, 120.0)
+    return response
+
+
+def reduced(graph: Graph, bag: Path, order: int) -> Identify.Response:
+    """Identify a model of the arm as the demo does."""
+    return identify(
+        graph,
+        bag,
+        reduction="mrmc",
+        reduced_order=order,
+        known_modes_hz=natural_frequencies_hz(RigParameters()).tolist(),
+        update="b",
+        remove_compensation=True,
+        stabilise=True,
+    )
+
+
+def answered(response: Identify.Response) -> dict[str, Any]:
+    """Return the parameters in a response by name."""
+    return {
+        message.name: as_plain(Parameter.from_parameter_msg(message).value)
+        for message in response.parameters
+    }
+
+
+def as_plain(value: Any) -> Any:  # noqa: ANN401 - any parameter
+    """Return arrays as lists."""
+    return value if isinstance(value, (str, bool, int, float)) else list(value)
+
+
+def got_from(graph: Graph, node: str, names: list[str]) -> dict[str, Any]:
+    """Return parameters as the node tells them."""
+    response = graph.call(
+        GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names)
+    )
+    values = [as_plain(parameter_value_to_python(value)) for value in response.values]
+    return dict(zip(names, values, strict=True))
+
+
+@pytest.mark.parametrize("order", [10, 8])
+def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
+    laboratory: Graph, order: int
+) -> None:
+    response = reduced(laboratory, laboratory.folder / "run", order)
+
+    assert response.success, response.message
+    assert response.message.startswith("run: order ")
+    assert "\n" not in response.message
+    parameters = answered(response)
+    sizes = {key: len(parameters[f"models.run.{key}"]) for key in "abcd"}
+    assert sizes == {"a": order * order, "b": order, "c": 4 * order, "d": 4}
+    assert parameters["models.run.states"] == order
+    assert parameters["models.run.dt_s"] == pytest.approx(1.0 / 300.0)
+    assert parameters["models.run.input_names"] == ["command_v"]
+    assert parameters["models.run.output_names"] == ARM_OUTPUTS
+    assert got_from(laboratory, "ident", list(parameters)) == parameters
+    kept = [mode for mode in response.modes if mode.kept]
+    assert sum(1 + (mode.eigenvalue_imaginary > 0.0) for mode in kept) == order
+    assert len(response.dmv) == len(response.sfv) == 5
+    for errors in (response.dmv, response.sfv):
+        assert errors[-1] == pytest.approx(np.mean(errors[:-1]))
+    assert response.dmv[-1] < 0.45
+
+
+def test_results___are_files_that_ros_reads_back(laboratory: Graph) -> None:
+    response = reduced(laboratory, laboratory.folder / "run", 10)
+    folder = Path(response.report_path)
+    parameters = answered(response)
+    assert "<html" in (folder / "report.html").read_text().lower()
+
+    node = rclpy.create_node(
+        "reader",
+        context=laboratory.context,
+        cli_args=ros_arguments({}, "--params-file", str(folder / "model.yaml")),
+        use_global_arguments=False,
+        automatically_declare_parameters_from_overrides=True,
+    )
+    try:
+        read = {
+            f"models.{key}": as_plain(value.value)
+            for key, value in node.get_parameters_by_prefix("models").items()
+        }
+    finally:
+        node.destroy_node()
+    assert read == parameters
+
+
+def test_model_file___is_taken_by_a_node_that_identifies_again(
+    laboratory: Graph, tmp_path: Path
+) -> None:
+    first = reduced(laboratory, laboratory.folder / "run", 10)
+    with Graph(tmp_path) as graph:
+        node = graph.start(
+            "ident",
+            {"output_folder": str(tmp_path / "models")},
+            *("--params-file", str(Path(first.report_path) / "model.yaml")),
+        )
+        again = reduced(graph, laboratory.folder / "run", 10)
+        assert again.success, again.message
+        assert again.dmv == pytest.approx(first.dmv, rel=1e-6)
+        assert graph.stop(node, signal.SIGINT) == 0
+
+
+def arm_bag(path: Path, samples: int, *, volts: float = 1.0, bad_row: int | None = None) -> Path:
+    """Write a bag of an arm that never was: random commands and their running means."""
+    random = np.random.default_rng(3)
+    command_v = volts * random.standard_normal(samples)
+    filtered = np.convolve(command_v, [0.0, 0.4, 0.3, 0.2, 0.1])[:samples]
+    messages: list[Sent] = [reference(START_NS, 1.0)]
+    for k in range(samples):
+        time_ns = START_NS + k * STEP_NS
+        position_v = float("nan") if k == bad_row else filtered[k]
+        outputs = (position_v, 0.5 * filtered[k], 0.1 * filtered[k], 2.0 * filtered[k])
+        sequence = {"command_v": command_v[k], "command_sequence": k}
+        messages += [
+            arm_state(k + 1, time_ns, outputs, **sequence),
+            motor_command(k + 1, time_ns + 400_000, command_v[k]),
+        ]
+    return write_bag(path, messages)
+
+
+def missing(_: Path) -> Path:
+    return Path("/nowhere/run")
+
+
+def text_file(folder: Path) -> Path:
+    path = folder / "notes.txt"
+    path.write_text("no bag\n")
+    return path
+
+
+def text_as_mcap(folder: Path) -> Path:
+    path = folder / "notes.mcap"
+    path.write_text("no bag, whatever its name says\n")
+    return path
+
+
+def plain_folder(folder: Path) -> Path:
+    path = folder / "plain"
+    path.mkdir()
+    return path
+
+
+def cut_bag(folder: Path) -> Path:
+    bag = arm_bag(folder / "cut", 500)
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-200])
+    return bag
+
+
+def bag_without_samples(folder: Path) -> Path:
+    return write_bag(folder / "references", [reference(START_NS, 1.0)])
+
+
+def short_bag(folder: Path) -> Path:
+    return arm_bag(folder / "short", 60)
+
+
+def constant_input(folder: Path) -> Path:
+    return arm_bag(folder / "constant", 1200, volts=0.0)
+
+
+def not_a_number(folder: Path) -> Path:
+    return arm_bag(folder / "nan", 1200, bad_row=300)
+
+
+def good_bag(folder: Path) -> Path:
+    return arm_bag(folder / "good", 1200)
+
+
+@pytest.mark.parametrize(
+    ("make_bag", "fields", "complaint"),
+    [
+        (missing, {}, "^/nowhere/run: no such bag$"),
+        (text_file, {}, "notes.txt: no bag: expected a rosbag2 folder or a .mcap or .db3 file"),
+        (text_as_mcap, {}, "notes.mcap: truncated or damaged: .*flexarm bag repair"),
+        (plain_folder, {}, "plain: no bag: the folder has no metadata.yaml"),
+        (cut_bag, {}, "cut: truncated or damaged: .*flexarm bag repair"),
+        (
+            bag_without_samples,
+            {},
+            "references: neither ArmState nor IoSample in there; topics: /flexarm/reference",
+        ),
+        (short_bag, {}, "30 samples are too few, 40 block rows need at least"),
+        (constant_input, {}, "input command_v is constant, it excites nothing"),
+        (not_a_number, {}, "position_v is nan in row 300"),
+        (good_bag, {"order": 25, "block_rows": 20}, "order must lie between 1 and 19 .*: 25"),
+        (good_bag, {"block_rows": 1}, "block_rows must be 2 or more: 1"),
+        (good_bag, {"method": "guess"}, "method must be one of auto, orse"),
+        (good_bag, {"reduction": "some"}, "reduction must be one of none, mrm, msv, mrmc"),
+        (good_bag, {"update": "d"}, "update must be one of none, b, c"),
+        (good_bag, {"train_fraction": 1.5}, "train_fraction must lie between 0 and 1: 1.5"),
+    ],
+)
+def test_wrong_input___is_refused_in_one_line(
+    laboratory: Graph,
+    tmp_path: Path,
+    make_bag: Callable[[Path], Path],
+    fields: dict[str, Any],
+    complaint: str,
+) -> None:
+    response = identify(laboratory, make_bag(tmp_path), **fields)
+    assert not response.success
+    assert re.search(complaint, response.message)
+    assert "\n" not in response.message
+    assert not response.parameters
+    assert not response.report_path
+
+
+def test_no_bag_named___is_refused(laboratory: Graph) -> None:
+    response = identify(laboratory)
+    assert (response.success, response.message) == (
+        False,
+        "bag_uris is empty: name at least one bag",
+    )
+
+
+def test_good_bag___is_what_the_wrong_ones_are_compared_with(
+    laboratory: Graph, tmp_path: Path
+) -> None:
+    response = identify(laboratory, good_bag(tmp_path), order=4, block_rows=20)
+    assert response.success, response.message
+
+
+def two_oscillators(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return random inputs and the outputs of two coupled oscillators of 3 and 7 Hz, at 100 Hz."""
+    pulsations = 2.0 * np.pi * np.array([3.0, 7.0])
+    a = np.zeros((4, 4))
+    a[:2, 2:] = np.eye(2)
+    a[2:, :2] = -np.diag(pulsations**2)
+    a[2:, 2:] = -2.0 * 0.05 * np.diag(pulsations)
+    b = np.vstack([np.zeros((2, 2)), [[1.0, 0.2], [-0.3, 1.0]]])
+    c = np.block([[np.diag(pulsations**2), np.zeros((2, 2))], [np.zeros((2, 2)), np.eye(2)]])
+    ad, bd, cd, _, _ = cont2discrete((a, b, c, np.zeros((4, 2))), 0.01)
+    u = np.random.default_rng(5).standard_normal((samples, 2))
+    x = np.zeros(4)
+    y = np.zeros((samples, 4))
+    for k in range(samples):
+        y[k] = cd @ x
+        x = ad @ x + bd @ u[k]
+    return u, y
+
+
+def import_csv(graph: Graph, csv: Path, map_file: Path, bag: Path) -> None:
+    process = graph.run(
+        [str(ROOT / "flexarm"), "import", str(csv), "--map", str(map_file), "-o", str(bag)]
+    )
+    assert process.exit_code() == 0, process.printed
+
+
+def test_csv_of_another_rig___is_imported_and_identified(laboratory: Graph, tmp_path: Path) -> None:
+    u, y = two_oscillators(1500)
+    time_s = 0.01 * np.arange(1500)
+    columns = ["t", "left", "right", "q1", "q2", "v1", "v2"]
+    np.savetxt(
+        tmp_path / "rig.csv",
+        np.column_stack([time_s, u, y]),
+        delimiter=",",
+        header=",".join(columns),
+        comments="",
+    )
+    channels = {
+        "inputs": [{"column": name, "unit": "N"} for name in columns[1:3]],
+        "outputs": [{"column": name, "unit": "m"} for name in columns[3:]],
+    }
+    (tmp_path / "map.yaml").write_text(
+        "time: t\n" + "".join(f"{key}: {value}\n" for key, value in channels.items())
+    )
+
+    import_csv(laboratory, tmp_path / "rig.csv", tmp_path / "map.yaml", tmp_path / "rig")
+    response = identify(laboratory, tmp_path / "rig", order=4, block_rows=15)
+
+    assert response.success, response.message
+    parameters = answered(response)
+    assert parameters["models.rig.input_names"] == columns[1:3]
+    assert parameters["models.rig.output_names"] == columns[3:]
+    assert len(parameters["models.rig.b"]) == 4 * 2
+    assert len(parameters["models.rig.c"]) == 4 * 4
+    frequencies = sorted(mode.frequency_hz for mode in response.modes)
+    assert frequencies == pytest.approx([3.0, 7.0], rel=0.02)
+    assert response.dmv[-1] < 0.05
+
+
+@pytest.mark.skipif(not QUANSER.is_file(), reason=f"the measurements are not there: {QUANSER}")
+def test_quanser_measurements___give_a_model_with_2_inputs_and_4_outputs(
+    laboratory: Graph, tmp_path: Path
+) -> None:
+    map_file = PROJECT / "src" / "flexarm_bringup" / "config" / "quanser_2dsfl.yaml"
+    import_csv(laboratory, QUANSER, map_file, tmp_path / "quanser")
+
+    response = identify(laboratory, tmp_path / "quanser")
+
+    assert response.success, response.message
+    parameters = answered(response)
+    states = parameters["models.quanser.states"]
+    assert len(parameters["models.quanser.b"]) == states * 2
+    assert len(parameters["models.quanser.c"]) == 4 * states
+    assert len(response.dmv) == 5
+    assert response.warnings
+
+
+def test_bag_named_by_uri_and_as_single_file___is_the_same_bag(
+    laboratory: Graph, tmp_path: Path
+) -> None:
+    bag = good_bag(tmp_path)
+    (file,) = bag.glob("*.mcap")
+    shutil.copy(file, tmp_path / "good.mcap")
+    plain, by_uri, single = (
+        answered(identify(laboratory, name, order=4, block_rows=20))
+        for name in (bag, bag.as_uri(), tmp_path / "good.mcap")
+    )
+    assert plain["models.good.a"] == by_uri["models.good.a"] == single["models.good.a"]

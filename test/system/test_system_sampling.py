@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+import signal
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from std_srvs.srv import Trigger
+from system_graph import States
+
+from flexarm_msgs.msg import ArmState
+from flexarm_msgs.srv import Identify
+from flexarm_node import qos
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rclpy.task import Future
+    from system_graph import Graph, Process
+
+pytestmark = pytest.mark.system
+
+MAX_AGE_PERIODS = 3
+"""Default age of a command from which the DAQ node sets the drive to zero."""
+# A step whose error stays, so that the command never is zero by itself.
+RESTLESS = {"law": "pd", "reference": "square", "square.period_s": 0.4, "pd.compensation_v": 0.7}
+
+
+def nothing(_: int) -> None:
+    """Show no progress."""
+
+
+def start_loop(
+    graph: Graph, daq: dict[str, object], controller: dict[str, object] | None = None
+) -> Process:
+    """Start recorder, controller and daq, up to the sampling itself; return the controller."""
+    graph.start("recorder")
+    process = graph.start("controller", controller or RESTLESS)
+    graph.start("daq", daq)
+    graph.activate_loop()
+    return process
+
+
+def record(graph: Graph, bag: Path, samples: int) -> States:
+    """Sample and record; return what is in the bag."""
+    graph.operator.record(str(bag))
+    graph.operator.sample(samples, nothing)
+    graph.operator.record(None)
+    return States(bag)
+
+
+def test_virtual_time___same_seed_same_numbers___other_seed_others(
+    graph: Graph, tmp_path: Path
+) -> None:
+    start_loop(graph, {"time": "virtual", "seed": 7}, {"law": "pdpc", "reference": "square"})
+    first = record(graph, tmp_path / "first", 1500)
+    again = record(graph, tmp_path / "again", 1500)
+    graph.operator.set_parameters("daq", {"seed": 8})
+    other = record(graph, tmp_path / "other", 1500)
+
+    for run in (first, again, other):
+        np.testing.assert_array_equal(run.sequence, np.arange(1, 1501))
+    np.testing.assert_array_equal(first.volts, again.volts)
+    assert np.any(first.command_v != 0.0)
+    assert np.mean(first.volts[:, :4] != other.volts[:, :4]) > 0.5
+    # Every sample was answered: each one carries the answer to the one before.
+    assert np.all(np.diff(first.command_sequence) == 1)
+
+
+def test_killed_controller___drive_goes_to_zero_and_stays(graph: Graph, tmp_path: Path) -> None:
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    controller = start_loop(graph, {"rate_hz": 300.0})
+    graph.operator.record(str(tmp_path / "run"))
+    assert graph.transition("daq", "activate")
+    graph.wait(lambda: len(states) >= 150, "samples")
+
+    assert graph.stop(controller, signal.SIGKILL) == -signal.SIGKILL
+    graph.wait(lambda: len(states) >= 600, "samples without a controller")
+    assert graph.transition("daq", "deactivate")
+    graph.operator.record(None)
+
+    run = States(tmp_path / "run")
+    last = run.command_sequence.max()
+    in_force = np.flatnonzero(run.command_sequence == last)
+    assert 1 <= len(in_force) <= MAX_AGE_PERIODS + 1
+    assert np.any(run.command_v[in_force] != 0.0)
+    after = slice(in_force[-1] + 1, None)
+    assert len(run.command_v[after]) >= 100
+    assert not np.any(run.command_v[after])
+    assert not np.any(run.command_sequence[after])
+
+
+def test_emergency_stop___holds_zero_until_the_node_is_activated_again(graph: Graph) -> None:
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+
+    def emergency_stop() -> Trigger.Response:
+        response: Trigger.Response = graph.call(Trigger, "emergency_stop", Trigger.Request())
+        return response
+
+    start_loop(graph, {"rate_hz": 300.0})
+    assert emergency_stop().message == "not active: the drive is at zero"
+
+    assert graph.transition("daq", "activate")
+    graph.wait(lambda: len(states) >= 60 and states[-1].command_v != 0.0, "a driven arm")
+    answer = emergency_stop()
+    assert answer.success
+    assert answer.message == "the drive is held at zero until the node is deactivated"
+    # What was on its way when the stop was asked for still shows the command.
+    states.clear()
+    graph.wait(lambda: len(states) >= 150, "samples after the stop")
+    zero_from = next(k for k, state in enumerate(states) if state.command_v == 0.0)
+    assert zero_from <= 60
+    assert all(state.command_v == 0.0 for state in states[zero_from:])
+
+    assert graph.transition("daq", "deactivate")
+    states.clear()
+    assert graph.transition("daq", "activate")
+    graph.wait(lambda: any(state.command_v != 0.0 for state in states), "a driven arm again")
+
+
+def test_command_beyond_the_limits___is_recorded_as_limited(graph: Graph, tmp_path: Path) -> None:
+    start_loop(
+        graph,
+        {"time": "virtual", "max_command_v": 0.5},
+        {"law": "pd", "pd.kp": 5.0, "reference": "square", "square.period_s": 1.0},
+    )
+    run = record(graph, tmp_path / "run", 600)
+    assert np.abs(run.command_v).max() == 0.5
+
+
+def test_real_time___500_hz_for_60_s_while_a_model_is_identified___loses_nothing(
+    graph: Graph, tmp_path: Path
+) -> None:
+    graph.start("ident", {"output_folder": str(tmp_path / "models")})
+    start_loop(
+        graph,
+        {"time": "virtual", "rate_hz": 500.0},
+        {"law": "pd", "pd.compensation_v": 0.7, "reference": "varying_square"},
+    )
+    record(graph, tmp_path / "other", 8000)
+    request = Identify.Request(bag_uris=[str(tmp_path / "other")], remove_compensation=True)
+    identify = graph.node.create_client(Identify, "identify")
+    graph.wait(identify.service_is_ready, "the identification service")
+    answers: list[Future] = []
+
+    def keep_identifying(_: int) -> None:
+        if not answers or answers[-1].done():
+            answers.append(identify.call_async(request))
+
+    graph.operator.set_parameters("daq", {"time": "real"})
+    graph.operator.record(str(tmp_path / "run"))
+    graph.operator.sample(30_000, keep_identifying)
+    graph.operator.record(None)
+
+    run = States(tmp_path / "run")
+    np.testing.assert_array_equal(run.sequence, np.arange(1, 30_001))
+    results = [answer.result() for answer in answers if answer.done()]
+    assert results
+    assert all(result.success for result in results), results[0].message
