@@ -150,34 +150,65 @@ def import_(csv: Path, map_file: Path, output: Path) -> None:
     "-o", "--out", type=click.Path(path_type=Path), default=Path("out/identify"), show_default=True
 )
 @click.option(
-    "--method", default="auto", show_default=True, help="auto, orse, orse_iv or orse_thesis."
+    "--method",
+    default="auto",
+    show_default=True,
+    help="auto, orse, orse_iv, pbsid or orse_thesis.",
 )
 @click.option(
-    "--train-fraction", type=float, default=0.5, show_default=True, help="Part that is fitted."
+    "--train-fraction",
+    type=click.FloatRange(0.0, 1.0, min_open=True),
+    default=0.5,
+    show_default=True,
+    help="Leading part of each record that is fitted.",
 )
-@click.option("--block-rows", type=click.IntRange(2), default=40, show_default=True)
+@click.option(
+    "--block-rows", type=click.IntRange(2), default=40, show_default=True, help="q of (2-18)."
+)
 @click.option("--order", type=click.IntRange(1), help="Order of the full model; else chosen.")
 @click.option(
     "--reduction",
     type=click.Choice(["none", "mrm", "msv", "mrmc"]),
     default="none",
     show_default=True,
+    help="Ranking by which modes are kept.",
 )
 @click.option("--reduced-order", type=click.IntRange(1), help="States to keep; else chosen.")
 @click.option(
     "--known-mode", "known_modes_hz", multiple=True, type=float, help="Hz, for mrmc; repeat."
 )
-@click.option("--update", type=click.Choice(["none", "b", "c"]), default="none", show_default=True)
-@click.option("--keep-compensation", is_flag=True, help="Leave the Coulomb compensation in.")
+@click.option(
+    "--update",
+    type=click.Choice(["none", "b", "c"]),
+    default="none",
+    show_default=True,
+    help="Matrix that is fitted again after the reduction.",
+)
+@click.option(
+    "--remove-compensation/--keep-compensation",
+    default=True,
+    show_default=True,
+    help="Subtract the Coulomb compensation from the input.",
+)
+@click.option(
+    "--stabilise/--keep-unstable",
+    default=True,
+    show_default=True,
+    help="Move unstable eigenvalues inside the unit circle.",
+)
+@click.option(
+    "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
+)
 @_examples(
     "identify bags/c_dat3",
     "identify bags/c_dat3 --reduction mrm --reduced-order 10 --update b -o out/c3",
+    "identify bags/c_dat3 --export json,mat,h",
 )
-def identify(bags: tuple[Path, ...], out: Path, *, keep_compensation: bool, **request: Any) -> None:  # noqa: ANN401
-    """Identify a model from bags, without any node; write parameters and report."""
-    from flexarm_bringup.files import identify_bags  # noqa: PLC0415
+def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+    """Identify a model from bags, without any node; write parameters, exports and report."""
+    from flexarm_bringup.identify import identify_bags  # noqa: PLC0415
 
-    identify_bags(bags, out, remove_compensation=not keep_compensation, **request)
+    identify_bags(bags, out, **options)
 
 
 @main.command()

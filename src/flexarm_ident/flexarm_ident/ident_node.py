@@ -1,100 +1,190 @@
-"""The identification service: bags in, a validated reduced model out, as parameters and files.
+"""The identification as a service and as an action: bags in, a validated reduced model out.
 
-`identify` reads the bags, and answers with the model as parameters. The node also declares these
-parameters on itself and writes a folder with `model.yaml`, ready for `--params-file`, and
-`report.html`.
+`identify` and the action `identify_bags` read the bags, and answer with the model as parameters;
+the action also tells how far it is, and can be cancelled. The node declares these parameters on
+itself and writes a folder with `model.yaml`, ready for `--params-file`, and `report.html`. It works
+on one job at a time, beside the executor, which stays free for parameters and for cancelling.
 """
 
 from __future__ import annotations
 
+import threading
 import time
-from dataclasses import replace
+import traceback
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 from urllib.parse import unquote, urlsplit
 
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 
-from flexarm_ident.bags import read_bag_report
+from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.errors import IdentificationError
-from flexarm_ident.results import model_name, write_results
-from flexarm_ident.workflow import Outcome, Request, run
+from flexarm_ident.exports import parse_exports
+from flexarm_ident.job import Results, identify_bags, model_name
+from flexarm_ident.workflow import Outcome, Request
+from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.msg import ModeSummary
 from flexarm_msgs.srv import Identify
 from flexarm_node.parameters import Parameters, ParameterSpec
 from flexarm_node.process import run as run_node
 
 if TYPE_CHECKING:
-    from flexarm_ident.alignment import BagReading
+    from collections.abc import Callable, Mapping, Sequence
+
+    from rclpy.action.server import ServerGoalHandle
+
     from flexarm_ident.modes import Mode
+    from flexarm_ident.progress import Progress
+
+    Asked: TypeAlias = "Identify.Request | IdentifyBags.Goal"
+    Answer: TypeAlias = "Identify.Response | IdentifyBags.Result"
+
+# A stage that takes longer must not keep a process that was told to stop.
+_STOP_S = 3.0
 
 PARAMETERS = (
     ParameterSpec(
         "output_folder", "~/.ros/flexarm/models", "where a folder per identified model is written"
     ),
+    ParameterSpec("exports", "", "formats that are written beside model.yaml: any of json,mat,h"),
 )
 
 
 class IdentNode(Node):
-    """Wires the service to `workflow.run`."""
+    """Wires the service and the action to `job.identify_bags`."""
 
     def __init__(self) -> None:
         super().__init__("ident", namespace="/flexarm")
-        self._settings = Parameters(self, PARAMETERS)
-        self.create_service(Identify, "identify", self._on_identify)
+        self._settings = Parameters(self, PARAMETERS, accept=_accept)
+        self._job: Background[Results] | None = None
+        self._news = Future()
+        self._stopping = threading.Event()
+        # A call that is being worked on must not keep the next one, or the parameters, waiting.
+        group = ReentrantCallbackGroup()
+        self.create_service(Identify, "identify", self._on_identify, callback_group=group)
+        self._action = ActionServer(
+            self,
+            IdentifyBags,
+            "identify_bags",
+            self._on_goal,
+            cancel_callback=lambda _goal: CancelResponse.ACCEPT,
+            callback_group=group,
+        )
 
     def stop(self) -> None:
-        """Do nothing: nothing runs beside the executor."""
+        """Cancel the job, if there is one."""
+        self._stopping.set()
+        if self._job is not None:
+            self._job.join(_STOP_S)
+        self._action.destroy()
 
-    def _on_identify(
+    async def _on_identify(
         self, request: Identify.Request, response: Identify.Response
     ) -> Identify.Response:
-        try:
-            self._identify(request, response)
-        except (IdentificationError, OSError) as error:
-            response.message = " ".join(str(error).split())
-            self.get_logger().error(response.message)
+        await self._answer(request, response, self._stopping.is_set, lambda _stage, _fraction: None)
         return response
 
-    def _identify(self, request: Identify.Request, response: Identify.Response) -> None:
-        started_s = time.monotonic()
-        readings = _read(request.bag_uris)
-        outcome = run([reading.data for reading in readings], as_request(request))
-        noticed = (text for reading in readings for text in reading.warnings)
-        outcome = replace(outcome, warnings=(*noticed, *outcome.warnings))
-        name = model_name(outcome)
-        folder = Path(self._settings.values()["output_folder"]).expanduser().absolute() / name
-        parameters = write_results(folder, outcome)
-        self._keep(parameters)
-        response.parameters = [
-            Parameter(key, value=value).to_parameter_msg() for key, value in parameters.items()
-        ]
-        response.warnings = list(outcome.warnings)
-        response.modes = [_summary(mode) for mode in outcome.modes]
-        response.dmv = _with_mean(outcome)
-        if outcome.sfv is not None:
-            response.sfv = [*outcome.sfv.delta.tolist(), outcome.sfv.mean]
-        response.report_path = str(folder)
-        response.success = True
-        response.message = (
-            f"{name}: order {outcome.identification.order}"
-            + (f" reduced to {outcome.model.nstates}" if outcome.reduction else "")
-            + f", mean data matching error {response.dmv[-1]:.4f},"
-            + f" {time.monotonic() - started_s:.1f} s"
-        )
-        self.get_logger().info(response.message)
+    async def _on_goal(self, goal: ServerGoalHandle) -> IdentifyBags.Result:
+        def cancelled() -> bool:
+            return self._stopping.is_set() or goal.is_cancel_requested
 
-    def _keep(self, parameters: dict[str, Any]) -> None:
+        def tell(stage: str, fraction: float) -> None:
+            goal.publish_feedback(IdentifyBags.Feedback(stage=stage, fraction=fraction))
+
+        result = IdentifyBags.Result()
+        await self._answer(goal.request, result, cancelled, tell)
+        if result.success:
+            goal.succeed()
+        elif goal.is_cancel_requested:
+            goal.canceled()
+        else:
+            goal.abort()
+        return result
+
+    async def _answer(
+        self, asked: Asked, answer: Answer, cancelled: Callable[[], bool], progress: Progress
+    ) -> None:
+        """Fill the answer: the model, or why there is none."""
+        try:
+            started_s = time.monotonic()
+            results = await self._identified(asked, cancelled, progress)
+            self._keep(results.parameters)
+            _fill(answer, results, time.monotonic() - started_s)
+            self.get_logger().info(answer.message)
+        except Cancelled as stopped:
+            answer.message = f"{stopped}: nothing was written"
+            self.get_logger().info(answer.message)
+        except (IdentificationError, OSError) as error:
+            answer.message = " ".join(str(error).split())
+            self.get_logger().error(answer.message)
+        except Exception as error:  # noqa: BLE001 - a defect in one job does not end the node
+            answer.message = f"internal error, see the log of the node: {error!r}"
+            self.get_logger().error(traceback.format_exc())
+
+    async def _identified(
+        self, asked: Asked, cancelled: Callable[[], bool], progress: Progress
+    ) -> Results:
+        """Run the job in a thread; the executor is free meanwhile."""
+        if self._job is not None:
+            raise IdentificationError("busy with another identification: try again when it is done")
+        work, executor = self._work(asked), self.executor
+
+        def notify() -> None:
+            if not self._stopping.is_set():
+                self._news.set_result(None)
+                executor.wake()
+
+        self._job = job = Background(work, cancelled=cancelled, notify=notify)
+        try:
+            while True:
+                # Made before looking: what comes after the look ends the wait.
+                self._news = news = Future()
+                ended = job.ended
+                for stage, fraction in job.progress():
+                    progress(stage, fraction)
+                if ended:
+                    return job.result()
+                await news
+        finally:
+            self._job = None
+
+    def _work(self, asked: Asked) -> Callable[[Progress], Results]:
+        """Return what is to be done; what is asked for is checked now."""
+        bags, request = as_bags(asked.bag_uris), as_request(asked)
+        settings = self._settings.values()
+        root = Path(settings["output_folder"]).expanduser().absolute()
+        folder, exports = root / model_name(bags[0]), parse_exports(settings["exports"])
+        return lambda report: identify_bags(bags, folder, request, exports=exports, progress=report)
+
+    def _keep(self, parameters: Mapping[str, Any]) -> None:
+        known = []
         for key, value in parameters.items():
             if self.has_parameter(key):
-                self.set_parameters([Parameter(key, value=value)])
+                known.append(Parameter(key, value=value))
             else:
                 self.declare_parameter(key, value, ignore_override=True)
+        self.set_parameters_atomically(known)
 
 
-def as_request(message: Identify.Request) -> Request:
-    """Turn a service request into a `Request`; zero and empty fields take the defaults.
+def as_bags(uris: Sequence[str]) -> list[Path]:
+    """Turn the URIs of a request into paths.
+
+    Raises
+    ------
+    IdentificationError
+        When there is none.
+    """
+    if not uris:
+        raise IdentificationError("bag_uris is empty: name at least one bag")
+    return [_path(uri) for uri in uris]
+
+
+def as_request(message: Asked) -> Request:
+    """Turn a service request or a goal into a `Request`; zero and empty fields take the defaults.
 
     Raises
     ------
@@ -116,15 +206,36 @@ def as_request(message: Identify.Request) -> Request:
     )
 
 
-def _read(uris: list[str]) -> list[BagReading]:
-    if not uris:
-        raise IdentificationError("bag_uris is empty: name at least one bag")
-    return [read_bag_report(_path(uri)) for uri in uris]
+def _accept(values: Mapping[str, Any]) -> None:
+    try:
+        parse_exports(values["exports"])
+    except IdentificationError as error:
+        raise IdentificationError(f"parameter exports: {error}") from error
 
 
 def _path(uri: str) -> Path:
     parts = urlsplit(uri)
     return Path(unquote(parts.path) if parts.scheme == "file" else uri).expanduser()
+
+
+def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
+    outcome = results.outcome
+    answer.parameters = [
+        Parameter(key, value=value).to_parameter_msg() for key, value in results.parameters.items()
+    ]
+    answer.warnings = list(outcome.warnings)
+    answer.modes = [_summary(mode) for mode in outcome.modes]
+    answer.dmv = _with_mean(outcome)
+    if outcome.sfv is not None:
+        answer.sfv = [*outcome.sfv.delta.tolist(), outcome.sfv.mean]
+    answer.report_path = str(results.folder)
+    answer.success = True
+    answer.message = (
+        f"{results.name}: order {outcome.identification.order}"
+        + (f" reduced to {outcome.model.nstates}" if outcome.reduction else "")
+        + f", mean data matching error {answer.dmv[-1]:.4f},"
+        + f" {elapsed_s:.1f} s"
+    )
 
 
 def _summary(mode: Mode) -> ModeSummary:

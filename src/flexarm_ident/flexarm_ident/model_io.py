@@ -1,153 +1,25 @@
-"""A model as ROS parameters and as a parameter file, without loss.
-
-A model `arm` is a set of flat parameters `models.arm.<field>`: the matrices `a`, `b`, `c`, `d` as
-row-major lists, the number of `states`, `input_names`, `output_names`, the period `dt_s`, where it
-came from, and a `hash` that tells whether somebody changed it.
-"""
+"""Models in a ROS parameter file, without loss."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import math
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import control
-import numpy as np
 import yaml
 
-from flexarm_ident.errors import IdentificationError
+from flexarm_ident.model_parameters import (
+    ModelFileError,
+    flat_parameters,
+    models_in,
+    nested_parameters,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
-    from flexarm_ident.arrays import FloatArray
+    import control
 
-    ParameterValue = str | int | float | list[float] | list[str]
-
-_ROOT = "models"
-_MATRICES = ("a", "b", "c", "d")
-_FIELDS = (*_MATRICES, "states", "input_names", "output_names", "dt_s", "hash")
-
-
-class ModelFileError(IdentificationError):
-    """A parameter file or a set of parameters does not hold the model it should."""
-
-
-def model_parameters(
-    name: str, model: control.StateSpace, *, provenance: Mapping[str, str]
-) -> dict[str, ParameterValue]:
-    """Return a model as flat ROS parameters.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model: letters, digits and underscores.
-    model : control.StateSpace
-        Discrete model with at least one state.
-    provenance : mapping of str
-        Where the model came from, such as ``source`` and ``method``; stored beside it.
-
-    Returns
-    -------
-    dict
-        Parameters ``models.<name>.<field>``; matrices are row-major lists, to the last bit but
-        for entries below 2.2e-308, which become zero.
-
-    Raises
-    ------
-    ModelFileError
-        If the name, the model or a key of the provenance cannot be a parameter.
-    """
-    for token in (name, *provenance):
-        if not re.fullmatch(r"\w+", token):
-            raise ModelFileError(f"{token!r}: use letters, digits and underscores only")
-    for key in provenance:
-        if key in _FIELDS:
-            raise ModelFileError(f"provenance {key!r} is a field of the model: choose another key")
-    _check_model(name, model)
-    matrices = (model.A, model.B, model.C, model.D)
-    fields: dict[str, ParameterValue] = {
-        "states": int(model.nstates),
-        "input_names": [str(label) for label in model.input_labels],
-        "output_names": [str(label) for label in model.output_labels],
-        "dt_s": float(model.dt),
-        **provenance,
-        "hash": model_hash(model),
-        **{
-            key: _entries(matrix).ravel().tolist()
-            for key, matrix in zip(_MATRICES, matrices, strict=True)
-        },
-    }
-    return {f"{_ROOT}.{name}.{field}": value for field, value in fields.items()}
-
-
-def model_from_parameters(name: str, parameters: Mapping[str, object]) -> control.StateSpace:
-    """Return the model that `model_parameters` turned into parameters.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    parameters : mapping
-        Flat parameters; those of other models and nodes are ignored.
-
-    Returns
-    -------
-    control.StateSpace
-        The model.
-
-    Raises
-    ------
-    ModelFileError
-        If a field is missing, has the wrong size or type, or the hash is not that of the model.
-    """
-    prefix = f"{_ROOT}.{name}."
-    for field in _FIELDS:
-        if prefix + field not in parameters:
-            raise ModelFileError(f"{prefix}{field} is missing")
-    fields = {field: parameters[prefix + field] for field in _FIELDS}
-    dt_s, states = fields["dt_s"], fields["states"]
-    if not isinstance(dt_s, float) or not (math.isfinite(dt_s) and dt_s > 0.0):
-        raise ModelFileError(f"{prefix}dt_s must be a positive number of seconds: {dt_s!r}")
-    if not isinstance(states, int) or isinstance(states, bool) or states < 1:
-        raise ModelFileError(f"{prefix}states must be a whole number, 1 or more: {states!r}")
-    inputs, outputs = (_names(prefix + key, fields[key]) for key in ("input_names", "output_names"))
-    rows = (states, states, len(outputs), len(outputs))
-    columns = (states, len(inputs), states, len(inputs))
-    matrices = [
-        _matrix(prefix + key, fields[key], shape)
-        for key, *shape in zip(_MATRICES, rows, columns, strict=True)
-    ]
-    model = control.ss(*matrices, dt_s, inputs=inputs, outputs=outputs)
-    if fields["hash"] != model_hash(model):
-        raise ModelFileError(
-            f"{prefix}hash does not belong to the model: it was changed after it was written, "
-            "write it again"
-        )
-    return model
-
-
-def model_hash(model: control.StateSpace) -> str:
-    """Return the SHA-256 of a model's period, names and matrices, as hexadecimal digits.
-
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model.
-
-    Returns
-    -------
-    str
-        The same for the same bits on every machine.
-    """
-    names = [list(model.input_labels), list(model.output_labels)]
-    digest = hashlib.sha256(json.dumps([float(model.dt).hex(), int(model.nstates), names]).encode())
-    for matrix in (model.A, model.B, model.C, model.D):
-        digest.update(_entries(matrix).astype("<f8").tobytes())
-    return digest.hexdigest()
+    from flexarm_ident.model_parameters import ParameterValue
 
 
 def write_parameter_file(
@@ -171,24 +43,28 @@ def write_parameter_file(
     OSError
         If the file cannot be written.
     """
-    tree: dict[str, Any] = {}
+    try:
+        text = parameter_text(parameters, node=node)
+    except ModelFileError as error:
+        raise ModelFileError(f"{path}: {error}") from error
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def parameter_text(parameters: Mapping[str, ParameterValue], *, node: str = "/**") -> str:
+    """Return the text of a parameter file, see `write_parameter_file`."""
     for key, value in parameters.items():
         if isinstance(value, list) and not value:
-            raise ModelFileError(f"{path}: {key} is an empty list, which ROS cannot read")
-        *groups, field = key.split(".")
-        branch = tree
-        for group in groups:
-            branch = branch.setdefault(group, {})
-        branch[field] = _quoted(value)
-    text = yaml.dump(
-        {node: {"ros__parameters": tree}},
+            raise ModelFileError(f"{key} is an empty list, which ROS cannot read")
+    quoted = {key: _quoted(value) for key, value in parameters.items()}
+    text: str = yaml.dump(
+        {node: {"ros__parameters": nested_parameters(quoted)}},
         Dumper=_Dumper,
         default_flow_style=None,
         sort_keys=False,
         allow_unicode=True,
         width=100,
     )
-    Path(path).write_text(text, encoding="utf-8")
+    return text
 
 
 def read_parameter_file(path: Path | str) -> dict[str, control.StateSpace]:
@@ -210,24 +86,25 @@ def read_parameter_file(path: Path | str) -> dict[str, control.StateSpace]:
         If the file cannot be read, holds no model, or a model is damaged.
     """
     try:
-        document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        return models_in_text(Path(path).read_bytes())
     except OSError as error:
         raise ModelFileError(f"{path}: {error.strerror}") from error
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ModelFileError(f"{path}: no YAML: {' '.join(str(error).split())}") from error
+    except ModelFileError as error:
+        raise ModelFileError(f"{path}: {error}") from error
+
+
+def models_in_text(text: bytes) -> dict[str, control.StateSpace]:
+    """Return the models in the text of a parameter file, see `read_parameter_file`."""
+    try:
+        document = yaml.safe_load(text.decode("utf-8"))
+    except (ValueError, yaml.YAMLError) as error:
+        raise ModelFileError(f"no YAML: {' '.join(str(error).split())}") from error
     nodes = document.values() if isinstance(document, dict) else ()
     parameters: dict[str, object] = {}
     for node in nodes:
         if isinstance(node, dict):
-            parameters.update(_flat(node.get("ros__parameters"), ""))
-    keys = (key.split(".") for key in parameters)
-    names = dict.fromkeys(key[1] for key in keys if key[0] == _ROOT and len(key) > 1)
-    if not names:
-        raise ModelFileError(f"{path}: no parameters {_ROOT}.<name>.*: not a model's file")
-    try:
-        return {name: model_from_parameters(name, parameters) for name in names}
-    except ModelFileError as error:
-        raise ModelFileError(f"{path}: {error}") from error
+            parameters.update(flat_parameters(node.get("ros__parameters")))
+    return models_in(parameters)
 
 
 class _Text(str):
@@ -245,58 +122,7 @@ _Dumper.add_representer(
 )
 
 
-def _entries(matrix: FloatArray) -> FloatArray:
-    # The parser of ROS takes a number below the smallest normal double for a text.
-    tiny = (matrix != 0.0) & (np.abs(matrix) < np.finfo(np.float64).tiny)
-    return np.where(tiny, 0.0, matrix)
-
-
 def _quoted(value: ParameterValue) -> object:
     if isinstance(value, list):
         return [_Text(item) if isinstance(item, str) else item for item in value]
     return _Text(value) if isinstance(value, str) else value
-
-
-def _flat(tree: object, prefix: str) -> Iterator[tuple[str, object]]:
-    if isinstance(tree, dict):
-        for key, value in tree.items():
-            yield from _flat(value, f"{prefix}.{key}" if prefix else str(key))
-    elif prefix:
-        yield prefix, tree
-
-
-def _check_model(name: str, model: control.StateSpace) -> None:
-    if model.nstates < 1:
-        raise ModelFileError(f"model {name} has no states")
-    if isinstance(model.dt, bool) or model.dt is None or not 0.0 < model.dt < math.inf:
-        raise ModelFileError(f"model {name} has no sampling period: dt = {model.dt}")
-    for key, matrix in zip(_MATRICES, (model.A, model.B, model.C, model.D), strict=True):
-        if not np.isfinite(matrix).all():
-            raise ModelFileError(f"model {name}: matrix {key} is not finite")
-
-
-def _names(key: str, value: object) -> list[str]:
-    names = list(value) if isinstance(value, (list, tuple)) else []
-    if not names or not all(isinstance(name, str) for name in names):
-        raise ModelFileError(f"{key} must be a list of names: {value!r}")
-    if len(set(names)) < len(names):
-        raise ModelFileError(f"{key} must differ: {names!r}")
-    return names
-
-
-def _matrix(key: str, value: object, shape: list[int]) -> FloatArray:
-    try:
-        entries = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        entries = np.array(math.nan)
-    if entries.ndim == 0:
-        raise ModelFileError(f"{key} must be a list of numbers")
-    rows, columns = shape
-    if entries.shape != (rows * columns,):
-        raise ModelFileError(
-            f"{key} has {entries.size} numbers, {rows} x {columns} = {rows * columns} are needed, "
-            "in one flat list"
-        )
-    if not np.isfinite(entries).all():
-        raise ModelFileError(f"{key} has a number that is not finite")
-    return entries.reshape(rows, columns)

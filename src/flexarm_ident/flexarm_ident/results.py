@@ -1,36 +1,55 @@
-"""What an identification leaves behind: a parameter file and a report in a folder."""
+"""What an identification leaves behind: a parameter file, exports and a report in a folder."""
 
 from __future__ import annotations
 
-import re
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_ident.model_io import model_parameters, write_parameter_file
+from flexarm_ident.exports import FORMATS, save_model
+from flexarm_ident.model_parameters import model_parameters
+from flexarm_ident.provenance import model_provenance
 from flexarm_ident.report import render_report
 
 if TYPE_CHECKING:
-    from flexarm_ident.model_io import ParameterValue
+    from collections.abc import Callable, Sequence
+
+    from flexarm_ident.iodata import IoData
+    from flexarm_ident.model_parameters import ParameterValue
     from flexarm_ident.workflow import Outcome
 
 MODEL_FILE = "model.yaml"
 REPORT_FILE = "report.html"
 
 
-def model_name(outcome: Outcome) -> str:
-    """Return the name of the first bag, as far as a parameter's name can hold it."""
-    return re.sub(r"\W", "_", Path(outcome.records[0].source).stem) or "model"
+def write_results(
+    folder: Path,
+    outcome: Outcome,
+    measured: Sequence[IoData],
+    *,
+    name: str,
+    exports: Sequence[str] = (),
+    before_commit: Callable[[], None] = lambda: None,
+) -> dict[str, ParameterValue]:
+    """Write `model.yaml`, ready for `--params-file`, `report.html`, and further formats.
 
-
-def write_results(folder: Path, outcome: Outcome) -> dict[str, ParameterValue]:
-    """Write `model.yaml`, ready for `--params-file`, and `report.html`.
+    Everything is written beside the folder first. A new folder appears complete or not at all; in
+    one that is there, files of an earlier identification are replaced and others stay.
 
     Parameters
     ----------
     folder : Path
-        Created when it is missing; files of an earlier identification are replaced.
+        Created when it is missing.
     outcome : Outcome
         The identification.
+    measured : sequence of IoData
+        The records as they were read; their hashes are written beside the model.
+    name : str
+        Name of the model.
+    exports : sequence of str
+        Suffixes of `exports.FORMATS` beside `.yaml`.
+    before_commit : callable
+        Called when all is written but nothing is in its place; may raise to leave no trace.
 
     Returns
     -------
@@ -39,19 +58,45 @@ def write_results(folder: Path, outcome: Outcome) -> dict[str, ParameterValue]:
 
     Raises
     ------
+    ModelFileError
+        When the model cannot be written in one of the formats.
     OSError
         When the folder cannot be written.
     """
-    name = model_name(outcome)
-    provenance = {
-        "source": ", ".join(record.source for record in outcome.records),
-        "method": outcome.identification.method,
-        "request": repr(outcome.request),
-    }
+    provenance = model_provenance(outcome, measured)
     parameters = model_parameters(name, outcome.model, provenance=provenance)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_parameter_file(folder / MODEL_FILE, parameters)
-    facts = {"parameter file": MODEL_FILE, "hash": str(parameters[f"models.{name}.hash"])}
-    text = render_report(outcome, title=f"Identification of {name}", facts=facts)
-    (folder / REPORT_FILE).write_text(text, encoding="utf-8")
+    model_files = [Path(MODEL_FILE), *(Path(MODEL_FILE).with_suffix(each) for each in exports)]
+    facts = {
+        "parameter file": MODEL_FILE,
+        "exports": ", ".join(map(str, model_files[1:])),
+        "hash": str(parameters[f"models.{name}.hash"]),
+    }
+    report = render_report(
+        outcome,
+        title=f"Identification of {name}",
+        facts={key: value for key, value in facts.items() if value},
+    )
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as beside:
+        # A folder inside has the usual permissions.
+        staging = Path(beside, "results")
+        staging.mkdir()
+        for file in model_files:
+            save_model(staging / file, outcome.model, name=name, provenance=provenance)
+        (staging / REPORT_FILE).write_text(report, encoding="utf-8")
+        before_commit()
+        _commit(staging, folder)
     return parameters
+
+
+def _commit(staging: Path, folder: Path) -> None:
+    if not folder.exists():
+        staging.rename(folder)
+        return
+    for suffix in FORMATS:
+        # A format of an earlier model would contradict the new ones.
+        stale = (folder / MODEL_FILE).with_suffix(suffix)
+        if not (staging / stale.name).exists():
+            stale.unlink(missing_ok=True)
+    for file in staging.iterdir():
+        file.replace(folder / file.name)

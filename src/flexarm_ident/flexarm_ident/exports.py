@@ -1,0 +1,158 @@
+"""A model in a file, in the format that the file's suffix names, with provenance and hash."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexarm_ident.c_header import c_header
+from flexarm_ident.mat_file import mat_bytes, models_in_mat
+from flexarm_ident.model_io import models_in_text, parameter_text
+from flexarm_ident.model_parameters import (
+    ModelFileError,
+    flat_parameters,
+    model_parameters,
+    models_in,
+    nested_parameters,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    import control
+
+    from flexarm_ident.model_parameters import ParameterValue, Provenance
+
+
+@dataclass(frozen=True)
+class Format:
+    """How a model becomes the content of a file, and comes back where that makes sense.
+
+    Attributes
+    ----------
+    encode : callable
+        From the name of the model and its flat parameters.
+    decode : callable or None
+        To the models by name; raises `ModelFileError`.
+    """
+
+    encode: Callable[[str, Mapping[str, ParameterValue]], bytes]
+    decode: Callable[[bytes], dict[str, control.StateSpace]] | None
+
+
+def _json_bytes(_name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
+    tree = nested_parameters(parameters)
+    return (json.dumps(tree, ensure_ascii=False, indent=1) + "\n").encode()
+
+
+def _models_in_json(content: bytes) -> dict[str, control.StateSpace]:
+    try:
+        tree = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise ModelFileError(f"no JSON: {error}") from error
+    return models_in(flat_parameters(tree))
+
+
+FORMATS = {
+    ".yaml": Format(lambda _, parameters: parameter_text(parameters).encode(), models_in_text),
+    ".json": Format(_json_bytes, _models_in_json),
+    ".mat": Format(mat_bytes, models_in_mat),
+    ".h": Format(lambda name, parameters: c_header(name, parameters).encode(), None),
+}
+"""Suffix -> format: ROS parameter file, JSON, MATLAB version 5, C header."""
+
+EXPORTS = tuple(suffix for suffix in FORMATS if suffix != ".yaml")
+"""What can be written beside the parameter file."""
+
+
+def save_model(
+    path: Path | str, model: control.StateSpace, *, name: str, provenance: Provenance
+) -> None:
+    """Write a model, to the last bit, in the format of the suffix.
+
+    Parameters
+    ----------
+    path : Path or str
+        File ending with one of `FORMATS`.
+    model : control.StateSpace
+        Discrete model with at least one state.
+    name : str
+        Name of the model: letters, digits and underscores.
+    provenance : mapping of str or list of str
+        Where the model came from.
+
+    Raises
+    ------
+    ModelFileError
+        If the suffix is unknown or the model cannot be kept.
+    OSError
+        If the file cannot be written.
+    """
+    encode = _format(path).encode
+    try:
+        content = encode(name, model_parameters(name, model, provenance=provenance))
+    except ModelFileError as error:
+        raise ModelFileError(f"{path}: {error}") from error
+    Path(path).write_bytes(content)
+
+
+def load_model(path: Path | str) -> control.StateSpace:
+    """Read a model and check its period, names, sizes and hash.
+
+    Parameters
+    ----------
+    path : Path or str
+        File of `save_model`, or any other with one model in the same form.
+
+    Returns
+    -------
+    control.StateSpace
+        The model, with ``dt`` and the names of inputs and outputs.
+
+    Raises
+    ------
+    ModelFileError
+        If the file cannot be read, or the model is incomplete or was changed after it was written.
+    """
+    decode = _format(path).decode
+    if decode is None:
+        readable = ", ".join(suffix for suffix, each in FORMATS.items() if each.decode)
+        raise ModelFileError(f"{path}: is written for compilers only: read one of {readable}")
+    try:
+        models = decode(Path(path).read_bytes())
+    except OSError as error:
+        raise ModelFileError(f"{path}: {error.strerror}") from error
+    except ModelFileError as error:
+        raise ModelFileError(f"{path}: {error}") from error
+    if len(models) > 1:
+        raise ModelFileError(
+            f"{path}: holds the models {', '.join(models)}: read_parameter_file reads them all"
+        )
+    (model,) = models.values()
+    return model
+
+
+def parse_exports(text: str) -> tuple[str, ...]:
+    """Return the suffixes in a list of formats such as ``json,mat,h``, each once.
+
+    Raises
+    ------
+    ModelFileError
+        If one is not known.
+    """
+    words = [word.strip() for word in text.split(",")]
+    suffixes = tuple(dict.fromkeys(f".{word}" for word in words if word))
+    for suffix in suffixes:
+        if suffix not in EXPORTS:
+            choices = ", ".join(each.removeprefix(".") for each in EXPORTS)
+            raise ModelFileError(f"no format {suffix[1:]!r} to export: choose from {choices}")
+    return suffixes
+
+
+def _format(path: Path | str) -> Format:
+    suffix = Path(path).suffix
+    if suffix not in FORMATS:
+        raise ModelFileError(f"{path}: no format {suffix!r}: use one of {', '.join(FORMATS)}")
+    return FORMATS[suffix]

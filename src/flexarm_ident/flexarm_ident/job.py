@@ -1,0 +1,104 @@
+"""From bags to a folder of results: what the command, the service and the action do."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from flexarm_ident import progress as stages
+from flexarm_ident import workflow
+from flexarm_ident.bags import read_bag_report
+from flexarm_ident.results import write_results
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from flexarm_ident.model_parameters import ParameterValue
+    from flexarm_ident.progress import Progress
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """An identified model and where it was written.
+
+    Attributes
+    ----------
+    name : str
+        Name of the model.
+    folder : Path
+        Folder of the files.
+    outcome : Outcome
+        The identification, with the warnings of the bags before its own.
+    parameters : dict
+        The model as flat parameters `models.<name>.*`.
+    """
+
+    name: str
+    folder: Path
+    outcome: workflow.Outcome
+    parameters: dict[str, ParameterValue]
+
+
+def model_name(bag: Path) -> str:
+    """Return the name of a bag, as far as a parameter's name can hold it."""
+    return re.sub(r"\W", "_", bag.resolve().stem) or "model"
+
+
+def identify_bags(
+    bags: Sequence[Path],
+    folder: Path,
+    request: workflow.Request,
+    *,
+    exports: Sequence[str] = (),
+    progress: Progress = lambda _stage, _fraction: None,
+) -> Results:
+    """Read bags, identify one model, and write it with its report.
+
+    Parameters
+    ----------
+    bags : sequence of Path
+        Bags of one rig, one or more. The first one names the model.
+    folder : Path
+        Folder of the results, see `write_results`.
+    request : Request
+        What is to be done.
+    exports : sequence of str
+        Suffixes of further formats, see `exports.parse_exports`.
+    progress : callable
+        Called with the stage and the part of the whole that is done. What it raises ends the job
+        and leaves no file.
+
+    Returns
+    -------
+    Results
+        The model and its files.
+
+    Raises
+    ------
+    IdentificationError
+        If the bags or the request do not allow an identification.
+    OSError
+        If the folder cannot be written.
+    """
+    report = stages.whole(progress)
+    readings = []
+    for done, bag in enumerate(bags):
+        report("reading", done / len(bags))
+        readings.append(read_bag_report(bag))
+    measured = [reading.data for reading in readings]
+    outcome = workflow.run(measured, request, progress=report)
+    noticed = (text for reading in readings for text in reading.warnings)
+    outcome = replace(outcome, warnings=(*noticed, *outcome.warnings))
+    report("writing", 0.0)
+    name = model_name(bags[0])
+    parameters = write_results(
+        folder,
+        outcome,
+        measured,
+        name=name,
+        exports=exports,
+        before_commit=lambda: report("writing", 1.0),
+    )
+    return Results(name, folder, outcome, parameters)

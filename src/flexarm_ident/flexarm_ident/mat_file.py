@@ -1,0 +1,126 @@
+"""A model as a MATLAB file, version 5."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.io import loadmat, savemat
+
+from flexarm_ident.model_parameters import (
+    FIELDS,
+    ModelFileError,
+    flat_parameters,
+    model_fields,
+    models_in,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import control
+    from numpy.typing import NDArray
+
+    from flexarm_ident.model_parameters import ParameterValue
+
+_MATRICES = ("A", "B", "C", "D")
+_NAMES = ("input_names", "output_names")
+_VARIABLES = (*_MATRICES, "dt", *_NAMES, "name", "hash")
+# The header's free text. scipy puts the date there, and the same model has to give the same file;
+# and a damaged file can crash scipy's reader, so ours carry a digest of all that follows.
+_HEADER_SIZE = 116
+_OURS = b"MATLAB 5.0 MAT-file, flexarm, SHA-256 "
+
+
+def mat_bytes(name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
+    """Return the content of a MAT-file with a model.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    parameters : mapping
+        The model as flat parameters.
+
+    Returns
+    -------
+    bytes
+        Variables ``A B C D dt``, ``input_names`` and ``output_names`` as cells, ``name``, ``hash``,
+        and a structure ``provenance``.
+    """
+    fields: dict[str, Any] = model_fields(name, parameters)
+    inputs, outputs = (_cells(fields[key]) for key in _NAMES)
+    heights = (fields["states"], fields["states"], len(outputs), len(outputs))
+    variables: dict[str, Any] = {
+        key: np.reshape(fields[key.lower()], (height, -1))
+        for key, height in zip(_MATRICES, heights, strict=True)
+    }
+    variables |= {"dt": fields["dt_s"], "input_names": inputs, "output_names": outputs}
+    variables |= {"name": name, "hash": fields["hash"]}
+    origin = {
+        key: _cells(value) if isinstance(value, list) else value
+        for key, value in fields.items()
+        if key not in FIELDS
+    }
+    if origin:
+        variables["provenance"] = origin
+    buffer: Any = io.BytesIO()
+    savemat(buffer, variables, long_field_names=True)
+    body: bytes = buffer.getvalue()[_HEADER_SIZE:]
+    return _header(body) + body
+
+
+def models_in_mat(content: bytes) -> dict[str, control.StateSpace]:
+    """Return the model in the content of a MAT-file, by its name.
+
+    Parameters
+    ----------
+    content : bytes
+        From `mat_bytes`, or saved again by MATLAB as ``-v6`` or ``-v7``.
+
+    Returns
+    -------
+    dict
+        The one model.
+
+    Raises
+    ------
+    ModelFileError
+        If a variable is missing or damaged, or the hash is not that of the model.
+    """
+    header, body = content[:_HEADER_SIZE], content[_HEADER_SIZE:]
+    if header.startswith(_OURS) and header != _header(body):
+        raise ModelFileError("was damaged or changed after it was written: write it again")
+    stream: Any = io.BytesIO(content)
+    try:
+        variables = loadmat(stream)
+    except Exception as error:
+        # A damaged file makes scipy raise almost anything.
+        raise ModelFileError(f"no MAT-file of version 5: {' '.join(str(error).split())}") from error
+    for variable in _VARIABLES:
+        if variable not in variables:
+            raise ModelFileError(f"variable {variable} is missing")
+    fields: dict[str, object] = {key.lower(): _list(variables[key]) for key in _MATRICES}
+    fields |= {key: [_scalar(cell) for cell in variables[key].ravel()] for key in _NAMES}
+    fields |= {"states": len(variables["A"]), "hash": _scalar(variables["hash"])}
+    fields["dt_s"] = _scalar(variables["dt"])
+    return models_in(flat_parameters({"models": {str(_scalar(variables["name"])): fields}}))
+
+
+def _header(body: bytes) -> bytes:
+    return (_OURS + hashlib.sha256(body).hexdigest().encode()).ljust(_HEADER_SIZE)
+
+
+def _cells(texts: Any) -> NDArray[np.object_]:  # noqa: ANN401 - a list of str
+    return np.array(texts, dtype=object)[:, np.newaxis]
+
+
+def _list(matrix: Any) -> object:  # noqa: ANN401 - whatever the file held
+    return np.asarray(matrix).ravel().tolist()
+
+
+def _scalar(value: Any) -> object:  # noqa: ANN401 - whatever the file held
+    array = np.asarray(value)
+    return array.item() if array.size == 1 else None

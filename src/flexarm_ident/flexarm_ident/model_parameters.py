@@ -1,0 +1,255 @@
+"""A model as ROS parameters, without loss.
+
+A model `arm` is a set of flat parameters `models.arm.<field>`: the matrices `a`, `b`, `c`, `d` as
+row-major lists, the number of `states`, `input_names`, `output_names`, the period `dt_s`, where it
+came from, and a `hash` that tells whether somebody changed it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+import control
+import numpy as np
+
+from flexarm_ident.errors import IdentificationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from flexarm_ident.arrays import FloatArray
+
+    ParameterValue = str | int | float | list[float] | list[str]
+    Provenance = Mapping[str, str | list[str]]
+
+_ROOT = "models"
+_MATRICES = ("a", "b", "c", "d")
+FIELDS = (*_MATRICES, "states", "input_names", "output_names", "dt_s", "hash")
+"""What makes the model; every further field is provenance."""
+
+
+class ModelFileError(IdentificationError):
+    """A parameter file or a set of parameters does not hold the model it should."""
+
+
+def model_parameters(
+    name: str, model: control.StateSpace, *, provenance: Provenance
+) -> dict[str, ParameterValue]:
+    """Return a model as flat ROS parameters.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model: letters, digits and underscores.
+    model : control.StateSpace
+        Discrete model with at least one state.
+    provenance : mapping of str or list of str
+        Where the model came from, such as ``source`` and ``method``; stored beside it.
+
+    Returns
+    -------
+    dict
+        Parameters ``models.<name>.<field>``; matrices are row-major lists, to the last bit but
+        for entries below 2.2e-308, which become zero.
+
+    Raises
+    ------
+    ModelFileError
+        If the name, the model or a key of the provenance cannot be a parameter.
+    """
+    for token in (name, *provenance):
+        if not re.fullmatch(r"\w+", token):
+            raise ModelFileError(f"{token!r}: use letters, digits and underscores only")
+    for key in provenance:
+        if key in FIELDS:
+            raise ModelFileError(f"provenance {key!r} is a field of the model: choose another key")
+    _check_model(name, model)
+    matrices = (model.A, model.B, model.C, model.D)
+    fields: dict[str, ParameterValue] = {
+        "states": int(model.nstates),
+        "input_names": [str(label) for label in model.input_labels],
+        "output_names": [str(label) for label in model.output_labels],
+        "dt_s": float(model.dt),
+        **provenance,
+        "hash": model_hash(model),
+        **{
+            key: _entries(matrix).ravel().tolist()
+            for key, matrix in zip(_MATRICES, matrices, strict=True)
+        },
+    }
+    return {f"{_ROOT}.{name}.{field}": value for field, value in fields.items()}
+
+
+def model_from_parameters(name: str, parameters: Mapping[str, object]) -> control.StateSpace:
+    """Return the model that `model_parameters` turned into parameters.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    parameters : mapping
+        Flat parameters; those of other models and nodes are ignored.
+
+    Returns
+    -------
+    control.StateSpace
+        The model.
+
+    Raises
+    ------
+    ModelFileError
+        If a field is missing, has the wrong size or type, or the hash is not that of the model.
+    """
+    prefix = f"{_ROOT}.{name}."
+    for field in FIELDS:
+        if prefix + field not in parameters:
+            raise ModelFileError(f"{prefix}{field} is missing")
+    fields = {field: parameters[prefix + field] for field in FIELDS}
+    dt_s, states = fields["dt_s"], fields["states"]
+    if not isinstance(dt_s, float) or not (math.isfinite(dt_s) and dt_s > 0.0):
+        raise ModelFileError(f"{prefix}dt_s must be a positive number of seconds: {dt_s!r}")
+    if not isinstance(states, int) or isinstance(states, bool) or states < 1:
+        raise ModelFileError(f"{prefix}states must be a whole number, 1 or more: {states!r}")
+    inputs, outputs = (_names(prefix + key, fields[key]) for key in ("input_names", "output_names"))
+    rows = (states, states, len(outputs), len(outputs))
+    columns = (states, len(inputs), states, len(inputs))
+    matrices = [
+        _matrix(prefix + key, fields[key], shape)
+        for key, *shape in zip(_MATRICES, rows, columns, strict=True)
+    ]
+    model = control.ss(*matrices, dt_s, inputs=inputs, outputs=outputs)
+    if fields["hash"] != model_hash(model):
+        raise ModelFileError(
+            f"{prefix}hash does not belong to the model: it was changed after it was written, "
+            "write it again"
+        )
+    return model
+
+
+def model_hash(model: control.StateSpace) -> str:
+    """Return the SHA-256 of a model's period, names and matrices, as hexadecimal digits.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model.
+
+    Returns
+    -------
+    str
+        The same for the same bits on every machine.
+    """
+    names = [list(model.input_labels), list(model.output_labels)]
+    digest = hashlib.sha256(json.dumps([float(model.dt).hex(), int(model.nstates), names]).encode())
+    for matrix in (model.A, model.B, model.C, model.D):
+        digest.update(_entries(matrix).astype("<f8").tobytes())
+    return digest.hexdigest()
+
+
+def model_fields(name: str, parameters: Mapping[str, ParameterValue]) -> dict[str, ParameterValue]:
+    """Return the parameters of one model by field: without their prefix ``models.<name>.``."""
+    prefix = f"{_ROOT}.{name}."
+    return {
+        key.removeprefix(prefix): value
+        for key, value in parameters.items()
+        if key.startswith(prefix)
+    }
+
+
+def nested_parameters(parameters: Mapping[str, object]) -> dict[str, Any]:
+    """Return flat parameters as nested ones: ``a.b`` becomes ``b`` in ``a``."""
+    tree: dict[str, Any] = {}
+    for key, value in parameters.items():
+        *groups, field = key.split(".")
+        branch = tree
+        for group in groups:
+            branch = branch.setdefault(group, {})
+        branch[field] = value
+    return tree
+
+
+def flat_parameters(tree: object) -> dict[str, object]:
+    """Return nested parameters as flat ones; what is no mapping has none."""
+    return dict(_flat(tree, ""))
+
+
+def models_in(parameters: Mapping[str, object]) -> dict[str, control.StateSpace]:
+    """Return all models among flat parameters, by name.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Flat parameters; others than ``models.*`` are ignored.
+
+    Returns
+    -------
+    dict
+        Models by name, in their order.
+
+    Raises
+    ------
+    ModelFileError
+        If there is no model, or one is damaged.
+    """
+    keys = (key.split(".") for key in parameters)
+    names = dict.fromkeys(key[1] for key in keys if key[0] == _ROOT and len(key) > 1)
+    if not names:
+        raise ModelFileError(f"no parameters {_ROOT}.<name>.*: not a model's file")
+    return {name: model_from_parameters(name, parameters) for name in names}
+
+
+def _entries(matrix: FloatArray) -> FloatArray:
+    # The parser of ROS takes a number below the smallest normal double for a text.
+    tiny = (matrix != 0.0) & (np.abs(matrix) < np.finfo(np.float64).tiny)
+    return np.where(tiny, 0.0, matrix)
+
+
+def _flat(tree: object, prefix: str) -> Iterator[tuple[str, object]]:
+    if isinstance(tree, dict):
+        for key, value in tree.items():
+            yield from _flat(value, f"{prefix}.{key}" if prefix else str(key))
+    elif prefix:
+        yield prefix, tree
+
+
+def _check_model(name: str, model: control.StateSpace) -> None:
+    if model.nstates < 1:
+        raise ModelFileError(f"model {name} has no states")
+    if not (model.ninputs and model.noutputs):
+        raise ModelFileError(f"model {name} has no inputs or no outputs")
+    if isinstance(model.dt, bool) or model.dt is None or not 0.0 < model.dt < math.inf:
+        raise ModelFileError(f"model {name} has no sampling period: dt = {model.dt}")
+    for key, matrix in zip(_MATRICES, (model.A, model.B, model.C, model.D), strict=True):
+        if not np.isfinite(matrix).all():
+            raise ModelFileError(f"model {name}: matrix {key} is not finite")
+
+
+def _names(key: str, value: object) -> list[str]:
+    names = list(value) if isinstance(value, (list, tuple)) else []
+    if not names or not all(isinstance(name, str) for name in names):
+        raise ModelFileError(f"{key} must be a list of names: {value!r}")
+    if len(set(names)) < len(names):
+        raise ModelFileError(f"{key} must differ: {names!r}")
+    return names
+
+
+def _matrix(key: str, value: object, shape: list[int]) -> FloatArray:
+    try:
+        entries = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        entries = np.array(math.nan)
+    if entries.ndim == 0:
+        raise ModelFileError(f"{key} must be a list of numbers")
+    rows, columns = shape
+    if entries.shape != (rows * columns,):
+        raise ModelFileError(
+            f"{key} has {entries.size} numbers, {rows} x {columns} = {rows * columns} are needed, "
+            "in one flat list"
+        )
+    if not np.isfinite(entries).all():
+        raise ModelFileError(f"{key} has a number that is not finite")
+    return entries.reshape(rows, columns)

@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from rcl_interfaces.srv import GetParameters
+from rclpy.action import ActionClient
+from rclpy.action.client import GoalStatus
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from flexarm_ident.exports import load_model
+from flexarm_ident.model_parameters import model_from_parameters
+from flexarm_msgs.action import IdentifyBags
+from flexarm_msgs.srv import Identify
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from system_graph import Graph, Process
+
+pytestmark = pytest.mark.system
+
+# Takes some seconds, most of them for the choice of the order.
+BAG = Path(__file__).parents[2] / "bags" / "c_dat3_0g"
+PATIENCE_S = 120.0
+STAGES = ["reading", "gram", "range space", "order", "fit", "reduction", "validation", "writing"]
+
+
+class Goal:
+    """One goal and what came of it."""
+
+    def __init__(self, graph: Graph, client: ActionClient, **fields: Any) -> None:  # noqa: ANN401
+        self.feedback: list[IdentifyBags.Feedback] = []
+        self._graph = graph
+        future = client.send_goal_async(
+            IdentifyBags.Goal(**fields), feedback_callback=self._on_feedback
+        )
+        graph.wait(future.done, "the answer to the goal")
+        self._handle = future.result()
+        assert self._handle.accepted
+        self._result = self._handle.get_result_async()
+
+    @property
+    def ended(self) -> bool:
+        """Whether the result is there."""
+        return bool(self._result.done())
+
+    def wait_for_feedback(self) -> None:
+        """Wait until the work has begun."""
+        self._graph.wait(lambda: bool(self.feedback), "feedback")
+
+    def cancel(self) -> int:
+        """Ask to cancel it; return how many goals are being cancelled."""
+        future = self._handle.cancel_goal_async()
+        self._graph.wait(future.done, "the answer to the cancelling")
+        return len(future.result().goals_canceling)
+
+    def result(self) -> tuple[int, IdentifyBags.Result]:
+        """Wait for the end and return status and result."""
+        self._graph.wait(self._result.done, "the result", PATIENCE_S)
+        answer = self._result.result()
+        return answer.status, answer.result
+
+    def _on_feedback(self, message: Any) -> None:  # noqa: ANN401 - generated type
+        self.feedback.append(message.feedback)
+
+
+@pytest.fixture
+def models(tmp_path: Path) -> Path:
+    return tmp_path / "models"
+
+
+@pytest.fixture
+def ident(graph: Graph, models: Path) -> Process:
+    return graph.start("ident", {"output_folder": str(models), "exports": "json,mat,h"})
+
+
+@pytest.fixture
+def client(graph: Graph, ident: Process) -> Iterator[ActionClient]:
+    client = ActionClient(graph.node, IdentifyBags, "identify_bags")
+    graph.wait(client.server_is_ready, f"the action server of {ident.log.name}")
+    yield client
+    client.destroy()
+
+
+def files_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.rglob("*")) if folder.exists() else []
+
+
+def test_goal___tells_its_stages_and_answers_as_the_service_does(
+    graph: Graph, client: ActionClient, models: Path
+) -> None:
+    fields: dict[str, Any] = {
+        "bag_uris": [str(BAG)],
+        "reduction": "mrm",
+        "remove_compensation": True,
+        "stabilise": True,
+    }
+    goal = Goal(graph, client, **fields)
+    status, result = goal.result()
+
+    assert status == GoalStatus.STATUS_SUCCEEDED, result.message
+    assert result.success
+    graph.wait(lambda: goal.feedback[-1].stage == "writing", "the last feedback")
+    fractions = [each.fraction for each in goal.feedback]
+    assert fractions == sorted(fractions)
+    assert 0.0 <= fractions[0] < 0.1
+    assert fractions[-1] <= 1.0
+    assert list(dict.fromkeys(each.stage for each in goal.feedback)) == STAGES
+
+    response = graph.call(Identify, "identify", Identify.Request(**fields), PATIENCE_S)
+    assert response.success
+    for field in ("parameters", "modes", "dmv", "sfv", "warnings", "report_path"):
+        assert getattr(result, field) == getattr(response, field)
+
+    folder = models / BAG.name
+    assert result.report_path == str(folder)
+    assert files_in(models) == [
+        BAG.name,
+        *(f"model.{suffix}" for suffix in ("h", "json", "mat", "yaml")),
+        "report.html",
+    ]
+    answered = {each.name: Parameter.from_parameter_msg(each).value for each in result.parameters}
+    expected = model_from_parameters(
+        BAG.name,
+        {
+            key: value if isinstance(value, (str, int, float)) else list(value)
+            for key, value in answered.items()
+        },
+    )
+    for suffix in ("json", "mat", "yaml"):
+        found = load_model(folder / f"model.{suffix}")
+        assert found.A.tobytes() == expected.A.tobytes()
+        assert found.B.tobytes() == expected.B.tobytes()
+
+
+def test_cancelled_goal___ends_so_and_leaves_no_file(
+    graph: Graph, client: ActionClient, models: Path
+) -> None:
+    goal = Goal(graph, client, bag_uris=[str(BAG)])
+    goal.wait_for_feedback()
+
+    assert goal.cancel() == 1
+    status, result = goal.result()
+
+    assert status == GoalStatus.STATUS_CANCELED
+    assert not result.success
+    assert "cancelled" in result.message
+    assert not result.parameters
+    assert files_in(models) == []
+    again = Goal(graph, client, bag_uris=[str(BAG)], order=8, block_rows=20)
+    assert again.result()[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_node_at_work___answers_and_says_that_it_is_busy(
+    graph: Graph, client: ActionClient
+) -> None:
+    goal = Goal(graph, client, bag_uris=[str(BAG)])
+    goal.wait_for_feedback()
+
+    names = ["output_folder", "exports"]
+    values = graph.call(
+        GetParameters, "ident/get_parameters", GetParameters.Request(names=names)
+    ).values
+    refused = graph.call(Identify, "identify", Identify.Request(bag_uris=[str(BAG)]))
+    status, result = Goal(graph, client, bag_uris=[str(BAG)]).result()
+
+    assert not goal.ended
+    assert parameter_value_to_python(values[1]) == "json,mat,h"
+    for answer in (refused, result):
+        assert not answer.success
+        assert "busy with another identification" in answer.message
+    assert status == GoalStatus.STATUS_ABORTED
+    status, result = goal.result()
+    assert status == GoalStatus.STATUS_SUCCEEDED, result.message
+
+
+def test_goal_that_fails___is_aborted_with_one_line(graph: Graph, client: ActionClient) -> None:
+    status, result = Goal(graph, client, bag_uris=["/nowhere/run"]).result()
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.message == "/nowhere/run: no such bag"
+
+
+@pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
+def test_signal_at_work___ends_the_node_and_leaves_no_file(
+    graph: Graph, ident: Process, client: ActionClient, models: Path, told: signal.Signals
+) -> None:
+    goal = Goal(graph, client, bag_uris=[str(BAG)])
+    goal.wait_for_feedback()
+
+    assert graph.stop(ident, told) == 0
+
+    assert "Traceback" not in ident.printed
+    assert "terminate called" not in ident.printed
+    assert files_in(models) == []
+
+
+def test_exports_that_are_unknown___are_refused(graph: Graph, ident: Process) -> None:
+    refusal = graph.refusal("ident", {"exports": "json,slx"})
+    assert refusal == "parameter exports: no format 'slx' to export: choose from json, mat, h"
+    assert ident.popen.poll() is None

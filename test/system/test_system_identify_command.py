@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+import signal
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from system_graph import ROOT, eventually
+
+from flexarm_bringup.cli import identify
+from flexarm_ident.exports import load_model
+from flexarm_ident.workflow import Request
+
+if TYPE_CHECKING:
+    from system_graph import Graph, Process
+
+pytestmark = pytest.mark.system
+
+BAG = Path(__file__).parents[2] / "bags" / "c_dat3_0g"
+
+
+def command(graph: Graph, *arguments: str) -> Process:
+    return graph.run([str(ROOT / "flexarm"), "identify", str(BAG), *arguments])
+
+
+def names_in(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_command___has_an_option_for_every_field_of_a_request() -> None:
+    options = {option.name for option in identify.params}
+    assert {field.name for field in fields(Request)} == options - {"bags", "out", "export"}
+    defaults = {option.name: option.default for option in identify.params}
+    for field in fields(Request):
+        # What is not given has no default of its own, or an empty one.
+        if isinstance(defaults[field.name], (str, int, float)):
+            assert defaults[field.name] == field.default
+
+
+def test_command___with_exports___shows_stages_and_writes_the_files(
+    graph: Graph, tmp_path: Path
+) -> None:
+    out = tmp_path / "new" / "out"
+    process = command(
+        graph,
+        *("--order", "8", "--block-rows", "20", "--reduction", "mrm", "--reduced-order", "6"),
+        *("--update", "b", "--export", "json,mat,h", "-o", str(out)),
+    )
+    assert process.exit_code() == 0, process.printed
+    stages = ["reading", "gram", "reduction", "validation", "writing"]
+    places = [process.printed.index(f" % {stage}\n") for stage in stages]
+    assert places == sorted(places)
+    models = ["model.yaml", "model.json", "model.mat", "model.h"]
+    assert names_in(out) == {*models, "report.html"}
+    assert [load_model(out / name).nstates for name in models[:3]] == [6, 6, 6]
+
+
+def test_command___interrupted___leaves_no_folder(graph: Graph, tmp_path: Path) -> None:
+    (tmp_path / "place").mkdir()
+    process = command(graph, "-o", str(tmp_path / "place" / "out"))
+    eventually(lambda: "range space" in process.printed, "the work")
+    process.send(signal.SIGINT)
+    assert process.exit_code() == 130
+    assert process.printed.splitlines()[-1] == "flexarm: interrupted"
+    assert names_in(tmp_path / "place") == set()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--export", "json,slx"), "no format 'slx' to export: choose from json, mat, h"),
+        (("--method", "guess"), "method must be one of auto, orse"),
+    ],
+)
+def test_command___that_makes_no_sense___ends_with_one_line(
+    graph: Graph, tmp_path: Path, arguments: tuple[str, ...], complaint: str
+) -> None:
+    process = command(graph, *arguments, "-o", str(tmp_path / "out"))
+    assert process.exit_code() == 1
+    last = process.printed.splitlines()[-1]
+    assert last.startswith("flexarm: ")
+    assert complaint in last
+    assert not (tmp_path / "out").exists()

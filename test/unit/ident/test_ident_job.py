@@ -1,0 +1,235 @@
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from bag_samples import START_NS, io_sample, write_bag
+from hypothesis import given
+from hypothesis import strategies as st
+from ident_systems import random_model, step_by_step
+
+from flexarm_ident import IoData, read_bag
+from flexarm_ident.background import Background, Cancelled
+from flexarm_ident.exports import load_model
+from flexarm_ident.job import identify_bags, model_name
+from flexarm_ident.progress import whole
+from flexarm_ident.provenance import record_hash
+from flexarm_ident.workflow import Request
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+STEP_NS = 10_000_000
+STAGES = ("reading", "gram", "range space", "order", "fit", "reduction", "validation", "writing")
+QUICK = Request(order=4, block_rows=10, method="orse", reduction="mrm", reduced_order=4)
+
+
+def a_bag(path: Path, samples: int = 600, seed: int = 1) -> Path:
+    """Write a bag of a system with 1 input and 2 outputs."""
+    u = np.random.default_rng(seed).standard_normal((samples, 1))
+    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
+    rows = enumerate(zip(u, y, strict=True))
+    return write_bag(path, [io_sample(k + 1, START_NS + k * STEP_NS, *row) for k, row in rows])
+
+
+def names_in(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from([*STAGES, "another"]), st.floats(allow_nan=False))).map(
+        lambda reports: [("reading", 0.0), *reports, ("writing", 1.0)]
+    )
+)
+def test_whole___stages_in_any_order___never_goes_back(reports: list[tuple[str, float]]) -> None:
+    told: list[tuple[str, float]] = []
+    report = whole(lambda stage, done: told.append((stage, done)))
+    for stage, fraction in reports:
+        report(stage, fraction)
+    parts = [done for _, done in told]
+    assert [stage for stage, _ in told] == [stage for stage, _ in reports]
+    assert parts == sorted(parts)
+    assert (parts[0], parts[-1]) == (0.0, 1.0)
+
+
+def test_whole___stage_by_stage___each_has_a_share() -> None:
+    parts: list[float] = []
+    report = whole(lambda _, done: parts.append(done))
+    for stage in STAGES:
+        report(stage, 0.0)
+        report(stage, 1.0)
+    assert parts[::2] == [0.0, *parts[1:-1:2]]
+    assert all(np.diff(parts[1::2]) > 0.0)
+
+
+def a_record() -> IoData:
+    columns = np.arange(12.0).reshape(6, 2)
+    return IoData(
+        columns[:, :1],
+        columns,
+        dt_s=0.01,
+        inputs=("u",),
+        outputs=("y", "z"),
+        source="here",
+        compensation=0.5 * columns[:, :1],
+        reference=columns[:, 1],
+    )
+
+
+def one_bit_more(column: Any) -> Any:  # noqa: ANN401 - an array
+    changed = column.copy()
+    changed.flat[-1] = np.nextafter(changed.flat[-1], np.inf)
+    return changed
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda record: {"u": one_bit_more(record.u)},
+        lambda record: {"y": one_bit_more(record.y)},
+        lambda record: {"compensation": one_bit_more(record.compensation)},
+        lambda record: {"reference": one_bit_more(record.reference)},
+        lambda record: {"dt_s": float(np.nextafter(record.dt_s, 1.0))},
+        lambda _: {"inputs": ("v",)},
+        lambda _: {"outputs": ("z", "y")},
+        lambda _: {"compensation": None},
+        lambda _: {"reference": None},
+    ],
+)
+def test_record_hash___any_part_changed___is_another(
+    change: Callable[[IoData], dict[str, Any]],
+) -> None:
+    assert record_hash(replace(a_record(), **change(a_record()))) != record_hash(a_record())
+
+
+def test_record_hash___same_record_elsewhere___is_the_same() -> None:
+    assert record_hash(replace(a_record(), source="there")) == record_hash(a_record())
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("c_dat3", "c_dat3"), ("run 1.mcap", "run_1"), ("a-b.c", "a_b"), ("ä", "ä")],
+)
+def test_model_name___bag___is_a_name_for_parameters(
+    tmp_path: Path, name: str, expected: str
+) -> None:
+    assert model_name(tmp_path / name) == expected
+    assert model_name(tmp_path / "inner" / ".." / name) == expected
+
+
+def test_identify_bags___two_bags___writes_one_model_with_its_origin(tmp_path: Path) -> None:
+    bags = [a_bag(tmp_path / "first"), a_bag(tmp_path / "second", seed=2)]
+    told: list[tuple[str, float]] = []
+    results = identify_bags(
+        bags,
+        tmp_path / "out" / "model",
+        QUICK,
+        exports=(".json", ".mat"),
+        progress=lambda *report: told.append(report),
+    )
+
+    assert results.name == "first"
+    assert names_in(results.folder) == {"model.yaml", "model.json", "model.mat", "report.html"}
+    assert names_in(tmp_path / "out") == {"model"}
+    assert results.folder.stat().st_mode == (tmp_path / "out").stat().st_mode
+    model = results.outcome.model
+    for suffix in ("yaml", "json", "mat"):
+        assert load_model(results.folder / f"model.{suffix}").A.tobytes() == model.A.tobytes()
+    fields = json.loads((results.folder / "model.json").read_text(encoding="utf-8"))
+    origin = fields["models"]["first"]
+    assert origin["source"] == [str(bag) for bag in bags]
+    assert origin["source_sha256"] == [record_hash(read_bag(bag)) for bag in bags]
+    assert origin["method"] == "orse"
+    assert Request(**json.loads(origin["request"]) | {"known_modes_hz": ()}) == QUICK
+    assert f"numpy {np.__version__}" in origin["versions"]
+    assert origin["hash"] in (results.folder / "report.html").read_text(encoding="utf-8")
+    assert {stage for stage, _ in told} == set(STAGES) - {"order"}
+    assert (told[0], told[-1]) == (("reading", 0.0), ("writing", 1.0))
+
+
+def test_identify_bags___again_into_the_same_folder___leaves_nothing_stale(tmp_path: Path) -> None:
+    bag, out = a_bag(tmp_path / "run"), tmp_path / "out"
+    identify_bags([bag], out, QUICK, exports=(".json", ".h"))
+    (out / "notes.txt").write_text("mine")
+    first = (out / "model.json").read_bytes()
+
+    identify_bags([bag], out, QUICK, exports=(".json",))
+    assert names_in(out) == {"model.yaml", "model.json", "report.html", "notes.txt"}
+    assert (out / "model.json").read_bytes() == first
+
+    identify_bags([bag], out, replace(QUICK, order=5, reduced_order=5))
+    assert names_in(out) == {"model.yaml", "report.html", "notes.txt"}
+    assert load_model(out / "model.yaml").nstates == 5
+
+
+@pytest.mark.parametrize("stage", [*STAGES[:3], *STAGES[4:]])
+@pytest.mark.parametrize("interruption", [Cancelled, KeyboardInterrupt])
+def test_identify_bags___interrupted_at_any_stage___leaves_no_trace(
+    tmp_path: Path, stage: str, interruption: type[BaseException]
+) -> None:
+    def interrupt(now: str, done: float) -> None:
+        if now == stage and (stage != "writing" or done == 1.0):
+            raise interruption
+
+    bag = a_bag(tmp_path / "run")
+    with pytest.raises(interruption):
+        identify_bags([bag], tmp_path / "out", QUICK, exports=(".mat",), progress=interrupt)
+    assert names_in(tmp_path) == {"run"}
+
+
+def never() -> bool:
+    return False
+
+
+def test_background___work___reports_in_order_and_returns() -> None:
+    told = threading.Semaphore(0)
+    reports = [("a", 0.0), ("a", 0.5), ("b", 1.0)]
+
+    def work(report: Callable[[str, float], None]) -> int:
+        for each in reports:
+            report(*each)
+        return threading.get_ident()
+
+    job = Background(work, cancelled=never, notify=told.release)
+    assert all(told.acquire(timeout=60.0) for _ in range(len(reports) + 1))
+    assert job.ended
+    assert list(job.progress()) == reports
+    assert list(job.progress()) == []
+    assert job.result() != threading.get_ident()
+
+
+def test_background___work_that_fails___raises_where_the_result_is_asked_for() -> None:
+    def work(_: Callable[[str, float], None]) -> None:
+        raise ValueError("no good")
+
+    job = Background(work, cancelled=never, notify=lambda: None)
+    job.join(60.0)
+    with pytest.raises(ValueError, match="no good"):
+        job.result()
+
+
+def test_background___cancelled___stops_at_the_next_report() -> None:
+    cancel, begun = threading.Event(), threading.Event()
+    after: list[str] = []
+
+    def work(report: Callable[[str, float], None]) -> None:
+        report("first", 0.0)
+        begun.set()
+        cancel.wait(60.0)
+        report("second", 0.0)
+        after.append("second")
+
+    job = Background(work, cancelled=cancel.is_set, notify=lambda: None)
+    assert begun.wait(60.0)
+    assert not job.ended
+    cancel.set()
+    job.join(60.0)
+    assert list(job.progress()) == [("first", 0.0)]
+    with pytest.raises(Cancelled, match="cancelled before second"):
+        job.result()
+    assert not after
