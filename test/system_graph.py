@@ -61,6 +61,7 @@ TRANSITIONS = {
     "cleanup": Transition.TRANSITION_CLEANUP,
 }
 _POLL_S = 0.05
+_END_S = 10.0
 _MARK = "FLEXARM_TEST_GRAPH"
 _DOMAINS = count(os.getpid())
 
@@ -107,6 +108,12 @@ class Process:
         """Everything printed so far."""
         return self.log.read_text(errors="replace")
 
+    def wait_for(self, text: str) -> None:
+        """Wait until a text is printed; fail when it is not, or when the program ends first."""
+        eventually(lambda: text in self.printed or self.popen.poll() is not None, text)
+        if text not in self.printed:
+            pytest.fail(f"ended with {self.popen.returncode}, it printed: {self.printed}")
+
     def send(self, *signals: signal.Signals) -> None:
         """Send signals, one after the other at once."""
         for each in signals:
@@ -119,10 +126,12 @@ class Process:
         except subprocess.TimeoutExpired:
             pytest.fail(f"still running after {patience_s:.0f} s; it printed: {self.printed}")
 
-    def kill(self) -> None:
-        """End it in any case, with everything that it started in its session."""
-        if self.popen.poll() is None:
-            os.killpg(self.popen.pid, signal.SIGKILL)
+    def end(self) -> None:
+        """Wait for the end, and force it when it does not come."""
+        try:
+            self.popen.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            self.popen.kill()
             self.popen.wait()
 
 
@@ -160,8 +169,10 @@ class Graph:
         exc_value: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        for process in reversed(self._processes):
-            process.kill()
+        for process in self._processes:
+            process.popen.terminate()
+        for process in self._processes:
+            process.end()
         for survivor in self.survivors():
             with suppress(ProcessLookupError):
                 os.kill(survivor, signal.SIGKILL)

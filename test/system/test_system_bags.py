@@ -9,7 +9,6 @@ from bag_samples import START_NS, Sent, arm_state, motor_command, reference, wri
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from system_graph import eventually
 
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
@@ -116,7 +115,7 @@ def test_player___plays_to_another_recorder_and_ends_by_itself(
 ) -> None:
     messages = played_bag(tmp_path / "played", 500)
     recorder = graph.start("recorder", {"bag": str(tmp_path / "copy")})
-    eventually(lambda: "recording to" in recorder.printed, "the recorder")
+    recorder.wait_for("recording to")
 
     player = graph.run_node("player", {"bag": str(tmp_path / "played")})
 
@@ -129,7 +128,7 @@ def test_player___plays_to_another_recorder_and_ends_by_itself(
 def test_player___leaves_out_and_speeds_up_as_it_is_told(graph: Graph, tmp_path: Path) -> None:
     played_bag(tmp_path / "played", 1000)
     recorder = graph.start("recorder", {"bag": str(tmp_path / "copy"), "topics": ["state"]})
-    eventually(lambda: "recording to" in recorder.printed, "the recorder")
+    recorder.wait_for("recording to")
 
     player = graph.run_node(
         "player",

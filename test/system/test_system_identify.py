@@ -51,7 +51,7 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
         yield graph
 
 
-def identify(graph: Graph, *bags: Path, **fields: Any) -> Identify.Response:  # noqa: ANN401
+def identify(graph: Graph, *bags: Path | str, **fields: Any) -> Identify.Response:  # noqa: ANN401
     request = Identify.Request(bag_uris=[str(bag) for bag in bags], **fields)
     response: Identify.Response = graph.call(Identify, "identify", request, 120.0)
     return response
@@ -139,22 +139,6 @@ def test_results___are_files_that_ros_reads_back(laboratory: Graph) -> None:
     finally:
         node.destroy_node()
     assert read == parameters
-
-
-def test_model_file___is_taken_by_a_node_that_identifies_again(
-    laboratory: Graph, tmp_path: Path
-) -> None:
-    first = reduced(laboratory, laboratory.folder / "run", 10)
-    with Graph(tmp_path) as graph:
-        node = graph.start(
-            "ident",
-            {"output_folder": str(tmp_path / "models")},
-            *("--params-file", str(Path(first.report_path) / "model.yaml")),
-        )
-        again = reduced(graph, laboratory.folder / "run", 10)
-        assert again.success, again.message
-        assert again.dmv == pytest.approx(first.dmv, rel=1e-6)
-        assert graph.stop(node, signal.SIGINT) == 0
 
 
 def arm_bag(path: Path, samples: int, *, volts: float = 1.0, bad_row: int | None = None) -> Path:
@@ -269,6 +253,23 @@ def test_no_bag_named___is_refused(laboratory: Graph) -> None:
         False,
         "bag_uris is empty: name at least one bag",
     )
+
+
+def test_model_file___is_taken_by_a_node_that_identifies_again(
+    laboratory: Graph, tmp_path: Path
+) -> None:
+    bag = good_bag(tmp_path)
+    first = identify(laboratory, bag, order=4, block_rows=20)
+    with Graph(tmp_path) as graph:
+        node = graph.start(
+            "ident",
+            {"output_folder": str(tmp_path / "models")},
+            *("--params-file", str(Path(first.report_path) / "model.yaml")),
+        )
+        again = identify(graph, bag, order=4, block_rows=20)
+        assert again.success, again.message
+        assert again.dmv == pytest.approx(first.dmv, rel=1e-6)
+        assert graph.stop(node, signal.SIGINT) == 0
 
 
 def test_good_bag___is_what_the_wrong_ones_are_compared_with(

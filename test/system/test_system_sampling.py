@@ -6,17 +6,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from std_srvs.srv import Trigger
-from system_graph import States
+from system_graph import Graph, States
 
 from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import Identify
 from flexarm_node import qos
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from rclpy.task import Future
-    from system_graph import Graph, Process
+    from system_graph import Process
 
 pytestmark = pytest.mark.system
 
@@ -49,22 +50,42 @@ def record(graph: Graph, bag: Path, samples: int) -> States:
     return States(bag)
 
 
-def test_virtual_time___same_seed_same_numbers___other_seed_others(
-    graph: Graph, tmp_path: Path
-) -> None:
-    start_loop(graph, {"time": "virtual", "seed": 7}, {"law": "pdpc", "reference": "square"})
-    first = record(graph, tmp_path / "first", 1500)
-    again = record(graph, tmp_path / "again", 1500)
-    graph.operator.set_parameters("daq", {"seed": 8})
-    other = record(graph, tmp_path / "other", 1500)
+@pytest.fixture(scope="module")
+def virtual_loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """Return a loop in virtual time, ready to sample."""
+    with Graph(tmp_path_factory.mktemp("virtual")) as graph:
+        start_loop(graph, {"time": "virtual"}, {"law": "pdpc", "reference": "square"})
+        yield graph
 
-    for run in (first, again, other):
-        np.testing.assert_array_equal(run.sequence, np.arange(1, 1501))
+
+def test_virtual_time___same_seed_same_numbers___other_seed_others(
+    virtual_loop: Graph, tmp_path: Path
+) -> None:
+    def run(seed: int, name: str) -> States:
+        virtual_loop.operator.set_parameters("daq", {"seed": seed})
+        return record(virtual_loop, tmp_path / name, 1500)
+
+    first, again, other = run(7, "first"), run(7, "again"), run(8, "other")
+
+    for states in (first, again, other):
+        np.testing.assert_array_equal(states.sequence, np.arange(1, 1501))
+        # Every sample was answered: each one carries the answer to the one before.
+        assert states.command_sequence[0] == 0
+        assert np.all(np.diff(states.command_sequence[1:]) == 1)
     np.testing.assert_array_equal(first.volts, again.volts)
     assert np.any(first.command_v != 0.0)
     assert np.mean(first.volts[:, :4] != other.volts[:, :4]) > 0.5
-    # Every sample was answered: each one carries the answer to the one before.
-    assert np.all(np.diff(first.command_sequence) == 1)
+
+
+def test_command_beyond_the_limits___is_recorded_as_limited(
+    virtual_loop: Graph, tmp_path: Path
+) -> None:
+    virtual_loop.operator.set_parameters("daq", {"max_command_v": 0.5})
+    try:
+        run = record(virtual_loop, tmp_path / "run", 600)
+    finally:
+        virtual_loop.operator.set_parameters("daq", {"max_command_v": 10.0})
+    assert np.abs(run.command_v).max() == 0.5
 
 
 def test_killed_controller___drive_goes_to_zero_and_stays(graph: Graph, tmp_path: Path) -> None:
@@ -118,16 +139,6 @@ def test_emergency_stop___holds_zero_until_the_node_is_activated_again(graph: Gr
     states.clear()
     assert graph.transition("daq", "activate")
     graph.wait(lambda: any(state.command_v != 0.0 for state in states), "a driven arm again")
-
-
-def test_command_beyond_the_limits___is_recorded_as_limited(graph: Graph, tmp_path: Path) -> None:
-    start_loop(
-        graph,
-        {"time": "virtual", "max_command_v": 0.5},
-        {"law": "pd", "pd.kp": 5.0, "reference": "square", "square.period_s": 1.0},
-    )
-    run = record(graph, tmp_path / "run", 600)
-    assert np.abs(run.command_v).max() == 0.5
 
 
 def test_real_time___500_hz_for_60_s_while_a_model_is_identified___loses_nothing(

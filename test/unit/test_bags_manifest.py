@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from flexarm_daq.beam import natural_frequencies_hz
 from flexarm_daq.parameters import RigParameters
 from flexarm_ident import read_bag_report

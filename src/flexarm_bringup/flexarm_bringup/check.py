@@ -1,4 +1,4 @@
-"""`flexarm test`: lint, types and tests of the checkout."""
+"""`flexarm test` and `flexarm bench`: what is run out of the checkout."""
 
 from __future__ import annotations
 
@@ -26,9 +26,7 @@ def check_everything(arguments: tuple[str, ...]) -> int:
     LaunchError
         Outside a checkout.
     """
-    root = os.environ.get("FLEXARM_ROOT")
-    if root is None or not Path(root, "pyproject.toml").is_file():
-        raise LaunchError("the tests live in the checkout: run ./flexarm test there")
+    root = _checkout("tests")
     checks = (("tests", ["pytest", *arguments]),) if arguments else _CHECKS
     failed = []
     for name, (tool, *options) in checks:
@@ -39,3 +37,22 @@ def check_everything(arguments: tuple[str, ...]) -> int:
     if failed:
         terminal.CONSOLE.print(f"[bold red]failed: {', '.join(failed)}[/bold red]")
     return 1 if failed else 0
+
+
+def run_bench(name: str, arguments: tuple[str, ...]) -> int:
+    """Run one benchmark of the folder `bench` with its arguments; return the exit code.
+
+    Raises
+    ------
+    LaunchError
+        Outside a checkout.
+    """
+    command = [sys.executable, str(_checkout("benchmarks") / "bench" / f"{name}.py"), *arguments]
+    return subprocess.run(command, check=False).returncode  # noqa: S603 - our own file
+
+
+def _checkout(what: str) -> Path:
+    root = os.environ.get("FLEXARM_ROOT")
+    if root is None or not Path(root, "pyproject.toml").is_file():
+        raise LaunchError(f"the {what} live in the checkout: run ./flexarm there")
+    return Path(root)

@@ -12,6 +12,9 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+# The matrices here are small: more threads of BLAS would only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # A verb imports what it needs when it runs: `--help` and tab completion stay quick.
 
 _RUN_ON = {"ignore_unknown_options": True, "allow_interspersed_args": False}
@@ -255,6 +258,21 @@ def test(arguments: tuple[str, ...]) -> None:
     from flexarm_bringup.check import check_everything  # noqa: PLC0415
 
     sys.exit(check_everything(arguments))
+
+
+@main.group()
+def bench() -> None:
+    """Measure flexarm beside its peers."""
+
+
+@bench.command("ident", context_settings=_RUN_ON, add_help_option=False)
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+@_examples("bench ident --quick", "bench ident --install-peers --seeds 5 --json out/ident.json")
+def bench_ident(arguments: tuple[str, ...]) -> None:
+    """CPU time, memory and accuracy of the identification; --help lists the options."""
+    from flexarm_bringup.check import run_bench  # noqa: PLC0415
+
+    sys.exit(run_bench("ident", arguments))
 
 
 @main.command()

@@ -48,7 +48,8 @@ def running_graph(
     LaunchError
         When another flexarm graph is running in this domain, or a node does not start.
     """
-    signal.signal(signal.SIGTERM, _interrupt)
+    for stop in (signal.SIGINT, signal.SIGTERM):  # also where a shell has SIGINT ignored
+        signal.signal(stop, _interrupt)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node("operator", namespace=NAMESPACE)

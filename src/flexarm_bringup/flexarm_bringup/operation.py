@@ -94,12 +94,13 @@ class Operator:
         LaunchError
             When no new sample comes for a long time.
         """
-        self.set_parameters("daq", {"samples": samples})
         self._sequence = 0
-        subscription = self._node.create_subscription(
-            ArmState, f"{NAMESPACE}/state", self._on_state, qos.NEWEST
-        )
+        topic = f"{NAMESPACE}/state"
+        subscription = self._node.create_subscription(ArmState, topic, self._on_state, qos.NEWEST)
         try:
+            # The DAQ node may not have heard of all the readers that are known here.
+            listeners = self._node.count_subscribers(topic)
+            self.set_parameters("daq", {"samples": samples, "listeners": listeners})
             self.activate("daq")
             seen, seen_s = 0, time.monotonic()
             while self._sequence < samples:

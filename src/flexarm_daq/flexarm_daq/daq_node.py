@@ -42,6 +42,9 @@ PARAMETERS = (
         "time", "real", "real: by the clock; virtual: lock-step", choices=("real", "virtual")
     ),
     ParameterSpec("samples", 0, "deactivate after that many samples; 0: never", 0, 2**40),
+    ParameterSpec(
+        "listeners", 0, "readers of the samples that activating waits for, some seconds", 0, 1000
+    ),
     ParameterSpec("payload_kg", 0.0, "simulated rig: mass at the tip", 0.0, 1.0, "kg"),
     ParameterSpec("seed", 0, "simulated rig: seed of the sensor noise", 0, 2**31 - 1),
     ParameterSpec("noise", "low", "simulated rig: sensor noise", choices=tuple(NOISE_V)),
@@ -86,7 +89,7 @@ class DaqNode(LoopNode):
         values = self.parameters.values()
         rig, settings = _rig_and_limits(values)
         virtual = values["time"] == "virtual"
-        self._link.start(values["rate_hz"], await_controller=virtual)
+        self._link.start(values["rate_hz"], await_controller=virtual, listeners=values["listeners"])
         self._acquisition = Acquisition(
             rig,
             Limiter(settings),
@@ -150,13 +153,16 @@ class _TopicLink:
         self._joint_every = 1
         self._start_ns = 0
 
-    def start(self, rate_hz: float, *, await_controller: bool) -> None:
+    def start(self, rate_hz: float, *, await_controller: bool, listeners: int) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
         if await_controller:
             wait_until(lambda: self._commands.publishers() > 0)
         topic = self._publisher.topic_name
         wait_until(
-            lambda: self._publisher.get_subscription_count() >= self._node.count_subscribers(topic)
+            lambda: (
+                self._publisher.get_subscription_count()
+                >= max(listeners, self._node.count_subscribers(topic))
+            )
         )
         self._commands.wait_newest(0.0)
         self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))

@@ -17,13 +17,20 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 from flexarm_ident.alignment import BagReading, Channels, Recorded, arm_reading, io_reading
+from flexarm_ident.bag_stream import arm_rows, io_rows, open_stream
 from flexarm_ident.cdr import CdrError, decode, members
 from flexarm_ident.errors import DataError, IdentificationError
-from flexarm_ident.mcap_chunks import Messages, read_topic
+from flexarm_ident.mcap_chunks import (
+    Messages,
+    NotIndexedError,
+    read_topic,
+    topic_pieces,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from flexarm_ident.bag_stream import BagStream
     from flexarm_ident.iodata import IoData
 
 ARM_STATE = "flexarm_msgs/msg/ArmState"
@@ -95,6 +102,46 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
         return io_reading(
             bag.recorded(chosen), bag.channels(_sibling(chosen, "io_channels")), source=str(path)
         )
+
+
+def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
+    """Open a bag as a source for the identification that is never in memory as a whole.
+
+    The longest part without a gap is used, without the Coulomb compensation (section 2.4.3) and
+    otherwise unprocessed.
+
+    Parameters
+    ----------
+    uri
+        rosbag2 folder (MCAP, not compressed by file or message) or a single ``.mcap`` file.
+    topic
+        Topic of ArmState or IoSample messages; None takes the only one, ArmState first.
+
+    Returns
+    -------
+    BagStream
+        The record; every pass over it reads the bag again.
+
+    Raises
+    ------
+    BagError
+        If the bag is missing, damaged, not chunked and indexed, or holds no usable samples.
+    """
+    path = Path(uri)
+    with _opened(path) as bag:
+        chosen = bag.choose(topic)
+        is_arm = bag.types[chosen] == ARM_STATE
+        channels = None if is_arm else bag.channels(_sibling(chosen, "io_channels"))
+
+    def pieces() -> Iterator[Recorded]:
+        with _opened(path) as bag:
+            yield from bag.pieces(chosen)
+
+    align = arm_rows if is_arm else io_rows
+    try:
+        return open_stream(pieces, align, channels, source=str(path))
+    except DataError as error:
+        raise BagError(str(error)) from error
 
 
 @contextmanager
@@ -187,6 +234,19 @@ class _Bag:
         except CdrError as error:
             raise BagError(f"{self.path}: {topic}: {error}") from error
         return Recorded(messages.log_times_ns, columns)
+
+    def pieces(self, topic: str) -> Iterator[Recorded]:
+        """Return the messages of a topic as columns, chunk by chunk of the file."""
+        if not self.mcap_files:
+            raise BagError(f"{self.path}: only a plain MCAP bag can be read piece by piece")
+        layout = members(self.types[topic], self.reader.typestore.fielddefs)
+        with ExitStack() as stack:
+            streams = [stack.enter_context(file.open("rb")) for file in self.mcap_files]
+            try:
+                for messages in topic_pieces(streams, topic):
+                    yield Recorded(messages.log_times_ns, decode(messages.groups, layout))
+            except NotIndexedError as error:
+                raise BagError(f"{self.path}: {error}: read it as a whole") from error
 
     def channels(self, topic: str) -> Channels | None:
         """Return the last ChannelInfo of a topic, None when there is none."""

@@ -6,7 +6,7 @@ The Hankel matrices of (2-19) enter the algorithms only through their products. 
     G(i + 1, j + 1) = G(i, j) - z_i z_j' + z_{i+d} z_{j+d}'
 
 so the first block row, the lag sums, gives all others. Nothing of the Hankel matrices' size is ever
-formed, and the products of several records simply add up.
+formed, the record passes by in chunks, and the products of several records simply add up.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from flexarm_ident.errors import DataError
 
@@ -22,9 +23,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_ident.source import Source
 
 _BLOCK = 8
+# Matrix products of this length are the fastest: BLAS takes them without packing.
 _CHUNK = 512 * _BLOCK
 
 
@@ -63,13 +65,13 @@ class BlockGram:
         return [i * channels + c for i in range(first, last) for c in range(low, high)]
 
 
-def block_gram(records: Sequence[IoData], block_rows: int) -> BlockGram:
+def block_gram(records: Sequence[Source], block_rows: int) -> BlockGram:
     """Return the block Gram of one or several records.
 
     Parameters
     ----------
-    records : sequence of IoData
-        Records of the same rig.
+    records : sequence of Source
+        Records of the same rig, in memory or read in chunks.
     block_rows : int
         Number of time shifts, q of (2-18).
 
@@ -83,74 +85,92 @@ def block_gram(records: Sequence[IoData], block_rows: int) -> BlockGram:
     DataError
         If a record has fewer samples than `block_rows`.
     """
-    first = records[0]
-    channels = first.y.shape[1] + first.u.shape[1]
-    total = np.zeros((block_rows * channels, block_rows * channels))
-    columns = 0
+    outputs, inputs = len(records[0].outputs), len(records[0].inputs)
+    size = block_rows * (outputs + inputs)
+    total, columns = np.zeros((size, size)), 0
     for record in records:
         if len(record) < block_rows:
             raise DataError(
                 f"{record.label}: {len(record)} samples are fewer than the {block_rows} block rows"
             )
-        z = np.hstack([record.y, record.u])
-        total += _record_gram(z, block_rows)
-        columns += len(z) - block_rows + 1
-    return BlockGram(total, block_rows, first.y.shape[1], first.u.shape[1], columns)
+        sums = LagSums(outputs + inputs, block_rows)
+        for u, y in record.chunks(_CHUNK):
+            sums.add(y, u)
+        total += sums.gram()
+        columns += sums.columns
+    return BlockGram(total, block_rows, outputs, inputs, columns)
 
 
-def lag_sums(z: FloatArray, lags: int) -> FloatArray:
-    """Return the sums of ``z_k z_{k+j}'`` over ``k = 0 .. K - lags``, for ``j = 0 .. lags - 1``.
+class LagSums:
+    """Sums of ``z_k z_{k+j}'`` over ``k = 0 .. K - lags`` of a record that passes by in chunks.
 
     Blocks of a few samples are multiplied at once, so that the work is done by matrix products.
 
     Parameters
     ----------
-    z : ndarray, (samples, channels)
-        Signals.
+    channels : int
+        Signals in z.
     lags : int
-        Number of lags.
-
-    Returns
-    -------
-    ndarray, (lags, channels, channels)
-        The sums.
+        Number of lags, j = 0 .. lags - 1.
     """
-    samples, channels = z.shape
-    columns = samples - lags + 1
-    shifts = (lags + _BLOCK - 2) // _BLOCK + 1
-    whole = max((samples // _BLOCK - shifts + 1) * _BLOCK, 0)
-    whole = min(whole, columns // _BLOCK * _BLOCK)
-    blocks = z[: samples // _BLOCK * _BLOCK].reshape(-1, _BLOCK * channels)
-    products = np.zeros((shifts, _BLOCK * channels, _BLOCK * channels))
-    for start in range(0, whole // _BLOCK, _CHUNK // _BLOCK):
-        stop = min(start + _CHUNK // _BLOCK, whole // _BLOCK)
-        for shift in range(shifts):
-            products[shift] += blocks[start:stop].T @ blocks[start + shift : stop + shift]
-    folded = products.reshape(shifts, _BLOCK, channels, _BLOCK, channels)
-    # Sample i of a block meets sample t of the row of shifted blocks at lag t - i.
-    rows = folded.transpose(1, 0, 3, 2, 4).reshape(_BLOCK, -1, channels, channels)
-    sums = sum((rows[i, i : i + lags] for i in range(_BLOCK)), np.zeros((lags, channels, channels)))
-    tail = z[whole:columns]
-    for lag in range(lags):
-        sums[lag] += tail.T @ z[whole + lag : columns + lag]
-    return np.asarray(sums)
 
+    def __init__(self, channels: int, lags: int) -> None:
+        self._channels, self._lags = channels, lags
+        # A block meets all that come up to `lags` samples after its last one.
+        self._shifts = (lags + _BLOCK - 2) // _BLOCK + 1
+        width = _BLOCK * channels
+        self._products = np.zeros((self._shifts, width, width))
+        self._head = np.empty((0, channels))
+        self._pending = np.empty((0, channels))
+        self._samples = 0
 
-def _record_gram(z: FloatArray, block_rows: int) -> FloatArray:
-    channels = z.shape[1]
-    columns = len(z) - block_rows + 1
-    size = block_rows * channels
-    gram = np.empty((size, size))
-    row = lag_sums(z, block_rows).transpose(1, 0, 2).reshape(channels, size)
-    leaving, entering = z[: block_rows - 1], z[columns : columns + block_rows - 1]
-    for i in range(block_rows):
-        here = slice(i * channels, (i + 1) * channels)
-        gram[here, i * channels :] = row
-        gram[i * channels :, here] = row.T
-        if i < block_rows - 1:
-            row = (
-                row[:, :-channels]
-                - np.outer(leaving[i], leaving[i:].ravel())
-                + np.outer(entering[i], entering[i:].ravel())
-            )
-    return gram
+    @property
+    def columns(self) -> int:
+        """Columns of the record's Hankel matrix so far, d of (2-19)."""
+        return self._samples - self._lags + 1
+
+    def add(self, *signals: FloatArray) -> None:
+        """Take the next samples of all signals, each (samples, channels)."""
+        waiting, arrived = len(self._pending), len(signals[0])
+        z = np.empty((waiting + arrived, self._channels))
+        z[:waiting] = self._pending
+        np.concatenate(signals, axis=1, out=z[waiting:])
+        if len(self._head) < self._lags - 1:
+            # Nothing has left the pending samples yet.
+            self._head = z[: self._lags - 1].copy()
+        blocks = z[: len(z) // _BLOCK * _BLOCK].reshape(-1, _BLOCK * self._channels)
+        whole = max(len(blocks) - self._shifts + 1, 0)
+        for shift in range(self._shifts if whole else 0):
+            self._products[shift] += blocks[:whole].T @ blocks[shift : whole + shift]
+        self._pending = z[whole * _BLOCK :].copy()
+        self._samples += arrived
+
+    def sums(self) -> FloatArray:
+        """Return the sums, (lags, channels, channels)."""
+        channels, lags = self._channels, self._lags
+        folded = self._products.reshape(self._shifts, _BLOCK, channels, _BLOCK, channels)
+        # Sample i of a block meets sample t of the row of shifted blocks at lag t - i.
+        rows = folded.transpose(1, 0, 3, 2, 4).reshape(_BLOCK, -1, channels, channels)
+        sums = np.sum([rows[i, i : i + lags] for i in range(_BLOCK)], axis=0)
+        if len(self._pending) >= lags:
+            windows = sliding_window_view(self._pending, lags, axis=0)
+            rest = self._pending[: len(windows)].T @ windows.reshape(len(windows), -1)
+            sums += rest.reshape(channels, channels, lags).transpose(2, 0, 1)
+        return np.asarray(sums)
+
+    def gram(self) -> FloatArray:
+        """Return the product of the Hankel matrix with its transpose."""
+        channels, lags = self._channels, self._lags
+        size = lags * channels
+        gram = np.empty((size, size))
+        row = self.sums().transpose(1, 0, 2).reshape(channels, size)
+        leaving = self._head.ravel()
+        entering = self._pending[len(self._pending) - lags + 1 :].ravel()
+        change = np.outer(entering, entering) - np.outer(leaving, leaving)
+        gram[:channels], gram[:, :channels] = row, row.T
+        for first in range(channels, size, channels):
+            before, here = slice(first - channels, first), slice(first, first + channels)
+            row = row[:, :-channels] + change[before, first - channels :]
+            gram[here, first:] = row
+            gram[first:, here] = row.T
+        return gram

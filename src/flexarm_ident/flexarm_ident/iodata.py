@@ -11,7 +11,7 @@ import numpy as np
 from flexarm_ident.errors import DataError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -97,6 +97,11 @@ class IoData:
     def effort(self) -> FloatArray:
         """Input without the Coulomb compensation (section 2.4.3), (samples, inputs)."""
         return self.u if self.compensation is None else self.u - self.compensation
+
+    def chunks(self, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Return u and y from the start, `samples` rows each, the last pair with the rest."""
+        for first in range(0, len(self), samples):
+            yield self.u[first : first + samples], self.y[first : first + samples]
 
     def head(self, samples: int) -> IoData:
         """Return the first `samples` samples (all of them if there are fewer)."""

@@ -24,7 +24,7 @@ from mcap.stream_reader import get_chunk_data_stream
 from numpy.lib.stride_tricks import sliding_window_view
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from mcap.records import ChunkIndex
     from numpy.typing import NDArray
@@ -98,6 +98,10 @@ class _Collector:
         return Messages(np.concatenate(self._log_times_ns), groups)
 
 
+class NotIndexedError(ValueError):
+    """A file is not fully chunked and indexed: only a message by message reader can take it."""
+
+
 def read_topic(streams: Iterable[BinaryIO], topic: str) -> Messages | None:
     """Read all messages of a topic, chunk by chunk.
 
@@ -120,24 +124,65 @@ def read_topic(streams: Iterable[BinaryIO], topic: str) -> Messages | None:
         If a chunk or the summary does not have its checksum, or records do not fill their chunk.
     """
     collector = _Collector()
+    try:
+        for piece in _pieces(streams, topic):
+            collector.add(*piece)
+    except NotIndexedError:
+        return None
+    return collector.messages()
+
+
+def topic_pieces(streams: Iterable[BinaryIO], topic: str) -> Iterator[Messages]:
+    """Read the messages of a topic and hand them on chunk by chunk, so that memory stays small.
+
+    Parameters
+    ----------
+    streams
+        Open MCAP files, in the order in which a split bag was written.
+    topic
+        Name of the topic.
+
+    Yields
+    ------
+    Messages
+        Those of one chunk, numbered from 0.
+
+    Raises
+    ------
+    NotIndexedError
+        If a file is not fully chunked and indexed; known at its end.
+    ValueError
+        If a chunk or the summary does not have its checksum, or records do not fill their chunk.
+    """
+    for piece in _pieces(streams, topic):
+        collector = _Collector()
+        collector.add(*piece)
+        yield collector.messages()
+
+
+def _pieces(
+    streams: Iterable[BinaryIO], topic: str
+) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.void], NDArray[np.intp]]]:
+    """Yield bytes, fixed parts and offsets of each chunk's messages."""
+    total = expected = 0
     for stream in streams:
         reader = make_reader(stream)
         _check_summary(stream)
         summary = reader.get_summary()
         if summary is None or summary.statistics is None:
-            return None
+            raise NotIndexedError("the file has no summary")
         wanted = [key for key, entry in summary.channels.items() if entry.topic == topic]
         counts = summary.statistics.channel_message_counts
-        expected = collector.total + sum(counts.get(key, 0) for key in wanted)
+        expected += sum(counts.get(key, 0) for key in wanted)
         for index in sorted(summary.chunk_indexes, key=lambda entry: entry.chunk_start_offset):
             entries = _index_entries(stream, index, wanted)
             if len(entries):
                 data = _content(stream, index)
                 heads = _heads(data, entries)
-                collector.add(data, heads, entries["offset"].astype(np.intp))
-        if collector.total != expected:
-            return None
-    return collector.messages()
+                total += len(heads)
+                yield data, heads, entries["offset"].astype(np.intp)
+        if total != expected:
+            raise NotIndexedError("messages stand outside of the indexed chunks")
 
 
 def _check_summary(stream: BinaryIO) -> None:

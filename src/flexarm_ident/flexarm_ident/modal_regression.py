@@ -4,27 +4,53 @@ In modal coordinates each of the thesis's regressors (2-14) is one scalar filter
 C, so the normal matrix is the Gram of the scalar signals times, element by element, the products of
 the output matrix. The signals' Gram itself is lifted: inside a block of samples every signal is a
 fixed linear function of its value at the block's start and of the block's inputs.
+
+A pair of conjugate modes has one complex signal. It is kept as its real and imaginary part, side by
+side, so that all the work over the samples is real.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import signal
+from scipy import linalg
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
     from flexarm_ident.arrays import ComplexArray, FloatArray
+    from flexarm_ident.source import Samples
 
 _BLOCK = 32
+# The lifted rows of this many samples fit into a core's own cache.
+_CHUNK = 256 * _BLOCK
+# Of a sum over all samples, in units of the sum of its terms' magnitudes.
+_ROUNDING = 1e-14
+_WANTED = 1e-6
+
+
+class Missed(NamedTuple):
+    """Sum of each output's squared errors, (outputs,), and whether it is mostly rounding."""
+
+    power: FloatArray
+    is_rounding: bool
 
 
 class Lift(NamedTuple):
-    """Blocks of one record: `rows` holds per block the starts of all signals and the inputs."""
+    """A chunk of a record in blocks, and the rest of it that fills no block.
+
+    `rows` holds per block the signals at its start, of each input and of the initial state, and
+    then its inputs; `rest` is one such row, padded with zeros. `y` and `y_rest` are the outputs.
+    """
 
     rows: FloatArray
-    length: int
-    first: int
+    y: FloatArray
+    rest: FloatArray
+    y_rest: FloatArray
 
 
 class ModalRegression:
@@ -41,120 +67,204 @@ class ModalRegression:
         Modal output matrix (3-3).
     inputs : int
         Number of inputs.
-    weight : ndarray, (outputs,)
-        Weight of each output's squared error.
     feedthrough : bool
         Whether D is a parameter.
     """
 
     def __init__(
-        self,
-        eigenvalues: ComplexArray,
-        C: ComplexArray,
-        inputs: int,
-        weight: FloatArray,
-        *,
-        feedthrough: bool,
+        self, eigenvalues: ComplexArray, C: ComplexArray, inputs: int, *, feedthrough: bool
     ) -> None:
-        self.eigenvalues = eigenvalues
         self.inputs = inputs
-        self.weight = weight
-        outputs, states = C.shape
-        self.direct = outputs * inputs if feedthrough else 0
-        direct = np.repeat(np.eye(outputs), inputs, axis=1)[:, : self.direct]
-        self.columns = np.hstack([np.tile(C, inputs), direct, C])
-        self.shared = self.columns.shape[1] - states
-        self._products = (self.columns.conj().T * weight) @ self.columns
-        self._upper = np.flatnonzero(eigenvalues.imag >= 0.0)
-        self._expand = self._expansion()
-        self._maps: dict[int, ComplexArray] = {}
+        self.outputs, states = C.shape
+        self._direct = inputs if feedthrough else 0
+        direct = np.repeat(np.eye(self.outputs), self._direct, axis=1)
+        self._columns = np.hstack([np.tile(C, inputs), direct, C])
+        self.shared = self._columns.shape[1] - states
+        upper = np.flatnonzero(eigenvalues.imag >= 0.0)
+        self._modes = eigenvalues[upper]
+        self._parts = 2 * len(upper)
+        self._expand = self._expansion(eigenvalues, upper)
+        self._map, self._drive = self._lift_maps()
 
-    def lifts(self, u: FloatArray) -> list[Lift]:
-        """Cut a record's inputs, (samples, inputs), into whole blocks and a shorter rest."""
-        blocks = len(u) // _BLOCK
-        lam = self.eigenvalues[self._upper]
-        body = u[: blocks * _BLOCK].reshape(blocks, _BLOCK, self.inputs)
-        powers = lam ** np.arange(_BLOCK - 1, -1, -1)[:, np.newaxis]
-        # One row more than blocks: the state after the last whole block.
-        starts = np.zeros((blocks + 1, self.inputs + 1, len(lam)), dtype=complex)
-        drive = np.matmul(body.transpose(0, 2, 1), powers)
-        for mode, step in enumerate(lam**_BLOCK):
-            starts[1:, :-1, mode] = signal.lfilter([1.0], [1.0, -step], drive[:, :, mode], axis=0)
-        starts[:, -1] = lam ** (_BLOCK * np.arange(blocks + 1)[:, np.newaxis])
-        parts = np.concatenate([starts.real, starts.imag], axis=2).reshape(blocks + 1, -1)
-        lifts = []
-        if blocks:
-            lifts.append(
-                Lift(np.hstack([parts[:-1], body.reshape(blocks, _BLOCK * self.inputs)]), _BLOCK, 0)
-            )
-        rest = u[blocks * _BLOCK :]
-        if len(rest):
-            row = np.concatenate([parts[-1], rest.ravel()])[np.newaxis]
-            lifts.append(Lift(row, len(rest), blocks * _BLOCK))
-        return lifts
+    def products(self, record: Samples) -> Products:
+        """Return the products of one record's signals and outputs."""
+        products = Products(self._map, self.outputs)
+        for piece in self._lifted(record):
+            products.add(piece)
+        return products
 
-    def normal(self, lifts: list[Lift]) -> ComplexArray:
-        """Return one record's normal matrix."""
-        total = np.zeros(self._products.shape, dtype=complex)
-        for lift in lifts:
-            gram = lift.rows.T @ lift.rows
-            for regressors in self._map(lift.length):
-                total += np.conj(regressors @ gram @ regressors.conj().T)
-        return np.asarray(self._products * total)
+    def residual_products(self, record: Samples, parameters: ComplexArray) -> Products:
+        """Return the same of what the outputs miss from the model with these parameters."""
+        products = Products(self._map, self.outputs)
+        signals, _, width = self._map.shape
+        response = self.signal_weights(parameters) @ self._map.reshape(signals, -1)
+        by_row = response.reshape(self.outputs, _BLOCK, width).transpose(2, 1, 0)
+        lifted = by_row.reshape(width, -1)
+        for rows, y, rest, y_rest in self._lifted(record):
+            missed = y_rest - (rest @ lifted)[: y_rest.size]
+            products.add(Lift(rows, y - rows @ lifted, rest, missed))
+        return products
 
-    def right(self, lifts: list[Lift], y: FloatArray) -> ComplexArray:
-        """Return one record's right-hand side for the outputs `y`, (samples, outputs)."""
-        total = np.zeros(self.columns.T.shape, dtype=complex)
-        for lift in lifts:
-            blocks = y[lift.first : lift.first + len(lift.rows) * lift.length]
-            cross = lift.rows.T @ blocks.reshape(len(lift.rows), -1)
-            steps = cross.reshape(-1, lift.length, y.shape[1]).transpose(1, 0, 2)
-            total += np.matmul(self._map(lift.length), steps).sum(axis=0)
-        return np.asarray(np.conj(self.columns.T * total) @ self.weight)
+    def signal_weights(self, parameters: ComplexArray) -> FloatArray:
+        """Return the outputs as combinations of the signals, (outputs, signals)."""
+        # Real, because conjugate modes come in pairs.
+        return np.asarray(((self._columns * parameters) @ self._expand).real)
 
-    def predict(self, lifts: list[Lift], parameters: ComplexArray) -> FloatArray:
-        """Return the outputs, (samples, outputs), for one record's parameters."""
-        weighted = (self.columns * parameters).T
-        outputs = weighted.shape[1]
-        y = np.empty((sum(len(lift.rows) * lift.length for lift in lifts), outputs))
-        for lift in lifts:
-            # Real, because conjugate modes come in pairs.
-            response = np.matmul(self._map(lift.length).transpose(0, 2, 1), weighted).real
-            flat = response.transpose(1, 0, 2).reshape(response.shape[1], -1)
-            last = lift.first + len(lift.rows) * lift.length
-            np.matmul(lift.rows, flat, out=y[lift.first : last].reshape(len(lift.rows), -1))
-        return y
+    def normal(self, products: Products, weight: FloatArray) -> ComplexArray:
+        """Return one record's normal matrix, for the weight of each output's squared error."""
+        outputs = (self._columns.conj().T * weight) @ self._columns
+        return np.asarray(outputs * (self._expand.conj() @ products.signals @ self._expand.T))
 
-    def _expansion(self) -> ComplexArray:
-        """Return the map from real and imaginary parts of the upper modes to all modes."""
-        count = len(self._upper)
-        expand = np.zeros((len(self.eigenvalues), 2 * count), dtype=complex)
-        for column, mode in enumerate(self._upper):
-            expand[mode, column], expand[mode, count + column] = 1.0, 1.0j
-            if self.eigenvalues[mode].imag > 0.0:
-                expand[mode + 1, column], expand[mode + 1, count + column] = 1.0, -1.0j
-        return expand
+    def right(self, products: Products, weight: FloatArray) -> ComplexArray:
+        """Return one record's right-hand side, for the weight of each output's squared error."""
+        return np.asarray(np.conj(self._columns.T * (self._expand @ products.cross)) @ weight)
 
-    def _map(self, length: int) -> ComplexArray:
-        """Return the map from a lift's row to all signals, for each sample of its block."""
-        if length not in self._maps:
-            self._maps[length] = self._build_map(length)
-        return self._maps[length]
+    def _lifted(self, record: Samples) -> Iterator[Lift]:
+        """Go through a record; its initial state is one more input, a pulse before the start."""
+        r, modes, starts_end = self.inputs, len(self._modes), (self.inputs + 1) * self._parts
+        step = self._modes**_BLOCK
+        decay = np.cumprod(np.tile(step, (_CHUNK // _BLOCK, 1)), axis=0)
+        start = np.zeros((r + 1, modes), dtype=complex)
+        start[r] = 1.0
+        for u, y in record.chunks(_CHUNK):
+            blocks = len(u) // _BLOCK
+            rows = np.zeros((blocks + 1, starts_end + _BLOCK * r))
+            u_rows = rows[:, starts_end:]
+            u_rows[:blocks] = u[: blocks * _BLOCK].reshape(blocks, _BLOCK * r)
+            rest = u[blocks * _BLOCK :].ravel()
+            u_rows[blocks, : len(rest)] = rest
+            states = np.empty((blocks + 1, r + 1, modes), dtype=complex)
+            states[0] = start
+            states[1:, :r] = (u_rows[:blocks] @ self._drive).view(complex).reshape(blocks, r, modes)
+            _accumulate(states[:, :r], step)
+            states[1:, r] = decay[:blocks] * start[r]
+            start = states[blocks]
+            rows[:, :starts_end] = states.reshape(blocks + 1, -1).view(float)
+            y_rows = y[: blocks * _BLOCK].reshape(blocks, _BLOCK * self.outputs)
+            yield Lift(rows[:blocks], y_rows, rows[blocks], y[blocks * _BLOCK :].ravel())
 
-    def _build_map(self, length: int) -> ComplexArray:
-        n, r, parts = len(self.eigenvalues), self.inputs, self._expand.shape[1]
+    def _expansion(self, eigenvalues: ComplexArray, upper: NDArray[np.intp]) -> ComplexArray:
+        """Return the map from the signals to those of the parameters' columns."""
+        n, r = len(eigenvalues), self.inputs
+        modes = np.zeros((n, self._parts), dtype=complex)
+        for number, mode in enumerate(upper):
+            modes[mode, 2 * number : 2 * number + 2] = 1.0, 1.0j
+            if eigenvalues[mode].imag > 0.0:
+                modes[mode + 1, 2 * number : 2 * number + 2] = 1.0, -1.0j
+        direct = np.tile(np.eye(self._direct), (self.outputs, 1))
+        expand = linalg.block_diag(*[modes] * r, direct, modes)
+        return np.asarray(expand)
+
+    def _lift_maps(self) -> tuple[FloatArray, FloatArray]:
+        """Return maps from a lift's row to all signals in its block, and to what it adds behind.
+
+        The first is (signals, samples, row), the second (inputs of the row, signals of inputs).
+        """
+        r, parts, steps = self.inputs, self._parts, np.arange(_BLOCK + 1)
         inputs_at = (r + 1) * parts
-        signals = np.zeros((length, self.shared + n, inputs_at + length * r), dtype=complex)
-        powers = self.eigenvalues ** np.arange(length)[:, np.newaxis]
-        evolved = powers[:, :, np.newaxis] * self._expand
-        firsts = [*range(0, r * n, n), self.shared]
-        for source, first in enumerate(firsts):
-            at = slice(source * parts, (source + 1) * parts)
-            signals[:, first : first + n, at] = evolved
-        for t in range(length):
-            for j in range(r):
-                past = inputs_at + np.arange(t) * r + j
-                signals[t, j * n : (j + 1) * n, past] = powers[:t][::-1]
-            now = inputs_at + t * r + np.tile(np.arange(r), self.direct // max(r, 1))
-            signals[t, r * n + np.arange(self.direct), now] = 1.0
-        return signals
+        at_inputs = inputs_at + r * np.arange(_BLOCK)
+        powers = self._modes ** steps[:, np.newaxis]
+        rotations = np.zeros((len(self._modes), 2, _BLOCK + 1, len(self._modes), 2))
+        for mode, power in enumerate(powers.T):
+            rotations[mode, 0, :, mode] = np.stack([power.real, -power.imag], axis=1)
+            rotations[mode, 1, :, mode] = np.stack([power.imag, power.real], axis=1)
+        free = rotations.reshape(parts, _BLOCK + 1, parts)
+        # An input acts from the next sample on.
+        ago = steps[:, np.newaxis] - 1 - np.arange(_BLOCK)
+        pulse = np.where(ago >= 0, powers.T[:, ago.clip(min=0)], 0.0)
+        driven = np.stack([pulse.real, pulse.imag], axis=1).reshape(parts, _BLOCK + 1, _BLOCK)
+        total = np.zeros((inputs_at + self._direct, _BLOCK + 1, inputs_at + r * _BLOCK))
+        for source in range(r + 1):
+            # The initial state stands behind D.
+            first = source * parts + (self._direct if source == r else 0)
+            total[first : first + parts, :, source * parts : (source + 1) * parts] = free
+            if source < r:
+                total[first : first + parts, :, at_inputs + source] = driven
+        for j in range(self._direct):
+            total[r * parts + j, np.arange(_BLOCK), at_inputs + j] = 1.0
+        drive = total[: r * parts, _BLOCK, inputs_at:].T
+        return np.ascontiguousarray(total[:, :_BLOCK]), np.ascontiguousarray(drive)
+
+
+class Products:
+    """Products of the signals with themselves and with the outputs, summed over a record.
+
+    Parameters
+    ----------
+    signal_map : ndarray, (signals, samples, row)
+        Map from a lift's row to all signals in its block.
+    outputs : int
+        Number of outputs.
+    """
+
+    def __init__(self, signal_map: FloatArray, outputs: int) -> None:
+        signals, length, width = signal_map.shape
+        self._map = signal_map
+        self._gram = np.zeros((width, width))
+        self._cross = np.zeros((width, length * outputs))
+        self._rest = np.zeros((signals, signals))
+        self._power = np.zeros(length * outputs)
+        self._outputs = outputs
+
+    def add(self, lift: Lift) -> None:
+        """Take the next samples."""
+        self._gram += lift.rows.T @ lift.rows
+        self._cross += lift.rows.T @ lift.y
+        self._power += np.einsum("bi,bi->i", lift.y, lift.y)
+        size = len(lift.y_rest)
+        if size:
+            signals = (self._map @ lift.rest)[:, : size // self._outputs]
+            self._rest += signals @ signals.T
+            self._cross[:, :size] += np.outer(lift.rest, lift.y_rest)
+            self._power[:size] += lift.y_rest**2
+
+    @cached_property
+    def signals(self) -> FloatArray:
+        """Gram matrix of the signals."""
+        signals, _, width = self._map.shape
+        lifted = self._map.reshape(-1, width) @ self._gram
+        return np.asarray(
+            lifted.reshape(signals, -1) @ self._map.reshape(signals, -1).T + self._rest
+        )
+
+    @cached_property
+    def cross(self) -> FloatArray:
+        """Products of signals and outputs, (signals, outputs)."""
+        signals, length, width = self._map.shape
+        by_sample = self._cross.reshape(width, length, self._outputs).transpose(1, 0, 2)
+        return np.asarray(self._map.reshape(signals, -1) @ by_sample.reshape(length * width, -1))
+
+    @property
+    def power(self) -> FloatArray:
+        """Sum of each output's squares, (outputs,)."""
+        return np.asarray(self._power.reshape(-1, self._outputs).sum(axis=0))
+
+    def missed(self, weights: FloatArray) -> Missed:
+        """Return each output's squared error when combinations of the signals are subtracted.
+
+        Parameters
+        ----------
+        weights : ndarray, (outputs, signals)
+            The combinations.
+
+        Returns
+        -------
+        Missed
+            The error and whether rounding hides it.
+        """
+        explained = np.sum(weights @ self.signals * weights, axis=1)
+        left = self.power - 2.0 * np.sum(weights.T * self.cross, axis=0) + explained
+        terms = np.abs(weights) @ np.sqrt(np.diag(self.signals).clip(min=0.0))
+        rounding = _ROUNDING * (self.power + terms**2)
+        return Missed(left.clip(min=0.0), bool(np.any(left < rounding / _WANTED)))
+
+
+def _accumulate(states: ComplexArray, step: ComplexArray) -> None:
+    """Turn drives into states, ``x_{b+1} = step x_b + drive_b``, in place: (blocks, inputs, modes).
+
+    Every turn doubles the number of past blocks that are summed.
+    """
+    distance = 1
+    while distance < len(states):
+        states[distance:] += step * states[:-distance]
+        step, distance = step * step, 2 * distance

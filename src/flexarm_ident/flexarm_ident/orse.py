@@ -221,5 +221,5 @@ def _range_space(
     remainder: FloatArray, weight: FloatArray, rms: FloatArray, condition: float
 ) -> RangeSpace:
     rows = np.tile(weight, len(remainder) // len(weight))
-    values, vectors = linalg.eigh(remainder * np.outer(rows, rows))
+    values, vectors = linalg.eigh(remainder * np.outer(rows, rows), driver="evd")
     return RangeSpace(vectors[:, ::-1], values[::-1].clip(min=0.0), weight / rms, condition)

@@ -15,18 +15,22 @@ from scipy import linalg
 
 from flexarm_ident.errors import IdentificationError
 from flexarm_ident.modal_regression import ModalRegression
-from flexarm_ident.simulation import simulate, simulate_states
+from flexarm_ident.simulation import BlockSimulation, simulate, simulate_states
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     import control
 
     from flexarm_ident.arrays import AnyArray, ComplexArray, FloatArray
     from flexarm_ident.iodata import IoData
+    from flexarm_ident.modal_regression import Missed, Products
+    from flexarm_ident.source import Samples, Source
 
-_WELL_CONDITIONED = 100.0
+# Six of sixteen digits are lost by squaring it.
+_WELL_CONDITIONED = 1e3
 _ROWS_AT_ONCE = 32
+_CHUNK = 16384
 _DEFECTIVE_CONDITION = 1e8
 _LARGEST_GROWTH = 100.0
 
@@ -60,7 +64,7 @@ class OutputFit:
 
 
 def fit_inputs(
-    A: FloatArray, C: FloatArray, records: Sequence[IoData], *, feedthrough: bool = False
+    A: FloatArray, C: FloatArray, records: Sequence[Source], *, feedthrough: bool = False
 ) -> OutputFit:
     """Fit B, the initial states and, on request, D to the outputs (2-17), (3-17).
 
@@ -70,8 +74,8 @@ def fit_inputs(
         State matrix, best without eigenvalues outside the unit circle.
     C : ndarray, (outputs, states)
         Output matrix.
-    records : sequence of IoData
-        Records of the same rig; each has its own initial state.
+    records : sequence of Source
+        Records of the same rig, in memory or read in chunks; each has its own initial state.
     feedthrough : bool
         Fit D as well. The rig has none: a command acts after the sample it answers.
 
@@ -85,8 +89,7 @@ def fit_inputs(
     IdentificationError
         If A is so unstable that its response overflows.
     """
-    inputs, outputs = [record.u for record in records], [record.y for record in records]
-    return _fit(A, C, inputs, outputs, feedthrough=feedthrough)
+    return _fit(A, C, len(records[0].inputs), records, feedthrough=feedthrough)
 
 
 def fit_initial_states(
@@ -106,9 +109,8 @@ def fit_initial_states(
     tuple of ndarray, (states,)
         Initial states.
     """
-    inputs = [record.u[:, :0] for record in records]
-    missed = [record.y - simulate(model, record.u) for record in records]
-    return _fit(model.A, model.C, inputs, missed, feedthrough=False).x0
+    missed = [_FreeResponse(record.y - simulate(model, record.u)) for record in records]
+    return _fit(model.A, model.C, 0, missed, feedthrough=False).x0
 
 
 def fit_outputs(
@@ -141,81 +143,96 @@ def fit_outputs(
     return np.asarray(C, dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class _FreeResponse:
+    """Samples without an input."""
+
+    y: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.y)
+
+    def chunks(self, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+        for first in range(0, len(self), samples):
+            y = self.y[first : first + samples]
+            yield y[:, :0], y
+
+
 def _fit(
-    A: FloatArray,
-    C: FloatArray,
-    inputs: Sequence[FloatArray],
-    outputs: Sequence[FloatArray],
-    *,
-    feedthrough: bool,
+    A: FloatArray, C: FloatArray, inputs: int, records: Sequence[Samples], *, feedthrough: bool
 ) -> OutputFit:
     eigenvalues, vectors = np.linalg.eig(A)
-    longest = max(len(u) for u in inputs)
+    longest = max(len(record) for record in records)
     largest = float(np.abs(eigenvalues).max(initial=0.0))
     if largest > 1.0 and longest * np.log(largest) > _LARGEST_GROWTH:
         raise IdentificationError(
             f"an eigenvalue of magnitude {largest:.4f} grows beyond all bounds in {longest} "
             "samples: stabilise the model first"
         )
-    weight = _output_weight(outputs)
     if np.linalg.cond(vectors) > _DEFECTIVE_CONDITION:
-        return _fit_stepwise(A, C, inputs, outputs, weight, feedthrough=feedthrough)
+        return _fit_stepwise(A, C, inputs, records, feedthrough=feedthrough)
     regression = ModalRegression(
-        eigenvalues.astype(complex),
-        (C @ vectors).astype(complex),
-        inputs[0].shape[1],
-        weight,
-        feedthrough=feedthrough,
+        eigenvalues.astype(complex), (C @ vectors).astype(complex), inputs, feedthrough=feedthrough
     )
-    return _fit_modal(regression, vectors, inputs, outputs)
+    return _fit_modal(regression, vectors, records)
 
 
-def _output_weight(outputs: Sequence[FloatArray]) -> FloatArray:
-    power = np.mean([np.einsum("ki,ki->i", y, y) / len(y) for y in outputs], axis=0)
+def _weight(powers: Sequence[FloatArray], records: Sequence[Samples]) -> FloatArray:
+    """Return the inverse of each output's mean square, every record counting the same."""
+    pairs = zip(powers, records, strict=True)
+    power = np.mean([each / len(record) for each, record in pairs], axis=0)
     return np.asarray(np.divide(1.0, power, out=np.ones_like(power), where=power > 0.0))
 
 
-def _relative_error(residuals: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> FloatArray:
-    missed = np.sum([np.einsum("ki,ki->i", e, e) for e in residuals], axis=0)
-    total = np.sum([np.einsum("ki,ki->i", y, y) for y in outputs], axis=0)
-    part = np.divide(missed, total, out=np.zeros_like(missed), where=total > 0.0)
+def _relative_error(missed: Sequence[FloatArray], powers: Sequence[FloatArray]) -> FloatArray:
+    total = np.sum(powers, axis=0)
+    part = np.divide(np.sum(missed, axis=0), total, out=np.zeros_like(total), where=total > 0.0)
     return np.asarray(np.sqrt(part))
 
 
 def _fit_modal(
-    regression: ModalRegression,
-    vectors: ComplexArray,
-    inputs: Sequence[FloatArray],
-    outputs: Sequence[FloatArray],
+    regression: ModalRegression, vectors: ComplexArray, records: Sequence[Samples]
 ) -> OutputFit:
     states, shared = len(vectors), regression.shared
-    lifts = [regression.lifts(u) for u in inputs]
     # B and D once, then an initial state per record.
     places = [
         np.r_[:shared, shared + number * states + np.arange(states)]
-        for number in range(len(inputs))
+        for number in range(len(records))
     ]
-    size = shared + len(inputs) * states
+    size = shared + len(records) * states
+    products = [regression.products(record) for record in records]
+    powers = [each.power for each in products]
+    weight = _weight(powers, records)
     normal = np.zeros((size, size), dtype=complex)
-    for place, pieces in zip(places, lifts, strict=True):
-        normal[np.ix_(place, place)] += regression.normal(pieces)
+    for place, each in zip(places, products, strict=True):
+        normal[np.ix_(place, place)] += regression.normal(each, weight)
     inverse, rank, condition = _pseudo_inverse(normal)
-    parameters = np.zeros(size, dtype=complex)
-    residuals = list(outputs)
-    # Normal equations square the condition; solving again for the residual gives the digits back.
-    for _ in range(1 if condition < _WELL_CONDITIONED else 2):
+
+    def solve(products: Sequence[Products]) -> tuple[ComplexArray, list[Missed]]:
         right = np.zeros(size, dtype=complex)
-        for place, pieces, residual in zip(places, lifts, residuals, strict=True):
-            right[place] += regression.right(pieces, residual)
-        parameters += inverse(right)
-        for number, (pieces, place) in enumerate(zip(lifts, places, strict=True)):
-            residuals[number] = outputs[number] - regression.predict(pieces, parameters[place])
-    B, D, x0 = _unpacked(parameters, outputs[0].shape[1], inputs[0].shape[1], states, shared)
+        for place, each in zip(places, products, strict=True):
+            right[place] += regression.right(each, weight)
+        found = inverse(right)
+        weights = [regression.signal_weights(found[place]) for place in places]
+        pairs = zip(products, weights, strict=True)
+        return found, [each.missed(combination) for each, combination in pairs]
+
+    parameters, missed = solve(products)
+    # Normal equations square the condition, and small errors drown in the outputs' power: what
+    # the first solution misses, sample by sample, gives the digits back.
+    if condition > _WELL_CONDITIONED or any(each.is_rounding for each in missed):
+        products = [
+            regression.residual_products(record, parameters[place])
+            for record, place in zip(records, places, strict=True)
+        ]
+        change, missed = solve(products)
+        parameters = parameters + change
+    B, D, x0 = _unpacked(parameters, regression.outputs, regression.inputs, states, shared)
     return OutputFit(
         (vectors @ B).real,
         D.real,
         tuple((vectors @ start).real for start in x0),
-        _relative_error(residuals, outputs),
+        _relative_error([each.power for each in missed], powers),
         rank,
         condition,
     )
@@ -249,24 +266,22 @@ def _unpacked(
 
 
 def _fit_stepwise(
-    A: FloatArray,
-    C: FloatArray,
-    inputs: Sequence[FloatArray],
-    outputs: Sequence[FloatArray],
-    weight: FloatArray,
-    *,
-    feedthrough: bool,
+    A: FloatArray, C: FloatArray, inputs: int, records: Sequence[Samples], *, feedthrough: bool
 ) -> OutputFit:
     """Fit without eigenvectors, for an A that has no full set: (2-14) step by step, then QR."""
-    (m, n), r = C.shape, inputs[0].shape[1]
+    (m, n), r = C.shape, inputs
     shared = r * n + (m * r if feedthrough else 0)
-    size = shared + len(inputs) * n
+    size = shared + len(records) * n
+    powers = [
+        np.sum([np.sum(y**2, axis=0) for _, y in record.chunks(_CHUNK)], axis=0)
+        for record in records
+    ]
+    weight = _weight(powers, records)
     triangle = np.zeros((0, size + 1))
-    for number, (u, y) in enumerate(zip(inputs, outputs, strict=True)):
+    for number, record in enumerate(records):
         own = slice(shared + number * n, shared + (number + 1) * n)
         response, free = np.zeros((r, n, n)), np.eye(n)
-        for first in range(0, len(u), _ROWS_AT_ONCE):
-            u_rows = u[first : first + _ROWS_AT_ONCE]
+        for u_rows, y_rows in record.chunks(_ROWS_AT_ONCE):
             rows = np.zeros((len(u_rows), m, size + 1))
             for k, u_k in enumerate(u_rows):
                 rows[k, :, : r * n] = (C @ response).transpose(1, 0, 2).reshape(m, r * n)
@@ -275,7 +290,7 @@ def _fit_stepwise(
                 free = A @ free
             if feedthrough:
                 rows[:, :, r * n : shared] = np.kron(np.eye(m), u_rows[:, np.newaxis])
-            rows[:, :, -1] = y[first : first + _ROWS_AT_ONCE]
+            rows[:, :, -1] = y_rows
             rows *= np.sqrt(weight)[:, np.newaxis]
             stacked = np.vstack([triangle, rows.reshape(-1, size + 1)])
             triangle = linalg.qr(stacked, mode="r")[0][: size + 1]
@@ -283,9 +298,10 @@ def _fit_stepwise(
     length[length == 0.0] = 1.0
     solution, _, rank, values = np.linalg.lstsq(triangle[:, :-1] / length, triangle[:, -1])
     B, D, x0 = _unpacked(solution / length, m, r, n, shared)
-    residuals = [
-        y - simulate_states(A, B, u, start) @ C.T - u @ D.T
-        for u, y, start in zip(inputs, outputs, x0, strict=True)
-    ]
+    missed = []
+    for record, start in zip(records, x0, strict=True):
+        model = BlockSimulation(A, B, C, D, start)
+        errors = (y - model.advance(u) for u, y in record.chunks(_CHUNK))
+        missed.append(np.sum([np.sum(error**2, axis=0) for error in errors], axis=0))
     condition = float(values[0] / max(values[-1], np.finfo(float).eps * values[0]))
-    return OutputFit(B, D, tuple(x0), _relative_error(residuals, outputs), int(rank), condition)
+    return OutputFit(B, D, tuple(x0), _relative_error(missed, powers), int(rank), condition)

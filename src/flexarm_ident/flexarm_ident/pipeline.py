@@ -10,7 +10,9 @@ import control
 import numpy as np
 
 from flexarm_ident import orse
+from flexarm_ident.arrays import column_range
 from flexarm_ident.errors import DataError, IdentificationError
+from flexarm_ident.feedback import feedback_test
 from flexarm_ident.gram import block_gram
 from flexarm_ident.iodata import as_records
 from flexarm_ident.modes import mode_table
@@ -18,19 +20,24 @@ from flexarm_ident.order import candidate_orders, choose_order, stable_orders, s
 from flexarm_ident.output_fit import fit_inputs
 from flexarm_ident.poles import is_stable, stabilise
 from flexarm_ident.preprocess import output_scale
+from flexarm_ident.quality import assess
+from flexarm_ident.stabilisation import range_space_matrices, stabilisation
+from flexarm_ident.uncertainty import jackknife, mode_uncertainty
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.gram import BlockGram
     from flexarm_ident.iodata import IoData
     from flexarm_ident.modes import Mode
     from flexarm_ident.orse import RangeSpace
+    from flexarm_ident.quality import DataWarning
+    from flexarm_ident.stabilisation import Stabilisation
+    from flexarm_ident.uncertainty import ModeUncertainty
 
 METHODS = ("orse", "orse_iv", "orse_thesis")
 _SMALLEST_BLOCK_ROWS = 2
-_LARGE_OFFSET = 1e3
-_FULL_SCALE_V = 9.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +66,10 @@ class Identification:
         Condition number of the regression for B and x0.
     moved_eigenvalues : int
         Number of unstable eigenvalues that were moved inside the unit circle.
-    warnings : tuple of str
-        What a user should know before trusting the model.
+    notes : tuple of str
+        What the estimation itself had to do about the model.
+    gram : BlockGram
+        Products of the data.
     range_space : RangeSpace
         Base vectors, from which models of other orders follow.
     records : tuple of IoData
@@ -77,14 +86,45 @@ class Identification:
     input_condition: float
     fit_condition: float
     moved_eigenvalues: int
-    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+    gram: BlockGram = field(repr=False)
     range_space: RangeSpace = field(repr=False)
     records: tuple[IoData, ...] = field(repr=False)
+
+    @cached_property
+    def data_warnings(self) -> tuple[DataWarning, ...]:
+        """What the records cannot carry, each with its name and figures."""
+        return assess(self.records, self.gram, feedthrough=bool(np.any(self.model.D)))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know before trusting the model."""
+        return (*(warning.text for warning in self.data_warnings), *self.notes)
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
         """Modes with frequency, damping, MSV and MRM over the records."""
         return mode_table(self.model, self.records, output_scale(self.records))
+
+    @cached_property
+    def mode_uncertainty(self) -> tuple[ModeUncertainty, ...]:
+        """Standard deviations of `modes`, in their order; empty when the records are too short."""
+
+        def estimate(gram: BlockGram) -> orse.StateMatrices:
+            space = _range_space(gram, self.records, self.method)
+            return orse.state_matrices(space, self.order)
+
+        try:
+            found = jackknife(self.records, self.gram.block_rows, estimate)
+        except DataError:
+            return ()
+        return mode_uncertainty(found, self.model)
+
+    @cached_property
+    def diagram(self) -> Stabilisation:
+        """Stabilisation diagram: which modes come back over the orders."""
+        space = self.range_space
+        return stabilisation(range_space_matrices(space), space.output_scale, self.model.dt)
 
     @cached_property
     def stable_orders(self) -> tuple[int, ...]:
@@ -141,11 +181,12 @@ def identify(
     """
     records = as_records(data)
     report = progress or _silent
-    if method == "auto":
-        method = "orse_iv" if any(record.closed_loop for record in records) else "orse"
     _check_request(records, order, block_rows, method)
     report("gram", 0.0)
-    space = _range_space(records, block_rows, method)
+    if method == "auto":
+        method = _automatic(records, block_rows, feedthrough=feedthrough)
+    gram = block_gram(records, 2 * block_rows if method == "orse_iv" else block_rows)
+    space = _range_space(gram, records, method)
     report("range space", 1.0)
     if order is None:
         order = choose_order(space, records, feedthrough=feedthrough, progress=progress)
@@ -157,7 +198,7 @@ def identify(
     model = control.ss(
         A, fit.B, raw.C, fit.D, first.dt_s, inputs=list(first.inputs), outputs=list(first.outputs)
     )
-    notes = _data_warnings(records, method) + _input_warnings(space)
+    notes = []
     if moved:
         notes.append(f"{moved} unstable eigenvalues of order {order} were moved inside the circle")
     elif not is_stable(A):
@@ -173,7 +214,8 @@ def identify(
         input_condition=space.condition,
         fit_condition=fit.condition,
         moved_eigenvalues=moved,
-        warnings=tuple(notes),
+        notes=tuple(notes),
+        gram=gram,
         range_space=space,
         records=records,
     )
@@ -183,10 +225,17 @@ def _silent(_stage: str, _fraction: float) -> None:
     pass
 
 
-def _range_space(records: Sequence[IoData], block_rows: int, method: str) -> RangeSpace:
-    if method == "orse_iv":
-        return orse.past_instruments(block_gram(records, 2 * block_rows))
+def _automatic(records: Sequence[IoData], block_rows: int, *, feedthrough: bool) -> str:
+    """Choose past instruments where noise reaches the input, else the innovation scaling."""
+    if any(record.closed_loop for record in records):
+        return "orse_iv"
     gram = block_gram(records, block_rows)
+    return "orse_iv" if feedback_test(records, gram, feedthrough=feedthrough).detected else "orse"
+
+
+def _range_space(gram: BlockGram, records: Sequence[IoData], method: str) -> RangeSpace:
+    if method == "orse_iv":
+        return orse.past_instruments(gram)
     if method == "orse_thesis":
         return orse.plain(gram, output_scale(records))
     return orse.innovation_scaled(gram)
@@ -195,7 +244,7 @@ def _range_space(records: Sequence[IoData], block_rows: int, method: str) -> Ran
 def _check_request(
     records: Sequence[IoData], order: int | None, block_rows: int, method: str
 ) -> None:
-    if method not in METHODS:
+    if method not in ("auto", *METHODS):
         raise IdentificationError(f"method must be one of auto, {', '.join(METHODS)}: {method!r}")
     if block_rows < _SMALLEST_BLOCK_ROWS:
         raise IdentificationError(f"block_rows must be 2 or more: {block_rows}")
@@ -205,7 +254,7 @@ def _check_request(
         raise IdentificationError(
             f"order must lie between 1 and {largest} for block_rows = {block_rows}: {order}"
         )
-    shifts = 2 * block_rows if method == "orse_iv" else block_rows
+    shifts = block_rows if method in ("orse", "orse_thesis") else 2 * block_rows
     needed = shifts * (records[0].u.shape[1] + outputs + 1)
     for record in records:
         if len(record) < needed:
@@ -213,39 +262,11 @@ def _check_request(
                 f"{record.label}: {len(record)} samples are too few, {block_rows} block rows need "
                 f"at least {needed}: record longer or lower block_rows"
             )
-    for channel, name in enumerate(records[0].inputs):
-        if all(np.ptp(record.u[:, channel]) == 0.0 for record in records):
+    lowest, highest = zip(*(column_range(record.u) for record in records), strict=True)
+    constant = np.all(np.equal(lowest, highest), axis=0)
+    for name, is_constant in zip(records[0].inputs, constant, strict=True):
+        if is_constant:
             raise DataError(
                 f"{records[0].label}: input {name} is constant, it excites nothing: "
                 "record with a changing input"
             )
-
-
-def _data_warnings(records: Sequence[IoData], method: str) -> list[str]:
-    notes = []
-    if any(record.closed_loop for record in records):
-        notes.append(
-            "closed-loop data: the controller feeds noise back into the input, so "
-            + ("plain ORSE is biased" if method == "orse_thesis" else "a small bias remains")
-        )
-    for record in records:
-        names = (*record.outputs, *record.inputs)
-        lowest = np.hstack([record.y.min(axis=0), record.u.min(axis=0)])
-        highest = np.hstack([record.y.max(axis=0), record.u.max(axis=0)])
-        for name, low, high in zip(names, lowest, highest, strict=True):
-            peak = max(-low, high)
-            if abs(low + high) > _LARGE_OFFSET * (high - low):
-                notes.append(f"{record.label}: {name} is almost all offset: remove its bias first")
-            if name.endswith("_v") and peak >= _FULL_SCALE_V:
-                notes.append(f"{record.label}: {name} reaches {peak:.2f} V and may be saturated")
-    return notes
-
-
-def _input_warnings(space: RangeSpace) -> list[str]:
-    if space.condition < orse.SINGULAR_CONDITION:
-        return []
-    note = (
-        f"the input excites few frequencies: U U' has the condition number {space.condition:.0e}, "
-        "a pseudo-inverse was used and modes outside its band are not to be trusted"
-    )
-    return [note]

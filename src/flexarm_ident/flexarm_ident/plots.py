@@ -6,15 +6,27 @@ Colours are distinct to the colour-blind, and in black and white the line styles
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from flexarm_ident.channels import axis_label, label_and_unit
 from flexarm_ident.modes import frequency_and_damping
+from flexarm_ident.plot_style import (
+    BLACK,
+    DASHED,
+    DOTTED,
+    MARK,
+    SHADE,
+    SOLID,
+    STYLE,
+    VERMILION,
+    figure_of,
+    legend_above,
+    plain_numbers,
+)
 from flexarm_ident.svg import inline_svg
 from flexarm_ident.validation import frequency_response
 
@@ -29,34 +41,6 @@ if TYPE_CHECKING:
 
 CURVE_POINTS = 2000
 
-_WIDTH_IN = 4.5
-_BLUE, _VERMILION, _BLACK = "#56b4e9", "#d55e00", "#000000"
-_SOLID: Any = {"color": _BLUE, "linewidth": 1.8}
-_DASHED: Any = {"color": _BLACK, "linestyle": "--"}
-_DOTTED: Any = {"color": _BLACK, "linestyle": ":"}
-_SHADE, _MARK = "#ececec", "#777777"
-_STYLE: Any = {
-    "font.family": ["DejaVu Sans"],
-    "font.size": 8.5,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.linewidth": 0.4,
-    "grid.color": "#dddddd",
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 8.0,
-    "legend.borderpad": 0.0,
-    "legend.borderaxespad": 0.2,
-    "legend.handlelength": 1.9,
-    "legend.columnspacing": 1.2,
-    "lines.linewidth": 1.3,
-    "text.parse_math": False,
-    "axes.unicode_minus": True,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "flexarm",
-}
 _SHOWN_SINGULAR_VALUES = 40
 _GRID_POINTS = 400
 _SMALLEST_GAIN = 1e-12
@@ -92,17 +76,17 @@ def match_plot(
     low, high = float(measured.min()), float(measured.max())
     span = (high - low) or 1.0
     visible = np.clip(np.nan_to_num(simulated, nan=high + span), low - span, high + span)
-    with mpl.rc_context(_STYLE):
-        figure = _figure(2.0)
+    with mpl.rc_context(STYLE):
+        figure = figure_of(2.0)
         axes = figure.subplots()
-        axes.axvspan(0.0, fitted_s, color=_SHADE, linewidth=0.0, label="fitted part")
-        curves = (("measured", measured, _SOLID), ("simulated", visible, _DOTTED))
+        axes.axvspan(0.0, fitted_s, color=SHADE, linewidth=0.0, label="fitted part")
+        curves = (("measured", measured, SOLID), ("simulated", visible, DOTTED))
         for label, values, look in curves:
             rows = _extremes(values, points)
             axes.plot(time_s[rows], values[rows], label=label, **look)
         axes.set_ylabel(axis_label(name))
         _time_axis(axes, time_s)
-        _legend(axes)
+        legend_above(axes)
         return inline_svg(figure, f"{label_and_unit(name)[0]}: measured and simulated over time")
 
 
@@ -124,26 +108,26 @@ def singular_value_plot(singular_values: FloatArray, order: int) -> str:
     shown = singular_values[: max(_SHOWN_SINGULAR_VALUES, order + _SHOWN_SINGULAR_VALUES // 4)]
     positive = np.flatnonzero(shown > 0.0)
     kept, rest = positive[positive < order], positive[positive >= order]
-    with mpl.rc_context(_STYLE):
-        figure = _figure(2.2)
+    with mpl.rc_context(STYLE):
+        figure = figure_of(2.2)
         axes = figure.subplots()
         axes.set_yscale("log")
-        axes.plot(kept + 1, shown[kept], "o", color=_BLACK, markersize=3.5, label="used")
+        axes.plot(kept + 1, shown[kept], "o", color=BLACK, markersize=3.5, label="used")
         axes.plot(
             rest + 1,
             shown[rest],
             "o",
-            color=_MARK,
+            color=MARK,
             markersize=3.5,
             fillstyle="none",
             label="left out",
         )
-        axes.axvline(order + 0.5, color=_VERMILION, linestyle="--", label=f"order {order}")
+        axes.axvline(order + 0.5, color=VERMILION, linestyle="--", label=f"order {order}")
         axes.set(xlabel="number", ylabel="singular value", xlim=(0.0, len(shown) + 1.0))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.yaxis.set_major_formatter(_plain())
+        axes.yaxis.set_major_formatter(plain_numbers())
         axes.yaxis.set_minor_formatter(NullFormatter())
-        _legend(axes)
+        legend_above(axes)
         return inline_svg(figure, f"singular values, order {order} chosen")
 
 
@@ -175,11 +159,11 @@ def frequency_plot(
     """
     frequencies_hz = _frequency_grid(full, lowest_hz)
     source, target = full.input_labels[0], full.output_labels[output]
-    curves = [("full", full, _SOLID)]
+    curves = [("full", full, SOLID)]
     if reduced is not None:
-        curves.append(("reduced", reduced, _DASHED))
-    with mpl.rc_context(_STYLE):
-        figure = _figure(3.0)
+        curves.append(("reduced", reduced, DASHED))
+    with mpl.rc_context(STYLE):
+        figure = figure_of(3.0)
         magnitude, phase = figure.subplots(2, sharex=True, height_ratios=[3, 2])
         first_deg: FloatArray | None = None
         for kind, model, look in curves:
@@ -194,16 +178,16 @@ def frequency_plot(
             phase.plot(frequencies_hz, degrees, **look)
         for axes in (magnitude, phase):
             for known_hz in known_modes_hz:
-                line = axes.axvline(known_hz, color=_VERMILION, linewidth=0.7)
+                line = axes.axvline(known_hz, color=VERMILION, linewidth=0.7)
                 # One entry of the legend stands for all.
                 line.set_label("known modes" if known_hz == known_modes_hz[0] else "")
         magnitude.set(ylabel=f"gain, {_gain_unit(source, target)}", xscale="log")
         phase.set(xlabel="frequency, Hz", ylabel="phase, deg")
         phase.set_xlim(frequencies_hz[0], frequencies_hz[-1])
-        phase.xaxis.set_major_formatter(_plain())
+        phase.xaxis.set_major_formatter(plain_numbers())
         phase.xaxis.set_minor_formatter(NullFormatter())
         phase.yaxis.set_major_locator(MaxNLocator(5, steps=[1.8, 3.6, 4.5, 9.0]))
-        _legend(magnitude, columns=2)
+        legend_above(magnitude, columns=2)
         return inline_svg(figure, f"frequency response to {label_and_unit(target)[0]}")
 
 
@@ -235,17 +219,17 @@ def step_plot(
         ("speed, V", (("speed", speed_v),)),
         ("command, V", (("command", command_v),)),
     )
-    with mpl.rc_context(_STYLE):
-        figure = _figure(5.2)
+    with mpl.rc_context(STYLE):
+        figure = figure_of(5.2)
         for axes, (label, curves) in zip(
             figure.subplots(len(panels), sharex=True), panels, strict=True
         ):
-            for (name, values), look in zip(curves, (_SOLID, _DASHED), strict=False):
+            for (name, values), look in zip(curves, (SOLID, DASHED), strict=False):
                 rows = _extremes(values, CURVE_POINTS)
                 axes.plot(time_s[rows], values[rows], label=name, **{**look, "linewidth": 1.0})
             axes.set_ylabel(label)
             if len(curves) > 1:
-                _legend(axes)
+                legend_above(axes)
         _time_axis(axes, time_s)
         figure.align_ylabels()
         return inline_svg(
@@ -253,22 +237,10 @@ def step_plot(
         )
 
 
-def _figure(height_in: float) -> Figure:
-    return Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
-
-
 def _time_axis(axes: Axes, time_s: FloatArray) -> None:
     # To the end of the last period, so that the axis ends in a round number.
     end_s = time_s[0] + (time_s[-1] - time_s[0]) * len(time_s) / max(len(time_s) - 1, 1)
     axes.set(xlabel="time, s", xlim=(time_s[0], end_s))
-
-
-def _legend(axes: Axes, columns: int = 3) -> None:
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=columns)
-
-
-def _plain() -> FuncFormatter:
-    return FuncFormatter(lambda value, _position: f"{value:g}")
 
 
 def _gain_unit(source: str, target: str) -> str:

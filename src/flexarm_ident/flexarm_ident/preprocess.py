@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy import signal
 
+from flexarm_ident.arrays import column_range
 from flexarm_ident.errors import DataError
 from flexarm_ident.iodata import as_records
 
@@ -141,8 +142,8 @@ def output_scale(data: IoData | Sequence[IoData]) -> FloatArray:
         Factors; 1 for an output that is zero throughout.
     """
     records = as_records(data)
-    largest_u = max(float(np.abs(record.u).max()) for record in records)
-    largest_y = np.max([np.abs(record.y).max(axis=0) for record in records], axis=0)
+    largest_u = max(float(np.abs(column_range(record.u)).max()) for record in records)
+    largest_y = np.max([np.abs(column_range(record.y)).max(axis=0) for record in records], axis=0)
     usable = (largest_y > 0.0) & (largest_u > 0.0)
     factors = np.divide(largest_u, largest_y, out=np.ones_like(largest_y), where=usable)
     return np.asarray(factors)

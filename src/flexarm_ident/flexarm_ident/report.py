@@ -11,6 +11,7 @@ import jinja2
 
 from flexarm_ident import plots, report_content
 from flexarm_ident.errors import IdentificationError
+from flexarm_ident.stabilisation_plot import stabilisation_plot
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -75,9 +76,7 @@ def render_report(
             channels=report_content.channel_table(outcome.records),
             compensation_removed=outcome.request.remove_compensation,
             order=report_content.order_words(outcome),
-            order_plot=plots.singular_value_plot(
-                outcome.identification.singular_values, outcome.identification.order
-            ),
+            order_plots=_order_plots(outcome),
             modes=report_content.mode_table(outcome),
             errors=report_content.error_table(outcome),
             galleries=report_content.galleries(outcome),
@@ -85,6 +84,14 @@ def render_report(
         )
     )
     return reduce(append_section, extra_sections, text)
+
+
+def _order_plots(outcome: Outcome) -> tuple[str, str]:
+    found, known_hz = outcome.identification, outcome.request.known_modes_hz
+    return (
+        plots.singular_value_plot(found.singular_values, found.order),
+        stabilisation_plot(found.diagram, known_modes_hz=known_hz, order=found.order),
+    )
 
 
 def append_section(text: str, section: Section) -> str:

@@ -137,28 +137,38 @@ def order_words(outcome: Outcome) -> list[str]:
     identification = outcome.identification
     how = "as asked for" if outcome.request.order else "chosen by its fit"
     stable = _ranges(identification.stable_orders)
+    physical = ", ".join(
+        f"{mode.frequency_hz:.2f} \u00b1 {mode.frequency_std_hz:.2f} Hz"
+        for mode in identification.diagram.modes
+    )
     return [
         f"The full model has order {identification.order}, {how}.",
         f"The widest gap of the singular values is after number {identification.suggested_order}.",
         f"Models of these orders are stable as identified: {stable}."
         if stable
         else "No order gives a model that is stable as identified.",
+        f"Modes that come back over the orders, and how far the order moves them: {physical}."
+        if physical
+        else "No mode comes back over the orders.",
     ]
 
 
 def mode_table(outcome: Outcome) -> Table:
     """Return the modes of the full model, as Tables 3-1a to 3-3a."""
     header = ("States", "Frequency, Hz", "Damping", "MSV (rank)", "MRM (rank)", "Kept")
+    deviations = outcome.identification.mode_uncertainty or [None] * len(outcome.modes)
     rows = tuple(
         (
             mode.label,
-            f"{mode.frequency_hz:.3f}" if mode.frequency_hz else "-",
-            f"{mode.damping_ratio:.3f}",
+            f"{mode.frequency_hz:.3f}{_plus_minus(deviation and deviation.frequency_std_hz)}"
+            if mode.frequency_hz
+            else "-",
+            f"{mode.damping_ratio:.3f}{_plus_minus(deviation and deviation.damping_std)}",
             f"{_index(mode.msv)} ({mode.msv_rank})",
             f"{_index(mode.mrm)} ({mode.mrm_rank})",
             "yes" if mode.kept else "no",
         )
-        for mode in outcome.modes
+        for mode, deviation in zip(outcome.modes, deviations, strict=True)
     )
     marked = tuple(mode.kept for mode in outcome.modes) if outcome.reduction else ()
     return Table(header, rows, marked)
@@ -295,3 +305,7 @@ def _ranges(numbers: Iterable[int]) -> str:
         for _, run in groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0])
     )
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
+
+
+def _plus_minus(deviation: float | None) -> str:
+    return "" if deviation is None else f" \u00b1 {deviation:.3f}"

@@ -34,7 +34,7 @@ def simulate(model: control.StateSpace, u: FloatArray, x0: FloatArray | None = N
     ndarray, (samples, outputs)
         Output.
     """
-    return _simulate(model.A, model.B, model.C, model.D, u, x0=x0)
+    return BlockSimulation(model.A, model.B, model.C, model.D, x0).advance(u)
 
 
 def simulate_states(
@@ -42,37 +42,58 @@ def simulate_states(
 ) -> FloatArray:
     """Simulate the states of (2-3), (samples, states); arguments as in `simulate`."""
     states = len(A)
-    return _simulate(A, B, np.eye(states), np.zeros((states, u.shape[1])), u, x0=x0)
+    return BlockSimulation(A, B, np.eye(states), np.zeros((states, u.shape[1])), x0).advance(u)
 
 
-def _simulate(
-    A: FloatArray,
-    B: FloatArray,
-    C: FloatArray,
-    D: FloatArray,
-    u: FloatArray,
-    *,
-    x0: FloatArray | None,
-) -> FloatArray:
-    samples, inputs = u.shape
-    blocks = -(-samples // _BLOCK)
-    padded = np.zeros((blocks * _BLOCK, inputs))
-    padded[:samples] = u
-    u_blocks = padded.reshape(blocks, _BLOCK * inputs)
-    with np.errstate(over="ignore", invalid="ignore"):
-        powers = [np.eye(len(A))]
-        for _ in range(_BLOCK):
-            powers.append(A @ powers[-1])
-        drive = u_blocks @ np.hstack([power @ B for power in powers[_BLOCK - 1 :: -1]]).T
-        starts = np.empty((blocks, len(A)))
-        x = np.zeros(len(A)) if x0 is None else np.array(x0, dtype=np.float64)
-        step = powers[_BLOCK]
-        for b in range(blocks):
-            starts[b] = x
-            x = step @ x + drive[b]
-        observe = np.vstack([C @ power for power in powers[:_BLOCK]])
-        y_blocks = starts @ observe.T + u_blocks @ _pulse_responses(observe, B, C, D).T
-    return y_blocks.reshape(blocks * _BLOCK, -1)[:samples]
+class BlockSimulation:
+    """Simulation of (2-3) that goes on where the last piece of the input ended.
+
+    Parameters
+    ----------
+    A, B, C, D : ndarray
+        Matrices of the model.
+    x0 : ndarray, (states,), optional
+        Initial state; zero by default.
+    """
+
+    def __init__(
+        self,
+        A: FloatArray,
+        B: FloatArray,
+        C: FloatArray,
+        D: FloatArray,
+        x0: FloatArray | None = None,
+    ) -> None:
+        self._x = np.zeros(len(A)) if x0 is None else np.array(x0, dtype=np.float64)
+        with np.errstate(over="ignore", invalid="ignore"):
+            self._powers = [np.eye(len(A))]
+            for _ in range(_BLOCK):
+                self._powers.append(A @ self._powers[-1])
+            self._drive = np.hstack([power @ B for power in self._powers[_BLOCK - 1 :: -1]]).T
+            self._observe = np.vstack([C @ power for power in self._powers[:_BLOCK]])
+            self._pulses = _pulse_responses(self._observe, B, C, D)
+
+    def advance(self, u: FloatArray) -> FloatArray:
+        """Return the outputs, (samples, outputs), for the next inputs, (samples, inputs)."""
+        samples, inputs = u.shape
+        whole, rest = divmod(samples, _BLOCK)
+        padded = np.zeros((-(-samples // _BLOCK) * _BLOCK, inputs))
+        padded[:samples] = u
+        u_blocks = padded.reshape(-1, _BLOCK * inputs)
+        starts = np.empty((len(u_blocks), len(self._x)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            drive = u_blocks[:whole] @ self._drive
+            x, step = self._x, self._powers[_BLOCK]
+            for b in range(whole):
+                starts[b] = x
+                x = step @ x + drive[b]
+            if rest:
+                starts[whole] = x
+                last = u[whole * _BLOCK :].ravel() @ self._drive[(_BLOCK - rest) * inputs :]
+                x = self._powers[rest] @ x + last
+            self._x = x
+            y_blocks = starts @ self._observe.T + u_blocks @ self._pulses.T
+        return np.asarray(y_blocks.reshape(len(padded), -1)[:samples])
 
 
 def _pulse_responses(

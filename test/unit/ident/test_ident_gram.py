@@ -6,7 +6,7 @@ from ident_systems import random_model, record
 from numpy.typing import NDArray
 
 from flexarm_ident import DataError, IoData
-from flexarm_ident.gram import block_gram, lag_sums
+from flexarm_ident.gram import LagSums, block_gram
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,9 @@ def test_block_gram___rows_of_inputs_and_outputs___pick_the_channels() -> None:
 
 
 def test_lag_sums___constant_signal___counts_the_columns() -> None:
-    np.testing.assert_allclose(lag_sums(np.ones((100, 1)), 5)[:, 0, 0], 96.0)
+    sums = LagSums(1, 5)
+    sums.add(np.ones((100, 1)))
+    np.testing.assert_allclose(sums.sums()[:, 0, 0], 96.0)
 
 
 def test_block_gram___record_shorter_than_block_rows___raises() -> None:

@@ -1,0 +1,126 @@
+"""The synthetic arm of the identification benchmark: records whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+from scipy import linalg, signal
+
+from flexarm_ident.simulation import simulate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+DT_S = 1.0 / 300.0
+NOISES = ("white", "butterworth", "ar1")
+_MODES_HZ = np.array([4.2, 13.0, 31.0, 62.0])
+_DAMPING = np.array([0.03, 0.02, 0.015, 0.012])
+# Standard deviation of an output's noise, as a part of the output's own: drawn between these.
+_NOISE = (0.001, 0.2)
+_CUTOFF_HZ = 50.0
+_AR1_POLE = 0.9
+_FRESH_SAMPLES = 6000
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A record to identify, and a fresh one without noise to judge by.
+
+    Attributes
+    ----------
+    u : ndarray, (samples, 1)
+        Input.
+    y : ndarray, (samples, 4)
+        Measured output, from rest.
+    fresh_u, truth : ndarray
+        Another input, and what the plant answers to it from rest.
+    """
+
+    u: Array
+    y: Array
+    fresh_u: Array
+    truth: Array
+
+
+def trial(samples: int, noise: str, seed: int) -> Trial:
+    """Return one trial.
+
+    Parameters
+    ----------
+    samples : int
+        Length of the record.
+    noise : {'white', 'butterworth', 'ar1'}
+        White noise on the outputs; outputs with white noise behind a 50 Hz low-pass filter, which
+        then belongs to the truth; or noise with a pole at 0.9.
+    seed : int
+        Seed of the plant, the inputs and the noise.
+
+    Returns
+    -------
+    Trial
+        The record and the truth.
+    """
+    rng = np.random.default_rng(seed)
+    model = plant(rng)
+    u, fresh_u = _telegraph(samples, rng), _telegraph(_FRESH_SAMPLES, rng)
+    clean, truth = simulate(model, u), simulate(model, fresh_u)
+    disturbance = rng.normal(size=clean.shape)
+    if noise == "ar1":
+        disturbance = signal.lfilter([1.0], [1.0, -_AR1_POLE], disturbance, axis=0)
+        disturbance *= np.sqrt(1.0 - _AR1_POLE**2)
+    part = np.exp(rng.uniform(np.log(_NOISE[0]), np.log(_NOISE[1]), clean.shape[1]))
+    y = clean + part * clean.std(axis=0) * disturbance
+    if noise == "butterworth":
+        b, a = signal.butter(2, _CUTOFF_HZ, fs=1.0 / DT_S)
+        y, truth = signal.lfilter(b, a, y, axis=0), signal.lfilter(b, a, truth, axis=0)
+    return Trial(u, y, fresh_u, truth)
+
+
+def plant(rng: np.random.Generator) -> control.StateSpace:
+    """Return an arm of order 10: a slow rigid body and four lightly damped modes."""
+    rigid = np.array([[0.9995, DT_S], [0.0, 0.985]])
+    blocks, gains = [rigid], [np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.8]])]
+    frequencies_hz = _MODES_HZ * rng.uniform(0.9, 1.1, len(_MODES_HZ))
+    for hz, damping in zip(frequencies_hz, _DAMPING * rng.uniform(0.7, 1.4, 4), strict=True):
+        rate = 2.0 * np.pi * hz * complex(-damping, np.sqrt(1.0 - damping**2))
+        pole = np.exp(rate * DT_S)
+        blocks.append(np.array([[pole.real, pole.imag], [-pole.imag, pole.real]]))
+        size = np.array([0.01, 0.5, 0.4, 0.2]) * rng.choice([-1.0, 1.0], 4)
+        gains.append(np.outer(size * rng.uniform(0.5, 1.5, 4), [1.0, 0.3]))
+    B = np.concatenate([[0.0, 1.0], *(rng.uniform(0.3, 1.0, 2) for _ in _MODES_HZ)])[:, np.newaxis]
+    return control.ss(linalg.block_diag(*blocks), B, np.hstack(gains), np.zeros((4, 1)), DT_S)
+
+
+def error(model: tuple[Array, Array, Array, Array], given: Trial) -> float:
+    """Return the geometric mean over the outputs of a model's relative simulation error.
+
+    Parameters
+    ----------
+    model : tuple of ndarray
+        A, B, C and D.
+    given : Trial
+        Whose fresh input is simulated, from rest.
+
+    Returns
+    -------
+    float
+        Error; infinite for a model that overflows.
+    """
+    missed = simulate(control.ss(*model, DT_S), given.fresh_u) - given.truth
+    with np.errstate(over="ignore", invalid="ignore"):
+        relative = np.linalg.norm(missed, axis=0) / np.linalg.norm(given.truth, axis=0)
+    return float(np.exp(np.mean(np.log(relative)))) if np.all(np.isfinite(relative)) else np.inf
+
+
+def _telegraph(samples: int, rng: np.random.Generator) -> Array:
+    """Return a square wave with half periods of 5 to 150 samples."""
+    widths = rng.integers(5, 150, samples // 5 + 1)
+    edges = np.zeros(samples, dtype=int)
+    switches = np.cumsum(widths)
+    edges[switches[switches < samples]] = 1
+    return np.asarray(2.0 * (-1.0) ** np.cumsum(edges))[:, np.newaxis]

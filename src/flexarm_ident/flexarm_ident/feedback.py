@@ -1,0 +1,190 @@
+"""Is there a controller behind the data? A test for feedback from outputs to inputs.
+
+The part of an output that its past does not predict, the innovation, is noise. Without feedback no
+later input knows of it. The correlation of the innovation with what the past does not predict of
+the inputs that follow is therefore tested for zero. All it takes is the block Gram: its first rows
+are the past, the next ones hold the innovation and the inputs that follow.
+
+Friction bends the test: what a linear model leaves of it looks like innovation, but returns
+whenever the input does the same again. So the correlation must also stand out of what is found
+at distances at which no controller answers.
+An input that lacks its low frequencies, such as noise from 20 Hz up, remembers longer than the past
+that the Gram holds, and can pass for feedback.
+Haugh, "Checking the independence of two covariance-stationary time series", JASA 71 (1976);
+Gustavsson, Ljung, Soderstrom, "Identification of processes in closed loop", Automatica 13 (1977).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import fft, linalg, stats
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.gram import BlockGram
+    from flexarm_ident.iodata import IoData
+
+# One false alarm in a million records.
+_SIGNIFICANCE = 1e-6
+_STANDS_OUT = 1.5
+_SMALLEST_EIGENVALUE = 1e-13
+# Below this part of a signal's RMS, what is left of it is rounding.
+_SMALLEST_REMAINDER = 1e-5
+_DEPENDENT = 1e-9
+# As many samples show the background at distant lags.
+_BACKGROUND_SAMPLES = 2**15
+
+
+@dataclass(frozen=True)
+class FeedbackTest:
+    """Outcome of the test.
+
+    Attributes
+    ----------
+    statistic : float
+        Sum of squared canonical correlations times the samples.
+    degrees : int
+        What it should be without feedback: the degrees of freedom of its chi-square distribution.
+        0 when there is no noise that could tell.
+    p_value : float
+        Probability of a statistic as large without feedback.
+    background : float
+        Largest statistic at distant lags, scaled to the same samples; 0 when the p-value is large
+        enough already.
+    detected : bool
+        Whether there is feedback.
+    """
+
+    statistic: float
+    degrees: int
+    p_value: float
+    background: float
+    detected: bool
+
+
+class _Layout(NamedTuple):
+    past: list[int]
+    innovation: list[int]
+    following: list[int]
+
+
+def feedback_test(
+    records: Sequence[IoData], gram: BlockGram, *, feedthrough: bool = False
+) -> FeedbackTest:
+    """Test records for feedback.
+
+    Parameters
+    ----------
+    records : sequence of IoData
+        Records of one rig.
+    gram : BlockGram
+        Their Gram, of eight block rows or more to be of use; the last quarter is what follows.
+    feedthrough : bool
+        Whether the output may follow the input at once. Then an answer within the sample cannot be
+        told from it, and only later ones count.
+
+    Returns
+    -------
+    FeedbackTest
+        Statistic and verdict.
+    """
+    layout = _layout(gram, feedthrough=feedthrough)
+    scale = np.sqrt(np.diag(gram.matrix))
+    scale[scale == 0.0] = 1.0
+    scaled = gram.matrix / np.outer(scale, scale)
+    keep = layout.innovation + layout.following
+    predictor, rank = _predictor(scaled, layout.past, keep)
+    remainder = scaled[np.ix_(keep, keep)] - predictor @ scaled[np.ix_(layout.past, keep)]
+    m = len(layout.innovation)
+    white_e, white_u = _whitening(remainder[:m, :m]), _whitening(remainder[m:, m:])
+    degrees = white_e.shape[1] * white_u.shape[1]
+    samples = gram.columns - rank
+    if degrees == 0 or samples <= 0:
+        return FeedbackTest(0.0, 0, 1.0, 0.0, detected=False)
+    statistic = float(samples * np.sum((white_e.T @ remainder[:m, m:] @ white_u) ** 2))
+    p_value = float(stats.chi2.sf(statistic, degrees))
+    if p_value > _SIGNIFICANCE:
+        return FeedbackTest(statistic, degrees, p_value, 0.0, detected=False)
+    signals = _remainders(max(records, key=len), gram, layout, predictor, scale)
+    near, far = _near_and_far(signals[:, :m] @ white_e, signals[:, m:] @ white_u, gram.block_rows)
+    background = far * samples
+    return FeedbackTest(statistic, degrees, p_value, background, near > _STANDS_OUT * far)
+
+
+def _layout(gram: BlockGram, *, feedthrough: bool) -> _Layout:
+    shifts = gram.block_rows
+    now = shifts - max(1, shifts // 4)
+    past = gram.output_rows(0, now) + gram.input_rows(0, now)
+    following = now
+    if feedthrough:
+        past += gram.input_rows(now, now + 1)
+        following = now + 1
+    return _Layout(past, gram.output_rows(now, now + 1), gram.input_rows(following, shifts))
+
+
+def _predictor(gram: FloatArray, past: list[int], keep: list[int]) -> tuple[FloatArray, int]:
+    """Return the regression of `keep` on the past, and the rank of the latter."""
+    values, vectors = linalg.eigh(gram[np.ix_(past, past)])
+    kept = values > _SMALLEST_EIGENVALUE * values[-1]
+    basis = vectors[:, kept] / np.sqrt(values[kept])
+    return gram[np.ix_(keep, past)] @ basis @ basis.T, int(kept.sum())
+
+
+def _whitening(covariance: FloatArray) -> FloatArray:
+    """Return combinations of unit variance and no correlation; rounding gives none."""
+    size = len(covariance)
+    deviation = np.sqrt(np.diag(covariance).clip(min=0.0))
+    heard = np.flatnonzero(deviation > _SMALLEST_REMAINDER)
+    if len(heard) == 0:
+        return np.zeros((size, 0))
+    unit = np.outer(deviation[heard], deviation[heard])
+    values, vectors = linalg.eigh(covariance[np.ix_(heard, heard)] / unit)
+    kept = values > _DEPENDENT * values[-1]
+    whitening = np.zeros((size, int(kept.sum())))
+    whitening[heard] = vectors[:, kept] / np.sqrt(values[kept]) / deviation[heard, np.newaxis]
+    return whitening
+
+
+def _remainders(
+    record: IoData, gram: BlockGram, layout: _Layout, predictor: FloatArray, scale: FloatArray
+) -> FloatArray:
+    """Return what the past does not predict over time, (columns, innovation and following)."""
+    z = np.hstack([record.y, record.u])[:_BACKGROUND_SAMPLES]
+    channels = z.shape[1]
+    keep = layout.innovation + layout.following
+    # Row i of the Hankel matrix is channel i % channels, shifted by i // channels samples.
+    weight = np.zeros((len(scale), len(keep)))
+    weight[layout.past] = -predictor.T
+    weight[keep, np.arange(len(keep))] = 1.0
+    # The Gram's scale holds the number of columns.
+    weight *= np.sqrt(gram.columns) / scale[:, np.newaxis]
+    columns = len(z) - gram.block_rows + 1
+    remainders = np.zeros((columns, len(keep)))
+    for shift in range(gram.block_rows):
+        rows = slice(shift * channels, (shift + 1) * channels)
+        remainders += z[shift : shift + columns] @ weight[rows]
+    return remainders
+
+
+def _near_and_far(e: FloatArray, u: FloatArray, block_rows: int) -> tuple[float, float]:
+    """Return the sum of squared correlations at lag zero, and the largest at distant lags."""
+    columns = len(e)
+    length = fft.next_fast_len(2 * columns)
+    e_transform, u_transform = fft.rfft(e, length, axis=0), fft.rfft(u, length, axis=0)
+    power = np.zeros(length)
+    for i in range(e.shape[1]):
+        cross = fft.irfft(e_transform[:, [i]].conj() * u_transform, length, axis=0)
+        power += np.sum(cross**2, axis=1)
+    lags = np.arange(length)
+    lags = np.abs(np.where(lags > length // 2, lags - length, lags))
+    distant = (lags > block_rows) & (lags < columns // 2)
+    if not distant.any():
+        return float(power[0]) / columns**2, 0.0
+    # Fewer products at a longer lag: the variance falls with their number.
+    far = power[distant] / (columns - lags[distant])
+    return float(power[0]) / columns**2, float(far.max()) / columns

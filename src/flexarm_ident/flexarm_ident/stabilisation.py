@@ -1,0 +1,257 @@
+"""Stabilisation diagram over model orders, and the physical modes that stand out in it.
+
+A model of too high an order has the modes of the plant and some more that describe noise. The
+former come back at the same place at every order, the latter wander. Soft criteria compare each
+mode with those of the order before, hard criteria sort out what no lightly damped structure does,
+and the modes that pass both are gathered in clusters.
+Magalhaes, Cunha, Caetano, "Online automatic identification of the modal parameters of a long span
+arch bridge", Mechanical Systems and Signal Processing 23 (2009).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.cluster import hierarchy
+from scipy.spatial.distance import squareform
+
+from flexarm_ident.modes import frequency_and_damping
+from flexarm_ident.order import candidate_orders
+from flexarm_ident.orse import state_matrices
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from flexarm_ident.arrays import ComplexArray, FloatArray
+    from flexarm_ident.orse import RangeSpace, StateMatrices
+
+
+class Criteria(NamedTuple):
+    """What a mode must satisfy to count.
+
+    Attributes
+    ----------
+    frequency : float
+        Soft: largest change of the frequency from one order to the next, as a part of it.
+    damping : float
+        Soft: largest change of the damping ratio.
+    mac : float
+        Soft: smallest modal assurance criterion between the shapes.
+    largest_damping : float
+        Hard: a mode with more damping, or with less than none, is none of a structure.
+    spread : float
+        Distance at which two clusters stay apart: difference of frequencies as a part of the
+        larger, plus one minus MAC.
+    share : float
+        Smallest part of the orders in which a physical mode is found.
+    """
+
+    frequency: float = 0.03
+    damping: float = 0.03
+    mac: float = 0.95
+    largest_damping: float = 0.25
+    spread: float = 0.1
+    share: float = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Pole:
+    """A complex pair of the model of one order.
+
+    Attributes
+    ----------
+    order : int
+        Order of the model.
+    frequency_hz, damping_ratio : float
+        Natural frequency and damping ratio (2-28).
+    shape : ndarray, (outputs,)
+        Mode shape: the scaled outputs' parts of it, of unit length.
+    admissible : bool
+        Whether the hard criteria hold.
+    stable : bool
+        Whether they do and the order before has a mode that is alike.
+    """
+
+    order: int
+    frequency_hz: float
+    damping_ratio: float
+    shape: ComplexArray
+    admissible: bool
+    stable: bool
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicalMode:
+    """A cluster of modes that come back over the orders.
+
+    Attributes
+    ----------
+    frequency_hz, damping_ratio : float
+        Medians over the orders.
+    frequency_std_hz, damping_std : float
+        Standard deviations over the orders: how far the choice of the order moves the mode.
+    count : int
+        Orders in which the mode was found.
+    share : float
+        Their part of all orders.
+    orders : tuple of int
+        The orders.
+    shape : ndarray, (outputs,)
+        Mode shape of the pole next to the median.
+    """
+
+    frequency_hz: float
+    damping_ratio: float
+    frequency_std_hz: float
+    damping_std: float
+    count: int
+    share: float
+    orders: tuple[int, ...]
+    shape: ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
+class Stabilisation:
+    """Stabilisation diagram.
+
+    Attributes
+    ----------
+    orders : tuple of int
+        Orders that were looked at, rising.
+    poles : tuple of Pole
+        Complex pairs of all orders.
+    modes : tuple of PhysicalMode
+        Physical modes, by rising frequency.
+    dt_s : float
+        Sampling period.
+    """
+
+    orders: tuple[int, ...]
+    poles: tuple[Pole, ...]
+    modes: tuple[PhysicalMode, ...]
+    dt_s: float
+
+
+def mac(one: ComplexArray, other: ComplexArray) -> float:
+    """Return the modal assurance criterion of two mode shapes: 1 when they are parallel.
+
+    Allemang, Brown, "A correlation coefficient for modal vector analysis", IMAC 1 (1982).
+    """
+    power = np.vdot(one, one).real * np.vdot(other, other).real
+    return float(abs(np.vdot(one, other)) ** 2 / power) if power > 0.0 else 0.0
+
+
+def range_space_matrices(space: RangeSpace) -> dict[int, StateMatrices]:
+    """Return A and C of every order worth trying, from one decomposition."""
+    return {order: state_matrices(space, order) for order in candidate_orders(space)}
+
+
+def stabilisation(
+    matrices: Mapping[int, StateMatrices],
+    output_scale: FloatArray,
+    dt_s: float,
+    criteria: Criteria | None = None,
+) -> Stabilisation:
+    """Return the stabilisation diagram of models of several orders.
+
+    Parameters
+    ----------
+    matrices : mapping of int to StateMatrices
+        A and C of each order, such as `range_space_matrices` gives.
+    output_scale : ndarray, (outputs,)
+        Factors that make the outputs comparable, `RangeSpace.output_scale`: a shape is only as good
+        as the units it is given in.
+    dt_s : float
+        Sampling period.
+    criteria : Criteria, optional
+        Tolerances.
+
+    Returns
+    -------
+    Stabilisation
+        Poles of all orders and the physical modes among them.
+    """
+    limits = criteria or Criteria()
+    orders = tuple(sorted(matrices))
+    poles: list[Pole] = []
+    before: list[Pole] = []
+    for order in orders:
+        here = [
+            replace(
+                pole,
+                stable=pole.admissible and any(_alike(pole, other, limits) for other in before),
+            )
+            for pole in _poles(order, matrices[order], output_scale, dt_s, limits)
+        ]
+        poles += here
+        before = here
+    modes = _physical([pole for pole in poles if pole.stable], orders, limits)
+    return Stabilisation(orders, tuple(poles), modes, dt_s)
+
+
+def _poles(
+    order: int, matrices: StateMatrices, output_scale: FloatArray, dt_s: float, limits: Criteria
+) -> list[Pole]:
+    eigenvalues, vectors = np.linalg.eig(matrices.A)
+    shapes = output_scale[:, np.newaxis] * (matrices.C @ vectors)
+    poles = []
+    for i in np.flatnonzero(eigenvalues.imag > 0.0):
+        frequency_hz, damping_ratio = frequency_and_damping(complex(eigenvalues[i]), dt_s)
+        shape = shapes[:, i] / (np.linalg.norm(shapes[:, i]) or 1.0)
+        admissible = 0.0 < damping_ratio <= limits.largest_damping
+        poles.append(Pole(order, frequency_hz, damping_ratio, shape, admissible, stable=False))
+    return poles
+
+
+def _alike(pole: Pole, other: Pole, limits: Criteria) -> bool:
+    return (
+        abs(pole.frequency_hz - other.frequency_hz) <= limits.frequency * pole.frequency_hz
+        and abs(pole.damping_ratio - other.damping_ratio) <= limits.damping
+        and mac(pole.shape, other.shape) >= limits.mac
+    )
+
+
+def _physical(
+    poles: list[Pole], orders: tuple[int, ...], limits: Criteria
+) -> tuple[PhysicalMode, ...]:
+    modes = [_mode(cluster, orders) for cluster in _clusters(poles, limits.spread)]
+    enough = (mode for mode in modes if mode.share >= limits.share)
+    return tuple(sorted(enough, key=lambda mode: mode.frequency_hz))
+
+
+def _clusters(poles: list[Pole], spread: float) -> Iterable[list[Pole]]:
+    if len(poles) < 2:  # noqa: PLR2004 - one pole is no cluster
+        return []
+    frequency = np.array([pole.frequency_hz for pole in poles])
+    shapes = np.array([pole.shape for pole in poles])
+    apart = np.abs(np.subtract.outer(frequency, frequency))
+    distance = apart / np.maximum.outer(frequency, frequency)
+    distance += 1.0 - np.abs(shapes.conj() @ shapes.T).clip(max=1.0) ** 2
+    np.fill_diagonal(distance, 0.0)
+    tree = hierarchy.linkage(squareform(distance, checks=False), method="average")
+    labels = hierarchy.fcluster(tree, spread, criterion="distance")
+    return [[poles[i] for i in np.flatnonzero(labels == label)] for label in np.unique(labels)]
+
+
+def _mode(cluster: list[Pole], orders: tuple[int, ...]) -> PhysicalMode:
+    centre = float(np.median([pole.frequency_hz for pole in cluster]))
+    # An order that splits the mode in two counts once.
+    nearest: dict[int, Pole] = {}
+    for pole in sorted(cluster, key=lambda pole: -abs(pole.frequency_hz - centre)):
+        nearest[pole.order] = pole
+    found = [nearest[order] for order in sorted(nearest)]
+    frequency = np.array([pole.frequency_hz for pole in found])
+    damping = np.array([pole.damping_ratio for pole in found])
+    median_hz = float(np.median(frequency))
+    return PhysicalMode(
+        frequency_hz=median_hz,
+        damping_ratio=float(np.median(damping)),
+        frequency_std_hz=float(frequency.std()),
+        damping_std=float(damping.std()),
+        count=len(found),
+        share=len(found) / len(orders),
+        orders=tuple(pole.order for pole in found),
+        shape=found[int(np.argmin(np.abs(frequency - median_hz)))].shape,
+    )

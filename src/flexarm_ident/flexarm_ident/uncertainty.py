@@ -1,0 +1,275 @@
+"""Standard deviations of modes and of the frequency response, by a jackknife over segments.
+
+The Gram matrix of a record is the sum of those of its segments. Leaving one segment out is a
+subtraction, so that many estimates, each from most of the data, cost hardly more than one. Their
+scatter is that of the estimate itself, whatever the noise is, as long as a segment is longer than
+the noise remembers.
+Kuensch, "The jackknife and the bootstrap for general stationary observations", Annals of
+Statistics 17 (1989).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import control
+import numpy as np
+from scipy import optimize
+
+from flexarm_ident.errors import DataError
+from flexarm_ident.gram import block_gram
+from flexarm_ident.iodata import as_records
+from flexarm_ident.modes import frequency_and_damping, modal_form
+from flexarm_ident.output_fit import fit_inputs
+from flexarm_ident.poles import stabilise
+from flexarm_ident.validation import frequency_response
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from flexarm_ident.arrays import ComplexArray, FloatArray
+    from flexarm_ident.gram import BlockGram
+    from flexarm_ident.iodata import IoData
+    from flexarm_ident.orse import StateMatrices
+
+# More would leave edges of short segments in the scatter, fewer would scatter themselves.
+SEGMENTS = 10
+_FEWEST_SEGMENTS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Jackknife:
+    """Estimates of A and C, each without one segment of the data.
+
+    Attributes
+    ----------
+    whole : StateMatrices
+        Estimate from all data.
+    replicates : tuple of StateMatrices
+        Estimates without one segment.
+    remainders : tuple of tuple of IoData
+        What each of them was made from.
+    """
+
+    whole: StateMatrices
+    replicates: tuple[StateMatrices, ...]
+    remainders: tuple[tuple[IoData, ...], ...]
+
+
+class ModeUncertainty(NamedTuple):
+    """Frequency and damping ratio of a mode with their standard deviations."""
+
+    frequency_hz: float
+    damping_ratio: float
+    frequency_std_hz: float
+    damping_std: float
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseUncertainty:
+    """Frequency response with its standard deviation.
+
+    Attributes
+    ----------
+    frequencies_hz : ndarray, (frequencies,)
+        Frequencies.
+    response : ndarray, (frequencies, outputs, inputs)
+        Complex gains of the estimate from all data.
+    deviation : ndarray, (frequencies, outputs, inputs)
+        Standard deviation of the complex gain: the root of its mean squared distance.
+    """
+
+    frequencies_hz: FloatArray
+    response: ComplexArray
+    deviation: FloatArray
+
+
+def jackknife(
+    records: IoData | Sequence[IoData],
+    block_rows: int,
+    estimate: Callable[[BlockGram], StateMatrices],
+    *,
+    segments: int = SEGMENTS,
+) -> Jackknife:
+    """Estimate A and C from all data, and from all but one segment for each segment.
+
+    Parameters
+    ----------
+    records : IoData or sequence of IoData
+        Records of one rig.
+    block_rows : int
+        Time shifts of the Gram matrix that the estimate needs.
+    estimate : callable
+        From a Gram matrix to A and C, of one method and one order.
+    segments : int
+        Segments of all records together; fewer when they would be shorter than `block_rows`.
+
+    Returns
+    -------
+    Jackknife
+        The estimates.
+
+    Raises
+    ------
+    DataError
+        If the records are too short for four segments.
+    """
+    checked = as_records(records)
+    parts = _segments(checked, block_rows, segments)
+    grams = [
+        # Segments overlap, so that no column of the Hankel matrix is lost between them.
+        block_gram([_rows(checked[number], first, last + block_rows - 1)], block_rows)
+        for number, first, last in parts
+    ]
+    whole = replace(
+        grams[0],
+        matrix=np.sum([gram.matrix for gram in grams], axis=0),
+        columns=sum(gram.columns for gram in grams),
+    )
+    replicates = tuple(
+        estimate(
+            replace(whole, matrix=whole.matrix - gram.matrix, columns=whole.columns - gram.columns)
+        )
+        for gram in grams
+    )
+    return Jackknife(
+        estimate(whole), replicates, tuple(_without(checked, block_rows, *part) for part in parts)
+    )
+
+
+def mode_uncertainty(found: Jackknife, model: control.StateSpace) -> tuple[ModeUncertainty, ...]:
+    """Return the modes of a model with their standard deviations.
+
+    Parameters
+    ----------
+    found : Jackknife
+        Estimates with and without each segment.
+    model : control.StateSpace
+        The model from all data, or a part of its modes.
+
+    Returns
+    -------
+    tuple of ModeUncertainty
+        One per mode, in the order of `mode_table`.
+    """
+    form = modal_form(model)
+    own = form.eigenvalues[[group[0] for group in form.groups]]
+    figures = np.array(
+        [_figures(_matched(own, each.A), form.dt_s) for each in found.replicates]
+    )  # (replicates, modes, 2)
+    deviation = _deviation(figures)
+    return tuple(
+        ModeUncertainty(frequency_hz, damping_ratio, float(std[0]), float(std[1]))
+        for (frequency_hz, damping_ratio), std in zip(
+            _figures(own, form.dt_s), deviation, strict=True
+        )
+    )
+
+
+def frequency_response_uncertainty(
+    found: Jackknife,
+    records: IoData | Sequence[IoData],
+    frequencies_hz: ArrayLike,
+    *,
+    feedthrough: bool = False,
+) -> ResponseUncertainty:
+    """Return the frequency response with its standard deviation.
+
+    For each replicate B, D and the initial states are fitted to what is left of the records.
+
+    Parameters
+    ----------
+    found : Jackknife
+        Estimates with and without each segment.
+    records : IoData or sequence of IoData
+        The records they were made from.
+    frequencies_hz : array_like, (frequencies,)
+        Frequencies.
+    feedthrough : bool
+        Fit D.
+
+    Returns
+    -------
+    ResponseUncertainty
+        Response and deviation.
+    """
+    grid = np.asarray(frequencies_hz, dtype=np.float64)
+
+    def response(matrices: StateMatrices, data: Sequence[IoData]) -> ComplexArray:
+        A, _ = stabilise(matrices.A)
+        fit = fit_inputs(A, matrices.C, data, feedthrough=feedthrough)
+        model = control.ss(A, fit.B, matrices.C, fit.D, data[0].dt_s)
+        return frequency_response(model, grid)
+
+    replicates = np.array(
+        [
+            response(matrices, remainder)
+            for matrices, remainder in zip(found.replicates, found.remainders, strict=True)
+        ]
+    )
+    return ResponseUncertainty(
+        grid, response(found.whole, as_records(records)), _deviation(replicates)
+    )
+
+
+def _deviation(replicates: FloatArray | ComplexArray) -> FloatArray:
+    """Return the jackknife's standard deviation over the first axis."""
+    count = len(replicates)
+    scatter = np.abs(replicates - replicates.mean(axis=0)) ** 2
+    return np.asarray(np.sqrt((count - 1) / count * scatter.sum(axis=0)))
+
+
+def _segments(
+    records: Sequence[IoData], block_rows: int, segments: int
+) -> list[tuple[int, int, int]]:
+    """Return record, first and last column of each segment; all are about equally long."""
+    columns = [len(record) - block_rows + 1 for record in records]
+    length = max(block_rows, -(-sum(columns) // segments))
+    parts = []
+    for number, count in enumerate(columns):
+        edges = np.linspace(0, count, max(1, round(count / length)) + 1).astype(int)
+        parts += [(number, int(first), int(last)) for first, last in pairwise(edges)]
+    if min(columns) < 1 or len(parts) < _FEWEST_SEGMENTS:
+        raise DataError(
+            f"{records[0].label}: {sum(len(record) for record in records)} samples are too few for "
+            f"{_FEWEST_SEGMENTS} segments of {block_rows} block rows: record longer"
+        )
+    return parts
+
+
+def _without(
+    records: Sequence[IoData], block_rows: int, number: int, first: int, last: int
+) -> tuple[IoData, ...]:
+    """Return the records without a segment; what is left of one may be two pieces, or one."""
+    record = records[number]
+    pieces = [
+        _rows(record, low, high)
+        for low, high in ((0, first), (last, len(record)))
+        if high - low >= block_rows
+    ]
+    return (*records[:number], *pieces, *records[number + 1 :])
+
+
+def _rows(record: IoData, first: int, last: int) -> IoData:
+    rows = slice(first, last)
+    return replace(record, u=record.u[rows], y=record.y[rows], compensation=None, reference=None)
+
+
+def _matched(own: ComplexArray, A: FloatArray) -> ComplexArray:
+    """Return the eigenvalue of A that belongs to each mode: the nearest, none twice."""
+    eigenvalues = np.linalg.eigvals(A).astype(complex)
+    upper = eigenvalues[eigenvalues.imag >= 0.0]
+    if len(upper) < len(own):
+        # Some pairs of the model are one real eigenvalue each, or none, of the replicate.
+        upper = eigenvalues
+    distance = np.abs(np.subtract.outer(own, upper))
+    _, columns = optimize.linear_sum_assignment(distance)
+    return np.asarray(upper[columns])
+
+
+def _figures(eigenvalues: ComplexArray, dt_s: float) -> list[tuple[float, float]]:
+    return [frequency_and_damping(complex(eigenvalue), dt_s) for eigenvalue in eigenvalues]

@@ -1,0 +1,206 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
+from scipy import signal
+
+from flexarm_ident import IoData
+from flexarm_ident.gram import block_gram
+from flexarm_ident.quality import DataWarning, assess, excited_band_hz
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+BLOCK_ROWS = 20
+SAMPLES = 4000
+TIMES_S = np.arange(SAMPLES) * DT_S
+
+
+def response(u: Array, seed: int = 0, noise: float = 0.02) -> IoData:
+    """Return the arm's noisy answer to an input, in open loop."""
+    y = step_by_step(arm_model(), u)
+    y += noise * y.std(axis=0) * np.random.default_rng(seed).normal(size=y.shape)
+    return IoData(u, y, dt_s=DT_S, source="run 3")
+
+
+def warnings(*records: IoData, block_rows: int = BLOCK_ROWS) -> dict[str, DataWarning]:
+    found = assess(records, block_gram(records, block_rows))
+    assert len({warning.name for warning in found}) == len(found)
+    return {warning.name: warning for warning in found}
+
+
+def sine(hz: float) -> Array:
+    return np.asarray(np.sin(2.0 * np.pi * hz * TIMES_S)[:, np.newaxis])
+
+
+def test_assess___sine___names_condition_and_band() -> None:
+    found = warnings(response(sine(6.0)))
+    assert set(found) == {"input_condition", "excitation_band"}
+    assert found["input_condition"].figures["condition"] > 1e12
+    figures = found["excitation_band"].figures
+    assert 3.0 < figures["low_hz"] < 6.0 < figures["high_hz"] < 9.0
+    assert figures["share"] < 0.05
+    assert "excites few frequencies" in str(found["input_condition"])
+
+
+def test_assess___sweep___band_ends_where_the_sweep_does() -> None:
+    u = signal.chirp(TIMES_S, 0.2, TIMES_S[-1], 60.0)[:, np.newaxis]
+    figures = warnings(response(u))["excitation_band"].figures
+    assert figures["high_hz"] == pytest.approx(60.0, abs=3.0)
+    assert figures["share"] == pytest.approx(60.0 / 150.0, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    "u",
+    [
+        np.random.default_rng(1).normal(size=SAMPLES),
+        np.cumsum(np.random.default_rng(2).normal(size=SAMPLES)),
+        np.repeat(np.random.default_rng(3).normal(size=SAMPLES // 50), 50),
+        square_wave(SAMPLES, 4, (300, 400))[:, 0],
+    ],
+    ids=["white", "random walk", "random steps", "slow square"],
+)
+def test_excited_band_hz___rich_input___reaches_from_the_lowest_to_nyquist(u: Array) -> None:
+    low_hz, high_hz, share = excited_band_hz(u, DT_S)
+    assert low_hz < 1.0
+    assert high_hz > 149.0
+    assert share > 0.95
+
+
+def saturated(y: Array) -> Array:
+    y = y.copy()
+    limit = 0.8 * np.abs(y[:, 1]).max()
+    y[:, 1] = y[:, 1].clip(-np.inf, limit)
+    return y
+
+
+def quantised_and_saturated(y: Array) -> Array:
+    return saturated(np.round(y / 0.0005) * 0.0005)
+
+
+@pytest.mark.parametrize("defect", [saturated, quantised_and_saturated])
+def test_assess___one_output_is_cut_off___names_it_with_level_and_share(
+    defect: Callable[[Array], Array],
+) -> None:
+    clean = response(square_wave(SAMPLES, 5))
+    y = defect(clean.y)
+    found = warnings(replace(clean, y=y))
+    assert set(found) == {"saturation"}
+    figures = found["saturation"].figures
+    assert figures["level"] == y[:, 1].max()
+    on = float(np.mean(y[:, 1] == y[:, 1].max()))
+    assert 0.5 * on <= figures["share"] <= on
+    assert "run 3: base_strain_v reaches" in found["saturation"].text
+
+
+def test_assess___command_is_limited___input_counts_too() -> None:
+    rng = np.random.default_rng(6)
+    u = signal.lfilter([1.0], [1.0, -0.8], rng.normal(size=SAMPLES))[:, np.newaxis]
+    found = warnings(response(u.clip(-2.0, np.inf)))
+    assert set(found) == {"saturation"}
+    assert found["saturation"].figures["level"] == -2.0
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        np.round(3.0 * sine(0.3)[:, 0] / 0.005) * 0.005,
+        np.concatenate([np.zeros(600), 1.0 + np.sin(np.arange(SAMPLES - 600) / 30.0)]),
+    ],
+    ids=["quantised slow sine", "rest at the start"],
+)
+def test_assess___extreme_that_is_no_limit___is_not_called_saturated(x: Array) -> None:
+    clean = response(square_wave(SAMPLES, 7))
+    y = clean.y.copy()
+    y[:, 1] = x
+    assert "saturation" not in warnings(replace(clean, y=y))
+
+
+def test_assess___offset___is_named_with_mean_and_deviation() -> None:
+    clean = response(square_wave(SAMPLES, 8))
+    found = warnings(replace(clean, y=clean.y + np.array([0.0, 0.0, 50.0, 0.0])))
+    assert set(found) == {"offset"}
+    figures = found["offset"].figures
+    assert figures["mean"] == pytest.approx(50.0 + clean.y[:, 2].mean())
+    assert figures["deviation"] == pytest.approx(clean.y[:, 2].std())
+    assert "run 3: middle_strain_v is almost all offset: remove its bias first" in str(
+        found["offset"]
+    )
+
+
+def test_assess___dead_channel_with_rare_spikes___is_named() -> None:
+    clean = response(square_wave(SAMPLES, 9))
+    y = clean.y.copy()
+    y[:, 2] = 0.125
+    y[::400, 2] = 0.3
+    found = warnings(replace(clean, y=y))
+    assert set(found) == {"constant_channel"}
+    assert found["constant_channel"].figures["share"] == pytest.approx(1.0 - 1.0 / 400.0)
+
+
+def test_assess___channel_repeats_another_in_other_units___both_are_named() -> None:
+    clean = response(square_wave(SAMPLES, 10))
+    y = clean.y.copy()
+    y[:, 2] = 0.4 - 57.3 * y[:, 1]
+    found = warnings(replace(clean, y=y))
+    assert set(found) == {"duplicated_channel"}
+    assert found["duplicated_channel"].figures["correlation"] == pytest.approx(-1.0)
+    assert "middle_strain_v repeats base_strain_v" in found["duplicated_channel"].text
+
+
+def test_assess___short_record___says_how_short() -> None:
+    found = warnings(response(square_wave(250, 11, (5, 30))))
+    assert set(found) == {"too_short"}
+    assert found["too_short"].figures == {"samples": 250.0, "columns": 231.0, "rows": 100.0}
+
+
+def test_assess___two_short_records___count_together() -> None:
+    records = [response(square_wave(250, seed, (5, 30)), seed) for seed in (11, 12)]
+    assert not warnings(*records)
+
+
+def controlled(noise: float, seed: int) -> IoData:
+    """Return the arm under a PD controller that follows a square wave."""
+    model, rng = arm_model(), np.random.default_rng(seed)
+    reference = square_wave(SAMPLES, seed)
+    gain = np.array([[1.0, 0.0, 0.0, 0.3]])
+    x, u, y = np.zeros(model.nstates), np.zeros((SAMPLES, 1)), np.zeros((SAMPLES, 4))
+    for k in range(SAMPLES):
+        y[k] = model.C @ x + noise * rng.normal(size=4)
+        u[k] = reference[k] - gain @ y[k]
+        x = model.A @ x + model.B @ u[k]
+    return IoData(u, y, dt_s=DT_S, source="run 3")
+
+
+def test_assess___controller_unsaid___is_found() -> None:
+    found = warnings(controlled(0.1, 13))
+    assert set(found) == {"feedback"}
+    figures = found["feedback"].figures
+    assert figures["p_value"] < 1e-6
+    assert figures["statistic"] > 1.5 * figures["background"] > figures["degrees"]
+    assert "though the record does not say so" in found["feedback"].text
+
+
+@pytest.mark.parametrize(("noise", "evidence"), [(0.1, "chi-square"), (0.0, "too small to tell")])
+def test_assess___controller_said___is_reported_with_the_evidence(
+    noise: float, evidence: str
+) -> None:
+    found = warnings(replace(controlled(noise, 14), closed_loop=True))
+    assert set(found) == {"feedback"}
+    assert "closed-loop data" in found["feedback"].text
+    assert evidence in found["feedback"].text
+
+
+def test_assess___feedthrough_plant_in_open_loop___needs_to_be_told() -> None:
+    data = record(random_model(15, feedthrough=True), SAMPLES, 15, noise=0.05)
+    gram = block_gram([data], BLOCK_ROWS)
+    assert [each.name for each in assess([data], gram)] == ["feedback"]
+    assert not assess([data], gram, feedthrough=True)
