@@ -50,8 +50,8 @@ class Row:
     """Result of one method for one kind of noise and one length.
 
     `cpu_s` and `memory_mb` are medians over the seeds; `error` is None for a method that gives no
-    B, `unstable` counts models with an eigenvalue outside the unit circle, `failure` says why
-    there are no figures.
+    B, `unstable` counts models with an eigenvalue outside the unit circle. `seeds` counts the runs
+    that ended well; `failure` is what the last other one said.
     """
 
     method: str
@@ -173,6 +173,7 @@ def measured(methods: Sequence[str], noise: str, k: int, seeds: int) -> Iterator
             float(np.median([each["memory_mb"] for each in found])),
             float(np.exp(np.mean(np.log(errors)))) if errors else None,
             sum(each["unstable"] for each in found),
+            failures.get(method),
         )
 
 
@@ -188,7 +189,7 @@ def table(rows: Sequence[Row]) -> Table:
         shown.add_column(head, justify="left" if head in {"noise", "method"} else "right")
     for row in rows:
         base = baselines.get((row.noise, row.k))
-        if row.failure is not None:
+        if row.cpu_s is None:
             shown.add_row(row.noise, str(row.k), row.method, row.failure)
             continue
         shown.add_row(
@@ -199,7 +200,7 @@ def table(rows: Sequence[Row]) -> Table:
             f"{row.memory_mb:.0f}",
             _with_ratio(row.error, base.error if base else None, ".6f"),
             str(row.unstable),
-            str(row.seeds),
+            str(row.seeds) + (" (others failed)" if row.failure else ""),
         )
     return shown
 

@@ -90,9 +90,9 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     states = deserialised["/flexarm/state"]
     assert set(deserialised) == TOPICS
     assert [state.sequence for state in states] == list(range(1, 301))
-    assert [command.state_sequence for command in deserialised["/flexarm/command"]] == list(
-        range(1, 301)
-    )
+    answered = [command.state_sequence for command in deserialised["/flexarm/command"]]
+    assert sorted(set(answered)) == answered
+    assert set(answered) <= set(range(1, 301))
     assert deserialised["/flexarm/reference"][-1].data == 3.0
     own = decoded_by_embedded_definitions(file)
     assert {topic: len(messages) for topic, messages in own.items()} == {

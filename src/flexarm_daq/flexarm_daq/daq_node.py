@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
+from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -65,6 +66,8 @@ PARAMETERS = (
 _POSITION, _, _, _SPEED = CHANNELS
 _TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V
 _JOINT_STATES_HZ = 50.0
+# The middleware asks its readers every 3 s what they have.
+_ACKNOWLEDGED = Duration(seconds=7)
 
 
 class DaqNode(LoopNode):
@@ -107,6 +110,8 @@ class DaqNode(LoopNode):
             self._acquisition.run(stopping)
         except RigError as error:
             self.get_logger().error(f"sampling stopped, the drive is at zero: {error}")
+        if self.parameters.values()["time"] == "virtual" and not stopping.is_set():
+            self._link.await_readers()
 
     def figures(self) -> Mapping[str, object]:
         """Return the figures of the loop."""
@@ -195,6 +200,10 @@ class _TopicLink:
         return Command(
             message.sequence, message.state_sequence, message.effort_v, message.compensation_v
         )
+
+    def await_readers(self) -> None:
+        """Wait until every reader has every sample: virtual time may have outrun them."""
+        self._publisher.wait_for_all_acked(_ACKNOWLEDGED)
 
     def close(self) -> None:
         """Give the topics back."""

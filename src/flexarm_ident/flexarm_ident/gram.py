@@ -174,3 +174,26 @@ class LagSums:
             gram[here, first:] = row
             gram[first:, here] = row.T
         return gram
+
+
+def equilibrated(gram: BlockGram) -> tuple[FloatArray, FloatArray]:
+    """Return the Gram of channels with unit RMS, per column, and the channels' RMS.
+
+    Parameters
+    ----------
+    gram : BlockGram
+        Products of the data.
+
+    Returns
+    -------
+    ndarray
+        The scaled matrix.
+    ndarray, (outputs + inputs,)
+        RMS of the outputs, then of the inputs; 1 for a channel that is zero throughout.
+    """
+    channels = gram.outputs + gram.inputs
+    power = np.diag(gram.matrix).reshape(gram.block_rows, channels).mean(axis=0)
+    rms = np.sqrt(power / gram.columns)
+    rms[rms == 0.0] = 1.0
+    weight = np.tile(1.0 / rms, gram.block_rows) / np.sqrt(gram.columns)
+    return gram.matrix * np.outer(weight, weight), rms

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.errors import IdentificationError
-from flexarm_ident.orse import state_matrices
 from flexarm_ident.output_fit import fit_inputs
 from flexarm_ident.poles import is_stable, stabilise
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.iodata import IoData
-    from flexarm_ident.orse import RangeSpace
+    from flexarm_ident.orse import Subspace
 
 # Tables 2-1 to 2-4 look at these orders.
 SMALLEST_ORDER = 7
@@ -46,20 +45,20 @@ def suggest_order(singular_values: FloatArray, largest: int) -> int:
     return int(np.argmax(values[:-1] / values[1:])) + 1
 
 
-def candidate_orders(space: RangeSpace) -> range:
+def candidate_orders(space: Subspace) -> range:
     """Return the orders worth trying: 7 to 36 as in the thesis, less where the data allow less."""
-    allowed = min(LARGEST_ORDER, space.block_rows - 1, space.largest_order, space.basis.shape[1])
+    allowed = min(LARGEST_ORDER, space.block_rows - 1, space.largest_order)
     rank = int(np.sum(space.singular_values > _NUMERICAL_RANK * space.singular_values[0]))
     largest = max(1, min(allowed, rank))
     return range(min(SMALLEST_ORDER, largest), largest + 1)
 
 
-def stable_orders(space: RangeSpace, orders: Iterable[int]) -> tuple[int, ...]:
+def stable_orders(space: Subspace, orders: Iterable[int]) -> tuple[int, ...]:
     """Return the orders whose model is stable, as Tables 2-1 to 2-4 list them.
 
     Parameters
     ----------
-    space : RangeSpace
+    space : Subspace
         Base vectors of the range space.
     orders : iterable of int
         Orders to try.
@@ -69,11 +68,11 @@ def stable_orders(space: RangeSpace, orders: Iterable[int]) -> tuple[int, ...]:
     tuple of int
         The stable ones.
     """
-    return tuple(order for order in orders if is_stable(state_matrices(space, order).A))
+    return tuple(order for order in orders if is_stable(space.matrices(order).A))
 
 
 def choose_order(
-    space: RangeSpace,
+    space: Subspace,
     records: Sequence[IoData],
     *,
     feedthrough: bool = False,
@@ -86,7 +85,7 @@ def choose_order(
 
     Parameters
     ----------
-    space : RangeSpace
+    space : Subspace
         Base vectors of the range space.
     records : sequence of IoData
         Records that the model is fitted to.
@@ -109,7 +108,7 @@ def choose_order(
     candidates = stable_orders(space, orders) or tuple(orders)
     errors = []
     for done, order in enumerate(candidates):
-        matrices = state_matrices(space, order)
+        matrices = space.matrices(order)
         A, _ = stabilise(matrices.A)
         fit = fit_inputs(A, matrices.C, records, feedthrough=feedthrough)
         errors.append(float(fit.error.mean()))

@@ -9,12 +9,13 @@ last block of a Cholesky factor of the same matrix, so that noise weighs the sam
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from scipy import linalg
 
 from flexarm_ident.errors import IdentificationError
+from flexarm_ident.gram import equilibrated
 
 if TYPE_CHECKING:
     from flexarm_ident.arrays import FloatArray
@@ -25,6 +26,45 @@ SINGULAR_CONDITION = 1e12
 _SMALLEST_EIGENVALUE = 1e-13
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
+
+
+class StateMatrices(NamedTuple):
+    """A and C of one realisation."""
+
+    A: FloatArray
+    C: FloatArray
+
+
+class Subspace(Protocol):
+    """What any estimator hands on: models of every order, from one decomposition."""
+
+    @property
+    def singular_values(self) -> FloatArray:
+        """Singular values, descending."""
+
+    @property
+    def output_scale(self) -> FloatArray:
+        """Factors the outputs were multiplied by."""
+
+    @property
+    def condition(self) -> float:
+        """Condition number of what was inverted."""
+
+    @property
+    def block_rows(self) -> int:
+        """Block rows that were used."""
+
+    @property
+    def largest_order(self) -> int:
+        """Largest order that the data determine."""
+
+    def matrices(self, order: int) -> StateMatrices:
+        """Return A and C of one order."""
+
+
+def normalised(C: FloatArray) -> FloatArray:
+    """Return C with unit norm: the states' unit is free, and neither B nor C gets extreme."""
+    return np.asarray(C / np.linalg.norm(C))
 
 
 @dataclass(frozen=True)
@@ -56,14 +96,36 @@ class RangeSpace:
     @property
     def largest_order(self) -> int:
         """Largest order that the shift (2-10) determines."""
-        return (self.block_rows - 1) * len(self.output_scale)
+        return int(min((self.block_rows - 1) * len(self.output_scale), self.basis.shape[1]))
 
+    def matrices(self, order: int) -> StateMatrices:
+        """Return A and C from the shift structure, by least squares (2-9), (2-10).
 
-class StateMatrices(NamedTuple):
-    """A and C of one realisation."""
+        Parameters
+        ----------
+        order : int
+            Number of states.
 
-    A: FloatArray
-    C: FloatArray
+        Returns
+        -------
+        StateMatrices
+            A and C, of outputs in their own units.
+
+        Raises
+        ------
+        IdentificationError
+            If the block rows do not determine that many states.
+        """
+        outputs = len(self.output_scale)
+        if not 1 <= order <= self.largest_order:
+            raise IdentificationError(
+                f"order must lie between 1 and {self.largest_order} for {self.block_rows} block "
+                f"rows of {outputs} outputs: {order}"
+            )
+        basis = self.basis[:, :order]
+        A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
+        C = basis[:outputs] / self.output_scale[:, np.newaxis]
+        return StateMatrices(np.asarray(A, dtype=np.float64), normalised(C))
 
 
 def innovation_scaled(gram: BlockGram) -> RangeSpace:
@@ -122,7 +184,7 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
         Base vectors and singular values.
     """
     past, both = gram.block_rows // 2, gram.block_rows
-    scaled, rms = _equilibrated(gram)
+    scaled, rms = equilibrated(gram)
     u_future = gram.input_rows(past, both)
     z_past = gram.input_rows(0, past) + gram.output_rows(0, past)
     y_future = gram.output_rows(past, both)
@@ -135,59 +197,15 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     deviation = _innovation_deviation(unexplained, gram.outputs, remainder[w:, w:])
     weight = np.tile(1.0 / deviation, both - past)
     basis, singular_values, _ = linalg.svd(weight[:, np.newaxis] * explained, full_matrices=False)
-    return RangeSpace(basis, singular_values, 1.0 / (deviation * rms), condition)
-
-
-def state_matrices(space: RangeSpace, order: int) -> StateMatrices:
-    """Return A and C from the shift structure, by least squares (2-9), (2-10).
-
-    Parameters
-    ----------
-    space : RangeSpace
-        Base vectors.
-    order : int
-        Number of states.
-
-    Returns
-    -------
-    StateMatrices
-        A and C, of outputs in their own units.
-
-    Raises
-    ------
-    IdentificationError
-        If the block rows do not determine that many states.
-    """
-    largest = min(space.largest_order, space.basis.shape[1])
-    if not 1 <= order <= largest:
-        raise IdentificationError(
-            f"order must lie between 1 and {largest} for {space.block_rows} block rows of "
-            f"{len(space.output_scale)} outputs: {order}"
-        )
-    outputs = len(space.output_scale)
-    basis = space.basis[:, :order]
-    A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]
-    C = basis[:outputs] / space.output_scale[:, np.newaxis]
-    # The states' unit is free: with C of unit norm neither B nor C gets extreme.
-    return StateMatrices(np.asarray(A, dtype=np.float64), C / np.linalg.norm(C))
+    return RangeSpace(basis, singular_values, 1.0 / (deviation * rms[: gram.outputs]), condition)
 
 
 def _output_remainder(gram: BlockGram) -> tuple[FloatArray, FloatArray, float]:
-    scaled, rms = _equilibrated(gram)
+    scaled, rms = equilibrated(gram)
     y = gram.output_rows(0, gram.block_rows)
     u = gram.input_rows(0, gram.block_rows)
     remainder, condition = _schur_complement(scaled, y, u)
-    return remainder, rms, condition
-
-
-def _equilibrated(gram: BlockGram) -> tuple[FloatArray, FloatArray]:
-    """Return the Gram of channels with unit RMS, and the outputs' RMS."""
-    channels = gram.outputs + gram.inputs
-    power = np.diag(gram.matrix).reshape(gram.block_rows, channels).mean(axis=0)
-    rms = np.sqrt(power / gram.columns)
-    rms[rms == 0.0] = 1.0
-    weight = np.tile(1.0 / rms, gram.block_rows) / np.sqrt(gram.columns)
-    return gram.matrix * np.outer(weight, weight), rms[: gram.outputs]
+    return remainder, rms[: gram.outputs], condition
 
 
 def _schur_complement(

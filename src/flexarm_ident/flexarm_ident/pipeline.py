@@ -19,9 +19,10 @@ from flexarm_ident.modes import mode_table
 from flexarm_ident.order import candidate_orders, choose_order, stable_orders, suggest_order
 from flexarm_ident.output_fit import fit_inputs
 from flexarm_ident.poles import is_stable, stabilise
+from flexarm_ident.predictor import predictor_space
 from flexarm_ident.preprocess import output_scale
 from flexarm_ident.quality import assess
-from flexarm_ident.stabilisation import range_space_matrices, stabilisation
+from flexarm_ident.stabilisation import stabilisation, subspace_matrices
 from flexarm_ident.uncertainty import jackknife, mode_uncertainty
 
 if TYPE_CHECKING:
@@ -31,12 +32,12 @@ if TYPE_CHECKING:
     from flexarm_ident.gram import BlockGram
     from flexarm_ident.iodata import IoData
     from flexarm_ident.modes import Mode
-    from flexarm_ident.orse import RangeSpace
+    from flexarm_ident.orse import Subspace
     from flexarm_ident.quality import DataWarning
     from flexarm_ident.stabilisation import Stabilisation
     from flexarm_ident.uncertainty import ModeUncertainty
 
-METHODS = ("orse", "orse_iv", "orse_thesis")
+METHODS = ("orse", "orse_iv", "pbsid", "orse_thesis")
 _SMALLEST_BLOCK_ROWS = 2
 
 
@@ -70,8 +71,8 @@ class Identification:
         What the estimation itself had to do about the model.
     gram : BlockGram
         Products of the data.
-    range_space : RangeSpace
-        Base vectors, from which models of other orders follow.
+    subspace : Subspace
+        What models of other orders follow from.
     records : tuple of IoData
         The records that were fitted.
     """
@@ -88,7 +89,7 @@ class Identification:
     moved_eigenvalues: int
     notes: tuple[str, ...]
     gram: BlockGram = field(repr=False)
-    range_space: RangeSpace = field(repr=False)
+    subspace: Subspace = field(repr=False)
     records: tuple[IoData, ...] = field(repr=False)
 
     @cached_property
@@ -111,8 +112,9 @@ class Identification:
         """Standard deviations of `modes`, in their order; empty when the records are too short."""
 
         def estimate(gram: BlockGram) -> orse.StateMatrices:
-            space = _range_space(gram, self.records, self.method)
-            return orse.state_matrices(space, self.order)
+            feedthrough = bool(np.any(self.model.D))
+            space = _subspace(gram, self.records, self.method, feedthrough=feedthrough)
+            return space.matrices(self.order)
 
         try:
             found = jackknife(self.records, self.gram.block_rows, estimate)
@@ -123,18 +125,18 @@ class Identification:
     @cached_property
     def diagram(self) -> Stabilisation:
         """Stabilisation diagram: which modes come back over the orders."""
-        space = self.range_space
-        return stabilisation(range_space_matrices(space), space.output_scale, self.model.dt)
+        space = self.subspace
+        return stabilisation(subspace_matrices(space), space.output_scale, self.model.dt)
 
     @cached_property
     def stable_orders(self) -> tuple[int, ...]:
         """Orders whose model is stable before any eigenvalue is moved (Tables 2-1 to 2-4)."""
-        return stable_orders(self.range_space, candidate_orders(self.range_space))
+        return stable_orders(self.subspace, candidate_orders(self.subspace))
 
     @property
     def suggested_order(self) -> int:
         """Order before the widest gap of the singular values (2-22)."""
-        return suggest_order(self.singular_values, candidate_orders(self.range_space)[-1])
+        return suggest_order(self.singular_values, candidate_orders(self.subspace)[-1])
 
 
 def identify(
@@ -158,10 +160,11 @@ def identify(
         stable and simulates the records within 2 % of the best.
     block_rows : int
         Block rows of the Hankel matrices, q of (2-18).
-    method : {'auto', 'orse', 'orse_iv', 'orse_thesis'}
+    method : {'auto', 'orse', 'orse_iv', 'pbsid', 'orse_thesis'}
         ORSE with outputs scaled by their innovation ('orse'), with past data as instruments
-        ('orse_iv'), or with the thesis's own scaling ('orse_thesis'). 'auto' takes 'orse_iv' for
-        closed-loop records, in which noise reaches the input, and 'orse' for others.
+        ('orse_iv'), or with the thesis's own scaling ('orse_thesis'); PBSID-opt ('pbsid'). 'auto'
+        takes 'orse_iv' where noise reaches the input, known from the record or found by a test for
+        feedback, and 'orse' elsewhere.
     stable : bool
         Move unstable eigenvalues inside the unit circle before B is fitted (section 3.2).
     feedthrough : bool
@@ -186,11 +189,11 @@ def identify(
     if method == "auto":
         method = _automatic(records, block_rows, feedthrough=feedthrough)
     gram = block_gram(records, 2 * block_rows if method == "orse_iv" else block_rows)
-    space = _range_space(gram, records, method)
+    space = _subspace(gram, records, method, feedthrough=feedthrough)
     report("range space", 1.0)
     if order is None:
         order = choose_order(space, records, feedthrough=feedthrough, progress=progress)
-    raw = orse.state_matrices(space, order)
+    raw = space.matrices(order)
     A, moved = stabilise(raw.A) if stable else (raw.A, 0)
     fit = fit_inputs(A, raw.C, records, feedthrough=feedthrough)
     report("fit", 1.0)
@@ -216,7 +219,7 @@ def identify(
         moved_eigenvalues=moved,
         notes=tuple(notes),
         gram=gram,
-        range_space=space,
+        subspace=space,
         records=records,
     )
 
@@ -233,9 +236,13 @@ def _automatic(records: Sequence[IoData], block_rows: int, *, feedthrough: bool)
     return "orse_iv" if feedback_test(records, gram, feedthrough=feedthrough).detected else "orse"
 
 
-def _range_space(gram: BlockGram, records: Sequence[IoData], method: str) -> RangeSpace:
+def _subspace(
+    gram: BlockGram, records: Sequence[IoData], method: str, *, feedthrough: bool
+) -> Subspace:
     if method == "orse_iv":
         return orse.past_instruments(gram)
+    if method == "pbsid":
+        return predictor_space(gram, feedthrough=feedthrough)
     if method == "orse_thesis":
         return orse.plain(gram, output_scale(records))
     return orse.innovation_scaled(gram)

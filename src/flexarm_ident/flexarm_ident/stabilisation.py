@@ -19,13 +19,12 @@ from scipy.spatial.distance import squareform
 
 from flexarm_ident.modes import frequency_and_damping
 from flexarm_ident.order import candidate_orders
-from flexarm_ident.orse import state_matrices
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from flexarm_ident.arrays import ComplexArray, FloatArray
-    from flexarm_ident.orse import RangeSpace, StateMatrices
+    from flexarm_ident.orse import StateMatrices, Subspace
 
 
 class Criteria(NamedTuple):
@@ -143,9 +142,9 @@ def mac(one: ComplexArray, other: ComplexArray) -> float:
     return float(abs(np.vdot(one, other)) ** 2 / power) if power > 0.0 else 0.0
 
 
-def range_space_matrices(space: RangeSpace) -> dict[int, StateMatrices]:
+def subspace_matrices(space: Subspace) -> dict[int, StateMatrices]:
     """Return A and C of every order worth trying, from one decomposition."""
-    return {order: state_matrices(space, order) for order in candidate_orders(space)}
+    return {order: space.matrices(order) for order in candidate_orders(space)}
 
 
 def stabilisation(
@@ -159,9 +158,9 @@ def stabilisation(
     Parameters
     ----------
     matrices : mapping of int to StateMatrices
-        A and C of each order, such as `range_space_matrices` gives.
+        A and C of each order, such as `subspace_matrices` gives.
     output_scale : ndarray, (outputs,)
-        Factors that make the outputs comparable, `RangeSpace.output_scale`: a shape is only as good
+        Factors that make the outputs comparable, `Subspace.output_scale`: a shape is only as good
         as the units it is given in.
     dt_s : float
         Sampling period.

@@ -94,7 +94,7 @@ def identify_stream(
         space = orse.past_instruments(block_gram(records, 2 * block_rows))
     else:
         raise IdentificationError(f"method must be orse or orse_iv for streams: {method!r}")
-    raw = orse.state_matrices(space, order)
+    raw = space.matrices(order)
     A, moved = stabilise(raw.A)
     fit = fit_inputs(A, raw.C, records, feedthrough=feedthrough)
     first = records[0]

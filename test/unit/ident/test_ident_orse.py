@@ -10,7 +10,7 @@ from scipy import signal
 
 from flexarm_ident import IdentificationError, identify
 from flexarm_ident.gram import block_gram
-from flexarm_ident.orse import innovation_scaled, plain, state_matrices
+from flexarm_ident.orse import innovation_scaled, plain
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,7 +50,7 @@ def test_plain___noisy_mimo_data___agrees_with_textbook_form(seed: int) -> None:
     np.testing.assert_allclose(
         space.singular_values / space.singular_values[0], values / values[0], atol=1e-9
     )
-    found = state_matrices(space, 5)
+    found = space.matrices(5)
     powers = [np.linalg.matrix_power(A, k) for k in range(6)]
     # C A^k C^+ does not depend on the basis up to C's norm.
     np.testing.assert_allclose(
@@ -131,4 +131,4 @@ def test_state_matrices___order_beyond_the_block_rows___raises() -> None:
         with pytest.raises(
             IdentificationError, match=f"order must lie between 1 and 9 .*: {order}"
         ):
-            state_matrices(space, order)
+            space.matrices(order)

@@ -170,3 +170,13 @@ def test_identify___records_do_not_match___raises() -> None:
     data = arm_experiment(12, 1000)
     with pytest.raises(DataError, match="dt_s"):
         identify([data, replace(data, dt_s=0.002)])
+
+
+@pytest.mark.parametrize("method", ["orse", "orse_iv", "pbsid", "orse_thesis"])
+def test_identify___every_method___fits_the_arm(method: str) -> None:
+    data = arm_experiment(21, 3000)
+    found = identify(data, order=9, method=method)
+    assert found.method == method
+    assert np.all(found.fit_error < 0.2)
+    assert found.diagram.orders
+    assert len(found.mode_uncertainty) == len(found.modes)

@@ -12,7 +12,7 @@ from ident_systems import DT_S, arm_model, square_wave, step_by_step
 from flexarm_ident import IoData, preprocess, read_bag
 from flexarm_ident.gram import block_gram
 from flexarm_ident.orse import StateMatrices, innovation_scaled, past_instruments
-from flexarm_ident.stabilisation import Criteria, mac, range_space_matrices, stabilisation
+from flexarm_ident.stabilisation import Criteria, mac, stabilisation, subspace_matrices
 from flexarm_ident.stabilisation_plot import stabilisation_plot
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def test_stabilisation___noisy_arm___finds_its_modes_with_the_least_scatter(seed
     y = step_by_step(arm_model(), u)
     y += 0.02 * y.std(axis=0) * np.random.default_rng(seed).normal(size=y.shape)
     space = innovation_scaled(block_gram([IoData(u, y, dt_s=DT_S)], 40))
-    modes = stabilisation(range_space_matrices(space), space.output_scale, DT_S).modes
+    modes = stabilisation(subspace_matrices(space), space.output_scale, DT_S).modes
     steadiest = sorted(modes, key=lambda mode: mode.frequency_std_hz / mode.frequency_hz)[:3]
     steadiest.sort(key=lambda mode: mode.frequency_hz)
     np.testing.assert_allclose([mode.frequency_hz for mode in steadiest], ARM_HZ, rtol=0.01)
@@ -130,7 +130,7 @@ def test_stabilisation___noisy_arm___finds_its_modes_with_the_least_scatter(seed
 def recorded(bag: str) -> Stabilisation:
     data = preprocess(read_bag(BAGS / bag)).head(6000)
     space = past_instruments(block_gram([data], 80))
-    return stabilisation(range_space_matrices(space), space.output_scale, data.dt_s)
+    return stabilisation(subspace_matrices(space), space.output_scale, data.dt_s)
 
 
 @pytest.mark.parametrize("bag", ["c_dat3_0g", "c_dat3_400g"])

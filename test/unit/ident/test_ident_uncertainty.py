@@ -19,7 +19,7 @@ from scipy import signal
 from flexarm_ident import DataError, IoData, identify
 from flexarm_ident.gram import BlockGram, block_gram
 from flexarm_ident.modes import mode_table
-from flexarm_ident.orse import StateMatrices, innovation_scaled, past_instruments, state_matrices
+from flexarm_ident.orse import StateMatrices, innovation_scaled, past_instruments
 from flexarm_ident.output_fit import fit_inputs
 from flexarm_ident.poles import stabilise
 from flexarm_ident.preprocess import output_scale
@@ -32,11 +32,11 @@ ARM_HZ = np.array([45.6, 24.1, 9.4])
 
 
 def white(gram: BlockGram) -> StateMatrices:
-    return state_matrices(innovation_scaled(gram), 9)
+    return innovation_scaled(gram).matrices(9)
 
 
 def coloured(gram: BlockGram) -> StateMatrices:
-    return state_matrices(past_instruments(gram), 9)
+    return past_instruments(gram).matrices(9)
 
 
 def arm_data(seed: int, *, colour: bool) -> IoData:
@@ -130,7 +130,7 @@ def test_jackknife___several_records___segments_keep_to_their_record() -> None:
 
 def test_uncertainty___noise_free___is_nothing() -> None:
     data = record(random_model(4), 800, 4)
-    found = jackknife(data, 10, lambda gram: state_matrices(innovation_scaled(gram), 5))
+    found = jackknife(data, 10, lambda gram: innovation_scaled(gram).matrices(5))
     for mode in mode_uncertainty(found, random_model(4)):
         assert mode.frequency_std_hz < 1e-6
         assert mode.damping_std < 1e-8
@@ -151,7 +151,7 @@ def test_mode_uncertainty___identified_model___follows_its_mode_table() -> None:
 def test_frequency_response_uncertainty___feedthrough___is_fitted() -> None:
     model = random_model(6, feedthrough=True)
     data = record(model, 800, 6)
-    found = jackknife(data, 10, lambda gram: state_matrices(innovation_scaled(gram), 5))
+    found = jackknife(data, 10, lambda gram: innovation_scaled(gram).matrices(5))
     response = frequency_response_uncertainty(found, data, [1.0, 30.0], feedthrough=True)
     expected = frequency_response(model, [1.0, 30.0])
     np.testing.assert_allclose(response.response, expected, atol=1e-7)

@@ -1,0 +1,154 @@
+"""Simulation error of a flexible arm with dry friction, and its derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_ident.least_squares import Normal
+from flexarm_ident.stick_slip import run, run_sensitivity
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.flexible_arm import FlexibleArm
+    from flexarm_ident.least_squares import Minimum
+
+_LEAST_INDEPENDENCE = 0.05
+
+
+class Part(NamedTuple):
+    """One record, smoothed and decimated, with the weights of its residuals and its start."""
+
+    u: FloatArray
+    y: FloatArray
+    weight: FloatArray
+    x0: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationError:
+    """Sum of squared relative errors of the free simulations, and of the offsets' prior.
+
+    Attributes
+    ----------
+    arm : FlexibleArm
+        Family of models.
+    parts : tuple of Part
+        Records.
+    dt_s : float
+        Their sampling period.
+    prior : ndarray, (inputs,)
+        Weight of each offset.
+    """
+
+    arm: FlexibleArm
+    parts: tuple[Part, ...]
+    dt_s: float
+    prior: FloatArray
+
+    def cost(self, theta: FloatArray) -> float:
+        """Return the sum; infinite where a simulation overflows."""
+        with np.errstate(all="ignore"):
+            A, B = self.arm.discrete(theta, self.dt_s)
+            if not (np.isfinite(A).all() and np.isfinite(B).all()):
+                return np.inf
+        total = float(np.sum((self.prior * self.arm.offsets(theta)) ** 2))
+        with np.errstate(all="ignore"):
+            return total + sum(float(np.sum(e**2)) for e in self.residuals(theta))
+
+    def residuals(self, theta: FloatArray) -> list[FloatArray]:
+        """Return the weighted residuals of each record, (samples, outputs)."""
+        A, B = self.arm.discrete(theta, self.dt_s)
+        offsets, levels = self.arm.offsets(theta), self.arm.levels(theta)
+        return [
+            part.weight
+            * (
+                run(A, B, self.arm.speed, levels, part.u - offsets, part.x0)[0]
+                @ self.arm.output_matrix.T
+                - part.y
+            )
+            for part in self.parts
+        ]
+
+    def normal(self, theta: FloatArray) -> Normal:
+        """Return the normal equations."""
+        arm, count = self.arm, self.arm.parameters
+        nothing = Normal(np.inf, np.zeros(count), np.eye(count))
+        if not np.isfinite(self.cost(theta)):
+            return nothing
+        with np.errstate(all="ignore"):
+            A, B, d_A, d_B = arm.discrete_with_derivatives(theta, self.dt_s)
+        if not (np.isfinite(d_A).all() and np.isfinite(d_B).all()):
+            return nothing
+        levels, offsets = arm.levels(theta), arm.offsets(theta)
+        d_levels, d_u = np.zeros((arm.inputs, count)), np.zeros((arm.inputs, count))
+        d_levels[:, arm.blocks["log_level"]] = np.diag(levels)
+        d_u[:, arm.blocks["offset"]] = -np.eye(arm.inputs)
+        d_x0 = np.zeros((arm.states, count))
+        gradient, matrix = np.zeros(count), np.zeros((count, count))
+        gradient[arm.blocks["offset"]] = self.prior**2 * offsets
+        matrix[arm.blocks["offset"], arm.blocks["offset"]] = np.diag(self.prior**2)
+        cost = float(np.sum((self.prior * offsets) ** 2))
+        for part in self.parts:
+            u = part.u - offsets
+            try:
+                x, d_x = run_sensitivity(
+                    A, B, arm.speed, levels, u, part.x0, d_A, d_B, d_levels, d_u, d_x0
+                )
+            except np.linalg.LinAlgError:
+                return nothing
+            residual = (part.weight * (x @ arm.output_matrix.T - part.y)).ravel()
+            jacobian = np.matmul(arm.output_matrix, d_x) * part.weight[:, :, np.newaxis]
+            jacobian = jacobian.reshape(-1, count)
+            cost += float(residual @ residual)
+            gradient += jacobian.T @ residual
+            matrix += jacobian.T @ jacobian
+        return Normal(cost, gradient, matrix)
+
+
+def deviations(problem: SimulationError, best: Minimum) -> FloatArray:
+    """Return the parameters' standard deviations.
+
+    Residuals of a simulation are far from white: as many samples count as independent as their
+    correlation time leaves.
+
+    Parameters
+    ----------
+    problem : SimulationError
+        The problem.
+    best : Minimum
+        Its solution.
+
+    Returns
+    -------
+    ndarray, (parameters,)
+        Standard deviations.
+    """
+    residuals = problem.residuals(best.theta)
+    count = sum(residual.size for residual in residuals)
+    variance = sum(float(np.sum(residual**2)) for residual in residuals) / count
+    scale = np.sqrt(np.diag(best.matrix))
+    scale[scale == 0.0] = 1.0
+    inverse = np.linalg.pinv(best.matrix / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    independent = max(_independence(residuals), _LEAST_INDEPENDENCE / len(residuals[0]))
+    return np.asarray(np.sqrt(np.diag(inverse) * variance / independent) / scale)
+
+
+def _independence(residuals: Sequence[FloatArray]) -> float:
+    """Return the part of the samples that count as independent, from their correlation time."""
+    times = []
+    for residual in residuals:
+        for e in residual.T:
+            spectrum = np.abs(np.fft.rfft(e, 2 * len(e))) ** 2
+            correlation = np.fft.irfft(spectrum)[: len(e)]
+            if correlation[0] <= 0.0:
+                continue
+            correlation = correlation / correlation[0]
+            negative = np.flatnonzero(correlation < 0.0)
+            last = int(negative[0]) if len(negative) else len(e)
+            times.append(1.0 + 2.0 * float(correlation[1:last].sum()))
+    return 1.0 / float(np.mean(times)) if times else 1.0

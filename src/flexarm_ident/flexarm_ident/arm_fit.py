@@ -1,0 +1,297 @@
+"""A flexible arm with dry friction, fitted by simulation to closed-loop records.
+
+The model runs freely under the measured input and its friction follows from its own speeds, so the
+fit suffers from drift exactly as a later simulation does. Every minimum is searched from several
+starts, drawn around scales that the record itself gives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+
+from flexarm_ident.arm_error import Part, SimulationError, deviations
+from flexarm_ident.bandwidth import bandwidth_hz, smoothed
+from flexarm_ident.dead_sensor import live_samples
+from flexarm_ident.errors import IdentificationError
+from flexarm_ident.flexible_arm import FlexibleArm
+from flexarm_ident.friction import DryFriction, drive_columns, simulate_with_friction
+from flexarm_ident.iodata import as_records
+from flexarm_ident.least_squares import minimise
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.friction import Drive
+    from flexarm_ident.iodata import IoData
+    from flexarm_ident.least_squares import Minimum
+
+# A period of the highest frequency gets ten samples; above 0.3 of the new rate nothing may fold.
+_SAMPLES_PER_PERIOD = 10.0
+_ANTI_ALIAS = 0.3
+# A zero error of the input of 1 % of its peak costs as much as 5 % error of one output, and in a
+# better fit as much as half the error that is left.
+_ZERO_ERROR = 0.01
+_COST_OF_ZERO_ERROR = 0.05
+_COST_OF_ERROR_LEFT = 0.5
+_LOOSENINGS = 4
+_STARTS = 24
+_FINALISTS = 4
+_FIRST_STEPS = 15
+_LAST_STEPS = 150
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFit:
+    """A fitted arm.
+
+    Attributes
+    ----------
+    model : control.StateSpace
+        Discrete model from the net input, at the records' own period.
+    x0 : tuple of ndarray, (states,)
+        Initial state of each record: at rest at its first position.
+    friction : DryFriction
+        Coulomb friction and offset of each input.
+    error : ndarray, (outputs,)
+        Relative error (2-25) of the free simulation of the records, dead samples left out.
+    dead_samples : ndarray, (outputs,)
+        Number of samples without a working sensor.
+    bandwidth_hz : float
+        Frequency below which the outputs' power lies.
+    """
+
+    model: control.StateSpace
+    x0: tuple[FloatArray, ...]
+    friction: DryFriction
+    error: FloatArray
+    dead_samples: FloatArray
+    bandwidth_hz: float
+
+
+def fit_arm(
+    data: IoData | Sequence[IoData],
+    drives: Sequence[Drive],
+    *,
+    seed: int = 0,
+    progress: Callable[[str, float], None] | None = None,
+) -> ArmFit:
+    """Fit a flexible arm with dry friction to records that start at rest.
+
+    Parameters
+    ----------
+    data : IoData or sequence of IoData
+        Records as measured, without compensation in the input; each starts at rest.
+    drives : sequence of Drive
+        The position each input drives, one per input.
+    seed : int
+        Seed of the starts.
+    progress : callable, optional
+        Called with the stage "friction" and the part that is done.
+
+    Returns
+    -------
+    ArmFit
+        The model, its friction and how well it simulates the records.
+
+    Raises
+    ------
+    IdentificationError
+        If not every input drives one position, or no start gives a finite simulation.
+    """
+    records = as_records(data)
+    positions = _positions(records[0], drives)
+    band_hz = bandwidth_hz(records)
+    dt_s = records[0].dt_s
+    decimation = max(1, int(1.0 / (dt_s * _SAMPLES_PER_PERIOD * max(band_hz, 1e-9))))
+    decimation = min(decimation, max(1, min(len(record) for record in records) // 100))
+    lives = [live_samples(record) for record in records]
+    problem = _problem(records, lives, positions, decimation)
+    draw = _Starts(problem, band_hz, np.random.default_rng(seed))
+    tries = []
+    for number in range(_STARTS):
+        tries.append(minimise(draw.start(), problem.cost, problem.normal, iterations=_FIRST_STEPS))
+        if progress is not None:
+            progress("friction", 0.7 * (number + 1) / _STARTS)
+    tries.sort(key=lambda found: found.cost)
+    best = min(
+        (
+            minimise(found.theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
+            for found in tries[:_FINALISTS]
+        ),
+        key=lambda found: found.cost,
+    )
+    if not np.isfinite(best.cost):
+        raise IdentificationError(
+            f"{records[0].label}: no arm with friction simulates the record: identify without"
+        )
+    problem, best = _loosened(problem, best)
+    if progress is not None:
+        progress("friction", 1.0)
+    return _result(problem, best, records, lives, band_hz)
+
+
+class _Starts:
+    """Draws starts around the scales of the records."""
+
+    def __init__(self, problem: SimulationError, band_hz: float, rng: np.random.Generator) -> None:
+        self._arm, self._rng, self._band_hz = problem.arm, rng, band_hz
+        driven = list(problem.arm.positions)
+        u = np.vstack([part.u for part in problem.parts])
+        speed = [np.gradient(part.y[:, driven], problem.dt_s, axis=0) for part in problem.parts]
+        acceleration = np.vstack([np.gradient(v, problem.dt_s, axis=0) for v in speed])
+        self._u = np.sqrt(np.mean(u**2, axis=0))
+        self._speed = np.sqrt(np.mean(np.vstack(speed) ** 2, axis=0))
+        self._acceleration = np.sqrt(np.mean(acceleration**2, axis=0))
+        y = np.vstack([part.y for part in problem.parts])
+        self._y = np.sqrt(np.mean(y**2, axis=0))
+
+    def start(self) -> FloatArray:
+        arm, r, e = self._arm, self._arm.inputs, len(self._arm.elastic)
+        n = r + e
+        # Elastic coordinates move by about one, their stiffness is one.
+        gain = self._spread(1.0 / self._u, 0.0, 3.0)
+        mass = gain * self._spread(self._u / self._acceleration, -2.0, 1.0)
+        frequency_hz = self._spread(np.full(e, self._band_hz), -2.0, 0.0)
+        diagonal = np.sqrt(np.concatenate([mass, (2.0 * np.pi * frequency_hz) ** -2.0]))
+        mixed = self._rng.normal(size=(n, n + 1))
+        mixed = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+        viscous = gain * self._spread(self._u / self._speed, -3.0, -1.0)
+        damping = np.sqrt(np.concatenate([viscous, 0.04 * diagonal[r:]]))
+        theta = np.zeros(arm.parameters)
+        lower = np.tril_indices(n)
+        root = np.linalg.cholesky(mixed @ mixed.T * np.outer(diagonal, diagonal))
+        theta[arm.blocks["mass"]] = root[lower]
+        theta[arm.blocks["damping"]] = np.diag(damping)[lower]
+        theta[arm.blocks["log_gain"]] = np.log(gain)
+        theta[arm.blocks["gauges"]] = np.diag(self._y[list(arm.elastic)]).ravel()
+        bandwidth = 2.0 * np.pi * self._spread(np.full(e, self._band_hz), -1.0, 1.0)
+        theta[arm.blocks["log_bandwidth"]] = np.log(bandwidth)
+        theta[arm.blocks["log_level"]] = np.log(self._spread(self._u, -1.5, 0.5))
+        return theta
+
+    def _spread(self, scale: FloatArray, low: float, high: float) -> FloatArray:
+        return np.asarray(scale * np.exp(self._rng.uniform(low, high, len(scale))))
+
+
+def _positions(record: IoData, drives: Sequence[Drive]) -> tuple[int, ...]:
+    outputs = dict(drive_columns(record, drive) for drive in drives)
+    missing = [name for i, name in enumerate(record.inputs) if i not in outputs]
+    if missing or any(drive.is_speed for drive in drives) or len(outputs) != len(drives):
+        raise IdentificationError(
+            f"{record.label}: a model with friction needs one position for every input, "
+            f"{', '.join(missing) or 'a drive'} has none"
+        )
+    return tuple(outputs[i] for i in range(len(record.inputs)))
+
+
+def _problem(
+    records: Sequence[IoData],
+    lives: Sequence[FloatArray],
+    positions: tuple[int, ...],
+    decimation: int,
+) -> SimulationError:
+    dt_s = records[0].dt_s * decimation
+    cutoff_hz = _ANTI_ALIAS / dt_s if decimation > 1 else np.inf
+    outputs = records[0].y.shape[1]
+    power = np.sum(
+        [np.sum(live * record.y**2, axis=0) for live, record in zip(lives, records, strict=True)],
+        axis=0,
+    )
+    scale = np.sqrt(np.divide(decimation, power, out=np.zeros_like(power), where=power > 0.0))
+    peak = np.max([np.abs(record.u).max(axis=0) for record in records], axis=0)
+    smooth = [
+        (smoothed(record.u, cutoff_hz, record.dt_s), smoothed(record.y, cutoff_hz, record.dt_s))
+        for record in records
+    ]
+    arm = FlexibleArm(positions, _signs(smooth, positions, records[0].dt_s), outputs)
+    parts = tuple(
+        Part(
+            _held(u, decimation),
+            y[::decimation],
+            live[::decimation] * scale,
+            initial_state(arm, record),
+        )
+        for (u, y), live, record in zip(smooth, lives, records, strict=True)
+    )
+    return SimulationError(arm, parts, dt_s, _COST_OF_ZERO_ERROR / (_ZERO_ERROR * peak))
+
+
+def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError, Minimum]:
+    """Weaken the prior of the offsets as far as the fit is better than it assumes."""
+    strongest = problem.prior
+    for _ in range(_LOOSENINGS):
+        left = sum(float(np.sum(e**2)) for e in problem.residuals(best.theta))
+        error = np.sqrt(left / problem.arm.outputs)
+        part = min(1.0, float(_COST_OF_ERROR_LEFT * error / _COST_OF_ZERO_ERROR))
+        if np.allclose(part * strongest, problem.prior, rtol=0.2):
+            break
+        problem = replace(problem, prior=part * strongest)
+        best = minimise(best.theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
+    return problem, best
+
+
+def _held(u: FloatArray, decimation: int) -> FloatArray:
+    """Return the mean input from each kept sample to the next, which is what moves the arm."""
+    starts = np.arange(0, len(u), decimation)
+    lengths = np.diff(np.append(starts, len(u)))
+    return np.asarray(np.add.reduceat(u, starts, axis=0) / lengths[:, np.newaxis])
+
+
+def _signs(
+    smooth: Sequence[tuple[FloatArray, FloatArray]], positions: tuple[int, ...], dt_s: float
+) -> tuple[float, ...]:
+    power = np.zeros(len(positions))
+    for u, y in smooth:
+        # Work per time: an input that drives its position puts more in than it takes out.
+        power += np.sum(u * np.gradient(y[:, list(positions)], dt_s, axis=0), axis=0)
+    return tuple(float(sign) for sign in np.where(power < 0.0, -1.0, 1.0))
+
+
+def initial_state(arm: FlexibleArm, record: IoData) -> FloatArray:
+    """Return rest at a record's first position, (states,)."""
+    x0 = np.zeros(arm.states)
+    x0[: arm.inputs] = record.y[0, list(arm.positions)]
+    return x0
+
+
+def _result(
+    problem: SimulationError,
+    best: Minimum,
+    records: Sequence[IoData],
+    lives: Sequence[FloatArray],
+    band_hz: float,
+) -> ArmFit:
+    arm, first = problem.arm, records[0]
+    A, B = arm.discrete(best.theta, first.dt_s)
+    model = control.ss(
+        A,
+        B,
+        arm.output_matrix,
+        np.zeros((arm.outputs, arm.inputs)),
+        first.dt_s,
+        inputs=list(first.inputs),
+        outputs=list(first.outputs),
+    )
+    deviation = deviations(problem, best)
+    levels = arm.levels(best.theta)
+    friction = DryFriction(
+        levels,
+        arm.offsets(best.theta),
+        levels * deviation[arm.blocks["log_level"]],
+        deviation[arm.blocks["offset"]],
+        arm.speed,
+    )
+    x0 = tuple(initial_state(arm, record) for record in records)
+    missed, total = np.zeros(arm.outputs), np.zeros(arm.outputs)
+    for record, live, start in zip(records, lives, x0, strict=True):
+        y, _ = simulate_with_friction(model, friction, record.u, start)
+        missed += np.sum(live * (record.y - y) ** 2, axis=0)
+        total += np.sum(live * record.y**2, axis=0)
+    error = np.sqrt(np.divide(missed, total, out=np.zeros_like(missed), where=total > 0.0))
+    dead = np.sum([np.sum(live == 0.0, axis=0) for live in lives], axis=0)
+    return ArmFit(model, x0, friction, error, dead, band_hz)

@@ -1,0 +1,215 @@
+"""Predictor-based subspace identification (PBSID-opt) from the block Gram.
+
+ORSE removes the future input from the future output, which is only right when that input does not
+know the noise. Under feedback it does. Here nothing but the past is regressed on: an autoregressive
+model with input of high order (VARX) gives the pulse responses of the innovation form's one-step
+predictor, these give the states up to a similarity, and regressions on the states give the
+matrices. All of it is linear algebra on the Gram matrix of one more block row than the past has.
+Chiuso, "The role of vector autoregressive modeling in predictor-based subspace identification",
+Automatica 43 (2007).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from flexarm_ident.errors import IdentificationError
+from flexarm_ident.gram import equilibrated
+from flexarm_ident.orse import StateMatrices, normalised
+
+if TYPE_CHECKING:
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.gram import BlockGram
+
+_SMALLEST_EIGENVALUE = 1e-13
+# An innovation below this part of an output's RMS is rounding, not noise.
+_SMALLEST_INNOVATION = 1e-6
+
+
+class Innovation(NamedTuple):
+    """Innovation form ``x' = A x + B u + K e``, ``y = C x + D u + e``, with the covariance of e."""
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    K: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PredictorSpace:
+    """States of the one-step predictor as functions of the past data.
+
+    Attributes
+    ----------
+    rows : ndarray, (vectors, past * (outputs + inputs))
+        What each state takes from the past, the most significant state first.
+    singular_values : ndarray, (past * outputs,)
+        Singular values of the weighted predictor's future, descending.
+    gram : ndarray
+        Product matrix of the data, of channels with unit RMS.
+    past : int
+        Samples of the past, p.
+    rms : ndarray, (outputs + inputs,)
+        The channels' RMS.
+    outputs : int
+        Number of outputs.
+    condition : float
+        Condition number of the regression on the past.
+    feedthrough : bool
+        Whether the output may follow the input at once.
+    """
+
+    rows: FloatArray
+    singular_values: FloatArray
+    gram: FloatArray
+    past: int
+    rms: FloatArray
+    outputs: int
+    condition: float
+    feedthrough: bool
+
+    @property
+    def largest_order(self) -> int:
+        """Largest order that the data determine."""
+        return len(self.rows)
+
+    @property
+    def block_rows(self) -> int:
+        """Block rows of the Gram: the past's samples and the present."""
+        return self.past + 1
+
+    @property
+    def output_scale(self) -> FloatArray:
+        """Factors that make the one-step innovations of the outputs alike."""
+        variance = np.diag(self.innovation(self.largest_order).covariance)
+        floor = (_SMALLEST_INNOVATION * self.rms[: self.outputs]) ** 2
+        return np.asarray(1.0 / np.sqrt(np.maximum(variance, floor)))
+
+    def matrices(self, order: int) -> StateMatrices:
+        """Return A and C of one order; see `innovation`."""
+        found = self.innovation(order)
+        return StateMatrices(found.A, normalised(found.C))
+
+    def innovation(self, order: int) -> Innovation:
+        """Return the innovation form of one order, by two regressions on the states.
+
+        Parameters
+        ----------
+        order : int
+            Number of states.
+
+        Returns
+        -------
+        Innovation
+            The matrices, of channels in their own units.
+
+        Raises
+        ------
+        IdentificationError
+            If the past does not determine that many states.
+        """
+        if not 1 <= order <= self.largest_order:
+            raise IdentificationError(
+                f"order must lie between 1 and {self.largest_order} for {self.past} past samples "
+                f"of {self.outputs} outputs: {order}"
+            )
+        m, r = self.outputs, len(self.rms) - self.outputs
+        size, channels = len(self.gram), len(self.rms)
+        x, x_next = np.zeros((order, size)), np.zeros((order, size))
+        x[:, :-channels] = self.rows[:order]
+        x_next[:, channels:] = self.rows[:order]
+        y, u = np.zeros((m, size)), np.zeros((r, size))
+        y[:, size - channels : size - r] = np.eye(m)
+        u[:, size - r :] = np.eye(r)
+        given = np.vstack([x, u]) if self.feedthrough else x
+        coefficients = self._regression(y, given)
+        e = y - coefficients @ given
+        C, D = coefficients[:, :order], np.zeros((m, r))
+        if self.feedthrough:
+            D = coefficients[:, order:]
+        covariance = e @ self.gram @ e.T
+        # Rounding drives nothing.
+        heard = np.diag(covariance) > _SMALLEST_INNOVATION**2
+        dynamics = self._regression(x_next, np.vstack([x, u, e[heard]]))
+        A, B, driven = np.split(dynamics, [order, order + r], axis=1)
+        K = np.zeros((order, m))
+        K[:, heard] = driven
+        y_rms, u_rms = self.rms[:m], self.rms[m:]
+        return Innovation(
+            A,
+            B / u_rms,
+            C * y_rms[:, np.newaxis],
+            D * y_rms[:, np.newaxis] / u_rms,
+            K / y_rms,
+            covariance * np.outer(y_rms, y_rms),
+        )
+
+    def _regression(self, of: FloatArray, on: FloatArray) -> FloatArray:
+        """Regress combinations of the data on other combinations, known by their rows."""
+        return _solved(on @ self.gram @ on.T, on @ self.gram @ of.T)[0].T
+
+
+def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorSpace:
+    """Return the predictor's states, from the Gram of ``p + 1`` block rows.
+
+    Parameters
+    ----------
+    gram : BlockGram
+        Products of the data; its block rows are the past's samples p and the present.
+    feedthrough : bool
+        Let the output follow the input at once (D). Under feedback that is only right if the
+        controller answers with a delay.
+
+    Returns
+    -------
+    PredictorSpace
+        States and singular values.
+
+    Raises
+    ------
+    IdentificationError
+        If there is no past.
+    """
+    past, m, r = gram.block_rows - 1, gram.outputs, gram.inputs
+    if past < 1:
+        raise IdentificationError(f"PBSID needs 2 or more block rows: {gram.block_rows}")
+    channels = m + r
+    scaled, rms = equilibrated(gram)
+    history = past * channels
+    given = list(range(history)) + (gram.input_rows(past, past + 1) if feedthrough else [])
+    present = gram.output_rows(past, past + 1)
+    solution, condition = _solved(scaled[np.ix_(given, given)], scaled[np.ix_(given, present)])
+    responses = solution[:history].T
+    explained = scaled[np.ix_(present, given)] @ solution
+    left = np.diag(scaled[np.ix_(present, present)] - explained).clip(min=0.0)
+    weight = 1.0 / np.maximum(np.sqrt(left), _SMALLEST_INNOVATION)
+    future = np.zeros((past, m, history))
+    for ahead in range(past):
+        # What the past says about a later sample while the predictor gets nothing new.
+        future[ahead, :, ahead * channels :] = responses[:, : history - ahead * channels]
+    future = (weight[:, np.newaxis] * future).reshape(past * m, history)
+    values, vectors = linalg.eigh(scaled[:history, :history])
+    root = vectors * np.sqrt(values.clip(min=0.0))
+    left_vectors, singular_values, _ = linalg.svd(future @ root, full_matrices=False)
+    rank = int(np.sum(singular_values > np.finfo(float).eps * singular_values[0] * history))
+    basis = left_vectors[:, :rank] / np.sqrt(singular_values[:rank])
+    return PredictorSpace(
+        basis.T @ future, singular_values, scaled, past, rms, m, condition, feedthrough
+    )
+
+
+def _solved(normal: FloatArray, right: FloatArray) -> tuple[FloatArray, float]:
+    """Solve normal equations by a pseudo-inverse; also return their condition number."""
+    scale = np.sqrt(np.diag(normal))
+    scale[scale == 0.0] = 1.0
+    values, vectors = linalg.eigh(normal / np.outer(scale, scale))
+    kept = values > _SMALLEST_EIGENVALUE * values[-1]
+    basis = vectors[:, kept] / scale[:, np.newaxis]
+    condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])
+    return basis @ ((basis.T @ right) / values[kept][:, np.newaxis]), float(condition)

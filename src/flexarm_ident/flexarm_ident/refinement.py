@@ -1,0 +1,234 @@
+"""Refinement of a whole model by its simulation error, from a subspace start.
+
+Subspace methods minimise a projection and the output fit only B and the initial states. Here A, B,
+C and the initial states move together, by Gauss-Newton steps with damping, to lower the sum of the
+squared relative errors (2-25) of the free simulation. The model is taken in real modal form, where
+A has two parameters per pair instead of a full matrix, and every derivative is the response of the
+same model to another input.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+
+from flexarm_ident.iodata import as_records
+from flexarm_ident.least_squares import Normal, minimise
+from flexarm_ident.modes import modal_form
+from flexarm_ident.simulation import simulate
+from flexarm_ident.stick_slip import run_sensitivity
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.iodata import IoData
+
+_CHUNK = 2048
+_DEFECTIVE_CONDITION = 1e8
+_ITERATIONS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """A refined model.
+
+    Attributes
+    ----------
+    model : control.StateSpace
+        The model; the start itself when nothing better was found.
+    x0 : tuple of ndarray, (states,)
+        Initial state of each record.
+    error : ndarray, (outputs,)
+        Relative simulation error of each output over the records (2-25).
+    start_error : ndarray, (outputs,)
+        The same of the start.
+    """
+
+    model: control.StateSpace
+    x0: tuple[FloatArray, ...]
+    error: FloatArray
+    start_error: FloatArray
+
+
+def refine_model(
+    model: control.StateSpace,
+    x0: Sequence[FloatArray],
+    data: IoData | Sequence[IoData],
+    *,
+    iterations: int = _ITERATIONS,
+) -> Refinement:
+    """Refine A, B, C and the initial states by simulation error; D stays.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete start.
+    x0 : sequence of ndarray, (states,)
+        Initial state of each record.
+    data : IoData or sequence of IoData
+        Records.
+    iterations : int
+        Steps at most.
+
+    Returns
+    -------
+    Refinement
+        A model whose sum of squared relative errors is not above that of the start, and whose
+        largest eigenvalue is not beyond both the start's and the unit circle.
+    """
+    records = as_records(data)
+    before = _errors(model, x0, records)
+    unchanged = Refinement(model, tuple(x0), before, before)
+    form = modal_form(model)
+    if np.linalg.cond(form.vectors) > _DEFECTIVE_CONDITION or not np.isfinite(before).all():
+        return unchanged
+    problem = _Modal(model, records)
+    found = minimise(problem.pack(x0), problem.cost, problem.normal, iterations=iterations)
+    if not np.isfinite(found.cost):
+        return unchanged
+    refined, starts = problem.unpack(found.theta)
+    after = _errors(refined, starts, records)
+    # Judged by an independent simulation, so that rounding cannot make it worse.
+    if not np.sum(after**2) < np.sum(before**2):
+        return unchanged
+    return Refinement(refined, starts, after, before)
+
+
+class _Modal:
+    """Cost and normal equations over modal parameters: A, B, C and the initial states."""
+
+    def __init__(self, model: control.StateSpace, records: Sequence[IoData]) -> None:
+        form = modal_form(model)
+        self._model, self._records, self._groups = model, records, form.groups
+        # Columns of a pair: real and imaginary part of its vector.
+        self._basis = np.empty((model.nstates, model.nstates))
+        for group in form.groups:
+            vector = form.vectors[:, group[0]]
+            self._basis[:, group[0]] = vector.real
+            if len(group) > 1:
+                self._basis[:, group[1]] = vector.imag
+        self._largest = max(1.0, float(np.abs(form.eigenvalues).max(initial=0.0)))
+        power = np.sum([np.sum(record.y**2, axis=0) for record in records], axis=0)
+        self._weight = np.sqrt(np.divide(1.0, power, out=np.zeros_like(power), where=power > 0.0))
+        self._n, self._r, self._m = model.nstates, model.ninputs, model.noutputs
+
+    def pack(self, x0: Sequence[FloatArray]) -> FloatArray:
+        """Return the parameters of the start."""
+        inverse = np.linalg.inv(self._basis)
+        A = inverse @ self._model.A @ self._basis
+        entries = []
+        for group in self._groups:
+            entries.append(A[group[0], group[0]])
+            if len(group) > 1:
+                entries.append(A[group[0], group[1]])
+        B, C = inverse @ self._model.B, self._model.C @ self._basis
+        return np.concatenate([entries, B.ravel(), C.ravel(), *(inverse @ x for x in x0)])
+
+    def unpack(self, theta: FloatArray) -> tuple[control.StateSpace, tuple[FloatArray, ...]]:
+        """Return model and initial states, in the coordinates of the start."""
+        A, B, C, starts = self._split(theta)
+        T, inverse = self._basis, np.linalg.inv(self._basis)
+        model = control.ss(
+            T @ A @ inverse,
+            T @ B,
+            C @ inverse,
+            self._model.D,
+            self._model.dt,
+            inputs=list(self._model.input_labels),
+            outputs=list(self._model.output_labels),
+        )
+        return model, tuple(T @ start for start in starts)
+
+    def cost(self, theta: FloatArray) -> float:
+        A, B, C, starts = self._split(theta)
+        if np.abs(np.linalg.eigvals(A)).max(initial=0.0) > self._largest:
+            return np.inf
+        model = control.ss(A, B, C, self._model.D, self._model.dt)
+        total = 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            for record, start in zip(self._records, starts, strict=True):
+                missed = self._weight * (simulate(model, record.u, start) - record.y)
+                total += float(np.sum(missed**2))
+        return total
+
+    def normal(self, theta: FloatArray) -> Normal:
+        A, B, C, starts = self._split(theta)
+        n, r, m = self._n, self._r, self._m
+        dynamic, moving = n + n * r, n + n * r + n
+        d_A, d_B = self._derivatives(moving)
+        cost, gradient = 0.0, np.zeros(len(theta))
+        matrix = np.zeros((len(theta), len(theta)))
+        still = np.zeros((r, n)), np.zeros(r), np.zeros((r, moving))
+        for number, (record, start) in enumerate(zip(self._records, starts, strict=True)):
+            own = dynamic + n * m + number * n + np.arange(n)
+            place = np.concatenate([np.arange(dynamic), own, dynamic + np.arange(n * m)])
+            x, d_x = start, np.zeros((n, moving))
+            d_x[:, dynamic:] = np.eye(n)
+            for first in range(0, len(record), _CHUNK):
+                # One sample more than the chunk: where the next one starts.
+                u = np.zeros((min(_CHUNK, len(record) - first) + 1, r))
+                u[:-1] = record.u[first : first + _CHUNK]
+                states, slopes = run_sensitivity(
+                    A, B, still[0], still[1], u, x, d_A, d_B, still[2], still[2], d_x
+                )
+                x, d_x = states[-1].copy(), slopes[-1].copy()
+                y = states[:-1] @ C.T + u[:-1] @ self._model.D.T
+                e = (self._weight * (y - record.y[first : first + _CHUNK])).ravel()
+                jacobian = np.concatenate(
+                    [
+                        np.matmul(C, slopes[:-1]),
+                        np.einsum("ij,kl->kijl", np.eye(m), states[:-1]).reshape(-1, m, m * n),
+                    ],
+                    axis=2,
+                )
+                jacobian = (self._weight[:, np.newaxis] * jacobian).reshape(len(e), -1)
+                cost += float(e @ e)
+                gradient[place] += jacobian.T @ e
+                matrix[np.ix_(place, place)] += jacobian.T @ jacobian
+        return Normal(cost, gradient, matrix)
+
+    def _split(
+        self, theta: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[FloatArray, ...]]:
+        n, r, m = self._n, self._r, self._m
+        A, at = np.zeros((n, n)), 0
+        for group in self._groups:
+            i = group[0]
+            A[i, i] = theta[at]
+            if len(group) > 1:
+                j = group[1]
+                A[i, j], A[j, i], A[j, j] = theta[at + 1], -theta[at + 1], theta[at]
+            at += len(group)
+        B = theta[n : n + n * r].reshape(n, r)
+        C = theta[n + n * r : n + n * r + n * m].reshape(m, n)
+        starts = theta[n + n * r + n * m :].reshape(-1, n)
+        return A, B.copy(), C.copy(), tuple(start.copy() for start in starts)
+
+    def _derivatives(self, count: int) -> tuple[FloatArray, FloatArray]:
+        n, r = self._n, self._r
+        d_A, d_B, at = np.zeros((count, n, n)), np.zeros((count, n, r)), 0
+        for group in self._groups:
+            for i in group:
+                d_A[at, i, i] = 1.0
+            if len(group) > 1:
+                i, j = group
+                d_A[at + 1, i, j], d_A[at + 1, j, i] = 1.0, -1.0
+            at += len(group)
+        for entry in range(n * r):
+            d_B[n + entry, entry // r, entry % r] = 1.0
+        return d_A, d_B
+
+
+def _errors(
+    model: control.StateSpace, x0: Sequence[FloatArray], records: Sequence[IoData]
+) -> FloatArray:
+    missed, total = np.zeros(model.noutputs), np.zeros(model.noutputs)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for record, start in zip(records, x0, strict=True):
+            missed += np.sum((simulate(model, record.u, start) - record.y) ** 2, axis=0)
+            total += np.sum(record.y**2, axis=0)
+    return np.sqrt(np.divide(missed, total, out=np.zeros_like(missed), where=total > 0.0))

@@ -1,0 +1,245 @@
+"""Linear models with Coulomb friction that acts at their inputs, stepped in time, compiled.
+
+Friction opposes the speed of the coordinate its input drives. It is taken implicitly: over a step
+it is the force that brings the speed to rest if that needs no more than the level, else the level
+against the motion. So a drive below its level stands still and does not creep or chatter, and the
+step is piecewise linear, which gives exact derivatives.
+Moreau, "Unilateral contact and dry friction in finite freedom dynamics" (1988).
+
+The functions check nothing; `flexarm_ident.friction` and `flexarm_ident.refinement` use them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeVar, cast
+
+import numpy as np
+from numba import njit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flexarm_ident.arrays import FloatArray
+
+    Function = TypeVar("Function", bound=Callable[..., object])
+
+_SWEEPS = 50
+_SETTLED = 1e-12
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function, keeping the result on disk where there is a place to write."""
+    try:
+        return cast("Function", njit(cache=True)(function))
+    except RuntimeError:
+        return cast("Function", njit(function))
+
+
+@compiled
+def friction_force(free_speed: FloatArray, gain: FloatArray, levels: FloatArray) -> FloatArray:
+    """Return the friction of one step, in units of the input.
+
+    Parameters
+    ----------
+    free_speed : ndarray, (inputs,)
+        Speeds after the step without friction.
+    gain : ndarray, (inputs, inputs)
+        Speeds that unit forces give over the step.
+    levels : ndarray, (inputs,)
+        Coulomb levels; an input without friction has 0.
+
+    Returns
+    -------
+    ndarray, (inputs,)
+        Forces to subtract from the inputs.
+    """
+    force = np.zeros(len(levels))
+    for _ in range(_SWEEPS):
+        change = 0.0
+        for i in range(len(levels)):
+            if levels[i] <= 0.0 or gain[i, i] == 0.0:
+                continue
+            left = free_speed[i]
+            for j in range(len(levels)):
+                if j != i:
+                    left -= gain[i, j] * force[j]
+            wanted = min(max(left / gain[i, i], -levels[i]), levels[i])
+            change = max(change, abs(wanted - force[i]))
+            force[i] = wanted
+        if change <= _SETTLED:
+            break
+    return force
+
+
+@compiled
+def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
+    A: FloatArray,
+    B: FloatArray,
+    speed: FloatArray,
+    levels: FloatArray,
+    u: FloatArray,
+    x0: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Step a model through a record.
+
+    Parameters
+    ----------
+    A, B : ndarray
+        Discrete model.
+    speed : ndarray, (inputs, states)
+        Speed that the friction of each input opposes.
+    levels : ndarray, (inputs,)
+        Coulomb levels.
+    u : ndarray, (samples, inputs)
+        Inputs.
+    x0 : ndarray, (states,)
+        Initial state.
+
+    Returns
+    -------
+    ndarray, (samples, states)
+        States.
+    ndarray, (samples, inputs)
+        Friction from each sample to the next.
+    """
+    samples, states, inputs = len(u), len(A), B.shape[1]
+    x = np.empty((samples, states))
+    forces = np.empty((samples, inputs))
+    gain = speed @ B
+    now = x0.copy()
+    free_speed = np.empty(inputs)
+    after = np.empty(states)
+    for k in range(samples):
+        x[k] = now
+        for i in range(states):
+            total = 0.0
+            for j in range(states):
+                total += A[i, j] * now[j]
+            for j in range(inputs):
+                total += B[i, j] * u[k, j]
+            after[i] = total
+        for i in range(inputs):
+            total = 0.0
+            for j in range(states):
+                total += speed[i, j] * after[j]
+            free_speed[i] = total
+        forces[k] = friction_force(free_speed, gain, levels)
+        for i in range(states):
+            total = after[i]
+            for j in range(inputs):
+                total -= B[i, j] * forces[k, j]
+            now[i] = total
+    return x, forces
+
+
+@compiled
+def force_derivative(
+    ahead: FloatArray,
+    gain: FloatArray,
+    force: FloatArray,
+    levels: FloatArray,
+    d_levels: FloatArray,
+) -> FloatArray:
+    """Return the derivative of `friction_force`.
+
+    Parameters
+    ----------
+    ahead : ndarray, (inputs, parameters)
+        Derivative of the speeds after the step, with the friction held.
+    gain : ndarray, (inputs, inputs)
+        Speeds that unit forces give over the step.
+    force, levels : ndarray, (inputs,)
+        The step's friction and the levels.
+    d_levels : ndarray, (inputs, parameters)
+        Derivative of the levels.
+
+    Returns
+    -------
+    ndarray, (inputs, parameters)
+        Derivative of the friction.
+    """
+    inputs, parameters = ahead.shape
+    derivative = np.zeros((inputs, parameters))
+    held = np.zeros(inputs, dtype=np.bool_)
+    for i in range(inputs):
+        held[i] = abs(force[i]) < levels[i]
+        if not held[i] and levels[i] > 0.0:
+            derivative[i] = np.sign(force[i]) * d_levels[i]
+    if not held.any():
+        return derivative
+    # Held drives keep their speed zero, whatever the others do.
+    matrix = np.eye(inputs)
+    right = derivative.copy()
+    for i in range(inputs):
+        if held[i]:
+            matrix[i] = gain[i]
+            right[i] = ahead[i]
+    return np.linalg.solve(matrix, right)  # type: ignore[return-value]
+
+
+@compiled
+def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
+    A: FloatArray,
+    B: FloatArray,
+    speed: FloatArray,
+    levels: FloatArray,
+    u: FloatArray,
+    x0: FloatArray,
+    d_A: FloatArray,
+    d_B: FloatArray,
+    d_levels: FloatArray,
+    d_u: FloatArray,
+    d_x0: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Step a model and the derivatives of its states with respect to parameters.
+
+    Parameters
+    ----------
+    A, B, speed, levels, u, x0
+        As in `run`; `speed` does not depend on the parameters.
+    d_A : ndarray, (parameters, states, states)
+        Derivative of A.
+    d_B : ndarray, (parameters, states, inputs)
+        Derivative of B.
+    d_levels, d_u : ndarray, (inputs, parameters)
+        Derivatives of the levels and of a constant part of the inputs.
+    d_x0 : ndarray, (states, parameters)
+        Derivative of the initial state.
+
+    Returns
+    -------
+    ndarray, (samples, states)
+        States.
+    ndarray, (samples, states, parameters)
+        Their derivatives.
+    """
+    samples, states, inputs = len(u), len(A), B.shape[1]
+    parameters = len(d_A)
+    x, forces = run(A, B, speed, levels, u, x0)
+    gain = speed @ B
+    d_x = np.empty((samples, states, parameters))
+    now = d_x0.copy()
+    for k in range(samples):
+        d_x[k] = now
+        ahead = product(A, now) + product(B, d_u)
+        for p in range(parameters):
+            for i in range(states):
+                for j in range(states):
+                    ahead[i, p] += d_A[p, i, j] * x[k, j]
+                for j in range(inputs):
+                    ahead[i, p] += d_B[p, i, j] * (u[k, j] - forces[k, j])
+        d_speed = product(speed, ahead)
+        d_force = force_derivative(d_speed, gain, forces[k], levels, d_levels)
+        now = ahead - product(B, d_force)
+    return x, d_x
+
+
+@compiled
+def product(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the product of two small matrices, of any layout."""
+    result = np.zeros((left.shape[0], right.shape[1]))
+    for i in range(left.shape[0]):
+        for j in range(left.shape[1]):
+            for p in range(right.shape[1]):
+                result[i, p] += left[i, j] * right[j, p]
+    return result

@@ -1,0 +1,162 @@
+"""Dry friction: closed forms of sliding and sticking, and levels recovered from records."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from ident_systems import DT_S, arm_model, named
+
+from flexarm_ident import IdentificationError, IoData
+from flexarm_ident.dead_sensor import live_samples
+from flexarm_ident.friction import (
+    Drive,
+    DryFriction,
+    estimate_coulomb,
+    simulate_with_friction,
+)
+from flexarm_ident.simulation import simulate
+from flexarm_ident.stick_slip import friction_force
+
+if TYPE_CHECKING:
+    import control
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MASS = 0.4
+
+
+def sledge() -> control.StateSpace:
+    """Return a mass pushed by its input: position and speed."""
+    return named(
+        np.array([[1.0, DT_S], [0.0, 1.0]]),
+        np.array([[0.5 * DT_S**2 / MASS], [DT_S / MASS]]),
+        np.eye(2),
+        np.zeros((2, 1)),
+    )
+
+
+def dry(level: float, offset: float = 0.0) -> DryFriction:
+    nothing = np.zeros(1)
+    return DryFriction(
+        np.array([level]), np.array([offset]), nothing, nothing, np.array([[0.0, 1.0]])
+    )
+
+
+def moved_record(level: float, *, noise: float = 0.0, seed: int = 0) -> IoData:
+    """Return a sledge with friction and viscous drag under a position controller."""
+    rng = np.random.default_rng(seed)
+    samples, drag, gain = 6000, 0.8, DT_S / MASS
+    x, v = 0.0, 0.0
+    u, y = np.empty(samples), np.empty(samples)
+    for k in range(samples):
+        y[k] = x + noise * rng.normal()
+        reference = 1.0 if (k // 600) % 2 == 0 else -1.0
+        u[k] = 6.0 * (reference - y[k]) - 2.5 * v
+        free = v + gain * (u[k] - drag * v)
+        v_next = np.sign(free) * max(abs(free) - gain * level, 0.0)
+        x, v = x + 0.5 * DT_S * (v + v_next), v_next
+    return IoData(u, y, dt_s=DT_S, inputs=("force_n",), outputs=("place_m",), closed_loop=True)
+
+
+def test_simulation___no_friction___is_the_linear_one() -> None:
+    model = arm_model()
+    u = np.random.default_rng(0).normal(size=(500, 1))
+    x0 = np.random.default_rng(1).normal(size=model.nstates)
+    none = np.zeros(1)
+    friction = DryFriction(none, none, none, none, np.eye(1, model.nstates, 1))
+    y, forces = simulate_with_friction(model, friction, u, x0)
+    assert y == pytest.approx(simulate(model, u, x0), rel=1e-9, abs=1e-9)
+    assert not forces.any()
+
+
+def test_simulation___force_below_level___stands_still() -> None:
+    u = 0.99 * np.sin(np.arange(400) / 20.0)[:, np.newaxis]
+    y, forces = simulate_with_friction(sledge(), dry(1.0), u, np.array([0.3, 0.0]))
+    assert y[:, 0] == pytest.approx(np.full(400, 0.3))
+    assert forces == pytest.approx(u)
+
+
+def test_simulation___sliding_mass___stops_after_the_closed_form_distance() -> None:
+    level, speed = 0.7, 1.5
+    y, _ = simulate_with_friction(sledge(), dry(level), np.zeros((900, 1)), np.array([0.0, speed]))
+    distance = 0.5 * MASS * speed**2 / level
+    assert y[-1, 0] == pytest.approx(distance, rel=1e-4)
+    assert y[-1, 1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_simulation___net_input___moves_the_linear_model_alike() -> None:
+    u = 2.0 * np.random.default_rng(2).normal(size=(600, 1))
+    x0 = np.array([0.1, -0.2])
+    y, forces = simulate_with_friction(sledge(), dry(0.8, 0.1), u, x0)
+    assert simulate(sledge(), u - 0.1 - forces, x0) == pytest.approx(y, rel=1e-9, abs=1e-9)
+
+
+def test_friction_force___coupled_drives___meets_the_conditions_of_coulomb() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        root = rng.normal(size=(3, 3))
+        gain = root @ root.T + 0.1 * np.eye(3)
+        levels, free = rng.uniform(0.1, 1.0, 3), 2.0 * rng.normal(size=3)
+        force = friction_force(free, gain, levels)
+        after = free - gain @ force
+        held = np.abs(force) < levels * (1.0 - 1e-9)
+        assert np.abs(after[held]).max(initial=0.0) < 1e-4
+        assert np.all(np.abs(force) <= levels)
+        assert np.all((force * after)[~held] >= -1e-4)
+
+
+@pytest.mark.parametrize("level", [0.3, 1.0])
+def test_estimate___position_loop___finds_the_level(level: float) -> None:
+    found = estimate_coulomb(moved_record(level, noise=1e-4), [Drive("force_n", "place_m")])
+    assert found.levels == pytest.approx([level], rel=0.1)
+    assert found.present
+    assert abs(found.offsets[0]) < 0.1 * level
+
+
+def test_estimate___no_friction___says_so() -> None:
+    found = estimate_coulomb(moved_record(0.0, noise=1e-4), [Drive("force_n", "place_m")])
+    assert not found.present
+
+
+def test_estimate___speed_output___is_not_differentiated() -> None:
+    data = moved_record(0.5)
+    speed = np.gradient(data.y[:, 0], DT_S)
+    by_speed = IoData(data.u, speed, dt_s=DT_S, inputs=("force_n",), outputs=("speed_m_s",))
+    found = estimate_coulomb(by_speed, [Drive("force_n", "speed_m_s", is_speed=True)])
+    assert found.levels == pytest.approx([0.5], rel=0.1)
+
+
+def test_estimate___unknown_channel___names_it() -> None:
+    with pytest.raises(IdentificationError, match="no channel 'torque'"):
+        estimate_coulomb(moved_record(0.3), [Drive("torque", "place_m")])
+
+
+def test_estimate___single_short_move___raises() -> None:
+    y = np.zeros(400)
+    y[200:203] = (0.2, 0.8, 1.0)
+    y[203:] = 1.0
+    u = np.random.default_rng(0).normal(size=400)
+    data = IoData(u, y, dt_s=DT_S, inputs=("force_n",), outputs=("place_m",))
+    with pytest.raises(IdentificationError, match="slips in"):
+        estimate_coulomb(data, [Drive("force_n", "place_m")])
+
+
+def test_live_samples___dead_gauge_and_resting_encoder___marks_the_gauge_only() -> None:
+    rng = np.random.default_rng(0)
+    gauge = rng.normal(size=500)
+    gauge[:60] = 0.0
+    encoder = np.round(np.sin(np.arange(500) / 60.0), 1)
+    encoder[300:400] = encoder[300]
+    data = IoData(
+        rng.normal(size=500),
+        np.stack([gauge, encoder], axis=1),
+        dt_s=DT_S,
+        inputs=("u",),
+        outputs=("gauge", "encoder"),
+    )
+    live = live_samples(data)
+    assert np.flatnonzero(live[:, 0] == 0.0).tolist() == list(range(60))
+    assert live[:, 1].all()

@@ -1,0 +1,185 @@
+"""Refinement by simulation error: gradients, exact answers, never worse, a real record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from ident_systems import pulse_responses, random_model, record
+from scipy import optimize
+
+from flexarm_ident import IdentificationError, IoData
+from flexarm_ident.arm_error import Part, SimulationError
+from flexarm_ident.arm_fit import fit_arm
+from flexarm_ident.dead_sensor import live_samples
+from flexarm_ident.flexible_arm import FlexibleArm
+from flexarm_ident.friction import Drive, simulate_with_friction
+from flexarm_ident.least_squares import Normal, minimise
+from flexarm_ident.refinement import _Modal, refine_model
+from flexarm_ident.stick_slip import run
+from flexarm_ident.validation import relative_errors
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+REAL = Path(__file__).parents[3].parent / "shared/data/quanser_2dsfl_fsf.csv"
+
+
+def disturbed(model: control.StateSpace, seed: int, part: float) -> control.StateSpace:
+    rng = np.random.default_rng(seed)
+    A, B, C = (M * (1.0 + part * rng.normal(size=M.shape)) for M in (model.A, model.B, model.C))
+    labels = {"inputs": model.input_labels, "outputs": model.output_labels}
+    return control.ss(A, B, C, model.D, model.dt, **labels)
+
+
+def test_minimise___rosenbrock___agrees_with_scipy() -> None:
+    def residual(p: Array) -> Array:
+        return np.array([10.0 * (p[1] - p[0] ** 2), 1.0 - p[0]])
+
+    def normal(p: Array) -> Normal:
+        J = np.array([[-20.0 * p[0], 10.0], [-1.0, 0.0]])
+        e = residual(p)
+        return Normal(float(e @ e), J.T @ e, J.T @ J)
+
+    start = np.array([-1.2, 1.0])
+    found = minimise(start, lambda p: normal(p).cost, normal, iterations=200, tolerance=1e-14)
+    expected = optimize.least_squares(residual, start).x
+    assert found.theta == pytest.approx(expected, abs=1e-5)
+
+
+def test_minimise___start_overflows___is_returned() -> None:
+    start = np.array([1.0])
+    nothing = Normal(np.inf, np.zeros(1), np.eye(1))
+    found = minimise(start, lambda _: np.inf, lambda _: nothing, iterations=5)
+    assert found.cost == np.inf
+    assert found.theta is start
+
+
+def test_modal_problem___gradient___agrees_with_differences() -> None:
+    model = random_model(4)
+    records = [record(model, 120, 1, noise=0.1), record(model, 90, 2, noise=0.1)]
+    problem = _Modal(disturbed(model, 0, 0.01), records)
+    theta = problem.pack([np.ones(5), -np.ones(5)])
+    slopes = optimize.approx_fprime(theta, problem.cost, 1e-7)
+    normal = problem.normal(theta)
+    assert normal.cost == pytest.approx(problem.cost(theta), rel=1e-9)
+    assert 2.0 * normal.gradient == pytest.approx(slopes, abs=1e-4 * np.abs(slopes).max())
+
+
+def test_refinement___disturbed_start_of_clean_data___recovers_the_system() -> None:
+    model = random_model(7)
+    data = record(model, 2500, 3)
+    refined = refine_model(disturbed(model, 1, 0.01), [np.zeros(5)], data, iterations=100)
+    known = pulse_responses(model)
+    assert refined.error.max() < 1e-6
+    assert np.abs(pulse_responses(refined.model) - known).max() < 1e-5 * np.abs(known).max()
+
+
+@given(seed=st.integers(0, 1000), noise=st.floats(0.0, 2.0), part=st.floats(0.0, 0.5))
+@settings(max_examples=15, deadline=None)
+def test_refinement___any_start___never_worse(seed: int, noise: float, part: float) -> None:
+    model = random_model(seed % 20)
+    data = record(model, 150, seed, noise=noise)
+    start, x0 = disturbed(model, seed, part), [np.zeros(5)]
+    refined = refine_model(start, x0, data, iterations=4)
+    before, after = np.sum(refined.start_error**2), np.sum(refined.error**2)
+    assert after <= before or not np.isfinite(before)
+    if refined.model is start:
+        assert refined.x0[0] is x0[0]
+
+
+def arm_parameters(arm: FlexibleArm) -> Array:
+    """Return a hub with one bending mode at about 3 Hz, a gauge and a level of 0.3."""
+    theta = np.zeros(arm.parameters)
+    theta[arm.blocks["mass"]] = (0.30, -0.03, 0.045)
+    theta[arm.blocks["damping"]] = (0.5, 0.0, 0.03)
+    theta[arm.blocks["log_gain"]] = np.log(2.0)
+    theta[arm.blocks["gauges"]] = 0.7
+    theta[arm.blocks["log_bandwidth"]], theta[arm.blocks["log_ratio"]] = np.log(60.0), np.log(0.8)
+    theta[arm.blocks["log_level"]], theta[arm.blocks["offset"]] = np.log(0.3), 0.01
+    return theta
+
+
+def arm_record(samples: int = 3000, dt_s: float = 0.005) -> tuple[FlexibleArm, Array, IoData]:
+    """Return a noisy record of that arm under a position loop, stepped one sample at a time."""
+    arm = FlexibleArm((0,), (1.0,), 2)
+    theta = arm_parameters(arm)
+    A, B = arm.discrete(theta, dt_s)
+    rng = np.random.default_rng(0)
+    x, u, y = np.zeros(arm.states), np.zeros((samples, 1)), np.zeros((samples, 2))
+    for k in range(samples):
+        y[k] = arm.output_matrix @ x + (2e-3, 2e-3) * rng.normal(size=2)
+        reference = np.sin(1.7 * k * dt_s) + (0.5 if (k // 400) % 2 else -0.5)
+        u[k] = 3.0 * (reference - y[k, 0]) - 0.3 * arm.speed[0] @ x
+        x = run(A, B, arm.speed, arm.levels(theta), u[[k, k]] - 0.01, x)[0][1]
+    inputs, outputs = ("drive_a",), ("hub_rad", "gauge_v")
+    data = IoData(u, y, dt_s=dt_s, inputs=inputs, outputs=outputs, closed_loop=True)
+    return arm, theta, data
+
+
+def test_arm___derivatives___agree_with_differences() -> None:
+    arm = FlexibleArm((1, 0), (1.0, -1.0), 4)
+    rng = np.random.default_rng(5)
+    theta = rng.normal(size=arm.parameters)
+    matrices = arm.discrete_with_derivatives(theta, 0.01)
+    step = 1e-6
+    for p in range(arm.parameters):
+        change = step * np.eye(arm.parameters)[p]
+        above, below = arm.discrete(theta + change, 0.01), arm.discrete(theta - change, 0.01)
+        for slope, high, low in zip(matrices[2:], above, below, strict=True):
+            expected = (high - low) / (2.0 * step)
+            assert slope[p] == pytest.approx(expected, abs=1e-5 * max(1.0, np.abs(expected).max()))
+
+
+def test_arm_error___gradient_through_stick_and_slip___agrees_with_differences() -> None:
+    arm, theta, data = arm_record(400)
+    part = Part(np.array(data.u), data.y, np.ones_like(data.y), np.zeros(arm.states))
+    problem = SimulationError(arm, (part,), data.dt_s, np.array([0.5]))
+    theta = theta + 0.02 * np.random.default_rng(1).normal(size=len(theta))
+    slopes = np.array(
+        [
+            (problem.cost(theta + h) - problem.cost(theta - h)) / 2e-7
+            for h in 1e-7 * np.eye(len(theta))
+        ]
+    )
+    gradient = 2.0 * problem.normal(theta).gradient
+    assert gradient == pytest.approx(slopes, abs=1e-3 * np.abs(slopes).max())
+
+
+def test_fit_arm___closed_loop_without_compensation___finds_level_and_simulates() -> None:
+    _, _, data = arm_record()
+    fit = fit_arm(data, [Drive("drive_a", "hub_rad")])
+    assert fit.friction.levels == pytest.approx([0.3], rel=0.1)
+    assert abs(fit.friction.offsets[0] - 0.01) < 0.02
+    assert np.all(fit.error < 0.04)
+
+
+def test_fit_arm___input_without_position___raises() -> None:
+    _, _, data = arm_record(400)
+    with pytest.raises(IdentificationError, match="one position for every input"):
+        fit_arm(data, [])
+
+
+@pytest.mark.skipif(not REAL.exists(), reason=f"the real record {REAL.name} is not there")
+def test_fit_arm___real_two_link_arm___simulates_twice_the_record() -> None:
+    table = np.genfromtxt(REAL, delimiter=",", names=True)
+    inputs = ("current1_meas_a", "current2_meas_a")
+    outputs = ("hub1_deg", "deflection1_deg", "hub2_deg", "deflection2_deg")
+    u, y = (np.stack([table[name] for name in names], axis=1) for names in (inputs, outputs))
+    data = IoData(u, y, dt_s=0.002, inputs=inputs, outputs=outputs, closed_loop=True)
+    drives = [Drive(inputs[0], outputs[0]), Drive(inputs[1], outputs[2])]
+    fit = fit_arm(data.head(len(data) // 2), drives)
+    # Nothing measured but the currents goes in, from rest at the first sample to the end.
+    simulated, _ = simulate_with_friction(fit.model, fit.friction, data.u, fit.x0[0])
+    error = relative_errors(data.y, simulated)
+    assert error[[0, 2]].mean() <= 0.20
+    assert error[[1, 3]].mean() <= 0.50
+    assert np.all(fit.friction.levels > 3.0 * fit.friction.level_deviations)
+    assert live_samples(data).min(axis=0).tolist() == [1.0, 0.0, 1.0, 0.0]
