@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import signal
 import subprocess
 import time
 from contextlib import suppress
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from tempfile import gettempdir
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -88,6 +90,18 @@ def eventually(condition: Callable[[], bool], what: str, patience_s: float = PAT
         time.sleep(_POLL_S)
 
 
+def claim_domain() -> tuple[int, IO[str]]:
+    """Return a ROS domain that no other test run uses while the file is open."""
+    for number in islice(_DOMAINS, 100):
+        # Above 100 the ports are those that the system gives to anybody.
+        domain = 1 + number % 100
+        with suppress(OSError):
+            claim = Path(gettempdir(), f"flexarm_test_domain_{domain}").open("w")
+            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return domain, claim
+    pytest.fail("every ROS domain is in use by another test run")
+
+
 class Process:
     """One started program and what it prints."""
 
@@ -140,8 +154,7 @@ class Graph:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        # Above 100 the ports are those that the system gives to anybody.
-        self.domain = 1 + next(_DOMAINS) % 100
+        self.domain, self._claim = claim_domain()
         self.environment = os.environ | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -179,6 +192,7 @@ class Graph:
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
+        self._claim.close()
 
     def start(self, name: str, parameters: Mapping[str, Any] | None = None, *more: str) -> Process:
         """Start a node that is to run until it is told to stop."""

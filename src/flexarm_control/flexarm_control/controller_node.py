@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from flexarm_control.parameters import ParameterSpec as Bound
 
 _WAIT_S = 0.1
+# A recorder that was not heard of yet when the reference changed learns it so soon.
+_TELL_AGAIN_S = 1.0
 _STATISTICS_SAMPLES = 3000
 TOPIC = "topic"
 """The reference comes from the topic `reference` and not from a built-in profile."""
@@ -135,7 +137,7 @@ class ControllerNode(LoopNode):
         """Answer until told to stop."""
         last_sequence = 0
         start_s = 0.0
-        told_v = None
+        told_v, told_s = None, 0.0
         command = MotorCommand()
         command.header.frame_id = "flexarm"
         while not stopping.is_set():
@@ -152,8 +154,8 @@ class ControllerNode(LoopNode):
             last_sequence = state.sequence
             if setup.profile is not None:
                 self._reference_v = setup.profile(stamp_s - start_s)
-                if self._reference_v != told_v:
-                    told_v = self._reference_v
+                if self._reference_v != told_v or stamp_s - told_s >= _TELL_AGAIN_S:
+                    told_v, told_s = self._reference_v, stamp_s
                     self._references_out.publish(Float64(data=told_v))
             effort = setup.law.step(
                 (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v),
