@@ -12,7 +12,7 @@ from contextlib import suppress
 from itertools import count, islice
 from pathlib import Path
 from tempfile import gettempdir
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -90,15 +90,20 @@ def eventually(condition: Callable[[], bool], what: str, patience_s: float = PAT
         time.sleep(_POLL_S)
 
 
-def claim_domain() -> tuple[int, IO[str]]:
-    """Return a ROS domain that no other test run uses while the file is open."""
+def claim_domain() -> tuple[int, int]:
+    """Return a ROS domain that no other test run uses, and the open file that says so."""
     for number in islice(_DOMAINS, 100):
         # Above 100 the ports are those that the system gives to anybody.
         domain = 1 + number % 100
+        lock = Path(gettempdir(), f"flexarm_test_domain_{domain}")
         with suppress(OSError):
-            claim = Path(gettempdir(), f"flexarm_test_domain_{domain}").open("w")
-            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return domain, claim
+            claim = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
+            try:
+                fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.close(claim)
+            else:
+                return domain, claim
     pytest.fail("every ROS domain is in use by another test run")
 
 
@@ -158,6 +163,8 @@ class Graph:
         self.environment = os.environ | {
             "ROS_DOMAIN_ID": str(self.domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            # A test run shares its machine with others.
+            "FLEXARM_PRIORITY": "0",
             _MARK: str(folder),
         }
         self._processes: list[Process] = []
@@ -192,7 +199,7 @@ class Graph:
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
-        self._claim.close()
+        os.close(self._claim)
 
     def start(self, name: str, parameters: Mapping[str, Any] | None = None, *more: str) -> Process:
         """Start a node that is to run until it is told to stop."""

@@ -90,7 +90,7 @@ def test_remapped_controller___answers_on_the_other_names(graph: Graph) -> None:
     ("name", "parameters", "complaint"),
     [
         ("daq", {"rate_hz": 5000.0}, "parameter rate_hz is out of its range, 10 to 2000 Hz"),
-        ("daq", {"rate_hz": 300}, "parameter rate_hz must be a float: write 300.0, not 300"),
+        ("daq", {"rate_hz": 300}, "parameter rate_hz must be a float, such as 300.0"),
         ("daq", {"max_age_periods": 0}, "parameter max_age_periods is out of its range, 1 to 1000"),
         ("daq", {"rig": "other"}, "parameter rig = 'other': must be one of simulated"),
         (

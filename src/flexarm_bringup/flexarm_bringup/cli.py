@@ -203,9 +203,9 @@ def import_(csv: Path, map_file: Path, output: Path) -> None:
     "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
 )
 @_examples(
-    "identify bags/c_dat3",
-    "identify bags/c_dat3 --reduction mrm --reduced-order 10 --update b -o out/c3",
-    "identify bags/c_dat3 --export json,mat,h",
+    "identify bags/c_dat3_0g",
+    "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
+    "identify bags/c_dat3_0g --export json,mat,h",
 )
 def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
     """Identify a model from bags, without any node; write parameters, exports and report."""
@@ -218,7 +218,7 @@ def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa
 @click.argument("bag", type=click.Path(path_type=Path))
 @click.option("--rate", type=float, default=1.0, show_default=True, help="2 plays twice as fast.")
 @click.option("--loop", is_flag=True, help="Start again at the end.")
-@_examples("play bags/c_dat3", "play bags/c_dat3 --rate 2")
+@_examples("play bags/c_dat3_0g", "play bags/c_dat3_0g --rate 2")
 def play(bag: Path, rate: float, *, loop: bool) -> None:
     """Publish the messages of a bag with their original timing."""
     _exec_node("player_node", {"bag": bag.absolute(), "rate": rate, "loop": loop})

@@ -29,6 +29,7 @@ from flexarm_ident.iodata import ARM_OUTPUTS
 from flexarm_ident.plots import step_plot
 from flexarm_ident.report import Section, append_section
 from flexarm_msgs.srv import Identify
+from flexarm_node.process import PRIORITY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -85,6 +86,9 @@ def run_demo(settings: DemoSettings) -> dict[str, Any]:
     log = out / "nodes.log"
     log.unlink(missing_ok=True)
     true_modes_hz = natural_frequencies_hz(RigParameters(payload_kg=settings.payload_kg))
+    if settings.fast:
+        # Virtual time never rests: at real-time priority it would starve the recorder.
+        os.environ[PRIORITY] = "0"
     with _bag_folder(out / "bag", keep=settings.keep_bag) as bags:
         terminal.step("Starting the nodes: daq, controller, recorder, ident")
         with running_graph(_start_parameters(settings), log) as (operator, _):
@@ -104,7 +108,7 @@ def run_demo(settings: DemoSettings) -> dict[str, Any]:
     summary = _summary(settings, response, experiment, step, true_modes_hz)
     _write_report(out, response, step)
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    _show_step(summary, out)
+    _show_step(summary, out, keep_bag=settings.keep_bag)
     return summary
 
 
@@ -254,7 +258,7 @@ def _show(response: Identify.Response) -> None:
         console.print(f"  note: {warning}")
 
 
-def _show_step(summary: dict[str, Any], out: Path) -> None:
+def _show_step(summary: dict[str, Any], out: Path, *, keep_bag: bool) -> None:
     pdpc = summary["pdpc"]
     settling = pdpc["settling_s"]
     terminal.CONSOLE.print(
@@ -262,4 +266,5 @@ def _show_step(summary: dict[str, Any], out: Path) -> None:
         f"overshoot {100 * pdpc['overshoot']:.1f} %, settled after "
         + ("-" if settling is None else f"{settling:.2f} s")
     )
-    terminal.step(f"Report: {out / 'report.html'}")
+    kept = f"Bags: {out / 'bag'}" if keep_bag else "Bags: removed, --keep-bag keeps them"
+    terminal.step(f"Report: {out / 'report.html'}. {kept}")

@@ -153,8 +153,8 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
 def _as_yaml(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, str):
-        return "'" + value.replace("'", "''") + "'"
+    if isinstance(value, (str, Path)):
+        return "'" + str(value).replace("'", "''") + "'"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_as_yaml(each) for each in value) + "]"
     return repr(value)

@@ -196,4 +196,4 @@ class ControllerNode(LoopNode):
 
 def main() -> int:
     """Run the node."""
-    return run(ControllerNode)
+    return run(ControllerNode, realtime=True)

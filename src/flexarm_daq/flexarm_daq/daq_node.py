@@ -239,4 +239,4 @@ def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
 
 def main() -> int:
     """Run the node."""
-    return run(DaqNode)
+    return run(DaqNode, realtime=True)

@@ -146,7 +146,9 @@ def _feedback(
             f"{test.degrees} is usual"
         )
         if not declared:
-            evidence += ", though the record does not say so"
+            evidence += (
+                ", though no loop is declared (or the output follows the input within a sample)"
+            )
     else:
         evidence = "the record says so, its noise is too small to tell"
     yield DataWarning(

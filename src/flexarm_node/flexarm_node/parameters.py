@@ -120,8 +120,9 @@ class Parameters:
             self._node.declare_parameter(spec.name, spec.default, spec.descriptor())
         except InvalidParameterTypeException:
             wanted = type(spec.default).__name__
-            hint = ": write 300.0, not 300" if wanted == "float" else ""
-            raise ParameterError(f"parameter {spec.name} must be a {wanted}{hint}") from None
+            raise ParameterError(
+                f"parameter {spec.name} must be a {wanted}, such as {spec.default!r}"
+            ) from None
         except InvalidParameterValueException:
             span = f"{spec.minimum:g} to {spec.maximum:g} {spec.unit}".rstrip()
             raise ParameterError(f"parameter {spec.name} is out of its range, {span}") from None

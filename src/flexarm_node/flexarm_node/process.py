@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 import rclpy
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SPIN_S = 1.0
 _PR_SET_PDEATHSIG = 1
+PRIORITY = "FLEXARM_PRIORITY"
+"""Environment variable: SCHED_FIFO priority of the nodes with a loop; 0 asks for none."""
+_DEFAULT_PRIORITY = "20"
 DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
 """Environment variable: a node that finds it set stops when the process that started it dies."""
 
@@ -38,7 +42,7 @@ def request_stop() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def run(make_node: Callable[[], StoppableNode]) -> int:
+def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> int:
     """Run one node until SIGINT or SIGTERM and return the process's exit code.
 
     A signal ends the spinning at once although the main thread is waiting inside the middleware,
@@ -48,7 +52,11 @@ def run(make_node: Callable[[], StoppableNode]) -> int:
     ----------
     make_node
         Builds the node. A `ParameterError` from it is printed as one line, exit code 2.
+    realtime
+        Ask for real-time priority, so that the node's loop is on time on a busy machine.
     """
+    if realtime:
+        _prefer_realtime()
     if os.environ.pop(DIE_WITH_PARENT, None):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     signals, wakeup = os.pipe()
@@ -56,7 +64,11 @@ def run(make_node: Callable[[], StoppableNode]) -> int:
     signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
     for stop_signal in _STOP_SIGNALS:
         signal.signal(stop_signal, _leave_to_wakeup)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        sys.stderr.write(f"wrong ROS arguments: {' '.join(str(error).split())}\n")
+        return 2
     executor = SingleThreadedExecutor()
     stopped = threading.Event()
 
@@ -82,6 +94,14 @@ def run(make_node: Callable[[], StoppableNode]) -> int:
         node.destroy_node()  # type: ignore[attr-defined]
         try_shutdown()
     return 0
+
+
+def _prefer_realtime() -> None:
+    """Take real-time priority where that is permitted: before the middleware makes its threads."""
+    priority = int(os.environ.get(PRIORITY, _DEFAULT_PRIORITY))
+    if priority > 0:
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
 def _leave_to_wakeup(*_: object) -> None:

@@ -186,7 +186,7 @@ def test_assess___controller_unsaid___is_found() -> None:
     figures = found["feedback"].figures
     assert figures["p_value"] < 1e-6
     assert figures["statistic"] > 1.5 * figures["background"] > figures["degrees"]
-    assert "though the record does not say so" in found["feedback"].text
+    assert "though no loop is declared" in found["feedback"].text
 
 
 @pytest.mark.parametrize(("noise", "evidence"), [(0.1, "chi-square"), (0.0, "too small to tell")])
