@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 # A flexible mode may be this far from its known frequency (natural logarithm of the ratio) ...
 _FARTHEST = 0.3
-# ... but MRM counts less with the distance: 0.6 at this one.
-_NEAR = 0.1
+# ... but MRM counts less with the distance: 0.6 at this one, 0.1 at twice as far.
+_NEAR = 0.05
 # A beam's mode vibrates; a pair that is damped more is none.
-_VIBRATES = 0.4
+_VIBRATES = 0.3
 # Below this part of the lowest known frequency a pair belongs to the rigid motion.
 _SLOW = 0.5
 
