@@ -47,7 +47,13 @@ def test_remapped_node___talks_on_the_other_names(graph: Graph) -> None:
     graph.node.create_publisher(MotorCommand, "/lab/drive", qos.SENT)
     graph.start(
         "daq",
-        {"autostart": True, "time": "virtual", "rate_hz": 100.0, "answer_timeout_s": 0.05},
+        {
+            "autostart": True,
+            "time": "virtual",
+            "rate_hz": 100.0,
+            "answer_timeout_s": 0.05,
+            "listeners": 1,
+        },
         *("-r", "__ns:=/lab", "-r", "__node:=rig", "-r", "state:=other/state"),
         *("-r", "command:=drive"),
     )
