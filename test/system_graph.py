@@ -21,7 +21,6 @@ from rosbags.highlevel import AnyReader
 try:
     import rclpy
     from lifecycle_msgs.msg import Transition
-    from lifecycle_msgs.srv import ChangeState, GetState
     from rcl_interfaces.srv import SetParametersAtomically
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.parameter import Parameter
@@ -250,23 +249,15 @@ class Graph:
         self, service: type, name: str, request: object, patience_s: float = PATIENCE_S
     ) -> Any:  # noqa: ANN401
         """Call a service below the namespace and return its response."""
-        client = self.node.create_client(service, name)
-        try:
-            self.wait(client.service_is_ready, f"service {name}")
-            future = client.call_async(request)
-            self.wait(future.done, f"answer of {name}", patience_s)
-            return future.result()
-        finally:
-            self.node.destroy_client(client)
+        return self.operator.call(service, name, request, patience_s)
 
     def transition(self, name: str, label: str) -> bool:
         """Ask a managed node for a transition; return whether it succeeded."""
-        request = ChangeState.Request(transition=Transition(id=TRANSITIONS[label]))
-        return bool(self.call(ChangeState, f"{name}/change_state", request).success)
+        return self.operator.transition(name, TRANSITIONS[label])
 
     def state_of(self, name: str) -> str:
         """Return the lifecycle state of a managed node."""
-        return str(self.call(GetState, f"{name}/get_state", GetState.Request()).current_state.label)
+        return str(self.operator.state(name).label)
 
     def refusal(self, name: str, values: Mapping[str, Any]) -> str:
         """Set parameters together; return the reason of the refusal, empty when they are set."""

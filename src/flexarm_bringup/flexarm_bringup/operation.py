@@ -20,12 +20,23 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from rcl_interfaces.msg import Parameter as ParameterMessage
+    from rclpy.client import Client
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
+    from rclpy.task import Future
 
 NAMESPACE = "/flexarm"
 _SERVICE_S = 30.0
+_UNHEARD_S = 3.0
+_ASKED_ONCE = (Identify,)
+"""Long work: a second question would be refused while the first is at work."""
 _IDENTIFY_S = 900.0
+_GOALS = {
+    Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
+    Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_CLEANUP: State.PRIMARY_STATE_UNCONFIGURED,
+}
 _STALLED_S = 30.0
 _POLL_S = 0.1
 
@@ -47,26 +58,47 @@ class Operator:
         self._node = node
         self._executor = executor
         self._check = check
+        self._clients: dict[tuple[type, str], Client] = {}
         self._sequence = 0
 
     def configure(self, name: str) -> None:
         """Take a managed node from unconfigured to inactive."""
-        self._transition(name, Transition.TRANSITION_CONFIGURE, "configure")
+        if not self.transition(name, Transition.TRANSITION_CONFIGURE):
+            raise LaunchError(f"{name} refused to configure")
 
     def activate(self, name: str) -> None:
         """Take a managed node from inactive to active."""
-        self._transition(name, Transition.TRANSITION_ACTIVATE, "activate")
+        if not self.transition(name, Transition.TRANSITION_ACTIVATE):
+            raise LaunchError(f"{name} refused to activate")
+
+    def transition(self, name: str, transition: int) -> bool:
+        """Ask a managed node for a transition and return whether it made it."""
+        before = self.state(name)
+
+        def made() -> ChangeState.Response | None:
+            now = self.state(name)
+            # An activated DAQ node may have taken all its samples and stopped by now.
+            if now.id == before.id and self._sequence == 0:
+                return None
+            return ChangeState.Response(success=now.id in (_GOALS[transition], before.id))
+
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return bool(self.call(ChangeState, f"{name}/change_state", request, unheard=made).success)
+
+    def state(self, name: str) -> State:
+        """Return the lifecycle state of a managed node."""
+        state: State = self.call(GetState, f"{name}/get_state", GetState.Request()).current_state
+        return state
 
     def is_active(self, name: str) -> bool:
         """Return whether a managed node is active."""
-        response = self._call(GetState, f"{name}/get_state", GetState.Request())
-        return bool(response.current_state.id == State.PRIMARY_STATE_ACTIVE)
+        return bool(self.state(name).id == State.PRIMARY_STATE_ACTIVE)
 
     def set_parameters(self, name: str, values: Mapping[str, Any]) -> None:
         """Set parameters of a node, all or none."""
         request = SetParametersAtomically.Request()
         request.parameters = [_message(key, value) for key, value in values.items()]
-        response = self._call(SetParametersAtomically, f"{name}/set_parameters_atomically", request)
+        response = self.call(SetParametersAtomically, f"{name}/set_parameters_atomically", request)
         if not response.result.successful:
             raise LaunchError(f"{name} refused: {response.result.reason}")
 
@@ -74,14 +106,16 @@ class Operator:
         """Start to record into a new bag, or stop with None; return what the recorder says."""
         if bag is not None:
             self.set_parameters("recorder", {"bag": bag})
-        response = self._call(SetBool, "recorder/record", SetBool.Request(data=bag is not None))
-        if not response.success:
+        response = self.call(SetBool, "recorder/record", SetBool.Request(data=bag is not None))
+        # The second answer, when the first one was lost.
+        started = response.message == f"already recording to {bag}"
+        if not (response.success or started):
             raise LaunchError(f"recorder: {response.message}")
         return str(response.message)
 
     def identify(self, request: Identify.Request) -> Identify.Response:
         """Call the identification service; its refusal becomes an error."""
-        response = self._call(Identify, "identify", request, timeout_s=_IDENTIFY_S)
+        response = self.call(Identify, "identify", request, _IDENTIFY_S)
         if not response.success:
             raise LaunchError(f"identify: {response.message}")
         return response
@@ -119,6 +153,7 @@ class Operator:
             progress(samples)
         finally:
             self._node.destroy_subscription(subscription)
+            self._sequence = 0
 
     def nodes(self) -> set[str]:
         """Return the full names of the nodes that are there."""
@@ -141,33 +176,65 @@ class Operator:
                 raise LaunchError(f"{what} did not come within {timeout_s:.0f} s")
             self._spin()
 
+    def call(
+        self,
+        service: type,
+        name: str,
+        request: object,
+        timeout_s: float = _SERVICE_S,
+        unheard: Callable[[], object | None] = lambda: None,
+    ) -> Any:  # noqa: ANN401 - the service's own response type
+        """Call a service below the namespace and return its response.
+
+        A server that has not yet discovered the client's reader drops its answer. So the
+        question is put again when no answer comes for some seconds.
+
+        Parameters
+        ----------
+        service, name, request
+            The service's type, its name below the namespace, and the question.
+        timeout_s
+            Deadline of the answer, in s.
+        unheard
+            Called when no answer came: what the answer must have been, or None to ask again.
+
+        Raises
+        ------
+        LaunchError
+            When the service or its answer does not come in time.
+        """
+        client = self._client(service, name)
+        self.wait(
+            client.service_is_ready, f"service {NAMESPACE}/{name}", max(timeout_s, _SERVICE_S)
+        )
+        patience_s = timeout_s if service in _ASKED_ONCE else _UNHEARD_S
+        deadline_s = time.monotonic() + timeout_s
+        answers: list[Future[Any]] = []
+        while time.monotonic() < deadline_s:
+            answers.append(client.call_async(request))
+            until_s = min(time.monotonic() + patience_s, deadline_s)
+            while time.monotonic() < until_s:
+                for answer in answers:
+                    if answer.done():
+                        return answer.result()
+                self._spin()
+            if (inferred := unheard()) is not None:
+                return inferred
+        raise LaunchError(f"the answer of {NAMESPACE}/{name} did not come within {timeout_s:.0f} s")
+
+    def _client(self, service: type, name: str) -> Client:
+        # One client for all calls: only the first has to be discovered.
+        key = (service, name)
+        if key not in self._clients:
+            self._clients[key] = self._node.create_client(service, f"{NAMESPACE}/{name}")
+        return self._clients[key]
+
     def _spin(self) -> None:
         self._check()
         self._executor.spin_once(timeout_sec=_POLL_S)
 
     def _on_state(self, state: ArmState) -> None:
         self._sequence = state.sequence
-
-    def _transition(self, name: str, transition: int, label: str) -> None:
-        request = ChangeState.Request(transition=Transition(id=transition))
-        if not self._call(ChangeState, f"{name}/change_state", request).success:
-            raise LaunchError(f"{name} refused to {label}")
-
-    def _call(
-        self,
-        service: type,
-        name: str,
-        request: object,
-        timeout_s: float = _SERVICE_S,
-    ) -> Any:  # noqa: ANN401 - the service's own response type
-        client = self._node.create_client(service, f"{NAMESPACE}/{name}")
-        try:
-            self.wait(client.service_is_ready, f"service {NAMESPACE}/{name}")
-            future = client.call_async(request)
-            self.wait(future.done, f"the answer of {NAMESPACE}/{name}", timeout_s)
-            return future.result()
-        finally:
-            self._node.destroy_client(client)
 
 
 def _message(name: str, value: object) -> ParameterMessage:
