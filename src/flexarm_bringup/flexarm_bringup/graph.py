@@ -17,7 +17,7 @@ from flexarm_bringup.operation import NAMESPACE, Operator
 from flexarm_bringup.processes import LaunchError, NodeProcesses, NodeProgram
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
     from typing import Any
 
@@ -32,9 +32,9 @@ _NODES = {
 
 @contextmanager
 def running_graph(
-    parameters: Mapping[str, Mapping[str, Any]], log: Path
+    parameters: Mapping[str, Mapping[str, Any]], log: Path, *, nodes: Sequence[str] = tuple(_NODES)
 ) -> Iterator[tuple[Operator, NodeProcesses]]:
-    """Start recorder, ident, controller and daq; configure the managed ones; stop all at the end.
+    """Start nodes of the laboratory, daq and controller configured, and stop them at the end.
 
     Parameters
     ----------
@@ -42,6 +42,8 @@ def running_graph(
         Parameters to start with, by node name.
     log
         File that gets what the nodes print.
+    nodes
+        Which ones, with daq and controller among them.
 
     Raises
     ------
@@ -55,10 +57,7 @@ def running_graph(
         node = rclpy.create_node("operator", namespace=NAMESPACE)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        programs = [
-            NodeProgram(package, executable, parameters.get(name, {}))
-            for name, (package, executable) in _NODES.items()
-        ]
+        programs = [NodeProgram(*_NODES[name], parameters.get(name, {})) for name in nodes]
         processes = NodeProcesses(programs, log)
         operator = Operator(node, executor, processes.check)
         _require_free_domain(operator)

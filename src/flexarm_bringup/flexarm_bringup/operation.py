@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rclpy.client import Client
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
+    from rclpy.qos import QoSProfile
     from rclpy.task import Future
 
 NAMESPACE = "/flexarm"
@@ -154,6 +155,12 @@ class Operator:
         finally:
             self._node.destroy_subscription(subscription)
             self._sequence = 0
+
+    def listen(
+        self, kind: type, topic: str, profile: QoSProfile, heard: Callable[[Any], None]
+    ) -> None:
+        """Hand every message of a topic to a function, while something is waited for."""
+        self._node.create_subscription(kind, topic, heard, profile)
 
     def nodes(self) -> set[str]:
         """Return the full names of the nodes that are there."""

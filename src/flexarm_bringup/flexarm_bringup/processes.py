@@ -128,15 +128,28 @@ class NodeProcesses:
         """
         for process in self._processes:
             if process.poll() is not None:
-                name = Path(str(process.args[0])).name  # type: ignore[index]
-                raise LaunchError(
-                    f"{name} ended with exit code {process.returncode}: {self.last_line()}"
-                )
+                ended = f"{_name(process)} ended with exit code {process.returncode}"
+                raise LaunchError(f"{ended}: {self.last_line()}")
+
+    def cpu_s(self) -> dict[str, float]:
+        """Return the CPU time that each has used, by the name of its executable."""
+        return {_name(each): _cpu_s(each.pid) for each in self._processes}
 
     def last_line(self) -> str:
         """Return the last line that any of them printed."""
         lines = self.log.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else f"it printed nothing ({self.log})"
+
+
+def _name(process: subprocess.Popen[bytes]) -> str:
+    return Path(str(process.args[0])).name  # type: ignore[index]
+
+
+def _cpu_s(pid: int) -> float:
+    # The second field, the name, may contain blanks.
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    user, system = fields[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

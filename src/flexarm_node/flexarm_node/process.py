@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import os
+import resource
 import signal
 import sys
 import threading
-from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 import rclpy
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SPIN_S = 1.0
 _PR_SET_PDEATHSIG = 1
+_MCL_CURRENT_AND_FUTURE = 3
 PRIORITY = "FLEXARM_PRIORITY"
 """Environment variable: SCHED_FIFO priority of the nodes with a loop; 0 asks for none."""
 _DEFAULT_PRIORITY = "20"
@@ -53,10 +55,12 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     make_node
         Builds the node. A `ParameterError` from it is printed as one line, exit code 2.
     realtime
-        Ask for real-time priority, so that the node's loop is on time on a busy machine.
+        Ask for real-time priority and locked memory, so that the node's loop is on time on a busy
+        machine. Where that is not permitted, one line says so.
     """
     if realtime:
-        _prefer_realtime()
+        prefer_realtime()
+        _lock_memory()
     if os.environ.pop(DIE_WITH_PARENT, None):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     signals, wakeup = os.pipe()
@@ -83,6 +87,9 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         sys.stderr.write(f"{error}\n")
         try_shutdown()
         return 2
+    # What lives now lives to the end: the collector need not look through it in the loop's time.
+    gc.collect()
+    gc.freeze()
     threading.Thread(target=wait_for_signal, daemon=True, name="signals").start()
     executor.add_node(node)
     try:
@@ -96,12 +103,24 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     return 0
 
 
-def _prefer_realtime() -> None:
+def prefer_realtime() -> None:
     """Take real-time priority where that is permitted: before the middleware makes its threads."""
     priority = int(os.environ.get(PRIORITY, _DEFAULT_PRIORITY))
-    if priority > 0:
-        with suppress(PermissionError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    if priority <= 0:
+        return
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except PermissionError:
+        sys.stderr.write(
+            f"no real-time priority, so a busy machine makes samples late: permit it with "
+            f"`ulimit -r {priority}`, or set {PRIORITY}=0\n"
+        )
+
+
+def _lock_memory() -> None:
+    """Keep the memory from being swapped out, unless a limit would make that fail later on."""
+    if resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY:
+        ctypes.CDLL(None).mlockall(_MCL_CURRENT_AND_FUTURE)
 
 
 def _leave_to_wakeup(*_: object) -> None:
