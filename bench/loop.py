@@ -24,6 +24,7 @@ from rich.progress import track
 from rich.table import Table
 
 from flexarm_bringup.graph import running_graph
+from flexarm_bringup.processes import LaunchError
 from flexarm_node import qos
 from flexarm_node.process import prefer_realtime
 from flexarm_node.statistics import Percentiles, Window
@@ -68,7 +69,10 @@ def main(
 ) -> None:
     """Measure each rate, print one table, and write its rows to a file on request."""
     console = Console()
-    rows = [measure(rate_hz, 60.0 * minutes, load=load) for rate_hz in rates_hz]
+    try:
+        rows = [measure(rate_hz, 60.0 * minutes, load=load) for rate_hz in rates_hz]
+    except LaunchError as error:
+        raise click.ClickException(str(error)) from None
     console.print(table(rows))
     if not all(row.realtime for row in rows):
         console.print(
@@ -82,7 +86,7 @@ def main(
 def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:
     """Run the loop for that long and return what it and the floor report."""
     parameters: dict[str, dict[str, Any]] = {
-        "daq": {"rate_hz": rate_hz, "statistics_s": length_s},
+        "daq": {"rate_hz": rate_hz, "statistics_s": length_s, "reply_delay_s": 0.1 / rate_hz},
         "controller": {"law": "pdpc", "reference": "square", "square.amplitude_v": 2.0},
     }
     log = Path("out/bench/loop.log")
