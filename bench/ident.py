@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 from ident_plant import NOISES, error, trial
+from ident_stability import counted
 from rich.console import Console
 from rich.table import Table
 from scipy import io
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from ident_plant import Trial
+    from ident_stability import Count
 
 ORDER, BLOCK_ROWS = 18, 40
 OURS = ("orse", "orse_iv", "auto")
@@ -41,6 +43,8 @@ PEERS = {
 }
 _HERE = Path(__file__).parent
 _LENGTHS, _QUICK_LENGTHS = (6_000, 60_000, 600_000), (2_000,)
+# A, B, C, D; ours adds the number of eigenvalues that were moved.
+_MATRICES = 4
 # More than this takes these peers minutes and many gigabytes: one seed has to do.
 _SLOW, _SLOW_LENGTH = ("sippy", "octave"), 60_000
 
@@ -50,8 +54,8 @@ class Row:
     """Result of one method for one kind of noise and one length.
 
     `cpu_s` and `memory_mb` are medians over the seeds; `error` is None for a method that gives no
-    B, `unstable` counts models with an eigenvalue outside the unit circle. `seeds` counts the runs
-    that ended well; `failure` is what the last other one said.
+    B, `unstable` counts matrices A as estimated, before any policy, with an eigenvalue outside the
+    unit circle. `seeds` counts the runs that ended well; `failure` is what the last other one said.
     """
 
     method: str
@@ -68,11 +72,35 @@ class Row:
 @click.command()
 @click.option("--quick", is_flag=True, help="2000 samples, white noise, our own default only.")
 @click.option("--seeds", type=click.IntRange(1), default=3, show_default=True)
+@click.option(
+    "--first-seed", type=click.IntRange(0), default=0, show_default=True, help="For fresh records."
+)
+@click.option(
+    "--stability",
+    type=click.IntRange(1),
+    metavar="SEEDS",
+    help="Only count unstable models of ours over as many seeds.",
+)
 @click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--install-peers", is_flag=True, help="Install the peers from PyPI first.")
-def main(*, quick: bool, seeds: int, json_file: Path | None, install_peers: bool) -> None:
+def main(
+    *,
+    quick: bool,
+    seeds: int,
+    first_seed: int,
+    stability: int | None,
+    json_file: Path | None,
+    install_peers: bool,
+) -> None:
     """Measure, print one table, and write its rows to a file on request."""
     console = Console()
+    if stability is not None:
+        seeds_used = range(first_seed, first_seed + stability)
+        counts = list(counted(OURS, _LENGTHS[0], seeds_used, order=ORDER, block_rows=BLOCK_ROWS))
+        console.print(stability_table(counts))
+        if json_file is not None:
+            json_file.write_text(json.dumps([asdict(each) for each in counts], indent=1), "utf-8")
+        return
     if install_peers:
         install(console)
     pythons = interpreters()
@@ -83,7 +111,8 @@ def main(*, quick: bool, seeds: int, json_file: Path | None, install_peers: bool
     rows = []
     for noise in NOISES[:1] if quick else NOISES:
         for k in _QUICK_LENGTHS if quick else _LENGTHS:
-            for row in measured(methods, noise, k, 1 if quick else seeds):
+            last = first_seed + (1 if quick else seeds)
+            for row in measured(methods, noise, k, range(first_seed, last)):
                 rows.append(row)
                 console.print(f"{noise} {k} {row.method}: {row.failure or row.error}", style="dim")
     console.print(table(rows))
@@ -139,19 +168,19 @@ def has_octave() -> bool:
     return subprocess.run(command, check=False, capture_output=True).returncode == 0  # noqa: S603
 
 
-def measured(methods: Sequence[str], noise: str, k: int, seeds: int) -> Iterator[Row]:
+def measured(methods: Sequence[str], noise: str, k: int, seeds: Sequence[int]) -> Iterator[Row]:
     """Measure all methods on the same records and yield a row for each."""
     pythons = interpreters()
     results: dict[str, list[dict[str, Any]]] = {method: [] for method in methods}
     failures: dict[str, str] = {}
-    for seed in range(seeds):
+    for seed in seeds:
         given = trial(k, noise, seed)
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             np.save(folder / "u.npy", given.u)
             np.save(folder / "y.npy", given.y)
             for method in methods:
-                if method in _SLOW and k > _SLOW_LENGTH and seed > 0:
+                if method in _SLOW and k > _SLOW_LENGTH and seed > seeds[0]:
                     continue
                 answer = _run(method, folder, pythons)
                 if isinstance(answer, str):
@@ -205,6 +234,17 @@ def table(rows: Sequence[Row]) -> Table:
     return shown
 
 
+def stability_table(counts: Sequence[Count]) -> Table:
+    """Return how many models are unstable, before and after the policy."""
+    shown = Table(title=f"unstable models of order {ORDER}")
+    for head in ("noise", "K", "method", "seeds", "as estimated", "after the policy"):
+        shown.add_column(head, justify="left" if head in {"noise", "method"} else "right")
+    for each in counts:
+        figures = (each.seeds, each.unstable, each.after_policy)
+        shown.add_row(each.noise, str(each.k), each.method, *map(str, figures))
+    return shown
+
+
 def _with_ratio(value: float | None, base: float | None, form: str) -> str:
     if value is None:
         return "-"
@@ -216,12 +256,13 @@ def _judged(answer: dict[str, Any], given: Trial) -> dict[str, Any]:
     radius = float(np.abs(np.linalg.eigvals(A)).max())
     judged = None
     if answer["model"][1] is not None:
-        B, C, D = (np.array(part) for part in answer["model"][1:])
+        B, C, D = (np.array(part) for part in answer["model"][1:4])
         states, inputs, outputs = len(A), given.u.shape[1], given.y.shape[1]
         # Octave writes a matrix of one column as a list.
         B, C, D = B.reshape(states, inputs), C.reshape(outputs, states), D.reshape(outputs, inputs)
         judged = error((A, B, C, D), given)
-    return {**answer, "error": judged, "unstable": int(radius > 1.0)}
+    moved = len(answer["model"]) > _MATRICES and answer["model"][_MATRICES] > 0
+    return {**answer, "error": judged, "unstable": int(radius > 1.0 or moved)}
 
 
 def _run(method: str, folder: Path, pythons: dict[str, str]) -> dict[str, Any] | str:

@@ -11,7 +11,7 @@ arguments = argv ();
 load (fullfile (arguments{1}, "data.mat"));
 order = str2double (arguments{2});
 rows = str2double (arguments{3});
-n4sid (iddata (y(1:400, :), u(1:400, :), 1/300), 2, "s", 4);
+[system, x0] = n4sid (iddata (y(1:400, :), u(1:400, :), 1/300), 2, "s", 4);
 data = iddata (y, u, 1/300);
 fid = fopen ("/proc/self/clear_refs", "w"); fputs (fid, "5"); fclose (fid);
 before_kb = status_kb ("VmRSS");

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 DT_S = 1.0 / 300.0
-NOISES = ("white", "butterworth", "ar1")
+NOISES = ("white", "butterworth", "ar1", "closed_loop")
 _MODES_HZ = np.array([4.2, 13.0, 31.0, 62.0])
 _DAMPING = np.array([0.03, 0.02, 0.015, 0.012])
 # Standard deviation of an output's noise, as a part of the output's own: drawn between these.
@@ -25,6 +25,7 @@ _NOISE = (0.001, 0.2)
 _CUTOFF_HZ = 50.0
 _AR1_POLE = 0.9
 _FRESH_SAMPLES = 6000
+_OUTPUTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +55,10 @@ def trial(samples: int, noise: str, seed: int) -> Trial:
     ----------
     samples : int
         Length of the record.
-    noise : {'white', 'butterworth', 'ar1'}
+    noise : {'white', 'butterworth', 'ar1', 'closed_loop'}
         White noise on the outputs; outputs with white noise behind a 50 Hz low-pass filter, which
-        then belongs to the truth; or noise with a pole at 0.9.
+        then belongs to the truth; noise with a pole at 0.9; or white noise that a controller feeds
+        back to the input, where it makes up to two fifths of the signal.
     seed : int
         Seed of the plant, the inputs and the noise.
 
@@ -69,11 +71,13 @@ def trial(samples: int, noise: str, seed: int) -> Trial:
     model = plant(rng)
     u, fresh_u = _telegraph(samples, rng), _telegraph(_FRESH_SAMPLES, rng)
     clean, truth = simulate(model, u), simulate(model, fresh_u)
+    if noise == "closed_loop":
+        return Trial(*_closed_loop(model, u, rng), fresh_u, truth)
     disturbance = rng.normal(size=clean.shape)
     if noise == "ar1":
         disturbance = signal.lfilter([1.0], [1.0, -_AR1_POLE], disturbance, axis=0)
         disturbance *= np.sqrt(1.0 - _AR1_POLE**2)
-    part = np.exp(rng.uniform(np.log(_NOISE[0]), np.log(_NOISE[1]), clean.shape[1]))
+    part = _noise_parts(rng)
     y = clean + part * clean.std(axis=0) * disturbance
     if noise == "butterworth":
         b, a = signal.butter(2, _CUTOFF_HZ, fs=1.0 / DT_S)
@@ -115,6 +119,37 @@ def error(model: tuple[Array, Array, Array, Array], given: Trial) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         relative = np.linalg.norm(missed, axis=0) / np.linalg.norm(given.truth, axis=0)
     return float(np.exp(np.mean(np.log(relative)))) if np.all(np.isfinite(relative)) else np.inf
+
+
+def _noise_parts(rng: np.random.Generator) -> Array:
+    low, high = np.log(_NOISE)
+    return np.asarray(np.exp(rng.uniform(low, high, _OUTPUTS)))
+
+
+def _closed_loop(
+    model: control.StateSpace, reference: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Return input and measured output under a linear-quadratic controller with an observer."""
+    A, B, C = model.A, model.B, model.C
+    noise, cost = np.eye(_OUTPUTS), np.eye(1)
+    P = linalg.solve_discrete_are(A, B, C.T @ C / np.max(np.sum(C**2, axis=1)), cost)
+    S = linalg.solve_discrete_are(A.T, C.T, B @ B.T, noise)
+    K = np.linalg.solve(cost + B.T @ P @ B, B.T @ P @ A)
+    L = A @ S @ C.T @ np.linalg.inv(C @ S @ C.T + noise)
+    # States of the plant and of the observer; inputs are the reference and the outputs' noise,
+    # outputs those of the plant without noise and the plant's input.
+    loop = control.ss(
+        np.block([[A, -B @ K], [L @ C, A - B @ K - L @ C]]),
+        np.block([[B, np.zeros((len(A), _OUTPUTS))], [B, L]]),
+        linalg.block_diag(C, -K),
+        np.vstack([np.zeros((_OUTPUTS, 1 + _OUTPUTS)), np.eye(1, 1 + _OUTPUTS)]),
+        DT_S,
+    )
+    still = np.zeros((len(reference), _OUTPUTS))
+    clean = simulate(loop, np.hstack([reference, still]))[:, :_OUTPUTS]
+    disturbance = _noise_parts(rng) * clean.std(axis=0) * rng.normal(size=clean.shape)
+    signals = simulate(loop, np.hstack([reference, disturbance]))
+    return signals[:, _OUTPUTS:], signals[:, :_OUTPUTS] + disturbance
 
 
 def _telegraph(samples: int, rng: np.random.Generator) -> Array:

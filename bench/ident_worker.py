@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-    # A, B, C and D; None for what the method does not give.
-    Model = tuple[Array, Array | None, Array, Array | None]
+    # A, B, C and D; None for what the method does not give. Ours adds how many eigenvalues its
+    # policy moved inside the unit circle.
+    Model = tuple[Any, ...]
     Prepare = Callable[[Array, Array], Any]
     Identify = Callable[[Any, int, int], Model]
 
@@ -43,8 +44,9 @@ def flexarm(method: str) -> tuple[Prepare, Identify]:
         return IoData(u, y, dt_s=DT_S, inputs=("u",), outputs=outputs)
 
     def run(data: IoData, order: int, block_rows: int) -> Model:
-        model = identify(data, order=order, block_rows=block_rows, method=method).model
-        return model.A, model.B, model.C, model.D
+        found = identify(data, order=order, block_rows=block_rows, method=method)
+        model = found.model
+        return model.A, model.B, model.C, model.D, found.moved_eigenvalues
 
     return prepare, run
 

@@ -345,14 +345,22 @@ def test_quanser_measurements___give_a_model_with_2_inputs_and_4_outputs(
     map_file = PROJECT / "src" / "flexarm_bringup" / "config" / "quanser_2dsfl.yaml"
     import_csv(laboratory, QUANSER, map_file, tmp_path / "quanser")
 
-    response = identify(laboratory, tmp_path / "quanser")
+    response = identify(laboratory, tmp_path / "quanser", friction=True, refine=True)
 
     assert response.success, response.message
+    assert "with dry friction" in response.message
+    hub1, deflection1, hub2, deflection2, _ = response.dmv
+    assert (hub1 + hub2) / 2.0 <= 0.20
+    assert (deflection1 + deflection2) / 2.0 <= 0.50
     parameters = answered(response)
     states = parameters["models.quanser.states"]
     assert len(parameters["models.quanser.b"]) == states * 2
     assert len(parameters["models.quanser.c"]) == 4 * states
-    assert len(response.dmv) == 5
+    levels, scatter = (
+        np.array(parameters[f"models.quanser.friction_{field}"]) for field in ("level", "level_std")
+    )
+    assert levels.shape == (2,)
+    assert np.all(levels > 3.0 * scatter)
     assert response.warnings
 
 

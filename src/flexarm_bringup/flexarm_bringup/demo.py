@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rclpy.parameter import Parameter
 
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
@@ -97,7 +98,8 @@ def run_demo(settings: DemoSettings) -> dict[str, Any]:
             terminal.step("Identifying, reducing and validating a model")
             with terminal.busy("subspace identification of the recorded bag"):
                 response = operator.identify(_request(bags / "experiment", true_modes_hz))
-            _show(response)
+            terminal.CONSOLE.print(f"  {response.message}")
+            terminal.show_model(_shown(response))
             terminal.step(f"Controlling the arm: PDPC, step to {SET_POINT_V:g} V")
             operator.set_parameters(
                 "controller",
@@ -172,6 +174,16 @@ def _request(bag: Path, known_modes_hz: np.ndarray) -> Identify.Request:
         update="b",
         remove_compensation=True,
         stabilise=True,
+        friction=True,
+    )
+
+
+def _shown(response: Identify.Response) -> terminal.ShownModel:
+    parameters = {
+        each.name: Parameter.from_parameter_msg(each).value for each in response.parameters
+    }
+    return terminal.ShownModel(
+        response.modes, ARM_OUTPUTS, response.dmv, response.sfv, parameters, response.warnings
     )
 
 
@@ -244,18 +256,6 @@ def _write_report(out: Path, response: Identify.Response, step: BagReading) -> N
     )
     section = Section("Controlled step", words, plot)
     (out / "report.html").write_text(append_section(text, section), encoding="utf-8")
-
-
-def _show(response: Identify.Response) -> None:
-    console = terminal.CONSOLE
-    console.print(f"  {response.message}")
-    console.print(terminal.mode_table(response.modes))
-    rows = [("data (DMV)", response.dmv)]
-    if response.sfv:
-        rows.append(("set-point (SFV)", response.sfv))
-    console.print(terminal.error_table(ARM_OUTPUTS, rows))
-    for warning in response.warnings:
-        console.print(f"  note: {warning}")
 
 
 def _show_step(summary: dict[str, Any], out: Path, *, keep_bag: bool) -> None:

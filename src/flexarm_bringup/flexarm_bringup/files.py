@@ -1,15 +1,21 @@
-"""Verbs that turn files into bags: import, repair."""
+"""Verbs about files and bags: import, check, repair."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ament_index_python.packages import get_package_share_directory
 
+from flexarm_bringup import terminal
 from flexarm_daq import repair
 from flexarm_daq.csv_import import import_csv
 from flexarm_daq.csv_map import load_csv_map
 from flexarm_daq.definitions import load_typestore
+from flexarm_ident.bag_check import check_bag
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 
 def import_measurements(csv: Path, map_file: Path, bag: Path) -> str:
@@ -22,6 +28,21 @@ def import_measurements(csv: Path, map_file: Path, bag: Path) -> str:
         f"{summary.bag}: {summary.samples} samples at {summary.rate_hz:g} Hz, "
         f"{summary.duration_s:.2f} s"
     )
+
+
+def check_bags(bags: Iterable[Path]) -> bool:
+    """Print what is wrong with bags and what could not be checked; return whether all are good."""
+    good = True
+    for bag in bags:
+        found = check_bag(bag)
+        verdict = f"{len(found.problems)} problems" if found.problems else "good"
+        terminal.CONSOLE.print(f"{bag}: {found.messages} messages, {verdict}", markup=False)
+        for problem in found.problems:
+            terminal.CONSOLE.print(f"  problem: {problem}", markup=False)
+        for note in found.notes:
+            terminal.CONSOLE.print(f"  note: {note}", markup=False)
+        good = good and not found.problems
+    return good
 
 
 def repair_bag(damaged: Path, output: Path) -> str:

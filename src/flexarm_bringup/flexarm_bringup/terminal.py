@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import sys
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from flexarm_ident.channels import label_and_unit
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from flexarm_ident.modes import Mode
     from flexarm_msgs.msg import ModeSummary
@@ -19,29 +21,76 @@ if TYPE_CHECKING:
 # Without a terminal there is nothing to wrap for.
 CONSOLE = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110)
 _PLAIN_STEPS = 10
+_LEVEL = ".friction_level"
+
+
+class ShownModel(NamedTuple):
+    """What the user sees of an identified model.
+
+    Attributes
+    ----------
+    modes
+        Modes of the full model.
+    outputs
+        Names of the outputs.
+    dmv, sfv
+        Errors (2-25), one per output and the mean; `sfv` may be empty.
+    parameters
+        The model as parameters `models.<name>.*`, of which the friction is shown.
+    warnings
+        What to know before trusting the model.
+    """
+
+    modes: Iterable[ModeSummary | Mode]
+    outputs: Sequence[str]
+    dmv: Sequence[float]
+    sfv: Sequence[float]
+    parameters: Mapping[str, Any]
+    warnings: Sequence[str]
+
+
+def show_model(model: ShownModel) -> None:
+    """Print modes, errors, dry friction and warnings."""
+    CONSOLE.print(mode_table(model.modes))
+    rows = [("data (DMV)", model.dmv)]
+    if len(model.sfv):
+        rows.append(("set-point (SFV)", model.sfv))
+    CONSOLE.print(error_table(model.outputs, rows))
+    friction = friction_table(model.parameters)
+    if friction.row_count:
+        CONSOLE.print(friction)
+    for warning in model.warnings:
+        CONSOLE.print(f"  note: {warning}")
+
+
+@contextmanager
+def progress() -> Iterator[Callable[[str, float], None]]:
+    """Show what is being done and the part of the whole; without a terminal, a line per tenth."""
+    if not CONSOLE.is_terminal:
+        yield _plain_progress()
+        return
+    columns = (TextColumn("  {task.description:12}"), BarColumn(), TaskProgressColumn())
+    with Progress(*columns, TimeElapsedColumn(), console=CONSOLE) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda text, done: bar.update(task, description=text, completed=done)
 
 
 @contextmanager
 def progress_bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show how much of `total` is done; without a terminal, a line per tenth."""
-    if not CONSOLE.is_terminal:
-        yield _plain_progress(text, total)
-        return
-    columns = (TextColumn("  {task.description}"), BarColumn(), TaskProgressColumn())
-    with Progress(*columns, TimeElapsedColumn(), console=CONSOLE) as progress:
-        task = progress.add_task(text, total=total)
-        yield lambda done: progress.update(task, completed=done)
+    """Show how much of `total` is done."""
+    with progress() as show:
+        yield lambda done: show(text, done / total)
 
 
-def _plain_progress(text: str, total: int) -> Callable[[int], None]:
-    shown = 0
+def _plain_progress() -> Callable[[str, float], None]:
+    shown: tuple[str, int] = ("", 0)
 
-    def show(done: int) -> None:
+    def show(text: str, done: float) -> None:
         nonlocal shown
-        tenths = done * _PLAIN_STEPS // total
-        if tenths > shown:
-            shown = tenths
-            CONSOLE.print(f"  {text}: {100 * tenths // _PLAIN_STEPS} %")
+        now = text, int(done * _PLAIN_STEPS)
+        if now != shown:
+            shown = now
+            CONSOLE.print(f"  {100 * now[1] // _PLAIN_STEPS:3d} % {text}")
 
     return show
 
@@ -84,4 +133,21 @@ def error_table(outputs: Sequence[str], rows: Iterable[tuple[str, Sequence[float
     table = Table("relative error", *outputs, "mean", box=None)
     for name, errors in rows:
         table.add_row(name, *(f"{error:.4f}" for error in errors))
+    return table
+
+
+def friction_table(parameters: Mapping[str, Any]) -> Table:
+    """Return the table of dry friction among a model's parameters; without rows when none is."""
+    table = Table("dry friction", "Coulomb level", "offset", "unit", box=None)
+    for prefix in (key.removesuffix("level") for key in parameters if key.endswith(_LEVEL)):
+        names = parameters[prefix.removesuffix("friction_") + "input_names"]
+        fields = ("level", "level_std", "offset", "offset_std")
+        columns = (parameters[prefix + field] for field in fields)
+        for name, level, level_std, offset, offset_std in zip(names, *columns, strict=True):
+            table.add_row(
+                name,
+                f"{level:.4g} \u00b1 {level_std:.2g}",
+                f"{offset:.4g} \u00b1 {offset_std:.2g}",
+                label_and_unit(name)[1],
+            )
     return table

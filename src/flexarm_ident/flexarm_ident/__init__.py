@@ -1,12 +1,15 @@
 """Subspace identification, modal reduction, model updating and validation."""
 
 from flexarm_ident.arm_fit import ArmFit, fit_arm
+from flexarm_ident.arm_layout import Drive
 from flexarm_ident.bags import BagError, read_bag, read_bag_report
+from flexarm_ident.coulomb import estimate_coulomb
 from flexarm_ident.errors import DataError, IdentificationError
 from flexarm_ident.exports import load_model, save_model
-from flexarm_ident.friction import Drive, estimate_coulomb, simulate_with_friction
+from flexarm_ident.friction import simulate_with_friction
+from flexarm_ident.identification import Identification
 from flexarm_ident.iodata import IoData
-from flexarm_ident.pipeline import Identification, identify
+from flexarm_ident.pipeline import identify
 from flexarm_ident.preprocess import preprocess
 from flexarm_ident.reduction import Reduction, reduce_model
 from flexarm_ident.refinement import Refinement, refine_model

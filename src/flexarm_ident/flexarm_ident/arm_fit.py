@@ -14,19 +14,20 @@ import control
 import numpy as np
 
 from flexarm_ident.arm_error import Part, SimulationError, deviations
+from flexarm_ident.arm_layout import drive_columns
 from flexarm_ident.bandwidth import bandwidth_hz, smoothed
 from flexarm_ident.dead_sensor import live_samples
 from flexarm_ident.errors import IdentificationError
 from flexarm_ident.flexible_arm import FlexibleArm
-from flexarm_ident.friction import DryFriction, drive_columns, simulate_with_friction
+from flexarm_ident.friction import DryFriction, simulate_with_friction
 from flexarm_ident.iodata import as_records
 from flexarm_ident.least_squares import minimise
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from flexarm_ident.arm_layout import Drive
     from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.friction import Drive
     from flexarm_ident.iodata import IoData
     from flexarm_ident.least_squares import Minimum
 
@@ -39,6 +40,8 @@ _ZERO_ERROR = 0.01
 _COST_OF_ZERO_ERROR = 0.05
 _COST_OF_ERROR_LEFT = 0.5
 _LOOSENINGS = 4
+# At the lower rate, all records together: more takes minutes and says little more.
+_MOST_SAMPLES = 3000
 _STARTS = 24
 _FINALISTS = 4
 _FIRST_STEPS = 15
@@ -82,6 +85,8 @@ def fit_arm(
 ) -> ArmFit:
     """Fit a flexible arm with dry friction to records that start at rest.
 
+    Long records are fitted by their leading parts.
+
     Parameters
     ----------
     data : IoData or sequence of IoData
@@ -110,7 +115,13 @@ def fit_arm(
     decimation = max(1, int(1.0 / (dt_s * _SAMPLES_PER_PERIOD * max(band_hz, 1e-9))))
     decimation = min(decimation, max(1, min(len(record) for record in records) // 100))
     lives = [live_samples(record) for record in records]
-    problem = _problem(records, lives, positions, decimation)
+    most = -(-_MOST_SAMPLES * decimation // len(records))
+    problem = _problem(
+        [record.head(most) for record in records],
+        [live[:most] for live in lives],
+        positions,
+        decimation,
+    )
     draw = _Starts(problem, band_hz, np.random.default_rng(seed))
     tries = []
     for number in range(_STARTS):
@@ -118,13 +129,14 @@ def fit_arm(
         if progress is not None:
             progress("friction", 0.7 * (number + 1) / _STARTS)
     tries.sort(key=lambda found: found.cost)
-    best = min(
-        (
+    finalists = []
+    for number, found in enumerate(tries[:_FINALISTS]):
+        finalists.append(
             minimise(found.theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
-            for found in tries[:_FINALISTS]
-        ),
-        key=lambda found: found.cost,
-    )
+        )
+        if progress is not None:
+            progress("friction", 0.7 + 0.2 * (number + 1) / _FINALISTS)
+    best = min(finalists, key=lambda found: found.cost)
     if not np.isfinite(best.cost):
         raise IdentificationError(
             f"{records[0].label}: no arm with friction simulates the record: identify without"

@@ -92,11 +92,10 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
         chosen = bag.choose(topic)
         if bag.types[chosen] == ARM_STATE:
             references = _sibling(chosen, "reference")
-            commands = _sibling(chosen, "command")
             return arm_reading(
                 bag.recorded(chosen),
-                bag.recorded(references) if bag.types.get(references) == REFERENCE else None,
-                commanded=bag.types.get(commands) == MOTOR_COMMAND and bag.count(commands) > 0,
+                bag.recorded(references) if bag.has(references, REFERENCE) else None,
+                commanded=bag.has(_sibling(chosen, "command"), MOTOR_COMMAND),
                 source=str(path),
             )
         return io_reading(
@@ -142,6 +141,30 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
         return open_stream(pieces, align, channels, source=str(path))
     except DataError as error:
         raise BagError(str(error)) from error
+
+
+def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
+    """Return how many messages with samples a bag has, from its index.
+
+    Parameters
+    ----------
+    uri
+        As in :func:`read_bag`.
+    topic
+        As in :func:`read_bag`.
+
+    Returns
+    -------
+    int
+        Messages on the topic.
+
+    Raises
+    ------
+    BagError
+        If the bag is missing or damaged, or holds no samples.
+    """
+    with _opened(Path(uri)) as bag:
+        return bag.count(bag.choose(topic))
 
 
 @contextmanager
@@ -205,6 +228,9 @@ class _Bag:
 
     def count(self, topic: str) -> int:
         return sum(entry.msgcount for entry in self.reader.connections if entry.topic == topic)
+
+    def has(self, topic: str, type_name: str) -> bool:
+        return self.types.get(topic) == type_name and self.count(topic) > 0
 
     def choose(self, topic: str | None) -> str:
         types = self.types

@@ -204,7 +204,7 @@ def _take(
         raise CdrError(
             f"a message of {body.shape[1] + ENCAPSULATION} bytes is too short for its definition"
         )
-    return np.ascontiguousarray(body[:, start:end]).view(dtype), end
+    return body[:, start:end].view(dtype), end
 
 
 def _merge(parts: Sequence[tuple[NDArray[np.intp], dict[str, Column]]]) -> dict[str, Column]:

@@ -80,8 +80,8 @@ def save_model(
         Discrete model with at least one state.
     name : str
         Name of the model: letters, digits and underscores.
-    provenance : mapping of str or list of str
-        Where the model came from.
+    provenance : mapping of str, list of str or list of float
+        Where the model came from, and its friction.
 
     Raises
     ------

@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from flexarm_ident.iodata import IoData
 
 # One false alarm in a million records.
-_SIGNIFICANCE = 1e-6
+SIGNIFICANCE = 1e-6
 _STANDS_OUT = 1.5
 _SMALLEST_EIGENVALUE = 1e-13
 # Below this part of a signal's RMS, what is left of it is rounding.
 _SMALLEST_REMAINDER = 1e-5
 _DEPENDENT = 1e-9
 # As many samples show the background at distant lags.
-_BACKGROUND_SAMPLES = 2**15
+_BACKGROUND_SAMPLES = 2**14
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,46 @@ class FeedbackTest:
     detected: bool
 
 
+class Correlation(NamedTuple):
+    """Correlation of the innovation with later inputs: statistic, degrees, p-value, as below."""
+
+    statistic: float
+    degrees: int
+    p_value: float
+
+
 class _Layout(NamedTuple):
     past: list[int]
     innovation: list[int]
     following: list[int]
+
+
+class _Whitened(NamedTuple):
+    layout: _Layout
+    scale: FloatArray
+    predictor: FloatArray
+    white_e: FloatArray
+    white_u: FloatArray
+    samples: int
+    correlation: Correlation
+
+
+def reaches_inputs(gram: BlockGram) -> bool:
+    """Whether later inputs know of the outputs' innovation: by feedback, or seemingly, by friction.
+
+    Only inputs after the sample count, so that it does not matter whether there is feedthrough.
+
+    Parameters
+    ----------
+    gram : BlockGram
+        Products of the data.
+
+    Returns
+    -------
+    bool
+        Whether the correlation is significant, at one false alarm in a million records.
+    """
+    return _whitened(gram, feedthrough=True).correlation.p_value <= SIGNIFICANCE
 
 
 def feedback_test(
@@ -93,6 +129,20 @@ def feedback_test(
     FeedbackTest
         Statistic and verdict.
     """
+    found = _whitened(gram, feedthrough=feedthrough)
+    statistic, degrees, p_value = found.correlation
+    if p_value > SIGNIFICANCE:
+        return FeedbackTest(statistic, degrees, p_value, 0.0, detected=False)
+    m = len(found.layout.innovation)
+    record = max(records, key=len)
+    signals = _remainders(record, gram, found.layout, found.predictor, found.scale)
+    e, u = signals[:, :m] @ found.white_e, signals[:, m:] @ found.white_u
+    near, far = _near_and_far(e, u, gram.block_rows)
+    background = far * found.samples
+    return FeedbackTest(statistic, degrees, p_value, background, near > _STANDS_OUT * far)
+
+
+def _whitened(gram: BlockGram, *, feedthrough: bool) -> _Whitened:
     layout = _layout(gram, feedthrough=feedthrough)
     scale = np.sqrt(np.diag(gram.matrix))
     scale[scale == 0.0] = 1.0
@@ -104,16 +154,11 @@ def feedback_test(
     white_e, white_u = _whitening(remainder[:m, :m]), _whitening(remainder[m:, m:])
     degrees = white_e.shape[1] * white_u.shape[1]
     samples = gram.columns - rank
-    if degrees == 0 or samples <= 0:
-        return FeedbackTest(0.0, 0, 1.0, 0.0, detected=False)
-    statistic = float(samples * np.sum((white_e.T @ remainder[:m, m:] @ white_u) ** 2))
-    p_value = float(stats.chi2.sf(statistic, degrees))
-    if p_value > _SIGNIFICANCE:
-        return FeedbackTest(statistic, degrees, p_value, 0.0, detected=False)
-    signals = _remainders(max(records, key=len), gram, layout, predictor, scale)
-    near, far = _near_and_far(signals[:, :m] @ white_e, signals[:, m:] @ white_u, gram.block_rows)
-    background = far * samples
-    return FeedbackTest(statistic, degrees, p_value, background, near > _STANDS_OUT * far)
+    correlation = Correlation(0.0, 0, 1.0)
+    if degrees > 0 and samples > 0:
+        statistic = float(samples * np.sum((white_e.T @ remainder[:m, m:] @ white_u) ** 2))
+        correlation = Correlation(statistic, degrees, float(stats.chi2.sf(statistic, degrees)))
+    return _Whitened(layout, scale, predictor, white_e, white_u, samples, correlation)
 
 
 def _layout(gram: BlockGram, *, feedthrough: bool) -> _Layout:

@@ -6,8 +6,8 @@ M and D are full and symmetric, positive by their Cholesky factors, so that ever
 family is passive in its motion. An elastic coordinate has unit stiffness, which fixes its scale; a
 driven position has the small stiffness of its cables, positive or negative. Every other output is
 a combination of the elastic coordinates behind a second-order low-pass filter, as strain gauges
-have. Few parameters fit many samples, so such a model carries over to new records where a free
-state-space model with friction does not.
+have. Written as (2-1), such a model is sampled with its input held (2-2). Few parameters fit many
+samples, so it carries over to new records where a free state-space model with friction does not.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class FlexibleArm:
         return theta[self.blocks["offset"]].copy()
 
     def discrete(self, theta: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return A and B for an input that is held over the sampling period.
+        """Return A and B for an input that is held over the sampling period (2-2).
 
         Parameters
         ----------

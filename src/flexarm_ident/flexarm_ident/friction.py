@@ -1,21 +1,15 @@
-"""Coulomb friction: its level from records without a compensation signal, and models that have it.
-
-Section 2.4.3 of the thesis subtracts a recorded compensation signal from the input. A rig that
-records none still shows its friction: where a drive slips, friction is a constant against the
-motion, so the level is one more coefficient of a linear regression of the input.
-"""
+"""Linear models with dry friction at their inputs: simulation, validation, the net input."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.bandwidth import bandwidth_hz, smoothed
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.iodata import as_records
+from flexarm_ident.simulation import simulate_states
 from flexarm_ident.stick_slip import run
+from flexarm_ident.validation import Dmv, relative_errors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,29 +18,6 @@ if TYPE_CHECKING:
 
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.iodata import IoData
-
-_SLIPPING = 0.05
-_RESAMPLES = 200
-_SIGNIFICANT = 3.0
-_RELEVANT = 0.05
-
-
-class Drive(NamedTuple):
-    """An input and the output whose motion its friction opposes.
-
-    Attributes
-    ----------
-    input : str
-        Name of the input.
-    output : str
-        Name of the position it drives, or of the speed.
-    is_speed : bool
-        Whether `output` already is a speed.
-    """
-
-    input: str
-    output: str
-    is_speed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,38 +41,6 @@ class DryFriction:
     level_deviations: FloatArray
     offset_deviations: FloatArray
     speed: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class CoulombEstimate:
-    """Coulomb friction of each drive by regression over the samples at which it slips.
-
-    Attributes
-    ----------
-    drives : tuple of Drive
-        The drives.
-    levels, deviations : ndarray, (drives,)
-        Level and its standard deviation by block bootstrap, in units of the input.
-    offsets : ndarray, (drives,)
-        Constant part of the input that moves nothing.
-    samples : tuple of int
-        Number of slipping samples.
-    significant : tuple of bool
-        Whether the level is above three standard deviations and 5 % of the RMS input that moves
-        the drive; what is less does not bend a linear model.
-    """
-
-    drives: tuple[Drive, ...]
-    levels: FloatArray
-    deviations: FloatArray
-    offsets: FloatArray
-    samples: tuple[int, ...]
-    significant: tuple[bool, ...]
-
-    @property
-    def present(self) -> bool:
-        """Whether any drive has friction worth modelling."""
-        return any(self.significant)
 
 
 def simulate_with_friction(
@@ -141,123 +80,87 @@ def simulate_with_friction(
     return x @ model.C.T, forces
 
 
-def estimate_coulomb(
-    data: IoData | Sequence[IoData], drives: Sequence[Drive], *, seed: int = 0
-) -> CoulombEstimate:
-    """Estimate Coulomb levels jointly with a linear model of what the input works against.
-
-    Where a drive moves faster than 5 % of its peak speed its input is regressed on the
-    accelerations of all drives, its own speed, the other outputs, the direction of motion and a
-    constant. Speeds and accelerations are differences of outputs smoothed without lag at three
-    times their bandwidth.
+def net_records(
+    model: control.StateSpace,
+    friction: DryFriction,
+    x0: Sequence[FloatArray],
+    records: Sequence[IoData],
+) -> tuple[IoData, ...]:
+    """Return records with the input that moves the linear model: without offset and friction.
 
     Parameters
     ----------
-    data : IoData or sequence of IoData
-        Records without compensation in the input.
-    drives : sequence of Drive
-        Which output's motion the friction at each input opposes.
-    seed : int
-        Seed of the bootstrap.
+    model, friction, x0
+        As in `simulate_with_friction`, an initial state per record.
+    records : sequence of IoData
+        Records as measured.
 
     Returns
     -------
-    CoulombEstimate
-        Levels with their standard deviations.
-
-    Raises
-    ------
-    IdentificationError
-        If a drive names channels the records lack, or hardly ever slips.
+    tuple of IoData
+        The same outputs with the net input.
     """
-    records = as_records(data)
-    columns = [drive_columns(records[0], drive) for drive in drives]
-    parts = [_motion(record, drives, columns) for record in records]
-    rng = np.random.default_rng(seed)
-    levels, deviations, offsets, samples, significant = [], [], [], [], []
-    for i, drive in enumerate(drives):
-        rows = [_slipping_rows(part, i, columns[i][0]) for part in parts]
-        regressors = np.vstack([left for left, _ in rows])
-        effort = np.concatenate([right for _, right in rows])
-        block = max(1, round(0.5 / (bandwidth_hz(records) * records[0].dt_s)))
-        if len(effort) < 2 * regressors.shape[1] or len(effort) < block:
-            raise IdentificationError(
-                f"{records[0].label}: {drive.output} slips in {len(effort)} samples only, too few "
-                "for its friction: record longer moves"
-            )
-        solution = np.linalg.lstsq(regressors, effort, rcond=None)[0]
-        scatter = _bootstrap(regressors, effort, block, rng)
-        levels.append(solution[0])
-        offsets.append(solution[1])
-        deviations.append(scatter)
-        samples.append(len(effort))
-        floor = max(_SIGNIFICANT * scatter, _RELEVANT * float(np.sqrt(np.mean(effort**2))))
-        significant.append(bool(solution[0] > floor))
-    return CoulombEstimate(
-        tuple(drives),
-        np.array(levels),
-        np.array(deviations),
-        np.array(offsets),
-        tuple(samples),
-        tuple(significant),
+    nets = []
+    for record, start in zip(records, x0, strict=True):
+        _, forces = simulate_with_friction(model, friction, record.u, start)
+        nets.append(replace(record, u=record.u - friction.offsets - forces))
+    return tuple(nets)
+
+
+def refer_friction(
+    friction: DryFriction,
+    models: tuple[control.StateSpace, control.StateSpace],
+    x0: tuple[Sequence[FloatArray], Sequence[FloatArray]],
+    nets: Sequence[IoData],
+) -> DryFriction:
+    """Return the friction of one model for another of the same arm, such as a reduced one.
+
+    Parameters
+    ----------
+    friction : DryFriction
+        Friction of the first model.
+    models : pair of control.StateSpace
+        The first model and the other one.
+    x0 : pair of sequences of ndarray, (states,)
+        Initial states of each model, one per record.
+    nets : sequence of IoData
+        Records with the net input, see `net_records`.
+
+    Returns
+    -------
+    DryFriction
+        The same levels; the speeds are taken from the other model's states by least squares.
+    """
+    first, other = (
+        np.vstack(
+            [
+                simulate_states(model.A, model.B, record.u, start)
+                for record, start in zip(nets, starts, strict=True)
+            ]
+        )
+        for model, starts in zip(models, x0, strict=True)
     )
+    rows = np.linalg.lstsq(other, first @ friction.speed.T, rcond=None)[0].T
+    return replace(friction, speed=np.ascontiguousarray(rows))
 
 
-def drive_columns(record: IoData, drive: Drive) -> tuple[int, int]:
-    """Return the columns of a drive's input and output.
+def validate_with_friction(
+    model: control.StateSpace, friction: DryFriction, data: IoData, x0: FloatArray
+) -> Dmv:
+    """Compare measured outputs with `simulate_with_friction` under the measured input (2-25).
 
-    Raises
-    ------
-    IdentificationError
-        If the record has no such channel.
+    Parameters
+    ----------
+    model, friction, x0
+        As in `simulate_with_friction`.
+    data : IoData
+        Record as measured.
+
+    Returns
+    -------
+    Dmv
+        Errors and simulated outputs.
     """
-    for name, names in ((drive.input, record.inputs), (drive.output, record.outputs)):
-        if name not in names:
-            raise IdentificationError(
-                f"{record.label}: no channel {name!r} for the friction, there are "
-                f"{', '.join(names)}"
-            )
-    return record.inputs.index(drive.input), record.outputs.index(drive.output)
-
-
-class _Motion(NamedTuple):
-    """Smoothed inputs, speeds and accelerations of the drives, and the outputs no drive moves."""
-
-    u: FloatArray
-    speed: FloatArray
-    acceleration: FloatArray
-    others: FloatArray
-
-
-def _motion(record: IoData, drives: Sequence[Drive], columns: Sequence[tuple[int, int]]) -> _Motion:
-    cutoff_hz = 3.0 * bandwidth_hz([record])
-    y = smoothed(record.y, cutoff_hz, record.dt_s)
-    u = smoothed(record.u, cutoff_hz, record.dt_s)
-    driven = [output for _, output in columns]
-    speed = y[:, driven].copy()
-    for i, drive in enumerate(drives):
-        if not drive.is_speed:
-            speed[:, i] = np.gradient(speed[:, i], record.dt_s)
-    acceleration = np.gradient(speed, record.dt_s, axis=0)
-    return _Motion(u, speed, acceleration, np.delete(y, driven, axis=1))
-
-
-def _slipping_rows(motion: _Motion, drive: int, column: int) -> tuple[FloatArray, FloatArray]:
-    """Return regressors and effort of one drive where it slips; direction and constant first."""
-    v = motion.speed[:, drive]
-    slips = np.abs(v) > _SLIPPING * np.abs(v).max()
-    terms = [np.sign(v), np.ones(len(v)), v, *motion.acceleration.T, *motion.others.T]
-    return np.stack(terms, axis=1)[slips], motion.u[slips, column]
-
-
-def _bootstrap(
-    regressors: FloatArray, effort: FloatArray, block: int, rng: np.random.Generator
-) -> float:
-    """Return the standard deviation of the first coefficient under resampling of whole blocks."""
-    starts = np.arange(0, len(effort) - block + 1)
-    count = -(-len(effort) // block)
-    levels = []
-    for _ in range(_RESAMPLES):
-        rows = (rng.choice(starts, count)[:, np.newaxis] + np.arange(block)).ravel()
-        levels.append(np.linalg.lstsq(regressors[rows], effort[rows], rcond=None)[0][0])
-    return float(np.std(levels))
+    y, _ = simulate_with_friction(model, friction, data.u, x0)
+    delta = relative_errors(data.y, y)
+    return Dmv(delta, float(delta.mean()), y, x0)

@@ -60,6 +60,15 @@ class BlockGram:
         """Return the rows of the inputs in block rows `first` to `last`, exclusive."""
         return self._rows(first, last, self.outputs, self.outputs + self.inputs)
 
+    def leading(self, block_rows: int) -> BlockGram:
+        """Return the products of the first `block_rows` block rows, at most as many as there are.
+
+        Its columns are those of the longer matrix: each record counts a little shorter than it is.
+        """
+        size = block_rows * (self.outputs + self.inputs)
+        leading = self.matrix[:size, :size]
+        return BlockGram(leading, block_rows, self.outputs, self.inputs, self.columns)
+
     def _rows(self, first: int, last: int, low: int, high: int) -> list[int]:
         channels = self.outputs + self.inputs
         return [i * channels + c for i in range(first, last) for c in range(low, high)]

@@ -203,6 +203,8 @@ def as_request(message: Asked) -> Request:
         update=message.update or default.update,
         remove_compensation=message.remove_compensation,
         stabilise=message.stabilise,
+        friction=message.friction,
+        refine=message.refine,
     )
 
 
@@ -233,6 +235,7 @@ def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
     answer.message = (
         f"{results.name}: order {outcome.identification.order}"
         + (f" reduced to {outcome.model.nstates}" if outcome.reduction else "")
+        + (" with dry friction" if outcome.friction else "")
         + f", mean data matching error {answer.dmv[-1]:.4f},"
         + f" {elapsed_s:.1f} s"
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flexarm_ident import progress as stages
 from flexarm_ident import workflow
-from flexarm_ident.bags import read_bag_report
+from flexarm_ident.bags import read_bag_report, sample_count, stream_bag
 from flexarm_ident.results import write_results
 
 if TYPE_CHECKING:
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
     from flexarm_ident.model_parameters import ParameterValue
     from flexarm_ident.progress import Progress
+    from flexarm_ident.source import Source
+
+LARGEST_IN_MEMORY = 1_000_000
+"""Samples of a bag from which it is read in pieces, each time it is gone through."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +60,9 @@ def identify_bags(
 ) -> Results:
     """Read bags, identify one model, and write it with its report.
 
+    A bag of more than `LARGEST_IN_MEMORY` samples is read in pieces, so that memory does not grow
+    with its length; see `workflow.run` for what that leaves out.
+
     Parameters
     ----------
     bags : sequence of Path
@@ -83,13 +90,14 @@ def identify_bags(
         If the folder cannot be written.
     """
     report = stages.whole(progress)
-    readings = []
+    measured: list[Source] = []
+    noticed: list[str] = []
     for done, bag in enumerate(bags):
         report("reading", done / len(bags))
-        readings.append(read_bag_report(bag))
-    measured = [reading.data for reading in readings]
+        source, warnings = _read(bag, request)
+        measured.append(source)
+        noticed += warnings
     outcome = workflow.run(measured, request, progress=report)
-    noticed = (text for reading in readings for text in reading.warnings)
     outcome = replace(outcome, warnings=(*noticed, *outcome.warnings))
     report("writing", 0.0)
     name = model_name(bags[0])
@@ -102,3 +110,13 @@ def identify_bags(
         before_commit=lambda: report("writing", 1.0),
     )
     return Results(name, folder, outcome, parameters)
+
+
+def _read(bag: Path, request: workflow.Request) -> tuple[Source, tuple[str, ...]]:
+    """Return the record and what there is to say about it."""
+    # In pieces, the compensation is always removed.
+    if request.remove_compensation and sample_count(bag) > LARGEST_IN_MEMORY:
+        stream = stream_bag(bag)
+        return stream, stream.warnings
+    reading = read_bag_report(bag)
+    return reading.data, reading.warnings

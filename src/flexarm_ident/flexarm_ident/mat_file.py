@@ -60,7 +60,7 @@ def mat_bytes(name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
     variables |= {"dt": fields["dt_s"], "input_names": inputs, "output_names": outputs}
     variables |= {"name": name, "hash": fields["hash"]}
     origin = {
-        key: _cells(value) if isinstance(value, list) else value
+        key: _column(value) if isinstance(value, list) else value
         for key, value in fields.items()
         if key not in FIELDS
     }
@@ -111,6 +111,10 @@ def models_in_mat(content: bytes) -> dict[str, control.StateSpace]:
 
 def _header(body: bytes) -> bytes:
     return (_OURS + hashlib.sha256(body).hexdigest().encode()).ljust(_HEADER_SIZE)
+
+
+def _column(values: list[Any]) -> NDArray[Any]:
+    return _cells(values) if isinstance(values[0], str) else np.array(values)[:, np.newaxis]
 
 
 def _cells(texts: Any) -> NDArray[np.object_]:  # noqa: ANN401 - a list of str

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, BinaryIO
 from zlib import crc32
 
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
@@ -68,6 +69,17 @@ class Messages:
     log_times_ns: NDArray[np.int64]
     groups: list[tuple[NDArray[np.intp], ByteRows]]
 
+    @classmethod
+    def of(cls, log_times_ns: Sequence[int], raws: Sequence[bytes]) -> Messages:
+        """Return messages that were read one by one."""
+        sizes = np.array([len(raw) for raw in raws], dtype=np.int64)
+        groups = []
+        for size in np.unique(sizes).tolist():
+            numbers = np.flatnonzero(sizes == size)
+            joined = b"".join(raws[number] for number in numbers.tolist())
+            groups.append((numbers, np.frombuffer(joined, np.uint8).reshape(-1, size)))
+        return cls(np.array(log_times_ns, dtype=np.int64), groups)
+
 
 class _Collector:
     """Gathers one topic's messages from chunks, numbers them and sorts them by size."""
@@ -81,14 +93,26 @@ class _Collector:
     def add(
         self, data: NDArray[np.uint8], heads: NDArray[np.void], offsets: NDArray[np.intp]
     ) -> None:
-        sizes = heads["length"] - _FIXED_PART
+        sizes = (heads["length"] - _FIXED_PART).astype(np.intp)
         starts = offsets + _MESSAGE_HEADER.itemsize
-        for size in np.unique(sizes).tolist():
-            numbers = np.flatnonzero(sizes == size)
-            self._rows[size].append(sliding_window_view(data, size)[starts[numbers]])
-            self._numbers[size].append(numbers + self.total)
+        if np.all(sizes == sizes[0]):
+            self._take(data, starts, np.arange(len(heads)), int(sizes[0]))
+        else:
+            for size in np.unique(sizes).tolist():
+                numbers = np.flatnonzero(sizes == size)
+                self._take(data, starts[numbers], numbers, size)
         self._log_times_ns.append(heads["log_time"].astype(np.int64))
         self.total += len(heads)
+
+    def _take(
+        self,
+        data: NDArray[np.uint8],
+        starts: NDArray[np.intp],
+        numbers: NDArray[np.intp],
+        size: int,
+    ) -> None:
+        self._rows[size].append(_rows(data, starts, size))
+        self._numbers[size].append(numbers + self.total)
 
     def messages(self) -> Messages:
         groups = [
@@ -155,9 +179,58 @@ def topic_pieces(streams: Iterable[BinaryIO], topic: str) -> Iterator[Messages]:
         If a chunk or the summary does not have its checksum, or records do not fill their chunk.
     """
     for piece in _pieces(streams, topic):
-        collector = _Collector()
-        collector.add(*piece)
-        yield collector.messages()
+        yield gathered(*piece)
+
+
+def gathered(
+    data: NDArray[np.uint8], heads: NDArray[np.void], offsets: NDArray[np.intp]
+) -> Messages:
+    """Return messages out of a chunk's bytes, numbered from 0.
+
+    Parameters
+    ----------
+    data
+        From :func:`chunk_content`.
+    heads, offsets
+        Fixed parts and places of the messages' records.
+    """
+    collector = _Collector()
+    collector.add(data, heads, offsets)
+    return collector.messages()
+
+
+def heads_at(data: NDArray[np.uint8], offsets: NDArray[np.intp]) -> NDArray[np.void]:
+    """Return the fixed parts of the messages whose records begin at the offsets.
+
+    Parameters
+    ----------
+    data
+        From :func:`chunk_content`.
+    offsets
+        At least one.
+
+    Raises
+    ------
+    ValueError
+        If a message does not fit into the data.
+    """
+    if int(offsets.max()) + _MESSAGE_HEADER.itemsize <= len(data):
+        rows = _rows(data, offsets, _MESSAGE_HEADER.itemsize)
+        heads: NDArray[np.void] = rows.view(_MESSAGE_HEADER)[:, 0]
+        ends = offsets.astype(np.uint64) + heads["length"] + _RECORD_START.size
+        if int(heads["length"].min()) >= _FIXED_PART and int(ends.max()) <= len(data):
+            return heads
+    raise ValueError("a message does not fit into its chunk")
+
+
+def _rows(data: NDArray[np.uint8], starts: NDArray[np.intp], width: int) -> ByteRows:
+    """Return the bytes that follow each start; all of them lie within the data."""
+    steps = np.diff(starts)
+    if len(steps) and steps[0] > 0 and np.all(steps == steps[0]):
+        # At even distances, as samples and their commands alternate: nothing has to be gathered.
+        return np.ndarray((len(starts), width), np.uint8, data, int(starts[0]), (int(steps[0]), 1))
+    rows: ByteRows = sliding_window_view(data, width)[starts]
+    return rows
 
 
 def _pieces(
@@ -177,7 +250,8 @@ def _pieces(
         for index in sorted(summary.chunk_indexes, key=lambda entry: entry.chunk_start_offset):
             entries = _index_entries(stream, index, wanted)
             if len(entries):
-                data = _content(stream, index)
+                stream.seek(index.chunk_start_offset + _RECORD_START.size)
+                data = chunk_content(Chunk.read(ReadDataStream(stream)))
                 heads = _heads(data, entries)
                 total += len(heads)
                 yield data, heads, entries["offset"].astype(np.intp)
@@ -213,29 +287,51 @@ def _index_entries(
         numbered["channel"] = channel
         found.append(numbered)
     joined = np.concatenate(found)
+    if np.all(joined["offset"][1:] > joined["offset"][:-1]):
+        return joined
     return joined[np.argsort(joined["offset"], kind="stable")]
 
 
-def _content(stream: BinaryIO, index: ChunkIndex) -> NDArray[np.uint8]:
-    """Return the checked and uncompressed bytes of a chunk."""
-    stream.seek(index.chunk_start_offset + _RECORD_START.size)
-    chunk = Chunk.read(ReadDataStream(stream))
-    content, length = get_chunk_data_stream(chunk, validate_crc=True)
-    return np.frombuffer(content.read(length), np.uint8)
+def chunk_content(chunk: Chunk) -> NDArray[np.uint8]:
+    """Return the checked and uncompressed bytes of a chunk.
+
+    Parameters
+    ----------
+    chunk
+        As it stands in the file.
+
+    Raises
+    ------
+    ValueError
+        If it does not have its checksum or its size.
+    """
+    if chunk.compression == "zstd":
+        # The size in the frame's own head is what would be asked of the memory.
+        stated = zstandard.frame_content_size(chunk.data)
+        if stated not in {-1, chunk.uncompressed_size}:
+            raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes says it has {stated}")
+        content = zstandard.ZstdDecompressor().decompress(
+            chunk.data, max_output_size=chunk.uncompressed_size
+        )
+        if chunk.uncompressed_crc and crc32(content) != chunk.uncompressed_crc:
+            raise ValueError("a chunk does not have its checksum")
+    else:
+        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+        content = stream.read(length)
+    if len(content) != chunk.uncompressed_size:
+        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes has {len(content)}")
+    return np.frombuffer(content, np.uint8)
 
 
 def _heads(data: NDArray[np.uint8], entries: NDArray[np.void]) -> NDArray[np.void]:
     """Return the fixed parts of the messages that the entries point at."""
     offsets = entries["offset"]
-    if int(offsets.max()) + _MESSAGE_HEADER.itemsize <= len(data):
-        window = sliding_window_view(data, _MESSAGE_HEADER.itemsize)
-        heads: NDArray[np.void] = window[offsets].view(_MESSAGE_HEADER)[:, 0]
-        ends = offsets + heads["length"] + _RECORD_START.size
+    if int(offsets.max()) < len(data):
+        heads = heads_at(data, offsets.astype(np.intp))
         if (
             np.all(heads["opcode"] == Opcode.MESSAGE)
             and np.all(heads["channel"] == entries["channel"])
             and np.all(heads["log_time"] == entries["log_time"])
-            and int(ends.max()) <= len(data)
         ):
             return heads
     raise ValueError("an index does not point at its messages")

@@ -1,9 +1,9 @@
 """Normal equations of the output least squares in modal coordinates, without forming regressors.
 
-In modal coordinates each of the thesis's regressors (2-14) is one scalar filter times a column of
-C, so the normal matrix is the Gram of the scalar signals times, element by element, the products of
-the output matrix. The signals' Gram itself is lifted: inside a block of samples every signal is a
-fixed linear function of its value at the block's start and of the block's inputs.
+In modal coordinates each of the thesis's regressors (2-14), (3-14) is one scalar filter times a
+column of C, so the normal matrix is the Gram of the scalar signals times, element by element, the
+products of the output matrix. The signals' Gram itself is lifted: inside a block of samples every
+signal is a fixed linear function of its value at the block's start and of the block's inputs.
 
 A pair of conjugate modes has one complex signal. It is kept as its real and imaginary part, side by
 side, so that all the work over the samples is real.
@@ -57,7 +57,7 @@ class ModalRegression:
     """Linear regression of the outputs on B, D and the initial state, for one A and C.
 
     The parameters of one record stand in the order B by input, D by output and input (if
-    `feedthrough`), initial state.
+    `feedthrough`), initial state. The thesis puts D first (2-16), and has B alone in (3-16).
 
     Parameters
     ----------
@@ -111,12 +111,12 @@ class ModalRegression:
         return np.asarray(((self._columns * parameters) @ self._expand).real)
 
     def normal(self, products: Products, weight: FloatArray) -> ComplexArray:
-        """Return one record's normal matrix, for the weight of each output's squared error."""
+        """Return one record's normal matrix (2-17), for a weight of each output's squared error."""
         outputs = (self._columns.conj().T * weight) @ self._columns
         return np.asarray(outputs * (self._expand.conj() @ products.signals @ self._expand.T))
 
     def right(self, products: Products, weight: FloatArray) -> ComplexArray:
-        """Return one record's right-hand side, for the weight of each output's squared error."""
+        """Return one record's right side (2-17), for a weight of each output's squared error."""
         return np.asarray(np.conj(self._columns.T * (self._expand @ products.cross)) @ weight)
 
     def _lifted(self, record: Samples) -> Iterator[Lift]:

@@ -2,7 +2,8 @@
 
 A model `arm` is a set of flat parameters `models.arm.<field>`: the matrices `a`, `b`, `c`, `d` as
 row-major lists, the number of `states`, `input_names`, `output_names`, the period `dt_s`, where it
-came from, and a `hash` that tells whether somebody changed it.
+came from, and a `hash` that tells whether somebody changed it. A model with dry friction has the
+fields of `friction_parameters` beside these.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ if TYPE_CHECKING:
     from flexarm_ident.arrays import FloatArray
 
     ParameterValue = str | int | float | list[float] | list[str]
-    Provenance = Mapping[str, str | list[str]]
+    Provenance = Mapping[str, str | list[str] | list[float]]
 
 _ROOT = "models"
 _MATRICES = ("a", "b", "c", "d")
 FIELDS = (*_MATRICES, "states", "input_names", "output_names", "dt_s", "hash")
-"""What makes the model; every further field is provenance."""
+"""What makes the linear model; every further field is friction or provenance."""
 
 
 class ModelFileError(IdentificationError):
@@ -47,8 +48,9 @@ def model_parameters(
         Name of the model: letters, digits and underscores.
     model : control.StateSpace
         Discrete model with at least one state.
-    provenance : mapping of str or list of str
-        Where the model came from, such as ``source`` and ``method``; stored beside it.
+    provenance : mapping of str, list of str or list of float
+        Where the model came from, such as ``source`` and ``method``, and its friction; stored
+        beside it.
 
     Returns
     -------

@@ -101,7 +101,7 @@ class ModalForm:
 
 
 def modal_form(model: control.StateSpace) -> ModalForm:
-    """Return a discrete model in modal coordinates (3-1 .. 3-3).
+    """Return a discrete model in modal coordinates (2-26), (3-1 .. 3-3).
 
     Parameters
     ----------
@@ -160,6 +160,8 @@ def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, floa
 
 def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> FloatArray:
     """Return the response of one mode to the input, from rest (3-6), (3-7).
+
+    The responses of all modes add up to that of the model (3-5).
 
     Parameters
     ----------

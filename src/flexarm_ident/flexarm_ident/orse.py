@@ -15,6 +15,7 @@ import numpy as np
 from scipy import linalg
 
 from flexarm_ident.errors import IdentificationError
+from flexarm_ident.feedback import reaches_inputs
 from flexarm_ident.gram import equilibrated
 
 if TYPE_CHECKING:
@@ -26,6 +27,9 @@ SINGULAR_CONDITION = 1e12
 _SMALLEST_EIGENVALUE = 1e-13
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
+_CLEAN = 1e-5
+# Noise power in one direction, in units of the one-step innovation's: what is less is rounding.
+_SMALLEST_NOISE = 1e-4
 
 
 class StateMatrices(NamedTuple):
@@ -166,12 +170,21 @@ def plain(gram: BlockGram, output_scale: FloatArray) -> RangeSpace:
 
 
 def past_instruments(gram: BlockGram) -> RangeSpace:
-    """Return the range space that past data explain (PO-MOESP), outputs scaled by innovation.
+    """Return the range space that past data explain, weighted by what they do not explain.
 
     The first half of the block rows is the past, the second the future. Noise that is not white
-    drops out, because it does not correlate with the instruments.
+    drops out, because it does not correlate with the instruments. The outputs are scaled by their
+    innovation. Beyond that, two weights are in use:
+
+    - CVA: the future is whitened by the covariance of what the past does not explain of it. With
+      coloured noise, directions in which noise is strong count less.
+    - PO-MOESP: no further weight. It is taken where the innovation is known to later inputs, see
+      `reaches_inputs`: then feedback or friction is part of the unexplained, and a model of low
+      order has to follow the strongest motion. It is taken for data without noise as well.
+
     Verhaegen, "Identification of the deterministic part of MIMO state space models given in
-    innovations form from input-output data", Automatica 30 (1994).
+    innovations form from input-output data", Automatica 30 (1994); Larimore, "Canonical variate
+    analysis in identification, filtering, and adaptive control", CDC 1990.
 
     Parameters
     ----------
@@ -196,8 +209,29 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     unexplained = remainder[w:, w:] - explained @ explained.T
     deviation = _innovation_deviation(unexplained, gram.outputs, remainder[w:, w:])
     weight = np.tile(1.0 / deviation, both - past)
-    basis, singular_values, _ = linalg.svd(weight[:, np.newaxis] * explained, full_matrices=False)
-    return RangeSpace(basis, singular_values, 1.0 / (deviation * rms[: gram.outputs]), condition)
+    explained *= weight[:, np.newaxis]
+    output_scale = 1.0 / (deviation * rms[: gram.outputs])
+    if _is_clean(deviation, remainder) or reaches_inputs(gram.leading(both - past)):
+        basis, singular_values, _ = linalg.svd(explained, full_matrices=False)
+        return RangeSpace(basis, singular_values, output_scale, condition)
+    whiten, colour = _whitening(unexplained * np.outer(weight, weight))
+    directions, singular_values, _ = linalg.svd(whiten @ explained, full_matrices=False)
+    # Leading columns keep their span.
+    basis = linalg.qr(colour @ directions, mode="economic")[0]
+    return RangeSpace(basis, singular_values, output_scale, condition)
+
+
+def _is_clean(deviation: FloatArray, power: FloatArray) -> bool:
+    """Whether the innovation of any output is mostly rounding."""
+    total = np.sqrt(np.diag(power)[-len(deviation) :].clip(min=0.0))
+    return bool(np.any(deviation < _CLEAN * total))
+
+
+def _whitening(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the map that makes a covariance the identity, and its inverse."""
+    values, vectors = linalg.eigh(covariance)
+    root = np.sqrt(values.clip(min=_SMALLEST_NOISE))
+    return (vectors / root).T, vectors * root
 
 
 def _output_remainder(gram: BlockGram) -> tuple[FloatArray, FloatArray, float]:

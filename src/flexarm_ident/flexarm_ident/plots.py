@@ -44,6 +44,7 @@ CURVE_POINTS = 2000
 _SHOWN_SINGULAR_VALUES = 40
 _GRID_POINTS = 400
 _SMALLEST_GAIN = 1e-12
+_BAND_DEPTH_DB = 20.0
 
 
 def match_plot(
@@ -136,7 +137,8 @@ def frequency_plot(
     reduced: control.StateSpace | None,
     output: int,
     *,
-    lowest_hz: float,
+    frequencies_hz: FloatArray,
+    deviation: FloatArray | None = None,
     known_modes_hz: Sequence[float] = (),
 ) -> str:
     """Plot the frequency response (2-4) from the first input to one output.
@@ -147,8 +149,10 @@ def frequency_plot(
         Discrete models; there may be no reduced one.
     output : int
         Number of the output, from 0.
-    lowest_hz : float
-        Left end of the axis; the right end is the Nyquist frequency.
+    frequencies_hz : ndarray, (frequencies,)
+        Frequencies, see `frequency_grid`.
+    deviation : ndarray, (frequencies,), optional
+        Standard deviation of the full model's complex gain; twice of it is a band.
     known_modes_hz : sequence of float
         Frequencies that are marked by thin lines.
 
@@ -157,7 +161,6 @@ def frequency_plot(
     str
         SVG with magnitude and phase.
     """
-    frequencies_hz = _frequency_grid(full, lowest_hz)
     source, target = full.input_labels[0], full.output_labels[output]
     curves = [("full", full, SOLID)]
     if reduced is not None:
@@ -169,13 +172,23 @@ def frequency_plot(
         for kind, model, look in curves:
             label = f"{kind}, {model.nstates} states"
             response = frequency_response(model, frequencies_hz)[:, output, 0]
-            decibels = 20.0 * np.log10(np.maximum(np.abs(response), _SMALLEST_GAIN))
+            decibels = _decibels(np.abs(response))
             degrees = np.degrees(np.unwrap(np.angle(response)))
             first_deg = degrees if first_deg is None else first_deg
             # Whole turns mean nothing: take those that bring the curves together.
             degrees = degrees - 360.0 * np.round((degrees - first_deg) / 360.0)
             magnitude.plot(frequencies_hz, decibels, label=label, **look)
             phase.plot(frequencies_hz, degrees, **look)
+            if model is full and deviation is not None:
+                edges = _decibels(np.abs(response) + np.outer([-2.0, 2.0], deviation))
+                floor = decibels.min() - _BAND_DEPTH_DB
+                magnitude.fill_between(
+                    frequencies_hz,
+                    *np.maximum(edges, floor),
+                    color=SHADE,
+                    linewidth=0.0,
+                    label="two deviations",
+                )
         for axes in (magnitude, phase):
             for known_hz in known_modes_hz:
                 line = axes.axvline(known_hz, color=VERMILION, linewidth=0.7)
@@ -259,8 +272,25 @@ def _extremes(values: FloatArray, points: int) -> NDArray[np.intp]:
     return np.array(rows)
 
 
-def _frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
-    """Return a logarithmic grid, refined around each mode by its own width."""
+def _decibels(gain: FloatArray) -> FloatArray:
+    return np.asarray(20.0 * np.log10(np.maximum(gain, _SMALLEST_GAIN)))
+
+
+def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
+    """Return a logarithmic grid, refined around each mode by its own width.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model.
+    lowest_hz : float
+        Lowest frequency; the highest is the Nyquist frequency.
+
+    Returns
+    -------
+    ndarray, (frequencies,)
+        Frequencies.
+    """
     nyquist_hz = 0.5 / model.dt
     grid = [np.geomspace(min(lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _GRID_POINTS)]
     for eigenvalue in np.linalg.eigvals(model.A):

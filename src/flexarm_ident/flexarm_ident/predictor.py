@@ -206,7 +206,8 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
 
 def _solved(normal: FloatArray, right: FloatArray) -> tuple[FloatArray, float]:
     """Solve normal equations by a pseudo-inverse; also return their condition number."""
-    scale = np.sqrt(np.diag(normal))
+    # Of a state that is rounding only, even the power can come out negative.
+    scale = np.sqrt(np.diag(normal).clip(min=0.0))
     scale[scale == 0.0] = 1.0
     values, vectors = linalg.eigh(normal / np.outer(scale, scale))
     kept = values > _SMALLEST_EIGENVALUE * values[-1]

@@ -15,8 +15,6 @@ from flexarm_ident.iodata import as_records
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import control
-
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.iodata import IoData
 
@@ -131,6 +129,8 @@ def low_pass(data: IoData, cutoff_hz: float, *, filter_input: bool = True) -> Io
 def output_scale(data: IoData | Sequence[IoData]) -> FloatArray:
     """Return the factors that bring each output's maximum to the input's (section 2.5, step 4).
 
+    The method 'orse_thesis' scales the products of the data by them, and C back.
+
     Parameters
     ----------
     data : IoData or sequence of IoData
@@ -147,19 +147,6 @@ def output_scale(data: IoData | Sequence[IoData]) -> FloatArray:
     usable = (largest_y > 0.0) & (largest_u > 0.0)
     factors = np.divide(largest_u, largest_y, out=np.ones_like(largest_y), where=usable)
     return np.asarray(factors)
-
-
-def scale(data: IoData, factors: FloatArray) -> IoData:
-    """Multiply each output by its factor (section 2.5, step 4)."""
-    return replace(data, y=data.y * factors)
-
-
-def unscale(model: control.StateSpace, factors: FloatArray) -> control.StateSpace:
-    """Return the model of the unscaled outputs, given that of the scaled ones (section 2.5)."""
-    unscaled = model.copy()
-    unscaled.C = model.C / factors[:, np.newaxis]
-    unscaled.D = model.D / factors[:, np.newaxis]
-    return unscaled
 
 
 def _bias(data: IoData, kind: str, zero_mean: Sequence[str]) -> FloatArray:

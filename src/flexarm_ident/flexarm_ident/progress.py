@@ -12,12 +12,14 @@ if TYPE_CHECKING:
 # Where each stage ends, as a part of the whole: rough shares of the time.
 _ENDS = {
     "reading": 0.05,
-    "gram": 0.2,
-    "range space": 0.25,
-    "order": 0.6,
-    "fit": 0.65,
-    "reduction": 0.8,
-    "validation": 0.9,
+    "gram": 0.1,
+    "range space": 0.12,
+    "order": 0.3,
+    "fit": 0.35,
+    "friction": 0.6,
+    "refinement": 0.75,
+    "reduction": 0.85,
+    "validation": 0.92,
     "writing": 1.0,
 }
 _STARTS = dict(zip(_ENDS, (0.0, *_ENDS.values()), strict=False))

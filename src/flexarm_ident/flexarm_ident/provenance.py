@@ -12,23 +12,28 @@ from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
+from flexarm_ident.iodata import IoData
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.iodata import IoData
+    from flexarm_ident.source import Source
     from flexarm_ident.workflow import Outcome
 
+_CHUNK = 16_384
 _PACKAGES = ("flexarm_ident", "numpy", "scipy", "control")
 
 
-def model_provenance(outcome: Outcome, measured: Sequence[IoData]) -> dict[str, str | list[str]]:
+def model_provenance(
+    outcome: Outcome, measured: Sequence[Source]
+) -> dict[str, str | list[str] | list[float]]:
     """Return what belongs beside an identified model.
 
     Parameters
     ----------
     outcome : Outcome
         The identification.
-    measured : sequence of IoData
+    measured : sequence of Source
         The records as they were read, before any processing.
 
     Returns
@@ -51,28 +56,35 @@ def model_provenance(outcome: Outcome, measured: Sequence[IoData]) -> dict[str, 
     }
 
 
-def record_hash(record: IoData) -> str:
+def record_hash(record: Source) -> str:
     """Return the SHA-256 of a record's period, channels and samples, as hexadecimal digits.
 
     Parameters
     ----------
-    record : IoData
-        The record. Its name does not count: a copied or converted bag has the same hash.
+    record : Source
+        The record. Its name does not count: a copied or converted bag has the same hash. One that
+        is read in chunks has neither compensation nor reference.
 
     Returns
     -------
     str
         The same for the same bits on every machine.
     """
-    columns = (record.u, record.y, record.compensation, record.reference)
+    further = (record.compensation, record.reference) if isinstance(record, IoData) else (None,) * 2
     facts = [
         record.dt_s.hex(),
         record.inputs,
         record.outputs,
-        [None if column is None else column.shape for column in columns],
+        [
+            *((len(record), len(names)) for names in (record.inputs, record.outputs)),
+            *(None if column is None else column.shape for column in further),
+        ],
     ]
     digest = hashlib.sha256(json.dumps(facts).encode())
-    for column in columns:
+    for signal in (0, 1):
+        for chunk in record.chunks(_CHUNK):
+            digest.update(chunk[signal].astype("<f8", copy=False).tobytes())
+    for column in further:
         if column is not None:
             digest.update(column.astype("<f8", copy=False).tobytes())
     return digest.hexdigest()

@@ -8,7 +8,7 @@ realisations of the same triplet (3-9).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import control
 import numpy as np
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.identification import Identification
     from flexarm_ident.iodata import IoData
     from flexarm_ident.modes import ModalForm, Mode
-    from flexarm_ident.pipeline import Identification
 
 # A flexible mode may be this far from its known frequency (natural logarithm of the ratio) ...
 _FARTHEST = 0.3
@@ -52,6 +52,10 @@ class Reduction:
         All modes of the full model, with both indices, ranks and whether they were kept.
     x0 : tuple of ndarray, (states,)
         Initial state of each record.
+    update_rank : int or None
+        Numerical rank of the update's regression; None without an update.
+    update_condition : float or None
+        Its condition number.
     warnings : tuple of str
         Where the result differs from the request.
     """
@@ -60,6 +64,8 @@ class Reduction:
     kept: tuple[str, ...]
     modes: tuple[Mode, ...]
     x0: tuple[FloatArray, ...]
+    update_rank: int | None
+    update_condition: float | None
     warnings: tuple[str, ...]
 
     @property
@@ -118,12 +124,14 @@ def reduce_model(
     modes = mode_table(full, records, output_scale(records))
     kept, notes = _choose(modes, ranking, order, known_modes_hz)
     realised = truncate(full, [state for mode in kept for state in mode.states])
-    model, x0 = _updated(realised, records, update)
+    updated = _updated(realised, records, update)
     return Reduction(
-        model=model,
+        model=updated.model,
         kept=tuple(mode.label for mode in kept),
         modes=tuple(replace(mode, kept=mode in kept) for mode in modes),
-        x0=x0,
+        x0=updated.x0,
+        update_rank=updated.rank,
+        update_condition=updated.condition,
         warnings=tuple(notes),
     )
 
@@ -203,17 +211,24 @@ def _with(
     )
 
 
-def _updated(
-    model: control.StateSpace, records: Sequence[IoData], update: str
-) -> tuple[control.StateSpace, tuple[FloatArray, ...]]:
+class _Update(NamedTuple):
+    model: control.StateSpace
+    x0: tuple[FloatArray, ...]
+    rank: int | None
+    condition: float | None
+
+
+def _updated(model: control.StateSpace, records: Sequence[IoData], update: str) -> _Update:
     if update == "b":
-        fit = fit_inputs(model.A, model.C, _without_feedthrough(model, records))
-        return _with(model, model.A, fit.B, model.C), fit.x0
+        inputs = fit_inputs(model.A, model.C, _without_feedthrough(model, records))
+        refitted = _with(model, model.A, inputs.B, model.C)
+        return _Update(refitted, inputs.x0, inputs.rank, inputs.condition)
     x0 = fit_initial_states(model, records)
     if update == "none":
-        return model, x0
-    C = fit_outputs(model, x0, records)
-    return _with(model, model.A, model.B, C), x0
+        return _Update(model, x0, None, None)
+    outputs = fit_outputs(model, x0, records)
+    refitted = _with(model, model.A, model.B, outputs.C)
+    return _Update(refitted, x0, outputs.rank, outputs.condition)
 
 
 def _without_feedthrough(

@@ -22,7 +22,7 @@ from flexarm_ident.simulation import simulate
 from flexarm_ident.stick_slip import run_sensitivity
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.iodata import IoData
@@ -60,6 +60,7 @@ def refine_model(
     data: IoData | Sequence[IoData],
     *,
     iterations: int = _ITERATIONS,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Refinement:
     """Refine A, B, C and the initial states by simulation error; D stays.
 
@@ -73,6 +74,8 @@ def refine_model(
         Records.
     iterations : int
         Steps at most.
+    progress : callable, optional
+        Called with the stage "refinement" and the part that is done.
 
     Returns
     -------
@@ -87,7 +90,16 @@ def refine_model(
     if np.linalg.cond(form.vectors) > _DEFECTIVE_CONDITION or not np.isfinite(before).all():
         return unchanged
     problem = _Modal(model, records)
-    found = minimise(problem.pack(x0), problem.cost, problem.normal, iterations=iterations)
+    steps = 0
+
+    def normal(theta: FloatArray) -> Normal:
+        nonlocal steps
+        if progress is not None:
+            progress("refinement", min(1.0, steps / iterations))
+        steps += 1
+        return problem.normal(theta)
+
+    found = minimise(problem.pack(x0), problem.cost, normal, iterations=iterations)
     if not np.isfinite(found.cost):
         return unchanged
     refined, starts = problem.unpack(found.theta)
@@ -159,36 +171,29 @@ class _Modal:
         A, B, C, starts = self._split(theta)
         n, r, m = self._n, self._r, self._m
         dynamic, moving = n + n * r, n + n * r + n
-        d_A, d_B = self._derivatives(moving)
         cost, gradient = 0.0, np.zeros(len(theta))
         matrix = np.zeros((len(theta), len(theta)))
-        still = np.zeros((r, n)), np.zeros(r), np.zeros((r, moving))
         for number, (record, start) in enumerate(zip(self._records, starts, strict=True)):
             own = dynamic + n * m + number * n + np.arange(n)
             place = np.concatenate([np.arange(dynamic), own, dynamic + np.arange(n * m)])
-            x, d_x = start, np.zeros((n, moving))
-            d_x[:, dynamic:] = np.eye(n)
+            runs = [_BlockRun(A, B, start, group) for group in self._groups]
             for first in range(0, len(record), _CHUNK):
-                # One sample more than the chunk: where the next one starts.
-                u = np.zeros((min(_CHUNK, len(record) - first) + 1, r))
-                u[:-1] = record.u[first : first + _CHUNK]
-                states, slopes = run_sensitivity(
-                    A, B, still[0], still[1], u, x, d_A, d_B, still[2], still[2], d_x
-                )
-                x, d_x = states[-1].copy(), slopes[-1].copy()
-                y = states[:-1] @ C.T + u[:-1] @ self._model.D.T
+                u = record.u[first : first + _CHUNK]
+                states = np.empty((len(u), n))
+                jacobian = np.zeros((len(u), m, moving + m * n))
+                for run in runs:
+                    states[:, run.states], slopes = run.advance(u)
+                    jacobian[:, :, run.columns] = np.matmul(C[:, run.states], slopes)
+                for output in range(m):
+                    columns = slice(moving + output * n, moving + (output + 1) * n)
+                    jacobian[:, output, columns] = states
+                y = states @ C.T + u @ self._model.D.T
                 e = (self._weight * (y - record.y[first : first + _CHUNK])).ravel()
-                jacobian = np.concatenate(
-                    [
-                        np.matmul(C, slopes[:-1]),
-                        np.einsum("ij,kl->kijl", np.eye(m), states[:-1]).reshape(-1, m, m * n),
-                    ],
-                    axis=2,
-                )
-                jacobian = (self._weight[:, np.newaxis] * jacobian).reshape(len(e), -1)
+                jacobian *= self._weight[:, np.newaxis]
+                flat = jacobian.reshape(len(e), -1)
                 cost += float(e @ e)
-                gradient[place] += jacobian.T @ e
-                matrix[np.ix_(place, place)] += jacobian.T @ jacobian
+                gradient[place] += flat.T @ e
+                matrix[np.ix_(place, place)] += flat.T @ flat
         return Normal(cost, gradient, matrix)
 
     def _split(
@@ -208,19 +213,44 @@ class _Modal:
         starts = theta[n + n * r + n * m :].reshape(-1, n)
         return A, B.copy(), C.copy(), tuple(start.copy() for start in starts)
 
-    def _derivatives(self, count: int) -> tuple[FloatArray, FloatArray]:
-        n, r = self._n, self._r
-        d_A, d_B, at = np.zeros((count, n, n)), np.zeros((count, n, r)), 0
-        for group in self._groups:
-            for i in group:
-                d_A[at, i, i] = 1.0
-            if len(group) > 1:
-                i, j = group
-                d_A[at + 1, i, j], d_A[at + 1, j, i] = 1.0, -1.0
-            at += len(group)
-        for entry in range(n * r):
-            d_B[n + entry, entry // r, entry % r] = 1.0
-        return d_A, d_B
+
+class _BlockRun:
+    """The states of one mode and their derivatives, chunk by chunk.
+
+    No other mode's parameters move them, so each block is stepped with its own alone: the entries
+    of A, the rows of B and the initial state.
+    """
+
+    def __init__(
+        self, A: FloatArray, B: FloatArray, start: FloatArray, group: tuple[int, ...]
+    ) -> None:
+        n, r = B.shape
+        self.states = list(group)
+        self._A, self._B = A[np.ix_(group, group)], np.ascontiguousarray(B[self.states])
+        size, inputs = len(group), [n + i * r + j for i in group for j in range(r)]
+        self.columns = [*group, *inputs, *(n + n * r + i for i in group)]
+        count = len(self.columns)
+        self._d_A, self._d_B = np.zeros((count, size, size)), np.zeros((count, size, r))
+        self._d_A[0] = np.eye(size)
+        if size > 1:
+            self._d_A[1] = [[0.0, 1.0], [-1.0, 0.0]]
+        for entry in range(size * r):
+            self._d_B[size + entry, entry // r, entry % r] = 1.0
+        self._x, self._d_x = start[self.states], np.zeros((size, count))
+        self._d_x[:, -size:] = np.eye(size)
+
+    def advance(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return states and derivatives, (samples, states, columns), for the next inputs."""
+        r, count = self._B.shape[1], len(self.columns)
+        # One sample more than the chunk: where the next one starts.
+        longer = np.vstack([u, np.zeros((1, r))])
+        still, steady = np.zeros((r, len(self._x))), np.zeros((r, count))
+        x, d_x = run_sensitivity(
+            *(self._A, self._B, still, np.zeros(r), longer, self._x),
+            *(self._d_A, self._d_B, steady, steady, self._d_x),
+        )
+        self._x, self._d_x = x[-1].copy(), d_x[-1].copy()
+        return x[:-1], d_x[:-1]
 
 
 def _errors(

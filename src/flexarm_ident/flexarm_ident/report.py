@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import jinja2
 
-from flexarm_ident import plots, report_content
+from flexarm_ident import plots, report_content, report_friction, report_plots
 from flexarm_ident.errors import IdentificationError
 from flexarm_ident.stabilisation_plot import stabilisation_plot
 
@@ -78,8 +78,11 @@ def render_report(
             order=report_content.order_words(outcome),
             order_plots=_order_plots(outcome),
             modes=report_content.mode_table(outcome),
+            deviations=bool(outcome.identification.mode_uncertainty),
+            friction=report_friction.friction_table(outcome),
+            friction_words=report_friction.friction_words(outcome),
             errors=report_content.error_table(outcome),
-            galleries=report_content.galleries(outcome),
+            galleries=report_plots.galleries(outcome),
             model=report_content.model_facts(outcome) | dict(facts),
         )
     )

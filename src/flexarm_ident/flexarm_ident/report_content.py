@@ -1,4 +1,4 @@
-"""What a report says of an identification: its sentences, tables and plots."""
+"""What a report says of an identification: its sentences and tables."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident import plots
 from flexarm_ident.channels import label_and_unit
-from flexarm_ident.validation import relative_errors
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -20,10 +18,6 @@ if TYPE_CHECKING:
     from flexarm_ident.iodata import IoData
     from flexarm_ident.workflow import Outcome
 
-_RECORDS_SHOWN = 3
-# Keeps a report below 1.5 MB whatever its number of channels.
-_ALL_POINTS = 60_000
-_FEWEST_POINTS = 200
 _LIGHT_DAMPING = 0.2
 _LARGE = 1e3
 
@@ -31,6 +25,8 @@ _METHODS = {
     "orse": "ORSE, outputs scaled by their innovation",
     "orse_iv": "ORSE with past data as instruments",
     "orse_thesis": "ORSE, outputs scaled by their maxima",
+    "pbsid": "PBSID-opt",
+    "arm": "flexible arm with dry friction, fitted by free simulation",
 }
 _RANKINGS = {
     "mrm": "largest modal response (MRM)",
@@ -60,23 +56,15 @@ class Table:
     marked: tuple[bool, ...] = ()
 
 
-@dataclass(frozen=True)
-class Gallery:
-    """Plots of one kind: what they are, and caption and SVG of each."""
-
-    title: str
-    words: str
-    plots: tuple[tuple[str, str], ...]
-
-
 def summary(outcome: Outcome) -> list[str]:
     """Return the outcome in a few sentences."""
     records, model = outcome.records, outcome.model
-    seconds = sum(len(record) * record.dt_s for record in records)
+    seconds = sum(outcome.samples) * records[0].dt_s
     origin = f", reduced from {outcome.identification.order}" if outcome.reduction else ""
     error = _percent(float(outcome.dmv_errors.mean()))
+    friction = " and dry friction at its inputs" if outcome.friction else ""
     lines = [
-        f"The model has {model.nstates} states{origin}.",
+        f"The model has {model.nstates} states{origin}{friction}.",
         f"It comes from {_count(len(records), 'record')} of {seconds:.1f} s in all.",
         f"Driven by the measured input alone, it misses the outputs by {error} on average.",
     ]
@@ -101,15 +89,17 @@ def summary(outcome: Outcome) -> list[str]:
 def record_table(outcome: Outcome) -> Table:
     """Return the records with their size, fitted part and mean error."""
     rows = []
-    for record, trained, dmv in zip(outcome.records, outcome.trained, outcome.dmv, strict=True):
+    for record, samples, fitted, dmv in zip(
+        outcome.records, outcome.samples, outcome.fitted, outcome.dmv, strict=True
+    ):
         cells = (
             record.label,
-            str(len(record)),
+            str(samples),
             f"{1.0 / record.dt_s:.6g}",
-            f"{len(record) * record.dt_s:.1f}",
-            f"{len(trained) * record.dt_s:.1f}",
+            f"{samples * record.dt_s:.1f}",
+            f"{fitted * record.dt_s:.1f}",
             _LOOPS[record.closed_loop],
-            _error(dmv.mean),
+            error_text(dmv.mean),
         )
         rows.append(cells)
     header = ("Record", "Samples", "Rate, Hz", "Length, s", "Fitted, s", "Loop", "Mean δ")
@@ -136,6 +126,8 @@ def order_words(outcome: Outcome) -> list[str]:
     """Return why the full model has its order."""
     identification = outcome.identification
     how = "as asked for" if outcome.request.order else "chosen by its fit"
+    if identification.friction is not None:
+        how = "that of an arm's equations of motion; what follows is of its subspace start"
     stable = _ranges(identification.stable_orders)
     physical = ", ".join(
         f"{mode.frequency_hz:.2f} \u00b1 {mode.frequency_std_hz:.2f} Hz"
@@ -178,86 +170,18 @@ def error_table(outcome: Outcome) -> Table:
     """Return the errors (2-25) of each output and their mean, as Tables 3-1b to 3-3b."""
     columns: list[tuple[str, FloatArray]] = []
     if outcome.reduction:
-        measured = np.vstack([record.y for record in outcome.records])
-        simulated = np.vstack([dmv.y for dmv in outcome.full_dmv])
-        columns.append(("Full, DMV", relative_errors(measured, simulated)))
+        columns.append(("Full, DMV", outcome.full_dmv_errors))
     name = "Reduced" if outcome.reduction else "Full"
     columns.append((f"{name}, DMV", outcome.dmv_errors))
     if outcome.sfv is not None:
         columns.append((f"{name}, SFV", outcome.sfv.delta))
     rows = [
-        (label_and_unit(output)[0], *(_error(delta[i]) for _, delta in columns))
+        (label_and_unit(output)[0], *(error_text(delta[i]) for _, delta in columns))
         for i, output in enumerate(outcome.records[0].outputs)
     ]
-    rows.append(("mean", *(_error(float(delta.mean())) for _, delta in columns)))
+    rows.append(("mean", *(error_text(float(delta.mean())) for _, delta in columns)))
     header = ("Output", *(title for title, _ in columns))
     return Table(header, tuple(rows), (*(False for _ in rows[1:]), True))
-
-
-def galleries(outcome: Outcome) -> list[Gallery]:
-    """Return the plots of both validations and of the frequency response."""
-    shown = outcome.records[:_RECORDS_SHOWN]
-    runs = len(shown) + (outcome.sfv is not None)
-    curves = 2 * runs * shown[0].y.shape[1]
-    points = min(plots.CURVE_POINTS, max(_FEWEST_POINTS, _ALL_POINTS // curves))
-    galleries = []
-    for i, record in enumerate(shown):
-        words = f"{record.label}: the model is driven by the measured input and nothing else."
-        if i == 0 and len(outcome.records) > len(shown):
-            words += f" The first {len(shown)} of {len(outcome.records)} records are shown."
-        simulated, delta = outcome.dmv[i].y, outcome.dmv[i].delta
-        matches = _matches(record, simulated, delta, len(outcome.trained[i]), points)
-        galleries.append(Gallery("Data matching", words, matches))
-    if outcome.sfv is not None:
-        gains = outcome.sfv.gains
-        words = (
-            f"{shown[0].label}: the model follows the recorded set-point under the law of the "
-            f"experiment, kp = {gains.kp:.3f}, kd = {gains.kd:.3f}, ksg = {abs(gains.ksg):.3f}."
-        )
-        sfv = outcome.sfv
-        matches = _matches(shown[0], sfv.y, sfv.delta, len(outcome.trained[0]), points)
-        galleries.append(Gallery("Set-point following", words, matches))
-    galleries.append(_frequency_gallery(outcome))
-    return galleries
-
-
-def _matches(
-    record: IoData, simulated: FloatArray, delta: FloatArray, fitted: int, points: int
-) -> tuple[tuple[str, str], ...]:
-    time_s = np.linspace(0.0, (len(record) - 1) * record.dt_s, len(record))
-    return tuple(
-        (
-            f"{label_and_unit(name)[0]}, δ = {_error(delta[i])}",
-            plots.match_plot(
-                time_s,
-                record.y[:, i],
-                simulated[:, i],
-                name,
-                fitted_s=fitted * record.dt_s,
-                points=points,
-            ),
-        )
-        for i, name in enumerate(record.outputs)
-    )
-
-
-def _frequency_gallery(outcome: Outcome) -> Gallery:
-    record = max(outcome.records, key=len)
-    responses = tuple(
-        (
-            label_and_unit(name)[0],
-            plots.frequency_plot(
-                outcome.identification.model,
-                outcome.reduction.model if outcome.reduction else None,
-                i,
-                lowest_hz=1.0 / (len(record) * record.dt_s),
-                known_modes_hz=outcome.request.known_modes_hz,
-            ),
-        )
-        for i, name in enumerate(record.outputs)
-    )
-    words = f"From {label_and_unit(record.inputs[0])[0]} to each output."
-    return Gallery("Frequency response", words, responses)
 
 
 def model_facts(outcome: Outcome) -> dict[str, str]:
@@ -270,6 +194,11 @@ def model_facts(outcome: Outcome) -> dict[str, str]:
         "sampling period": f"{outcome.model.dt:.6g} s",
         "eigenvalues moved inside the circle": str(identification.moved_eigenvalues),
     }
+    if identification.start_error is not None:
+        facts["fitted by simulation"] = (
+            f"mean δ of the fitted part {error_text(float(identification.fit_error.mean()))}, "
+            f"of the subspace model before {error_text(float(identification.start_error.mean()))}"
+        )
     if outcome.reduction:
         facts["reduction"] = (
             f"{_RANKINGS[outcome.request.reduction]}; {_UPDATES[outcome.request.update]}"
@@ -290,7 +219,8 @@ def _index(value: float) -> str:
     return f"{value:.3f}" if value < _LARGE else f"{value:.1e}"
 
 
-def _error(delta: float) -> str:
+def error_text(delta: float) -> str:
+    """Return an error (2-25) with four decimals."""
     return f"{delta:.4f}" if math.isfinite(delta) else "∞"
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_ident.exports import FORMATS, save_model
+from flexarm_ident.friction_parameters import friction_fields
 from flexarm_ident.model_parameters import model_parameters
 from flexarm_ident.provenance import model_provenance
 from flexarm_ident.report import render_report
@@ -14,8 +15,8 @@ from flexarm_ident.report import render_report
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from flexarm_ident.iodata import IoData
     from flexarm_ident.model_parameters import ParameterValue
+    from flexarm_ident.source import Source
     from flexarm_ident.workflow import Outcome
 
 MODEL_FILE = "model.yaml"
@@ -25,7 +26,7 @@ REPORT_FILE = "report.html"
 def write_results(
     folder: Path,
     outcome: Outcome,
-    measured: Sequence[IoData],
+    measured: Sequence[Source],
     *,
     name: str,
     exports: Sequence[str] = (),
@@ -42,7 +43,7 @@ def write_results(
         Created when it is missing.
     outcome : Outcome
         The identification.
-    measured : sequence of IoData
+    measured : sequence of Source
         The records as they were read; their hashes are written beside the model.
     name : str
         Name of the model.
@@ -63,7 +64,7 @@ def write_results(
     OSError
         When the folder cannot be written.
     """
-    provenance = model_provenance(outcome, measured)
+    provenance = model_provenance(outcome, measured) | friction_fields(outcome.friction)
     parameters = model_parameters(name, outcome.model, provenance=provenance)
     model_files = [Path(MODEL_FILE), *(Path(MODEL_FILE).with_suffix(each) for each in exports)]
     facts = {

@@ -40,7 +40,13 @@ def simulate(model: control.StateSpace, u: FloatArray, x0: FloatArray | None = N
 def simulate_states(
     A: FloatArray, B: FloatArray, u: FloatArray, x0: FloatArray | None = None
 ) -> FloatArray:
-    """Simulate the states of (2-3), (samples, states); arguments as in `simulate`."""
+    """Simulate the states of (2-3), Z of (3-21) transposed; arguments as in `simulate`.
+
+    Returns
+    -------
+    ndarray, (samples, states)
+        States.
+    """
     states = len(A)
     return BlockSimulation(A, B, np.eye(states), np.zeros((states, u.shape[1])), x0).advance(u)
 

@@ -1,85 +1,157 @@
-"""Identification of records that need not fit into memory."""
+"""Identification of records that need not fit into memory.
+
+What is long, the products of the samples and the simulation errors, is summed up in chunks. What
+needs a record in memory, such as the choice of method and order, is done on its leading part.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import control
+import numpy as np
 
-from flexarm_ident import orse
-from flexarm_ident.errors import DataError, IdentificationError
-from flexarm_ident.gram import block_gram
-from flexarm_ident.output_fit import fit_inputs
-from flexarm_ident.poles import stabilise
+from flexarm_ident.errors import DataError
+from flexarm_ident.iodata import IoData, as_records
+from flexarm_ident.pipeline import identify_records
+from flexarm_ident.preprocess import ZERO_MEAN_OUTPUTS, preprocess
+from flexarm_ident.simulation import BlockSimulation
+from flexarm_ident.validation import Dmv
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
+
+    import control
 
     from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.identification import Identification
+    from flexarm_ident.progress import Progress
     from flexarm_ident.source import Source
+
+EXCERPT_SAMPLES = 65_536
+"""Samples of a record that are held in memory."""
+_CHUNK = 16_384
 
 
 @dataclass(frozen=True, eq=False)
-class StreamIdentification:
-    """A model identified from streamed records.
+class Part:
+    """The leading samples of a source, with a constant subtracted from each output.
 
     Attributes
     ----------
-    model : control.StateSpace
-        Discrete model with named inputs and outputs.
-    x0 : tuple of ndarray, (states,)
-        Initial state of each record.
-    singular_values : ndarray
-        Singular values of (2-21), descending.
-    fit_error : ndarray, (outputs,)
-        Relative simulation error of each output over the records (2-25).
-    input_condition, fit_condition : float
-        Condition numbers of U U' and of the regression for B and x0.
-    moved_eigenvalues : int
-        Number of unstable eigenvalues that were moved inside the unit circle.
+    source : Source
+        Where they come from.
+    samples : int
+        How many, no more than the source has.
+    bias : ndarray, (outputs,)
+        What is subtracted.
     """
 
-    model: control.StateSpace
-    x0: tuple[FloatArray, ...]
-    singular_values: FloatArray
-    fit_error: FloatArray
-    input_condition: float
-    fit_condition: float
-    moved_eigenvalues: int
+    source: Source
+    samples: int
+    bias: FloatArray
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return self.source.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self.source.outputs
+
+    @property
+    def dt_s(self) -> float:
+        """Sampling period."""
+        return self.source.dt_s
+
+    @property
+    def label(self) -> str:
+        """Name of the record in messages."""
+        return self.source.label
+
+    def __len__(self) -> int:
+        return self.samples
+
+    def chunks(self, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Return u and y from the start, `samples` rows each, the last pair with the rest."""
+        left = self.samples
+        for u, y in self.source.chunks(samples):
+            yield u[:left], y[:left] - self.bias
+            left -= len(u)
+            if left <= 0:
+                return
+
+
+def leading(source: Source, samples: int) -> Part:
+    """Return the first `samples` samples of a source (all of them if there are fewer)."""
+    return Part(source, min(samples, len(source)), np.zeros(len(source.outputs)))
+
+
+def excerpt(source: Source, samples: int = EXCERPT_SAMPLES) -> IoData:
+    """Return the first samples of a source as a record in memory; a record as it is."""
+    if isinstance(source, IoData):
+        return source
+    chunks = list(leading(source, samples).chunks(_CHUNK))
+    return IoData(
+        np.concatenate([u for u, _ in chunks]),
+        np.concatenate([y for _, y in chunks]),
+        dt_s=source.dt_s,
+        inputs=source.inputs,
+        outputs=source.outputs,
+        source=source.label,
+    )
+
+
+def without_bias(source: Source) -> Part:
+    """Remove the outputs' biases as `preprocess` does by default (section 2.5).
+
+    Parameters
+    ----------
+    source : Source
+        Record whose inputs have no Coulomb compensation in them.
+
+    Returns
+    -------
+    Part
+        The whole record.
+    """
+    first = excerpt(source)
+    bias = first.y[0] - preprocess(first, zero_mean=()).y[0]
+    total = np.sum([y.sum(axis=0) for _, y in source.chunks(_CHUNK)], axis=0)
+    gauges = np.isin(source.outputs, ZERO_MEAN_OUTPUTS)
+    return Part(source, len(source), np.where(gauges, total / len(source), bias))
 
 
 def identify_stream(
     records: Sequence[Source],
     *,
-    order: int,
+    order: int | None = None,
     block_rows: int = 40,
     method: str = "orse",
+    stable: bool = True,
     feedthrough: bool = False,
-) -> StreamIdentification:
+    progress: Progress | None = None,
+) -> Identification:
     """Identify a model as `identify` does, from records that are read in chunks.
 
-    Two or three passes are made over each record: products for A and C, products for B and x0,
-    and the residual when the error is too small to follow from products. Memory does not depend
-    on the records' length.
+    A few passes are made over each record: products for A and C, products for B and x0, and the
+    residual when the error is too small to follow from products. Memory does not depend on the
+    records' length: method and order, if they are left open, and the modes' weights come from the
+    first `EXCERPT_SAMPLES` samples. There is neither friction nor refinement.
 
     Parameters
     ----------
     records : sequence of Source
         Records of one rig, such as `BagStream`.
-    order : int
-        Number of states.
-    block_rows : int
-        Block rows of the Hankel matrices, q of (2-18).
-    method : {'orse', 'orse_iv'}
-        Without or with past data as instruments.
-    feedthrough : bool
-        Fit D.
+    order, block_rows, method, stable, feedthrough, progress
+        As in `identify`.
 
     Returns
     -------
-    StreamIdentification
-        The model.
+    Identification
+        The model, with the leading parts as its `records`.
 
     Raises
     ------
@@ -88,25 +160,45 @@ def identify_stream(
     """
     if not records:
         raise DataError("no record given")
-    if method == "orse":
-        space = orse.innovation_scaled(block_gram(records, block_rows))
-    elif method == "orse_iv":
-        space = orse.past_instruments(block_gram(records, 2 * block_rows))
-    else:
-        raise IdentificationError(f"method must be orse or orse_iv for streams: {method!r}")
-    raw = space.matrices(order)
-    A, moved = stabilise(raw.A)
-    fit = fit_inputs(A, raw.C, records, feedthrough=feedthrough)
-    first = records[0]
-    model = control.ss(
-        A, fit.B, raw.C, fit.D, first.dt_s, inputs=list(first.inputs), outputs=list(first.outputs)
+    return identify_records(
+        records,
+        as_records([excerpt(record) for record in records]),
+        order=order,
+        block_rows=block_rows,
+        method=method,
+        stable=stable,
+        feedthrough=feedthrough,
+        progress=progress,
     )
-    return StreamIdentification(
-        model,
-        fit.x0,
-        space.singular_values,
-        fit.error,
-        space.condition,
-        fit.condition,
-        moved,
-    )
+
+
+def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -> Dmv:
+    """Compare measured outputs with a free simulation, chunk by chunk; see `validate_dmv`.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model.
+    record : Source
+        The record.
+    x0 : ndarray, (states,)
+        Initial state.
+
+    Returns
+    -------
+    Dmv
+        Errors over the whole record, and simulated outputs of the first `EXCERPT_SAMPLES`.
+    """
+    run = BlockSimulation(model.A, model.B, model.C, model.D, x0)
+    missed, power = np.zeros(model.noutputs), np.zeros(model.noutputs)
+    shown: list[FloatArray] = []
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for u, y in record.chunks(_CHUNK):
+            simulated = run.advance(u)
+            missed += np.sum((y - simulated) ** 2, axis=0)
+            power += np.sum(y**2, axis=0)
+            if len(shown) * _CHUNK < EXCERPT_SAMPLES:
+                shown.append(simulated)
+        delta = np.where((missed == 0.0) & (power == 0.0), 0.0, np.sqrt(missed / power))
+    delta = np.where(np.isfinite(delta), delta, np.inf)
+    return Dmv(delta, float(delta.mean()), np.concatenate(shown)[:EXCERPT_SAMPLES], x0)

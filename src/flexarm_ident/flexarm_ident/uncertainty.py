@@ -201,7 +201,7 @@ def frequency_response_uncertainty(
 
     def response(matrices: StateMatrices, data: Sequence[IoData]) -> ComplexArray:
         A, _ = stabilise(matrices.A)
-        fit = fit_inputs(A, matrices.C, data, feedthrough=feedthrough)
+        fit = fit_inputs(A, matrices.C, data, feedthrough=feedthrough, noise_weighted=True)
         model = control.ss(A, fit.B, matrices.C, fit.D, data[0].dt_s)
         return frequency_response(model, grid)
 

@@ -6,28 +6,39 @@ validate on the whole of it (section 2.4).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm_ident.errors import IdentificationError
-from flexarm_ident.iodata import as_records
+from flexarm_ident.friction import refer_friction, validate_with_friction
+from flexarm_ident.iodata import IoData, as_records
 from flexarm_ident.pipeline import identify
 from flexarm_ident.preprocess import preprocess
 from flexarm_ident.reduction import reduce_model
-from flexarm_ident.validation import relative_errors, validate_dmv, validate_sfv
+from flexarm_ident.simulation_fit import is_compensated
+from flexarm_ident.streaming import (
+    excerpt,
+    identify_stream,
+    leading,
+    validate_stream,
+    without_bias,
+)
+from flexarm_ident.validation import validate_dmv, validate_sfv
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import control
 
     from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_ident.friction import DryFriction
+    from flexarm_ident.identification import Identification
     from flexarm_ident.modes import Mode
-    from flexarm_ident.pipeline import Identification
+    from flexarm_ident.progress import Progress
     from flexarm_ident.reduction import Reduction
+    from flexarm_ident.source import Source
     from flexarm_ident.validation import Dmv, Sfv
 
 REDUCTIONS = ("none", "mrm", "msv", "mrmc")
@@ -63,6 +74,11 @@ class Request:
         Subtract the recorded Coulomb compensation from the input.
     stabilise : bool
         Move unstable eigenvalues inside the unit circle.
+    friction : bool
+        Look for dry friction where no compensation was recorded, and model it where `identify`
+        finds that the data call for it.
+    refine : bool
+        Refine the model by its simulation error; it never gets worse.
     """
 
     train_fraction: float = 0.5
@@ -75,6 +91,8 @@ class Request:
     update: str = "none"
     remove_compensation: bool = True
     stabilise: bool = True
+    friction: bool = True
+    refine: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 < self.train_fraction <= 1.0:
@@ -96,17 +114,21 @@ class Outcome:
     request : Request
         What was asked for.
     records : tuple of IoData
-        The preprocessed records, whole.
-    trained : tuple of IoData
-        Their leading parts, which were fitted.
+        The preprocessed records; of streamed ones a leading part.
+    samples : tuple of int
+        Length of each record.
+    fitted : tuple of int
+        Length of its leading part that was fitted.
     identification : Identification
         The full model.
     reduction : Reduction or None
         The reduced model, when one was asked for.
+    friction : DryFriction or None
+        Dry friction at the inputs of `model`, which then is one from the net input.
     full_dmv, dmv : tuple of Dmv
         Data matching of the full model and of `model`, one per record.
-    dmv_errors : ndarray, (outputs,)
-        Error delta (2-25) of `model` over all records together.
+    full_dmv_errors, dmv_errors : ndarray, (outputs,)
+        Errors delta (2-25) of the full model and of `model` over all records together.
     sfv : Sfv or None
         Set-point following of `model` on the first record; None without a recorded reference.
     warnings : tuple of str
@@ -115,11 +137,14 @@ class Outcome:
 
     request: Request
     records: tuple[IoData, ...]
-    trained: tuple[IoData, ...]
+    samples: tuple[int, ...]
+    fitted: tuple[int, ...]
     identification: Identification
     reduction: Reduction | None
+    friction: DryFriction | None
     full_dmv: tuple[Dmv, ...]
     dmv: tuple[Dmv, ...]
+    full_dmv_errors: FloatArray
     dmv_errors: FloatArray
     sfv: Sfv | None
     warnings: tuple[str, ...]
@@ -135,18 +160,34 @@ class Outcome:
         return self.reduction.modes if self.reduction else self.identification.modes
 
 
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """A preprocessed record, and the part of it that is in memory: all or a leading one."""
+
+    whole: Source
+    shown: IoData
+
+    @property
+    def is_streamed(self) -> bool:
+        return self.whole is not self.shown
+
+    def head(self, fraction: float) -> _Record:
+        samples = max(1, round(fraction * len(self.whole)))
+        shown = self.shown.head(samples)
+        return _Record(leading(self.whole, samples) if self.is_streamed else shown, shown)
+
+
 def run(
-    records: IoData | Sequence[IoData],
-    request: Request,
-    *,
-    progress: Callable[[str, float], None] | None = None,
+    records: IoData | Sequence[Source], request: Request, *, progress: Progress | None = None
 ) -> Outcome:
     """Identify, reduce, update and validate.
 
     Parameters
     ----------
-    records : IoData or sequence of IoData
-        Records of one rig as measured.
+    records : IoData or sequence of Source
+        Records of one rig as measured. With one that is read in chunks, memory does not depend on
+        their lengths; reduction and set-point following then use the leading parts, and there is
+        neither friction nor refinement.
     request : Request
         What is to be done.
     progress : callable, optional
@@ -163,40 +204,46 @@ def run(
         If the data or the request do not allow it.
     """
     report = progress or (lambda _stage, _fraction: None)
-    compensation = "remove" if request.remove_compensation else "keep"
-    prepared = tuple(
-        preprocess(record, compensation=compensation)  # type: ignore[arg-type]
-        for record in as_records(records)
-    )
-    trained = tuple(
-        record.head(max(1, round(request.train_fraction * len(record)))) for record in prepared
-    )
-    identification = identify(
-        trained,
-        order=request.order,
-        block_rows=request.block_rows,
-        method=request.method,
-        stable=request.stabilise,
-        progress=progress,
-    )
+    measured = [records] if isinstance(records, IoData) else list(records)
+    prepared = [_prepared(record, request) for record in measured]
+    shown = as_records([record.shown for record in prepared])
+    trained = [record.head(request.train_fraction) for record in prepared]
+    in_memory = [record for record in measured if isinstance(record, IoData)]
+    # Compensated drives show no friction that a model could be fitted to: the thesis's own way.
+    friction_wanted = request.friction and not is_compensated(in_memory)
+    identification = _identify(trained, replace(request, friction=friction_wanted), progress)
     report("reduction", 0.0)
-    reduction = _reduce(identification, trained, request)
+    reduction = _reduce(identification, request)
     report("validation", 0.0)
-    model = reduction.model if reduction else identification.model
-    full_dmv = tuple(validate_dmv(identification.model, record) for record in prepared)
-    dmv = tuple(validate_dmv(model, record) for record in prepared) if reduction else full_dmv
-    measured = np.vstack([record.y for record in prepared])
-    sfv, notes = _set_point_following(model, prepared[0])
+    full, friction = identification.model, identification.friction
+    full_dmv = _validate(full, friction, identification.x0, prepared)
+    if reduction is None:
+        model, dmv = full, full_dmv
+    else:
+        model = reduction.model
+        if friction is not None:
+            friction = refer_friction(
+                friction,
+                (full, model),
+                (identification.x0, reduction.x0),
+                identification.linear_records,
+            )
+        dmv = _validate(model, friction, reduction.x0, prepared)
+    powers = [_power(record.whole) for record in prepared]
+    sfv, notes = (None, []) if friction else _set_point_following(model, prepared[0])
     report("validation", 1.0)
     return Outcome(
         request=request,
-        records=prepared,
-        trained=trained,
+        records=shown,
+        samples=tuple(len(record.whole) for record in prepared),
+        fitted=tuple(len(record.whole) for record in trained),
         identification=identification,
         reduction=reduction,
+        friction=friction,
         full_dmv=full_dmv,
         dmv=dmv,
-        dmv_errors=relative_errors(measured, np.vstack([each.y for each in dmv])),
+        full_dmv_errors=_joined_errors(full_dmv, powers),
+        dmv_errors=_joined_errors(dmv, powers),
         sfv=sfv,
         warnings=(
             *identification.warnings,
@@ -206,11 +253,85 @@ def run(
     )
 
 
-def _reduce(
-    identification: Identification, records: Sequence[IoData], request: Request
-) -> Reduction | None:
+def _prepared(record: Source, request: Request) -> _Record:
+    if isinstance(record, IoData):
+        compensation = "remove" if request.remove_compensation else "keep"
+        data = preprocess(record, compensation=compensation)  # type: ignore[arg-type]
+        return _Record(data, data)
+    whole = without_bias(record)
+    return _Record(whole, excerpt(whole))
+
+
+def _identify(
+    trained: Sequence[_Record], request: Request, progress: Progress | None
+) -> Identification:
+    if not any(record.is_streamed for record in trained):
+        return identify(
+            [record.shown for record in trained],
+            order=request.order,
+            block_rows=request.block_rows,
+            method=request.method,
+            stable=request.stabilise,
+            friction=request.friction,
+            refine=request.refine,
+            progress=progress,
+        )
+    found = identify_stream(
+        [record.whole for record in trained],
+        order=request.order,
+        block_rows=request.block_rows,
+        method=request.method,
+        stable=request.stabilise,
+        progress=progress,
+    )
+    samples = sum(len(record.whole) for record in trained)
+    held = sum(len(record.shown) for record in trained)
+    note = (
+        f"{samples} samples were fitted in pieces: a chosen method or order, the modes' weights "
+        f"and a reduction are from the first {held}; no search for friction, no refinement"
+    )
+    return replace(found, notes=(*found.notes, note))
+
+
+def _validate(
+    model: control.StateSpace,
+    friction: DryFriction | None,
+    x0: Sequence[FloatArray],
+    records: Sequence[_Record],
+) -> tuple[Dmv, ...]:
+    found = []
+    for record, start in zip(records, x0, strict=True):
+        if friction is not None:
+            found.append(validate_with_friction(model, friction, record.shown, start))
+        elif record.is_streamed:
+            found.append(validate_stream(model, record.whole, start))
+        else:
+            found.append(validate_dmv(model, record.shown))
+    return tuple(found)
+
+
+def _power(record: Source) -> FloatArray:
+    return np.asarray(np.sum([np.sum(y**2, axis=0) for _, y in record.chunks(1 << 14)], axis=0))
+
+
+def _joined_errors(dmv: Sequence[Dmv], powers: Sequence[FloatArray]) -> FloatArray:
+    """Return the errors over all records together, from those of each and the outputs' power."""
+    if len(dmv) == 1:
+        return dmv[0].delta
+    with np.errstate(invalid="ignore", divide="ignore"):
+        missed = [
+            np.where(each.delta == 0.0, 0.0, each.delta**2 * power)
+            for each, power in zip(dmv, powers, strict=True)
+        ]
+        total, power = np.sum(missed, axis=0), np.sum(powers, axis=0)
+        error = np.where(total == 0.0, 0.0, np.sqrt(total / power))
+    return np.where(np.isfinite(error), error, np.inf)
+
+
+def _reduce(identification: Identification, request: Request) -> Reduction | None:
     if request.reduction == "none":
         return None
+    records = identification.linear_records
 
     def reduced(order: int) -> Reduction:
         return reduce_model(
@@ -239,10 +360,12 @@ def _fit_error(model: control.StateSpace, records: Sequence[IoData]) -> float:
     return float(np.mean([validate_dmv(model, record).mean for record in records]))
 
 
-def _set_point_following(model: control.StateSpace, record: IoData) -> tuple[Sfv | None, list[str]]:
-    if record.reference is None:
+def _set_point_following(
+    model: control.StateSpace, record: _Record
+) -> tuple[Sfv | None, list[str]]:
+    if record.shown.reference is None:
         return None, []
     try:
-        return validate_sfv(model, record), []
+        return validate_sfv(model, record.shown), []
     except IdentificationError as error:
         return None, [f"no set-point following validation: {error}"]

@@ -10,13 +10,13 @@ BENCH = Path(__file__).parents[3] / "bench"
 
 def run_ident(*options: str, cache: Path) -> subprocess.CompletedProcess[str]:
     source = str(BENCH.parent / "src" / "flexarm_ident")
-    environment = {"PYTHONPATH": source, "XDG_CACHE_HOME": str(cache), "PATH": "/usr/bin:/bin"}
+    environment = {"PYTHONPATH": source, "XDG_CACHE_HOME": str(cache), "OMP_NUM_THREADS": "1"}
     return subprocess.run(  # noqa: S603 - our own benchmark
         [sys.executable, str(BENCH / "ident.py"), *options],
         capture_output=True,
         text=True,
         check=False,
-        env={**environment, "COLUMNS": "120"},
+        env={**environment, "PATH": "/usr/bin:/bin", "COLUMNS": "120"},
     )
 
 
@@ -39,6 +39,21 @@ def test_bench_ident___quick___rows_and_missing_peers_are_named(tmp_path: Path) 
     assert 0.0 < row["error"] < 0.05
     missing = " ".join(done.stdout.split("not installed:")[1].split())
     assert missing.startswith("ctrlsys, sippy, mdof")
+
+
+def test_bench_ident___stability___no_model_of_any_noise_is_unstable(tmp_path: Path) -> None:
+    file = tmp_path / "counts.json"
+    done = run_ident("--stability", "3", "--json", str(file), cache=tmp_path)
+    assert done.returncode == 0, done.stderr
+    counts = json.loads(file.read_text("utf-8"))
+    methods, noises = ("orse", "orse_iv", "auto"), ("white", "butterworth", "ar1", "closed_loop")
+    assert [(each["noise"], each["method"]) for each in counts] == [
+        (noise, method) for noise in noises for method in methods
+    ]
+    assert {each["seeds"] for each in counts} == {3}
+    # The matrices as estimated; the policy has nothing to do.
+    assert {each["unstable"] for each in counts} == {0}
+    assert {each["after_policy"] for each in counts} == {0}
 
 
 def test_bench_ident___unknown_option___fails(tmp_path: Path) -> None:

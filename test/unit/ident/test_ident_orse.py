@@ -5,30 +5,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from ident_systems import pulse_responses, random_model, record, step_by_step
+from ident_systems import (
+    DT_S,
+    arm_model,
+    pulse_responses,
+    random_model,
+    record,
+    square_wave,
+    step_by_step,
+)
 from scipy import signal
 
-from flexarm_ident import IdentificationError, identify
+from flexarm_ident import IdentificationError, IoData, identify
 from flexarm_ident.gram import block_gram
-from flexarm_ident.orse import innovation_scaled, plain
+from flexarm_ident.orse import innovation_scaled, past_instruments
+from flexarm_ident.poles import is_stable
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_ident import IoData
-
     Array = NDArray[np.float64]
-
-
-def textbook(data: IoData, block_rows: int, order: int, scale: Array) -> tuple[Array, Array, Array]:
-    """Return singular values, A and C by (2-19) .. (2-23) with explicit Hankel matrices and SVD."""
-    columns = len(data) - block_rows + 1
-    Y = np.vstack([(data.y * scale)[i : i + columns].T for i in range(block_rows)])
-    U = np.vstack([data.u[i : i + columns].T for i in range(block_rows)])
-    remainder = Y @ Y.T - Y @ U.T @ np.linalg.pinv(U @ U.T) @ (Y @ U.T).T
-    basis, values, _ = np.linalg.svd(remainder)
-    psi, m = basis[:, :order], data.y.shape[1]
-    return values, np.linalg.pinv(psi[:-m]) @ psi[m:], psi[:m] / scale[:, np.newaxis]
 
 
 def innovation_deviation(data: IoData, block_rows: int) -> Array:
@@ -39,29 +35,6 @@ def innovation_deviation(data: IoData, block_rows: int) -> Array:
     residual = y[-1] - known @ np.linalg.lstsq(known, y[-1], rcond=None)[0]
     assert residual.shape[1] == m
     return np.asarray(np.sqrt(np.mean(residual**2, axis=0)))
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_plain___noisy_mimo_data___agrees_with_textbook_form(seed: int) -> None:
-    data = record(random_model(seed), 700, seed=seed, noise=0.05)
-    scale = np.array([1.0, 3.0, 0.2])
-    space = plain(block_gram([data], 8), scale)
-    values, A, C = textbook(data, 8, 5, scale)
-    np.testing.assert_allclose(
-        space.singular_values / space.singular_values[0], values / values[0], atol=1e-9
-    )
-    found = space.matrices(5)
-    powers = [np.linalg.matrix_power(A, k) for k in range(6)]
-    # C A^k C^+ does not depend on the basis up to C's norm.
-    np.testing.assert_allclose(
-        np.sort_complex(np.linalg.eigvals(found.A)),
-        np.sort_complex(np.linalg.eigvals(A)),
-        rtol=1e-9,
-    )
-    explicit = np.vstack([C @ p for p in powers])
-    fast = np.vstack([found.C @ np.linalg.matrix_power(found.A, k) for k in range(6)])
-    projector = explicit @ np.linalg.pinv(explicit)
-    np.testing.assert_allclose(projector @ fast, fast, atol=1e-9 * np.abs(fast).max())
 
 
 def test_innovation_scaled___noisy_data___scale_is_the_regressions_residual() -> None:
@@ -114,6 +87,32 @@ def test_identify___noise_free_mimo_data___recovers_the_markov_parameters(
         pulse_responses(found.model), expected, atol=1e-8 * np.abs(expected).max()
     )
     np.testing.assert_allclose(found.fit_error, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9])
+def test_matrices___many_seeds_of_the_arm___are_stable_before_any_policy(colour: float) -> None:
+    model = arm_model()
+    for seed in range(15):
+        u = square_wave(2000, seed)
+        noise = np.random.default_rng(seed).normal(size=(len(u), 4))
+        noise = signal.lfilter([1.0], [1.0, -colour], noise, axis=0)
+        y = step_by_step(model, u)
+        data = IoData(u, y + 0.02 * y.std(axis=0) * noise, dt_s=DT_S)
+        assert is_stable(innovation_scaled(block_gram([data], 40)).matrices(18).A)
+        assert is_stable(past_instruments(block_gram([data], 80)).matrices(18).A)
+
+
+def test_past_instruments___repeated_channel_and_coloured_noise___still_works() -> None:
+    model = random_model(12, outputs=2, inputs=1)
+    clean = record(model, 3000, seed=12)
+    white = np.random.default_rng(12).normal(size=clean.y.shape)
+    noise = signal.lfilter([1.0], [1.0, -0.7], white, axis=0)
+    y = (clean.y + 0.02 * noise)[:, [0, 1, 1]]
+    found = identify(
+        replace(clean, y=y, outputs=("a", "b", "c")), order=5, block_rows=12, method="orse_iv"
+    )
+    expected = pulse_responses(model)[:, [0, 1, 1]]
+    assert np.abs(pulse_responses(found.model) - expected).max() < 0.02 * np.abs(expected).max()
 
 
 def test_innovation_scaled___one_channel_repeats_another___still_works() -> None:

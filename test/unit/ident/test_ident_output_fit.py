@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from ident_systems import DT_S, named, pulse_responses, random_model, record, step_by_step
+from scipy import linalg
 
-from flexarm_ident import IdentificationError, IoData, output_fit
+from flexarm_ident import IdentificationError, IoData, identify, output_fit
 from flexarm_ident.output_fit import fit_initial_states, fit_inputs, fit_outputs
 from flexarm_ident.simulation import simulate, simulate_states
 
@@ -18,12 +20,17 @@ if TYPE_CHECKING:
 
 
 def thesis_regression(
-    model: control.StateSpace, records: list[IoData], *, feedthrough: bool
+    model: control.StateSpace,
+    records: list[IoData],
+    *,
+    feedthrough: bool,
+    level: Array | None = None,
 ) -> tuple[Array, Array, list[Array]]:
-    """Solve (2-14) .. (2-17) with the regressors written out, rows weighted by each RMS."""
+    """Solve (2-14) .. (2-17) with the regressors written out, outputs divided by RMS or level."""
     n, r, m = model.nstates, model.ninputs, model.noutputs
     direct = m * r if feedthrough else 0
     rms = np.sqrt(np.mean([np.mean(d.y**2, axis=0) for d in records], axis=0))
+    rms = rms if level is None else level
     rows, targets = [], []
     for number, data in enumerate(records):
         phi = np.zeros((len(data), m, r * n + direct + n * len(records)))
@@ -44,11 +51,11 @@ def thesis_regression(
 
 
 @pytest.mark.parametrize("feedthrough", [False, True])
-@pytest.mark.parametrize("stepwise", [False, True])
+@pytest.mark.parametrize("schur", [False, True])
 def test_fit_inputs___noisy_records___equals_the_thesis_regression(
-    *, feedthrough: bool, stepwise: bool, monkeypatch: pytest.MonkeyPatch
+    *, feedthrough: bool, schur: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if stepwise:
+    if schur:
         monkeypatch.setattr(output_fit, "_DEFECTIVE_CONDITION", 0.0)
     model = random_model(1, feedthrough=feedthrough)
     records = [record(model, 203, seed=1, noise=0.3), record(model, 64, seed=2, noise=0.3)]
@@ -72,11 +79,93 @@ def test_fit_inputs___noise_free_records___exact_with_zero_error() -> None:
     np.testing.assert_allclose(fit.x0[1], rng.normal(size=model.nstates), atol=1e-10)
 
 
-def test_fit_inputs___defective_state_matrix___is_fitted_step_by_step() -> None:
-    A = np.array([[0.9, 1.0, 0.0], [0.0, 0.9, 1.0], [0.0, 0.0, 0.9]])
-    model = named(A, np.array([[0.1], [0.2], [0.3]]), np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 1)))
-    fit = fit_inputs(model.A, model.C, [record(model, 500, seed=5)])
-    np.testing.assert_allclose(fit.B, model.B, atol=1e-8)
+def jordan_model(gap: float) -> control.StateSpace:
+    """Return a model with two Jordan blocks, whose eigenvalues are then `gap` apart."""
+    triple = 0.9 * np.eye(3) + np.diag([1.0, 1.0], 1) + gap * np.diag([0.0, 1.0, 2.0])
+    rotation = 0.95 * np.array([[np.cos(0.4), np.sin(0.4)], [-np.sin(0.4), np.cos(0.4)]])
+    pair = np.block([[rotation, np.eye(2)], [np.zeros((2, 2)), rotation + gap * np.eye(2)]])
+    A = linalg.block_diag(triple, pair)
+    T = np.linalg.qr(np.random.default_rng(0).normal(size=A.shape))[0]
+    B = np.random.default_rng(1).normal(size=(7, 2))
+    C = np.random.default_rng(2).normal(size=(3, 7))
+    return named(T @ A @ T.T, T @ B, C @ T.T, np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-8, 1e-5, 1e-3])
+def test_fit_inputs___jordan_blocks___equals_the_thesis_regression(gap: float) -> None:
+    model = jordan_model(gap)
+    records = [record(model, 1500, seed=5, noise=0.1), record(model, 70, seed=6, noise=0.1)]
+    fit = fit_inputs(model.A, model.C, records)
+    B, _, x0 = thesis_regression(model, records, feedthrough=False)
+    np.testing.assert_allclose(fit.B, B, atol=1e-7)
+    np.testing.assert_allclose(fit.x0, x0, atol=1e-7 * np.abs(x0).max())
+    assert fit.rank == 7 * 4
+    missed = [
+        step_by_step(named(model.A, fit.B, model.C, model.D), d.u, start) - d.y
+        for d, start in zip(records, fit.x0, strict=True)
+    ]
+    power = np.sum([np.sum(d.y**2, axis=0) for d in records], axis=0)
+    expected = np.sqrt(np.sum([np.sum(each**2, axis=0) for each in missed], axis=0) / power)
+    np.testing.assert_allclose(fit.error, expected, rtol=1e-6)
+
+
+def test_fit_inputs___noise_free_jordan_blocks___exact() -> None:
+    model = jordan_model(0.0)
+    fit = fit_inputs(model.A, model.C, [record(model, 800, seed=7)])
+    np.testing.assert_allclose(fit.B, model.B, atol=1e-9)
+    np.testing.assert_allclose(fit.error, 0.0, atol=1e-12)
+    assert 1.0 < fit.condition < 1e6
+
+
+def test_identify___repeated_poles___are_recovered() -> None:
+    model = jordan_model(0.0)
+    found = identify(record(model, 2000, seed=8), order=7, block_rows=12)
+    expected = pulse_responses(model)
+    np.testing.assert_allclose(
+        pulse_responses(found.model), expected, atol=1e-7 * np.abs(expected).max()
+    )
+    assert found.fit_rank == 7 * 3
+
+
+@pytest.mark.parametrize("schur", [False, True])
+def test_fit_inputs___noise_weighted___is_the_regression_weighted_by_its_own_residual(
+    *, schur: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if schur:
+        monkeypatch.setattr(output_fit, "_DEFECTIVE_CONDITION", 0.0)
+    model = random_model(9, feedthrough=True)
+    records = [record(model, 300, seed=9), record(model, 200, seed=10)]
+    rng = np.random.default_rng(11)
+    records = [
+        replace(d, y=d.y + np.array([0.001, 0.1, 2.0]) * rng.normal(size=d.y.shape))
+        for d in records
+    ]
+    B, D, x0 = thesis_regression(model, records, feedthrough=True)
+    first = named(model.A, B, model.C, D)
+    left = [
+        np.mean((step_by_step(first, d.u, start) - d.y) ** 2, axis=0)
+        for d, start in zip(records, x0, strict=True)
+    ]
+    level = np.sqrt(np.mean(left, axis=0))
+    B, D, x0 = thesis_regression(model, records, feedthrough=True, level=level)
+    fit = fit_inputs(model.A, model.C, records, feedthrough=True, noise_weighted=True)
+    np.testing.assert_allclose(fit.B, B, atol=1e-8)
+    np.testing.assert_allclose(fit.D, D, atol=1e-8)
+    np.testing.assert_allclose(fit.x0, x0, atol=1e-8)
+
+
+def test_fit_inputs___noise_weighted___input_matrix_is_closer_to_the_truth() -> None:
+    model = random_model(13)
+    missed: dict[bool, list[float]] = {False: [], True: []}
+    for seed in range(6):
+        data = record(model, 500, seed=seed)
+        noise = np.array([0.0, 0.5, 0.5]) * np.random.default_rng(seed).normal(size=data.y.shape)
+        for weighted, collected in missed.items():
+            noisy = replace(data, y=data.y + noise)
+            fit = fit_inputs(model.A, model.C, [noisy], noise_weighted=weighted)
+            assert fit.rank == model.B.size + model.nstates
+            collected.append(float(np.linalg.norm(fit.B - model.B)))
+    assert np.mean(missed[True]) < 0.75 * np.mean(missed[False])
 
 
 def test_fit_inputs___unit_of_an_output_changes___input_matrix_does_not() -> None:
@@ -111,7 +200,19 @@ def test_fit_outputs___noise_free_record___recovers_the_output_matrix() -> None:
     model = random_model(5)
     data = record(model, 300, seed=9)
     x0 = fit_initial_states(model, [data])
-    np.testing.assert_allclose(fit_outputs(model, x0, [data]), model.C, atol=1e-9)
+    fit = fit_outputs(model, x0, [data])
+    np.testing.assert_allclose(fit.C, model.C, atol=1e-9)
+    assert fit.rank == model.nstates
+    assert 1.0 <= fit.condition < 100.0
+
+
+def test_fit_outputs___state_that_no_input_moves___rank_tells() -> None:
+    A, B, C = np.diag([0.5, 0.8]), np.array([[1.0], [0.0]]), np.ones((1, 2))
+    model = named(A, B, C, np.zeros((1, 1)))
+    data = record(model, 200, seed=14, at_rest=True)
+    fit = fit_outputs(model, [np.zeros(2)], [data])
+    assert fit.rank == 1
+    np.testing.assert_allclose(fit.C[0], [1.0, 0.0], atol=1e-10)
 
 
 def test_fit_initial_states___record_in_motion___free_response_is_matched() -> None:

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from ident_systems import DT_S, arm_model, square_wave, step_by_step
 from scipy import signal
 
 from flexarm_ident import DataError, IoData, identify, preprocess, recover_gains
-from flexarm_ident.preprocess import low_pass, output_scale, remove_compensation, scale, unscale
+from flexarm_ident.preprocess import low_pass, output_scale, remove_compensation
 
 OFFSET = np.array([0.3, -0.2, 0.1, 0.05])
 
@@ -99,12 +101,15 @@ def test_preprocess___decimation___keeps_every_nth_filtered_sample() -> None:
     assert thinned.dt_s == pytest.approx(4 * DT_S)
 
 
-def test_scale___outputs___reach_the_inputs_maximum_and_unscaling_undoes_it() -> None:
+def test_output_scale___outputs___reach_the_inputs_maximum_and_orse_thesis_undoes_it() -> None:
     data = rested()
+    data = replace(data, y=data.y + np.random.default_rng(0).normal(0.0, 0.01, data.y.shape))
     factors = output_scale(data)
-    scaled = scale(data, factors)
+    scaled = replace(data, y=data.y * factors)
     np.testing.assert_allclose(np.abs(scaled.y).max(axis=0), np.abs(data.u).max())
-    found = identify(scaled, order=9, block_rows=20).model
-    y = step_by_step(unscale(found, factors), data.u)
-    np.testing.assert_allclose(y, data.y, atol=1e-6 * np.abs(data.y).max())
+    theirs = identify(scaled, order=9, block_rows=20, method="orse_thesis")
+    ours = identify(data, order=9, block_rows=20, method="orse_thesis")
+    y = step_by_step(ours.model, data.u, ours.x0[0])
+    expected = step_by_step(theirs.model, data.u, theirs.x0[0]) / factors
+    np.testing.assert_allclose(y, expected, atol=1e-6 * np.abs(data.y).max())
     assert output_scale(IoData(data.u, np.zeros_like(data.y), dt_s=DT_S)).tolist() == [1.0] * 4

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import control
@@ -16,20 +15,16 @@ from scipy import optimize
 from flexarm_ident import IdentificationError, IoData
 from flexarm_ident.arm_error import Part, SimulationError
 from flexarm_ident.arm_fit import fit_arm
-from flexarm_ident.dead_sensor import live_samples
+from flexarm_ident.arm_layout import Drive
 from flexarm_ident.flexible_arm import FlexibleArm
-from flexarm_ident.friction import Drive, simulate_with_friction
 from flexarm_ident.least_squares import Normal, minimise
 from flexarm_ident.refinement import _Modal, refine_model
 from flexarm_ident.stick_slip import run
-from flexarm_ident.validation import relative_errors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-
-REAL = Path(__file__).parents[3].parent / "shared/data/quanser_2dsfl_fsf.csv"
 
 
 def disturbed(model: control.StateSpace, seed: int, part: float) -> control.StateSpace:
@@ -165,21 +160,3 @@ def test_fit_arm___input_without_position___raises() -> None:
     _, _, data = arm_record(400)
     with pytest.raises(IdentificationError, match="one position for every input"):
         fit_arm(data, [])
-
-
-@pytest.mark.skipif(not REAL.exists(), reason=f"the real record {REAL.name} is not there")
-def test_fit_arm___real_two_link_arm___simulates_twice_the_record() -> None:
-    table = np.genfromtxt(REAL, delimiter=",", names=True)
-    inputs = ("current1_meas_a", "current2_meas_a")
-    outputs = ("hub1_deg", "deflection1_deg", "hub2_deg", "deflection2_deg")
-    u, y = (np.stack([table[name] for name in names], axis=1) for names in (inputs, outputs))
-    data = IoData(u, y, dt_s=0.002, inputs=inputs, outputs=outputs, closed_loop=True)
-    drives = [Drive(inputs[0], outputs[0]), Drive(inputs[1], outputs[2])]
-    fit = fit_arm(data.head(len(data) // 2), drives)
-    # Nothing measured but the currents goes in, from rest at the first sample to the end.
-    simulated, _ = simulate_with_friction(fit.model, fit.friction, data.u, fit.x0[0])
-    error = relative_errors(data.y, simulated)
-    assert error[[0, 2]].mean() <= 0.20
-    assert error[[1, 3]].mean() <= 0.50
-    assert np.all(fit.friction.levels > 3.0 * fit.friction.level_deviations)
-    assert live_samples(data).min(axis=0).tolist() == [1.0, 0.0, 1.0, 0.0]

@@ -13,7 +13,13 @@ from ident_systems import DT_S, arm_model, random_model, record, square_wave, st
 
 from flexarm_ident import IdentificationError, IoData
 from flexarm_ident.channels import axis_label, label_and_unit
-from flexarm_ident.plots import frequency_plot, match_plot, singular_value_plot, step_plot
+from flexarm_ident.plots import (
+    frequency_grid,
+    frequency_plot,
+    match_plot,
+    singular_value_plot,
+    step_plot,
+)
 from flexarm_ident.report import Section, append_section, render_report
 from flexarm_ident.workflow import Outcome, Request, run
 
@@ -255,11 +261,22 @@ def curve_points(svg: str) -> int:
         (singular_value_plot(np.geomspace(1e3, 1e-9, 60), 12), {"order 12", "singular value"}),
         (singular_value_plot(np.array([2.0, 1.0, 0.0]), 2), {"order 2", "used", "left out"}),
         (
-            frequency_plot(arm_model(), arm_model(), 3, lowest_hz=0.1, known_modes_hz=KNOWN_HZ),
+            frequency_plot(
+                arm_model(),
+                arm_model(),
+                3,
+                frequencies_hz=frequency_grid(arm_model(), 0.1),
+                known_modes_hz=KNOWN_HZ,
+            ),
             {"full, 9 states", "reduced, 9 states", "known modes", "gain, dB (V/V)", "10"},
         ),
         (
-            frequency_plot(random_model(1), None, 0, lowest_hz=0.1),
+            frequency_plot(
+                random_model(1),
+                None,
+                0,
+                frequencies_hz=frequency_grid(random_model(1), 0.1),
+            ),
             {"full, 5 states", "gain, dB", "phase, deg", "frequency, Hz"},
         ),
     ],

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import tracemalloc
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -20,12 +22,15 @@ from ident_systems import arm_model, random_model, record, square_wave, step_by_
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from flexarm_daq.recording import BagWriter
-from flexarm_ident import DataError, IdentificationError, IoData, identify, read_bag
+from flexarm_ident import DataError, IdentificationError, IoData, identify, job, read_bag
 from flexarm_ident.bags import BagError, stream_bag
 from flexarm_ident.gram import LagSums
-from flexarm_ident.preprocess import remove_compensation
+from flexarm_ident.preprocess import ZERO_MEAN_OUTPUTS, remove_compensation
+from flexarm_ident.provenance import record_hash
+from flexarm_ident.report import render_report
 from flexarm_ident.source import even_chunks
-from flexarm_ident.streaming import identify_stream
+from flexarm_ident.streaming import EXCERPT_SAMPLES, identify_stream
+from flexarm_ident.workflow import Request, run
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -103,7 +108,7 @@ def test_even_chunks___any_pieces___every_row_once_in_order(lengths: list[int], 
     assert 0 < len(chunks[-1][0]) <= size
 
 
-@pytest.mark.parametrize("method", ["orse", "orse_iv"])
+@pytest.mark.parametrize("method", ["auto", "orse", "orse_iv", "pbsid", "orse_thesis"])
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("lengths", [[100_000], [1], [997, 64, 3]])
 def test_identify_stream___any_pieces___is_the_model_of_the_whole_record(
@@ -142,8 +147,8 @@ def test_identify_stream___no_record_or_other_method___raises() -> None:
     with pytest.raises(DataError, match="no record given"):
         identify_stream([], order=3)
     data = record(random_model(1), 300, seed=1)
-    with pytest.raises(IdentificationError, match=r"must be orse or orse_iv .*'orse_thesis'"):
-        identify_stream([data], order=3, method="orse_thesis")
+    with pytest.raises(IdentificationError, match=r"method must be one of auto, .*'guess'"):
+        identify_stream([data], order=3, method="guess")
 
 
 def arm_messages(sequences: Sequence[int]) -> list[Sent]:
@@ -233,3 +238,82 @@ def test_stream_bag___sqlite___says_to_read_it_whole(tmp_path: Path) -> None:
     )
     with pytest.raises(BagError, match="only a plain MCAP bag can be read piece by piece"):
         stream_bag(uri)
+
+
+def test_run___record_in_pieces___is_the_outcome_of_the_whole_record() -> None:
+    data = arm_record(6001, 0.05)
+    shifted = replace(data, y=data.y + np.array([0.0, 0.3, -0.2, 0.0]))
+    request = Request(block_rows=15, reduction="mrm", reduced_order=7, friction=False)
+    whole, stream = run(shifted, request), run([Pieces(shifted, [977, 64])], request)
+    assert (stream.samples, stream.fitted) == (whole.samples, whole.fitted) == ((6001,), (3000,))
+    np.testing.assert_allclose(stream.model.A, whole.model.A, atol=1e-9)
+    np.testing.assert_allclose(stream.records[0].y, whole.records[0].y, atol=1e-12)
+    # The initial state of a stream is that of the fit, of a whole record that of the whole.
+    np.testing.assert_allclose(stream.dmv_errors, whole.dmv_errors, rtol=0.02)
+    assert any("fitted in pieces" in warning for warning in stream.warnings)
+
+
+def test_run___record_longer_than_the_excerpt___errors_are_of_the_whole() -> None:
+    data = arm_record(EXCERPT_SAMPLES + 5000, 0.02)
+    y = data.y.copy()
+    y[EXCERPT_SAMPLES:] += 1.0
+    odd = replace(data, y=y)
+    request = Request(order=9, block_rows=15, train_fraction=0.3)
+    outcome = run([Pieces(odd, [4096])], request)
+    (record,), (dmv,) = outcome.records, outcome.dmv
+    assert len(record) == len(dmv.y) == EXCERPT_SAMPLES
+    mean = y.mean(axis=0) * np.isin(odd.outputs, ZERO_MEAN_OUTPUTS)
+    simulated = step_by_step(outcome.model, odd.u, dmv.x0)
+    missed = np.linalg.norm(y - mean - simulated, axis=0) / np.linalg.norm(y - mean, axis=0)
+    np.testing.assert_allclose(outcome.dmv_errors, missed, rtol=1e-6)
+    assert outcome.identification.mode_uncertainty
+    assert "70536" in render_report(outcome, title="long", facts={})
+
+
+def test_identify_bags___more_samples_than_memory_is_given___reads_in_pieces(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    uri = write_in_chunks(tmp_path / "run", arm_messages(range(900)), 100)
+    request = Request(order=4, block_rows=10, method="orse")
+    whole = job.identify_bags([uri], tmp_path / "whole", request)
+    monkeypatch.setattr(job, "LARGEST_IN_MEMORY", 899)
+    stream = job.identify_bags([uri], tmp_path / "stream", request)
+    assert any("fitted in pieces" in warning for warning in stream.outcome.warnings)
+    np.testing.assert_allclose(stream.outcome.model.A, whole.outcome.model.A, atol=1e-6)
+    hashes = [each.parameters["models.run.source_sha256"] for each in (stream, whole)]
+    assert hashes[0] == [record_hash(stream_bag(uri))]
+    assert hashes[1] == [record_hash(read_bag(uri))]
+
+
+def test_record_hash___in_pieces___is_that_of_the_whole() -> None:
+    data = record(random_model(1), 300, seed=1)
+    assert record_hash(Pieces(data, [7, 50])) == record_hash(data)
+
+
+@pytest.mark.parametrize("method", ["auto", "orse", "orse_iv", "pbsid", "orse_thesis"])
+def test_identify_stream___ten_times_the_samples___takes_no_more_memory(method: str) -> None:
+    base = arm_record(5000, 0.05)
+    identify_stream([Repeated(base, 2)], order=9, block_rows=15, method=method)
+    peaks = []
+    for times in (20, 200):
+        tracemalloc.start()
+        identify_stream([Repeated(base, times)], order=9, block_rows=15, method=method)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.1 * peaks[0]
+    assert peaks[1] < 40e6
+
+
+class Repeated(Pieces):
+    """A record that comes again and again: as long as wanted, without the memory."""
+
+    def __init__(self, data: IoData, times: int) -> None:
+        super().__init__(data, [len(data)])
+        self._times = times
+
+    def __len__(self) -> int:
+        return self._times * len(self.data)
+
+    def _pieces(self) -> Iterator[tuple[Array, Array]]:
+        for _ in range(self._times):
+            yield self.data.u, self.data.y

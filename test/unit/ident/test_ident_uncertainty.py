@@ -52,7 +52,7 @@ def arm_data(seed: int, *, colour: bool) -> IoData:
 
 def fitted(matrices: StateMatrices, data: IoData) -> control.StateSpace:
     A, _ = stabilise(matrices.A)
-    fit = fit_inputs(A, matrices.C, [data])
+    fit = fit_inputs(A, matrices.C, [data], noise_weighted=True)
     return control.ss(A, fit.B, matrices.C, fit.D, DT_S)
 
 

@@ -1,0 +1,152 @@
+"""Roles of the channels of a flexible arm: which outputs are positions, and what drives them.
+
+Nothing is taken from names. A driven position stays where it is put, so it moves slowly for its
+size, while what bends swings back; and the drive works against friction, so its input goes with
+the speed of its own position.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import optimize
+
+from flexarm_ident.bandwidth import bandwidth_hz, smoothed
+from flexarm_ident.errors import IdentificationError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.iodata import IoData
+
+# RMS speed over RMS deviation of the fastest position, as a part of that of the slowest other.
+_SLOW = 0.5
+# Correlation of an input with the speed of its position, at least.
+_WORK = 0.1
+# An output that follows a position's speed as closely as this is a speed sensor.
+_SAME = 0.8
+SMOOTHING = 3.0
+"""Cut-off before signals are differentiated, as a multiple of the outputs' bandwidth."""
+
+
+class Drive(NamedTuple):
+    """An input and the output whose motion its friction opposes.
+
+    Attributes
+    ----------
+    input : str
+        Name of the input.
+    output : str
+        Name of the position it drives, or of the speed.
+    is_speed : bool
+        Whether `output` already is a speed.
+    """
+
+    input: str
+    output: str
+    is_speed: bool = False
+
+
+class ArmLayout(NamedTuple):
+    """Roles of the channels of a flexible arm.
+
+    Attributes
+    ----------
+    drives : tuple of Drive
+        The position of each input, in the order of the inputs.
+    speeds : tuple of Drive
+        The same drives by outputs that measure the speeds, for those that have one.
+    """
+
+    drives: tuple[Drive, ...]
+    speeds: tuple[Drive, ...]
+
+    @property
+    def slipping(self) -> tuple[Drive, ...]:
+        """The drives by measured speeds where there are any, else by positions."""
+        measured = {drive.input: drive for drive in self.speeds}
+        return tuple(measured.get(drive.input, drive) for drive in self.drives)
+
+
+def arm_layout(records: Sequence[IoData]) -> ArmLayout | None:
+    """Tell whether each input drives a position, and which.
+
+    With as many positions as inputs and at least one output more, the slowest outputs, by RMS speed
+    over RMS deviation, must move at most half as fast as any other. Inputs and positions are paired
+    so that they correlate best, input with speed, and each pair by 0.1 or more.
+
+    Parameters
+    ----------
+    records : sequence of IoData
+        Records of one rig.
+
+    Returns
+    -------
+    ArmLayout or None
+        The roles; None when the data do not look like a flexible arm.
+    """
+    first = records[0]
+    count, outputs = len(first.inputs), len(first.outputs)
+    if outputs <= count:
+        return None
+    parts = [_smoothed_motion(record) for record in records]
+    u, y, speed = (np.concatenate(signals) for signals in zip(*parts, strict=True))
+    size, pace = y.std(axis=0), np.sqrt(np.mean(speed**2, axis=0))
+    if np.any(size == 0.0) or np.any(u.std(axis=0) == 0.0):
+        return None
+    by_pace = np.argsort(pace / size, kind="stable")
+    slowest_other = (pace / size)[by_pace[count]]
+    positions = np.sort(by_pace[:count])
+    if np.max((pace / size)[positions]) > _SLOW * slowest_other:
+        return None
+    work = np.abs(_correlation(u, speed[:, positions]))
+    inputs, own = optimize.linear_sum_assignment(-work)
+    if np.min(work[inputs, own]) < _WORK:
+        return None
+    drives = tuple(
+        Drive(first.inputs[i], first.outputs[positions[j]])
+        for i, j in zip(inputs, own, strict=True)
+    )
+    others = np.sort(by_pace[count:])
+    same = np.abs(_correlation(speed[:, positions[own]], y[:, others]))
+    speeds = tuple(
+        Drive(first.inputs[i], first.outputs[others[k]], is_speed=True)
+        for i, row in zip(inputs, same, strict=True)
+        for k in [int(np.argmax(row))]
+        if row[k] >= _SAME
+    )
+    return ArmLayout(drives, speeds)
+
+
+def drive_columns(record: IoData, drive: Drive) -> tuple[int, int]:
+    """Return the columns of a drive's input and output.
+
+    Raises
+    ------
+    IdentificationError
+        If the record has no such channel.
+    """
+    for name, names in ((drive.input, record.inputs), (drive.output, record.outputs)):
+        if name not in names:
+            raise IdentificationError(
+                f"{record.label}: no channel {name!r} for the friction, there are "
+                f"{', '.join(names)}"
+            )
+    return record.inputs.index(drive.input), record.outputs.index(drive.output)
+
+
+def _smoothed_motion(record: IoData) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return inputs, outputs and the outputs' speeds."""
+    cutoff_hz = SMOOTHING * bandwidth_hz([record])
+    y = smoothed(record.y, cutoff_hz, record.dt_s)
+    speed = np.asarray(np.gradient(y, record.dt_s, axis=0))
+    return smoothed(record.u, cutoff_hz, record.dt_s), y - y.mean(axis=0), speed
+
+
+def _correlation(left: FloatArray, right: FloatArray) -> FloatArray:
+    left, right = left - left.mean(axis=0), right - right.mean(axis=0)
+    scale = np.outer(np.linalg.norm(left, axis=0), np.linalg.norm(right, axis=0))
+    product = left.T @ right
+    return np.asarray(np.divide(product, scale, out=np.zeros_like(product), where=scale > 0.0))

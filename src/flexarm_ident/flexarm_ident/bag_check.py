@@ -1,0 +1,250 @@
+"""Check of a bag: is it whole and true.
+
+Its files, definitions, samples and clocks are checked, to the last bit that a checksum or a second
+copy protects.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import tempfile
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+import yaml
+import zstandard
+from rosbags.highlevel import AnyReader
+
+from flexarm_ident.bags import BagError
+from flexarm_ident.content_check import ContentCheck, one_line
+from flexarm_ident.mcap_check import McapExamination, TopicMessages
+from flexarm_ident.mcap_chunks import Messages
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+
+_OURS = "flexarm"
+_BATCH = 20_000
+_COPY_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class BagCheck:
+    """What a check found.
+
+    Attributes
+    ----------
+    bag
+        The bag.
+    messages
+        Messages that could be read.
+    problems
+        What is wrong, one line each; empty for a good bag.
+    notes
+        What could not be checked, one line each.
+    """
+
+    bag: Path
+    messages: int
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def check_bag(uri: Path | str) -> BagCheck:
+    """Check everything about a bag that can be checked.
+
+    Parameters
+    ----------
+    uri
+        rosbag2 folder (MCAP or SQLite, split or compressed) or a single ``.mcap`` or ``.db3`` file.
+
+    Returns
+    -------
+    BagCheck
+        Problems and notes; damage is a problem, not an exception.
+
+    Raises
+    ------
+    BagError
+        If there is no such bag.
+    """
+    path = Path(uri)
+    if not path.exists():
+        raise BagError(f"{path}: no such bag")
+    return _Check(path).result()
+
+
+class _Check:
+    """One check: gathers problems while it goes through a bag."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._problems: list[str] = []
+        self._notes: list[str] = []
+        self._content = ContentCheck(self._problems)
+
+    def result(self) -> BagCheck:
+        information = self._information() if self._path.is_dir() else {}
+        with ExitStack() as stack:
+            reader = self._opened(stack)
+            for messages in self._messages(information, reader, stack):
+                self._content.add(messages)
+        if information:
+            self._compare(information)
+        self._content.judge()
+        total = self._content.total
+        if not total and not self._problems:
+            self._problems.append("holds no message")
+        return BagCheck(self._path, total, tuple(self._problems), tuple(self._notes))
+
+    def _information(self) -> dict[str, Any]:
+        file = self._path / "metadata.yaml"
+        try:
+            content = yaml.safe_load(file.read_text("utf-8"))["rosbag2_bagfile_information"]
+            names = content["relative_file_paths"]
+            if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+                raise TypeError("relative_file_paths is no list of names")  # noqa: TRY301
+        except (OSError, yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
+            self._problems.append(f"metadata.yaml: cannot be read: {one_line(error)}")
+            return {}
+        return dict(content)
+
+    def _opened(self, stack: ExitStack) -> AnyReader | None:
+        """Open the bag for its definitions, which rosbags compares with their type hashes."""
+        try:
+            reader = stack.enter_context(AnyReader([self._path]))
+            self._content.connect(reader)
+        except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+            self._problems.append(f"cannot be opened: {one_line(error)}")
+            return None
+        return reader
+
+    def _messages(
+        self, information: Mapping[str, Any], reader: AnyReader | None, stack: ExitStack
+    ) -> Iterator[TopicMessages]:
+        names = information.get("relative_file_paths")
+        files = [self._path]
+        if self._path.is_dir():
+            # A folder without readable metadata still shows its files.
+            stored = (PurePath(name).name for name in names or ())
+            files = [self._path / name for name in stored]
+            present = sorted([*self._path.glob("*.mcap*"), *self._path.glob("*.db3*")])
+            self._problems += [f"{file.name}: is missing" for file in files if not file.exists()]
+            if names is not None:
+                strange = [file.name for file in present if file not in files]
+                self._problems += [f"{name}: is not named in metadata.yaml" for name in strange]
+            files = [file for file in present if names is None or file in files]
+        compressed = str(information.get("compression_mode") or "").lower()
+        plain = compressed != "message"
+        for stored_file in files:
+            file = self._decompressed(stored_file, stack)
+            if file is None:
+                continue
+            if file.suffix == ".mcap":
+                yield from self._mcap(file, information, hand_on=plain)
+            elif file.suffix == ".db3":
+                self._sqlite(file)
+                plain = False
+            else:
+                self._problems.append(f"{file.name}: is neither .mcap nor .db3")
+        if not plain and reader is not None:
+            yield from self._one_by_one(reader)
+
+    def _decompressed(self, file: Path, stack: ExitStack) -> Path | None:
+        if file.suffix != ".zstd":
+            return file
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="flexarm_check_"))
+        plain = Path(folder, file.stem)
+        try:
+            with file.open("rb") as source, plain.open("wb") as target:
+                reader = zstandard.ZstdDecompressor().stream_reader(source)
+                while part := reader.read(_COPY_BYTES):
+                    target.write(part)
+        except (OSError, zstandard.ZstdError) as error:
+            self._problems.append(f"{file.name}: cannot be decompressed: {one_line(error)}")
+            return None
+        return plain
+
+    def _mcap(
+        self, file: Path, information: Mapping[str, Any], *, hand_on: bool
+    ) -> Iterator[TopicMessages]:
+        examination = McapExamination(file)
+        for messages in examination.messages():
+            if hand_on:
+                yield messages
+        self._problems += examination.problems
+        self._notes += examination.notes
+        for channel in examination.channels.values():
+            schema = examination.schemas.get(channel.schema_id)
+            if schema is None:
+                self._problems.append(f"{file.name}: {channel.topic} has no definition")
+        text = examination.metadata.get("rosbag2", {}).get("serialized_metadata")
+        if information and examination.library.startswith(_OURS):
+            # Our writer says it twice in the same words: no other word may have come in.
+            try:
+                said = yaml.safe_load(text or "")
+            except yaml.YAMLError:
+                said = None
+            if said != information:
+                self._problems.append("metadata.yaml: is not what the file says of itself")
+
+    def _sqlite(self, file: Path) -> None:
+        self._notes.append(
+            f"{file.name}: SQLite keeps no checksums, a wrong bit can stay unnoticed"
+        )
+        try:
+            with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as database:
+                (answer,) = database.execute("PRAGMA integrity_check").fetchone()
+        except sqlite3.Error as error:
+            answer = one_line(error)
+        if answer != "ok":
+            self._problems.append(f"{file.name}: {answer}")
+
+    def _one_by_one(self, reader: AnyReader) -> Iterator[TopicMessages]:
+        for connection in reader.connections:
+            found = reader.messages([connection])
+            try:
+                while batch := list(islice(found, _BATCH)):
+                    messages = Messages.of(
+                        [time_ns for _, time_ns, _ in batch], [raw for _, _, raw in batch]
+                    )
+                    yield TopicMessages(connection.topic, messages)
+            except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+                self._problems.append(f"{connection.topic}: {one_line(error)}")
+
+    def _compare(self, information: Mapping[str, Any]) -> None:
+        """Compare what metadata.yaml says with what was found."""
+        content = self._content
+        try:
+            said = {
+                entry["topic_metadata"]["name"]: entry["message_count"]
+                for entry in information["topics_with_message_count"]
+            }
+            types = {
+                entry["topic_metadata"]["name"]: entry["topic_metadata"]["type"]
+                for entry in information["topics_with_message_count"]
+            }
+            total = information["message_count"]
+            first_ns = information["starting_time"]["nanoseconds_since_epoch"]
+            duration_ns = information["duration"]["nanoseconds"]
+        except (KeyError, TypeError) as error:
+            self._problems.append(f"metadata.yaml: lacks {one_line(error)}")
+            return
+        if total != content.total:
+            self._problems.append(
+                f"metadata.yaml: says {total} messages, there are {content.total}"
+            )
+        for name, topic in content.topics.items():
+            if said.get(name) != topic.count:
+                self._problems.append(
+                    f"{name}: metadata.yaml says {said.get(name)} messages, there are {topic.count}"
+                )
+            if types.get(name) != topic.type_name:
+                self._problems.append(f"{name}: metadata.yaml says type {types.get(name)}")
+        times_ns = (content.first_ns, content.last_ns - content.first_ns)
+        if content.total and (first_ns, duration_ns) != times_ns:
+            self._problems.append("metadata.yaml: does not have the times of the messages")

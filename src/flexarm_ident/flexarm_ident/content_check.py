@@ -1,0 +1,158 @@
+"""Check of a bag's messages: types, definitions, values, numbers and clocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident.bags import ARM_STATE, CHANNEL_INFO, IO_SAMPLE, MOTOR_COMMAND, REFERENCE
+from flexarm_ident.cdr import CdrError, Member, decode, members
+from flexarm_ident.timeline import clock_problems, number_problems
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from rosbags.highlevel import AnyReader
+
+    from flexarm_ident.mcap_check import TopicMessages
+
+    Integers = NDArray[np.int64]
+
+EXPECTED = {
+    "state": ARM_STATE,
+    "command": MOTOR_COMMAND,
+    "reference": REFERENCE,
+    "joint_states": "sensor_msgs/msg/JointState",
+    "io": IO_SAMPLE,
+    "io_channels": CHANNEL_INFO,
+}
+"""Types of the project's topics, by the last part of their names."""
+
+_SAMPLED = frozenset({ARM_STATE, IO_SAMPLE})
+_NUMBERED = _SAMPLED | {MOTOR_COMMAND}
+
+
+@dataclass
+class TopicContent:
+    """What is kept of a topic's messages."""
+
+    type_name: str
+    layout: tuple[Member, ...] | None
+    count: int = 0
+    numbers: list[Integers] = field(default_factory=list)
+    stamps_ns: list[Integers] = field(default_factory=list)
+    log_times_ns: list[Integers] = field(default_factory=list)
+    complained: set[str] = field(default_factory=set)
+
+
+class ContentCheck:
+    """Goes through the messages of a bag, topic by topic in pieces.
+
+    Parameters
+    ----------
+    problems : list of str
+        Takes what is found, one line each.
+
+    Attributes
+    ----------
+    topics : dict
+        What was seen of each topic.
+    first_ns, last_ns : int
+        Earliest and latest log time.
+    """
+
+    def __init__(self, problems: list[str]) -> None:
+        self._problems = problems
+        self._reader: AnyReader | None = None
+        self._loose = 0
+        self.topics: dict[str, TopicContent] = {}
+        self.first_ns, self.last_ns = 2**63 - 1, 0
+
+    @property
+    def total(self) -> int:
+        """Messages seen."""
+        return self._loose + sum(topic.count for topic in self.topics.values())
+
+    def connect(self, reader: AnyReader) -> None:
+        """Take over topics, types and definitions of an open bag."""
+        self._reader = reader
+        for connection in reader.connections:
+            name, type_name = connection.topic, connection.msgtype
+            known = self.topics.get(name)
+            if known is not None and known.type_name != type_name:
+                self._problems.append(f"{name}: has two types, {known.type_name} and {type_name}")
+            try:
+                layout = members(type_name, reader.typestore.fielddefs)
+            except CdrError:
+                layout = None
+            self.topics[name] = TopicContent(type_name, layout)
+        ours = {
+            name.rpartition("/")[0]
+            for name, topic in self.topics.items()
+            if topic.type_name.startswith("flexarm_msgs/")
+        } | {"/flexarm"}
+        for name, topic in self.topics.items():
+            place, _, last = name.rpartition("/")
+            expected = EXPECTED.get(last, topic.type_name)
+            if place in ours and topic.type_name != expected:
+                self._problems.append(f"{name}: has type {topic.type_name}, not {expected}")
+
+    def add(self, found: TopicMessages) -> None:
+        """Look at some messages of a topic."""
+        messages = found.messages
+        count = len(messages.log_times_ns)
+        self.first_ns = min(self.first_ns, int(messages.log_times_ns.min()))
+        self.last_ns = max(self.last_ns, int(messages.log_times_ns.max()))
+        topic = self.topics.get(found.topic)
+        if topic is None or self._reader is None:
+            self._loose += count
+            return
+        first, topic.count = topic.count, topic.count + count
+        try:
+            if topic.layout is None:
+                for numbers, rows in messages.groups:
+                    for _, row in zip(numbers, rows, strict=True):
+                        self._reader.deserialize(row.tobytes(), topic.type_name)
+                return
+            columns = decode(messages.groups, topic.layout)
+        except Exception as error:  # noqa: BLE001 - rosbags raises anything on foreign bytes
+            self._complain(
+                found.topic, "definition", f"do not fit the definition: {one_line(error)}"
+            )
+            return
+        for name, column in columns.items():
+            if column.dtype.kind == "f" and not np.isfinite(column).all():
+                row = first + int(np.argwhere(~np.isfinite(column))[0][0])
+                self._complain(found.topic, name, f"{name} is not finite in message {row}")
+        if topic.type_name in _NUMBERED:
+            seconds = columns["header.stamp.sec"].astype(np.int64)
+            nanoseconds = columns["header.stamp.nanosec"].astype(np.int64)
+            if np.any(nanoseconds >= 10**9) or np.any(seconds < 0):
+                self._complain(found.topic, "stamp", "a stamp is no time since the epoch")
+            topic.numbers.append(columns["sequence"].astype(np.int64))
+            topic.stamps_ns.append(seconds * 10**9 + nanoseconds)
+            topic.log_times_ns.append(messages.log_times_ns)
+
+    def _complain(self, name: str, kind: str, text: str) -> None:
+        """Say of each kind of problem where it is first."""
+        if kind not in self.topics[name].complained:
+            self.topics[name].complained.add(kind)
+            self._problems.append(f"{name}: {text}")
+
+    def judge(self) -> None:
+        """Find, when all messages were added, what their numbers and times say."""
+        for name, topic in self.topics.items():
+            if not topic.numbers:
+                continue
+            numbers = np.concatenate(topic.numbers)
+            problems = number_problems(numbers)
+            if topic.type_name in _SAMPLED:
+                stamps_ns = np.concatenate(topic.stamps_ns)
+                problems += clock_problems(numbers, stamps_ns, np.concatenate(topic.log_times_ns))
+            self._problems += [f"{name}: {problem}" for problem in problems]
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an error says, on one line."""
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,176 @@
+"""Coulomb friction: its level from records without a compensation signal.
+
+Section 2.4.3 of the thesis subtracts a recorded compensation signal from the input. A rig that
+records none still shows its friction: where a drive slips, friction is a constant against the
+motion, so the level is one more coefficient of a linear regression of the input.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_ident.arm_layout import SMOOTHING, drive_columns
+from flexarm_ident.bandwidth import bandwidth_hz, smoothed
+from flexarm_ident.errors import IdentificationError
+from flexarm_ident.iodata import as_records
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.arm_layout import Drive
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.iodata import IoData
+
+_SLIPPING = 0.05
+_RESAMPLES = 200
+_FEWEST_BLOCKS, _MOST_BLOCKS = 10, 1000
+_SIGNIFICANT = 3.0
+_RELEVANT = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class CoulombEstimate:
+    """Coulomb friction of each drive by regression over the samples at which it slips.
+
+    Attributes
+    ----------
+    drives : tuple of Drive
+        The drives.
+    levels, deviations : ndarray, (drives,)
+        Level and its standard deviation by block bootstrap, in units of the input.
+    offsets : ndarray, (drives,)
+        Constant part of the input that moves nothing.
+    samples : tuple of int
+        Number of slipping samples.
+    significant : tuple of bool
+        Whether the level is above three standard deviations and 5 % of the RMS input that moves
+        the drive; what is less does not bend a linear model.
+    """
+
+    drives: tuple[Drive, ...]
+    levels: FloatArray
+    deviations: FloatArray
+    offsets: FloatArray
+    samples: tuple[int, ...]
+    significant: tuple[bool, ...]
+
+    @property
+    def possible(self) -> bool:
+        """Whether any level is above its standard deviation."""
+        return bool(np.any(self.levels > self.deviations))
+
+    @property
+    def present(self) -> bool:
+        """Whether any drive has friction worth modelling."""
+        return any(self.significant)
+
+
+def estimate_coulomb(
+    data: IoData | Sequence[IoData], drives: Sequence[Drive], *, seed: int = 0
+) -> CoulombEstimate:
+    """Estimate Coulomb levels jointly with a linear model of what the input works against.
+
+    Where a drive moves faster than 5 % of its peak speed its input is regressed on the
+    accelerations of all drives, its own speed, the other outputs, the direction of motion and a
+    constant. Speeds and accelerations are differences of outputs smoothed without lag at three
+    times their bandwidth.
+
+    Parameters
+    ----------
+    data : IoData or sequence of IoData
+        Records without compensation in the input.
+    drives : sequence of Drive
+        Which output's motion the friction at each input opposes.
+    seed : int
+        Seed of the bootstrap.
+
+    Returns
+    -------
+    CoulombEstimate
+        Levels with their standard deviations.
+
+    Raises
+    ------
+    IdentificationError
+        If a drive names channels the records lack, or hardly ever slips.
+    """
+    records = as_records(data)
+    columns = [drive_columns(records[0], drive) for drive in drives]
+    parts = [_motion(record, drives, columns) for record in records]
+    rng = np.random.default_rng(seed)
+    levels, deviations, offsets, samples, significant = [], [], [], [], []
+    for i, drive in enumerate(drives):
+        rows = [_slipping_rows(part, i, columns[i][0]) for part in parts]
+        regressors = np.vstack([left for left, _ in rows])
+        effort = np.concatenate([right for _, right in rows])
+        block = max(1, round(0.5 / (bandwidth_hz(records) * records[0].dt_s)))
+        if len(effort) < 2 * regressors.shape[1] or len(effort) < block:
+            raise IdentificationError(
+                f"{records[0].label}: {drive.output} slips in {len(effort)} samples only, too few "
+                "for its friction: record longer moves"
+            )
+        solution = np.linalg.lstsq(regressors, effort, rcond=None)[0]
+        scatter = _bootstrap(regressors, effort, block, rng)
+        levels.append(solution[0])
+        offsets.append(solution[1])
+        deviations.append(scatter)
+        samples.append(len(effort))
+        floor = max(_SIGNIFICANT * scatter, _RELEVANT * float(np.sqrt(np.mean(effort**2))))
+        significant.append(bool(solution[0] > floor))
+    return CoulombEstimate(
+        tuple(drives),
+        np.array(levels),
+        np.array(deviations),
+        np.array(offsets),
+        tuple(samples),
+        tuple(significant),
+    )
+
+
+class _Motion(NamedTuple):
+    """Smoothed inputs, speeds and accelerations of the drives, and the outputs no drive moves."""
+
+    u: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    others: FloatArray
+
+
+def _motion(record: IoData, drives: Sequence[Drive], columns: Sequence[tuple[int, int]]) -> _Motion:
+    cutoff_hz = SMOOTHING * bandwidth_hz([record])
+    y = smoothed(record.y, cutoff_hz, record.dt_s)
+    u = smoothed(record.u, cutoff_hz, record.dt_s)
+    driven = [output for _, output in columns]
+    speed = y[:, driven].copy()
+    for i, drive in enumerate(drives):
+        if not drive.is_speed:
+            speed[:, i] = np.gradient(speed[:, i], record.dt_s)
+    acceleration = np.gradient(speed, record.dt_s, axis=0)
+    return _Motion(u, speed, acceleration, np.delete(y, driven, axis=1))
+
+
+def _slipping_rows(motion: _Motion, drive: int, column: int) -> tuple[FloatArray, FloatArray]:
+    """Return regressors and effort of one drive where it slips; direction and constant first."""
+    v = motion.speed[:, drive]
+    slips = np.abs(v) > _SLIPPING * np.abs(v).max()
+    terms = [np.sign(v), np.ones(len(v)), v, *motion.acceleration.T, *motion.others.T]
+    return np.stack(terms, axis=1)[slips], motion.u[slips, column]
+
+
+def _bootstrap(
+    regressors: FloatArray, effort: FloatArray, block: int, rng: np.random.Generator
+) -> float:
+    """Return the standard deviation of the first coefficient under resampling of whole blocks."""
+    length = np.linalg.norm(regressors, axis=0)
+    length[length == 0.0] = 1.0
+    rows = np.column_stack([regressors / length, effort])
+    count = min(max(len(rows) // block, _FEWEST_BLOCKS), _MOST_BLOCKS)
+    products = np.array([part.T @ part for part in np.array_split(rows, count)])
+    levels = []
+    for _ in range(_RESAMPLES):
+        total = products[rng.integers(count, size=count)].sum(axis=0)
+        levels.append(np.linalg.lstsq(total[:-1, :-1], total[:-1, -1], rcond=None)[0][0])
+    return float(np.std(levels) / length[0])

@@ -1,0 +1,225 @@
+"""What an identification gives: the model, how it came about, and what there is to say of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident import orse
+from flexarm_ident.errors import DataError
+from flexarm_ident.friction import net_records
+from flexarm_ident.modes import mode_table
+from flexarm_ident.order import candidate_orders, stable_orders, suggest_order
+from flexarm_ident.predictor import predictor_space
+from flexarm_ident.preprocess import output_scale
+from flexarm_ident.quality import assess
+from flexarm_ident.stabilisation import stabilisation, subspace_matrices
+from flexarm_ident.uncertainty import (
+    frequency_response_uncertainty,
+    jackknife,
+    mode_uncertainty,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.coulomb import CoulombEstimate
+    from flexarm_ident.friction import DryFriction
+    from flexarm_ident.gram import BlockGram
+    from flexarm_ident.iodata import IoData
+    from flexarm_ident.modes import Mode
+    from flexarm_ident.orse import Subspace
+    from flexarm_ident.quality import DataWarning
+    from flexarm_ident.stabilisation import Stabilisation
+    from flexarm_ident.uncertainty import Jackknife, ModeUncertainty, ResponseUncertainty
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """An identified model and how it came about.
+
+    Attributes
+    ----------
+    model : control.StateSpace
+        Discrete model with named inputs and outputs; from the net input when there is `friction`.
+    x0 : tuple of ndarray, (states,)
+        Initial state of each record.
+    order : int
+        Number of states.
+    method : str
+        Method that was used: one of `METHODS`, or 'arm' for an arm with dry friction.
+    block_rows : int
+        Block rows of the Hankel matrices, q of (2-18).
+    singular_values : ndarray
+        Singular values of (2-21), descending.
+    fit_error : ndarray, (outputs,)
+        Relative simulation error of each output over the records (2-25).
+    input_condition : float
+        Condition number of the inputs' product matrix U U'.
+    fit_rank : int
+        Numerical rank of the regression for B and x0.
+    fit_condition : float
+        Condition number of the regression for B and x0.
+    moved_eigenvalues : int
+        Number of unstable eigenvalues that were moved inside the unit circle.
+    notes : tuple of str
+        What the estimation itself had to do about the model.
+    gram : BlockGram
+        Products of the data.
+    subspace : Subspace
+        What models of other orders follow from.
+    records : tuple of IoData
+        The records that were fitted; of streamed ones a leading part.
+    samples : tuple of int
+        Length of each record that was fitted.
+    choice : str
+        What 'auto' chose and why, in one sentence; empty when the method was given.
+    start_error : ndarray, (outputs,) or None
+        `fit_error` of the subspace model, when one fitted by simulation took its place; both
+        without the samples at which a sensor was dead.
+    friction : DryFriction or None
+        Dry friction at the model's inputs.
+    coulomb : CoulombEstimate or None
+        Coulomb levels by regression, when they were looked for and the data allow it.
+    """
+
+    model: control.StateSpace
+    x0: tuple[FloatArray, ...]
+    order: int
+    method: str
+    block_rows: int
+    singular_values: FloatArray
+    fit_error: FloatArray
+    input_condition: float
+    fit_rank: int
+    fit_condition: float
+    moved_eigenvalues: int
+    notes: tuple[str, ...]
+    gram: BlockGram = field(repr=False)
+    subspace: Subspace = field(repr=False)
+    records: tuple[IoData, ...] = field(repr=False)
+    samples: tuple[int, ...] = field(repr=False)
+    choice: str = ""
+    start_error: FloatArray | None = None
+    friction: DryFriction | None = None
+    coulomb: CoulombEstimate | None = None
+
+    @cached_property
+    def data_warnings(self) -> tuple[DataWarning, ...]:
+        """What the records cannot carry, each with its name and figures."""
+        return assess(self.records, self.gram, feedthrough=bool(np.any(self.model.D)))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know before trusting the model."""
+        return (*(warning.text for warning in self.data_warnings), *self.notes)
+
+    @cached_property
+    def linear_records(self) -> tuple[IoData, ...]:
+        """`records` with the input that moves the linear model: friction is taken off."""
+        if self.friction is None:
+            return self.records
+        return net_records(self.model, self.friction, self.x0, self.records)
+
+    @cached_property
+    def modes(self) -> tuple[Mode, ...]:
+        """Modes with frequency, damping, MSV and MRM over the records."""
+        return mode_table(self.model, self.linear_records, output_scale(self.records))
+
+    @cached_property
+    def mode_uncertainty(self) -> tuple[ModeUncertainty, ...]:
+        """Standard deviations of `modes`, in their order; empty where there are none to tell.
+
+        That is so for records that are too short or were streamed, and for an arm with friction.
+        """
+        found = self._jackknife
+        return mode_uncertainty(found, self.model) if found else ()
+
+    def response_uncertainty(self, frequencies_hz: FloatArray) -> ResponseUncertainty | None:
+        """Return the frequency response with its standard deviation, (2-4).
+
+        Parameters
+        ----------
+        frequencies_hz : ndarray, (frequencies,)
+            Frequencies.
+
+        Returns
+        -------
+        ResponseUncertainty or None
+            None where `mode_uncertainty` is empty.
+        """
+        if self._jackknife is None:
+            return None
+        return frequency_response_uncertainty(
+            self._jackknife,
+            self.records,
+            frequencies_hz,
+            feedthrough=bool(np.any(self.model.D)),
+        )
+
+    @cached_property
+    def _jackknife(self) -> Jackknife | None:
+        if self.friction is not None or self.samples != tuple(map(len, self.records)):
+            return None
+
+        def estimate(gram: BlockGram) -> orse.StateMatrices:
+            feedthrough = bool(np.any(self.model.D))
+            space = subspace(gram, self.records, self.method, feedthrough=feedthrough)
+            return space.matrices(self.order)
+
+        try:
+            return jackknife(self.records, self.gram.block_rows, estimate)
+        except DataError:
+            return None
+
+    @cached_property
+    def diagram(self) -> Stabilisation:
+        """Stabilisation diagram: which modes come back over the orders."""
+        space = self.subspace
+        return stabilisation(subspace_matrices(space), space.output_scale, self.model.dt)
+
+    @cached_property
+    def stable_orders(self) -> tuple[int, ...]:
+        """Orders whose model is stable before any eigenvalue is moved (Tables 2-1 to 2-4)."""
+        return stable_orders(self.subspace, candidate_orders(self.subspace))
+
+    @property
+    def suggested_order(self) -> int:
+        """Order before the widest gap of the singular values (2-22)."""
+        return suggest_order(self.singular_values, candidate_orders(self.subspace)[-1])
+
+
+def subspace(
+    gram: BlockGram, records: Sequence[IoData], method: str, *, feedthrough: bool
+) -> Subspace:
+    """Return the estimator's subspace.
+
+    Parameters
+    ----------
+    gram : BlockGram
+        Products of the data; 'orse_iv' takes half of its block rows as the past.
+    records : sequence of IoData
+        The records, for the scaling of 'orse_thesis'.
+    method : str
+        One of `METHODS`.
+    feedthrough : bool
+        Whether the output may follow the input at once.
+
+    Returns
+    -------
+    Subspace
+        Models of every order.
+    """
+    if method == "orse_iv":
+        return orse.past_instruments(gram)
+    if method == "pbsid":
+        return predictor_space(gram, feedthrough=feedthrough)
+    if method == "orse_thesis":
+        return orse.plain(gram, output_scale(records))
+    return orse.innovation_scaled(gram)

@@ -1,0 +1,193 @@
+"""The output least squares over all records, in modal or in Schur coordinates.
+
+B and D stand once, an initial state for each record. Both forms keep products of the data only, so
+that they are solved again for other weights of the outputs at no cost.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from flexarm_ident.arrays import ComplexArray, FloatArray
+    from flexarm_ident.modal_regression import Missed, ModalRegression, Products
+    from flexarm_ident.schur_regression import SchurRegression
+    from flexarm_ident.source import Samples
+
+# Six of sixteen digits are lost by squaring it.
+_WELL_CONDITIONED = 1e3
+
+
+class Solution(NamedTuple):
+    """B, D, the initial states, each record's squared error by output, and rank and condition."""
+
+    B: FloatArray
+    D: FloatArray
+    x0: tuple[FloatArray, ...]
+    missed: list[FloatArray]
+    rank: int
+    condition: float
+
+
+class ModalProblem:
+    """Normal equations of all records in modal coordinates: B and D once, x0 per record."""
+
+    def __init__(
+        self, regression: ModalRegression, vectors: ComplexArray, records: Sequence[Samples]
+    ) -> None:
+        self._regression, self._vectors, self._records = regression, vectors, records
+        states, shared = len(vectors), regression.shared
+        self._places = [
+            np.r_[:shared, shared + number * states + np.arange(states)]
+            for number in range(len(records))
+        ]
+        self._size = shared + len(records) * states
+        self._products = [regression.products(record) for record in records]
+        self.powers = [each.power for each in self._products]
+
+    def solve(self, weight: FloatArray, *, refined: bool) -> Solution:
+        """Solve the normal equations.
+
+        Parameters
+        ----------
+        weight : ndarray, (outputs,)
+            Weight of each output's squared error.
+        refined : bool
+            Go through the records once more where digits were lost.
+
+        Returns
+        -------
+        Solution
+            What minimises the weighted error.
+        """
+        regression, size = self._regression, self._size
+        normal = np.zeros((size, size), dtype=complex)
+        for place, each in zip(self._places, self._products, strict=True):
+            normal[np.ix_(place, place)] += regression.normal(each, weight)
+        inverse, rank, condition = _pseudo_inverse(normal)
+
+        def solve(products: Sequence[Products]) -> tuple[ComplexArray, list[Missed]]:
+            right = np.zeros(size, dtype=complex)
+            for place, each in zip(self._places, products, strict=True):
+                right[place] += regression.right(each, weight)
+            found = inverse(right)
+            weights = [regression.signal_weights(found[place]) for place in self._places]
+            pairs = zip(products, weights, strict=True)
+            return found, [each.missed(combination) for each, combination in pairs]
+
+        parameters, missed = solve(self._products)
+        # Normal equations square the condition, and small errors drown in the outputs' power: what
+        # the first solution misses, sample by sample, gives the digits back.
+        lost = condition > _WELL_CONDITIONED or any(each.is_rounding for each in missed)
+        if refined and lost:
+            left = [
+                regression.residual_products(record, parameters[place])
+                for record, place in zip(self._records, self._places, strict=True)
+            ]
+            change, missed = solve(left)
+            parameters = parameters + change
+        states, shared = len(self._vectors), regression.shared
+        B = parameters[: regression.inputs * states].reshape(regression.inputs, states).T
+        D = np.zeros((regression.outputs, regression.inputs), dtype=complex)
+        if shared > B.size:
+            D = parameters[B.size : shared].reshape(D.shape)
+        return Solution(
+            (self._vectors @ B).real,
+            D.real,
+            tuple((self._vectors @ x).real for x in parameters[shared:].reshape(-1, states)),
+            [each.power for each in missed],
+            rank,
+            condition,
+        )
+
+
+def _pseudo_inverse(
+    normal: ComplexArray,
+) -> tuple[Callable[[ComplexArray], ComplexArray], int, float]:
+    scale = np.sqrt(np.diag(normal).real)
+    scale[scale == 0.0] = 1.0
+    values, vectors = linalg.eigh(normal / np.outer(scale, scale))
+    kept = values > len(values) * np.finfo(float).eps * values[-1]
+    basis = vectors[:, kept]
+
+    def solve(right: ComplexArray) -> ComplexArray:
+        return np.asarray(basis @ (basis.conj().T @ (right / scale) / values[kept]) / scale)
+
+    condition = np.sqrt(values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
+    return solve, int(kept.sum()), float(condition)
+
+
+class SchurProblem:
+    """Triangles of all records and outputs in Schur coordinates."""
+
+    def __init__(self, regression: SchurRegression, records: Sequence[Samples]) -> None:
+        self._regression = regression
+        self._triangles = [regression.triangles(record) for record in records]
+        self.powers = [np.sum(each[:, :, -1] ** 2, axis=1) for each in self._triangles]
+
+    def solve(self, weight: FloatArray, *, refined: bool) -> Solution:  # noqa: ARG002 - one interface
+        """Solve the triangles together; as in `ModalProblem`, but no digits are ever lost."""
+        regression = self._regression
+        n, m, driven = regression.states, regression.outputs, regression.states * regression.inputs
+        D_first = driven + len(self._triangles) * n
+        size = D_first + m * regression.direct
+        blocks, targets, places = [], [], []
+        for number, triangles in enumerate(self._triangles):
+            for output, triangle in enumerate(triangles):
+                place = np.r_[
+                    :driven,
+                    driven + number * n : driven + (number + 1) * n,
+                    D_first + output * regression.direct : D_first
+                    + (output + 1) * regression.direct,
+                ]
+                rows = np.zeros((len(triangle), size))
+                rows[:, place] = np.sqrt(weight[output]) * triangle[:, :-1]
+                blocks.append(rows)
+                targets.append(np.sqrt(weight[output]) * triangle[:, -1])
+                places.append(place)
+        found = least_squares(np.vstack(blocks), np.concatenate(targets))
+        parameters = found.solution
+        missed = [
+            np.array(
+                [
+                    np.sum((triangle[:, :-1] @ parameters[place] - triangle[:, -1]) ** 2)
+                    for triangle, place in zip(
+                        triangles, places[number * m : (number + 1) * m], strict=True
+                    )
+                ]
+            )
+            for number, triangles in enumerate(self._triangles)
+        ]
+        Z = regression.basis
+        return Solution(
+            Z @ parameters[:driven].reshape(-1, n).T,
+            parameters[D_first:].reshape(m, -1)
+            if regression.direct
+            else np.zeros((m, regression.inputs)),
+            tuple(Z @ x for x in parameters[driven:D_first].reshape(-1, n)),
+            missed,
+            found.rank,
+            found.condition,
+        )
+
+
+class LeastSquares(NamedTuple):
+    """Solution of a linear least squares, and rank and condition of its scaled regressors."""
+
+    solution: FloatArray
+    rank: int
+    condition: float
+
+
+def least_squares(regressors: FloatArray, targets: FloatArray) -> LeastSquares:
+    """Solve with columns scaled to unit length."""
+    length = np.linalg.norm(regressors, axis=0)
+    length[length == 0.0] = 1.0
+    solution, _, rank, values = np.linalg.lstsq(regressors / length, targets)
+    condition = float(values[0] / max(values[-1], np.finfo(float).eps * values[0]))
+    return LeastSquares((solution.T / length).T, int(rank), condition)

@@ -1,0 +1,328 @@
+"""Check of an MCAP file: is it what its writer wrote.
+
+Every record is visited, and everything that is said twice is compared: checksums, indexes, counts
+and times. A file of the project's own writer has three kinds of checksum that cover every byte
+between the magic numbers: one for each chunk, one over the data section and one over the summary.
+Other writers leave some out; then what is stored twice is compared, and a note says what nothing
+protects.
+"""
+
+from __future__ import annotations
+
+import io
+import mmap
+import struct
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+from zlib import crc32
+
+import numpy as np
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+
+from flexarm_ident.mcap_chunks import Messages, chunk_content, gathered, heads_at
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+_MAGIC = b"\x89MCAP0\r\n"
+_RECORD_START = struct.Struct("<BQ")
+_CHECKSUM_BYTES = 4
+# Channel, sequence, log time and publish time in front of a message's bytes.
+_MESSAGE = struct.Struct("<HIQQ")
+_READERS: dict[int, Callable[[ReadDataStream], records.McapRecord]] = {
+    Opcode.HEADER: records.Header.read,
+    Opcode.SCHEMA: records.Schema.read,
+    Opcode.CHANNEL: records.Channel.read,
+    Opcode.CHUNK: records.Chunk.read,
+    Opcode.MESSAGE_INDEX: records.MessageIndex.read,
+    Opcode.CHUNK_INDEX: records.ChunkIndex.read,
+    Opcode.STATISTICS: records.Statistics.read,
+    Opcode.METADATA: records.Metadata.read,
+    Opcode.METADATA_INDEX: records.MetadataIndex.read,
+    Opcode.SUMMARY_OFFSET: records.SummaryOffset.read,
+    Opcode.DATA_END: records.DataEnd.read,
+    Opcode.FOOTER: records.Footer.read,
+}
+
+
+class TopicMessages(NamedTuple):
+    """Some messages of one topic, in the order of the file."""
+
+    topic: str
+    messages: Messages
+
+
+class _ChunkSeen(NamedTuple):
+    """What the index of a chunk has to say of it."""
+
+    start: int
+    length: int
+    compression: str
+    sizes: tuple[int, int]
+    times_ns: tuple[int, int]
+    entries: dict[int, list[tuple[int, int]]]
+
+
+@dataclass
+class McapExamination:
+    """What was found in one file; filled while the messages are handed on.
+
+    Attributes
+    ----------
+    problems, notes
+        What is wrong, and what could not be checked; one line each.
+    schemas, channels
+        By their numbers.
+    metadata
+        Metadata records by name.
+    counts
+        Messages by channel.
+    library
+        Who wrote the file.
+    """
+
+    file: Path
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    schemas: dict[int, records.Schema] = field(default_factory=dict)
+    channels: dict[int, records.Channel] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    counts: Counter[int] = field(default_factory=Counter)
+    library: str = ""
+    _chunks: dict[int, _ChunkSeen] = field(default_factory=dict)
+    _index_at: dict[int, dict[int, int]] = field(default_factory=dict)
+    _times_ns: list[int] = field(default_factory=list)
+    _chunk_indexes: set[int] = field(default_factory=set)
+    _seen: Counter[int] = field(default_factory=Counter)
+    _summary_at: int = 0
+
+    def messages(self) -> Iterator[TopicMessages]:
+        """Visit every record; yield the messages of each chunk, topic by topic.
+
+        Yields
+        ------
+        TopicMessages
+            Of chunks that are whole.
+        """
+        if not self.file.stat().st_size:
+            self._problem("is empty")
+            return
+        with (
+            self.file.open("rb") as stream,
+            mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
+        ):
+            yield from self._visit(data)
+
+    def _problem(self, text: str) -> None:
+        self.problems.append(f"{self.file.name}: {text}")
+
+    def _note(self, text: str) -> None:
+        line = f"{self.file.name}: {text}"
+        if line not in self.notes:
+            self.notes.append(line)
+
+    def _visit(self, data: mmap.mmap) -> Iterator[TopicMessages]:
+        if data[: len(_MAGIC)] != _MAGIC:
+            self._problem("does not begin as an MCAP file")
+            return
+        position = len(_MAGIC)
+        while self._seen[Opcode.FOOTER] == 0:
+            start = position
+            if start + _RECORD_START.size > len(data):
+                self._problem(f"is cut at byte {start}")
+                return
+            opcode, length = _RECORD_START.unpack_from(data, start)
+            position = start + _RECORD_START.size + length
+            if position > len(data):
+                self._problem(f"the record at byte {start} is cut")
+                return
+            try:
+                yield from self._take(data, start, opcode, position)
+            except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+                cause = " ".join(str(error).split()) or type(error).__name__
+                self._problem(f"the record at byte {start}: {cause}")
+        if data[position:] != _MAGIC:
+            self._problem(f"does not end as an MCAP file at byte {position}")
+        self._compare()
+
+    def _take(self, data: mmap.mmap, start: int, opcode: int, end: int) -> Iterator[TopicMessages]:
+        self._seen[opcode] += 1
+        body = data[start + _RECORD_START.size : end]
+        if opcode == Opcode.MESSAGE:
+            yield from self._loose_message(body)
+            return
+        if opcode == Opcode.ATTACHMENT:
+            self._attachment(body, start)
+            return
+        if opcode not in _READERS:
+            self._problem(f"the record at byte {start} is of the unknown kind {opcode}")
+            return
+        stream = ReadDataStream(io.BytesIO(body))
+        record = _READERS[opcode](stream)
+        if stream.count != len(body):
+            self._problem(f"the record at byte {start} does not have its length")
+        if isinstance(record, records.Chunk):
+            yield from self._chunk(record, start, end)
+        elif isinstance(record, records.DataEnd):
+            self._data_end(record, memoryview(data)[:start], end)
+        elif isinstance(record, records.Footer):
+            self._footer(record, memoryview(data)[self._summary_at : end])
+        else:
+            self._plain(record, start)
+
+    def _attachment(self, body: bytes, start: int) -> None:
+        (checksum,) = struct.unpack("<I", body[-_CHECKSUM_BYTES:])
+        if checksum and crc32(body[:-_CHECKSUM_BYTES]) != checksum:
+            self._problem(f"the attachment at byte {start} does not have its checksum")
+
+    def _data_end(self, record: records.DataEnd, section: memoryview, end: int) -> None:
+        self._summary_at = end
+        if not record.data_section_crc:
+            self._note("has no checksum over its data section, only what its chunks have")
+        elif crc32(section) != record.data_section_crc:
+            self._problem("the data section does not have its checksum")
+
+    def _plain(self, record: records.McapRecord, start: int) -> None:
+        if isinstance(record, records.Header):
+            self.library = record.library
+        elif isinstance(record, records.Schema):
+            self._same("schema", record.id, self.schemas.setdefault(record.id, record), record)
+        elif isinstance(record, records.Channel):
+            self._same("channel", record.id, self.channels.setdefault(record.id, record), record)
+        elif isinstance(record, records.MessageIndex):
+            self._message_index(record, start)
+        elif isinstance(record, records.Metadata):
+            self.metadata[record.name] = record.metadata
+        elif isinstance(record, records.ChunkIndex):
+            self._chunk_index(record)
+        elif isinstance(record, records.Statistics):
+            self._statistics(record)
+        elif isinstance(record, records.SummaryOffset) and record.group_start > start:
+            self._problem(f"the summary offset at byte {start} points behind itself")
+
+    def _same(self, kind: str, number: int, first: object, second: object) -> None:
+        if first != second:
+            self._problem(f"{kind} {number} stands in there in two versions")
+
+    def _loose_message(self, body: bytes) -> Iterator[TopicMessages]:
+        channel, _, log_time_ns, _ = _MESSAGE.unpack_from(body)
+        raw = np.frombuffer(body[_MESSAGE.size :], np.uint8)[np.newaxis]
+        self._note("has messages outside of chunks")
+        messages = Messages(np.array([log_time_ns], np.int64), [(np.zeros(1, np.intp), raw)])
+        yield self._counted(channel, messages)
+
+    def _counted(self, channel: int, messages: Messages) -> TopicMessages:
+        if channel not in self.channels:
+            raise ValueError(f"messages of the unknown channel {channel}")
+        self.counts[channel] += len(messages.log_times_ns)
+        self._times_ns += [int(messages.log_times_ns.min()), int(messages.log_times_ns.max())]
+        return TopicMessages(self.channels[channel].topic, messages)
+
+    def _chunk(self, chunk: records.Chunk, start: int, end: int) -> Iterator[TopicMessages]:
+        if not chunk.uncompressed_crc:
+            self._note("has chunks without a checksum")
+        content = chunk_content(chunk)
+        offsets = self._offsets(content)
+        parts, entries = {}, {}
+        if len(offsets):
+            heads = heads_at(content, offsets)
+            for channel in np.unique(heads["channel"]).tolist():
+                chosen = heads["channel"] == channel
+                parts[channel] = (heads[chosen], offsets[chosen])
+                times = heads["log_time"][chosen].tolist()
+                entries[channel] = list(zip(times, offsets[chosen].tolist(), strict=True))
+        every = [time_ns for found in entries.values() for time_ns, _ in found] or [0]
+        times_ns = (chunk.message_start_time, chunk.message_end_time)
+        if times_ns != (min(every), max(every)):
+            self._problem(f"the chunk at byte {start} does not have the times of its messages")
+        sizes = (len(chunk.data), len(content))
+        self._chunks[start] = _ChunkSeen(
+            start, end - start, chunk.compression, sizes, times_ns, entries
+        )
+        for channel, part in parts.items():
+            yield self._counted(channel, gathered(content, *part))
+
+    def _offsets(self, content: NDArray[np.uint8]) -> NDArray[np.intp]:
+        """Walk a chunk; return where its messages are."""
+        data = content.data
+        found, position = [], 0
+        while position < len(content):
+            opcode, length = _RECORD_START.unpack_from(data, position)
+            end = position + _RECORD_START.size + length
+            if end > len(content):
+                raise ValueError("a record goes beyond its chunk")
+            if opcode == Opcode.MESSAGE:
+                found.append(position)
+            elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
+                body = bytes(data[position + _RECORD_START.size : end])
+                self._plain(_READERS[opcode](ReadDataStream(io.BytesIO(body))), position)
+            else:
+                raise ValueError(f"a chunk holds a record of the unknown kind {opcode}")
+            position = end
+        return np.array(found, np.intp)
+
+    def _message_index(self, index: records.MessageIndex, start: int) -> None:
+        if not self._chunks:
+            raise ValueError("an index without a chunk before it")
+        chunk = self._chunks[max(self._chunks)]
+        self._index_at.setdefault(chunk.start, {})[index.channel_id] = start
+        if sorted(index.records) != sorted(chunk.entries.get(index.channel_id, [])):
+            self._problem(f"the index at byte {start} does not point at the messages of its chunk")
+
+    def _chunk_index(self, index: records.ChunkIndex) -> None:
+        chunk = self._chunks.get(index.chunk_start_offset)
+        self._chunk_indexes.add(index.chunk_start_offset)
+        found = chunk and (chunk.length, chunk.compression, chunk.sizes, chunk.times_ns)
+        stated = (
+            index.chunk_length,
+            index.compression,
+            (index.compressed_size, index.uncompressed_size),
+            (index.message_start_time, index.message_end_time),
+        )
+        at = self._index_at.get(index.chunk_start_offset, {})
+        if found != stated or index.message_index_offsets != at:
+            self._problem(
+                f"the index of the chunk at byte {index.chunk_start_offset} does not fit it"
+            )
+
+    def _statistics(self, stated: records.Statistics) -> None:
+        times_ns = self._times_ns or [0]
+        found = {
+            "messages": (stated.message_count, self.counts.total()),
+            "messages by channel": (
+                {key: count for key, count in stated.channel_message_counts.items() if count},
+                dict(self.counts),
+            ),
+            "first time": (stated.message_start_time, min(times_ns)),
+            "last time": (stated.message_end_time, max(times_ns)),
+            "chunks": (stated.chunk_count, self._seen[Opcode.CHUNK]),
+            "channels": (stated.channel_count, len(self.channels)),
+            "schemas": (stated.schema_count, len(self.schemas)),
+            "metadata": (stated.metadata_count, self._seen[Opcode.METADATA]),
+            "attachments": (stated.attachment_count, self._seen[Opcode.ATTACHMENT]),
+        }
+        for name, (said, seen) in found.items():
+            if said != seen:
+                self._problem(f"{name}: the statistics say {said}, there are {seen}")
+
+    def _footer(self, footer: records.Footer, summary: memoryview) -> None:
+        if footer.summary_start not in {0, self._summary_at}:
+            self._problem("the footer does not point at the summary")
+        if not footer.summary_crc:
+            self._note("has no checksum over its summary")
+        elif crc32(summary[:-_CHECKSUM_BYTES]) != footer.summary_crc:
+            self._problem("the summary does not have its checksum")
+
+    def _compare(self) -> None:
+        if self._seen[Opcode.DATA_END] != 1:
+            self._problem("has no end of its data section")
+        if self._seen[Opcode.CHUNK_INDEX] and set(self._chunks) != self._chunk_indexes:
+            self._problem("chunks and their indexes are not as many")
+        if not self._seen[Opcode.STATISTICS]:
+            self._note("has no statistics: a missing chunk can go unnoticed")

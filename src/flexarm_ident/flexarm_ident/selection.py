@@ -1,0 +1,89 @@
+"""Which estimator do the data ask for? What `method="auto"` does.
+
+Three questions are asked in this order, and the first yes decides:
+
+1. Does noise reach the input, as the record says itself (`IoData.closed_loop`)? Past instruments.
+2. Do later inputs know of the outputs' innovation (`feedback.reaches_inputs`)? Past instruments.
+3. Is the outputs' noise coloured (`whiteness.whiteness_test`)? Past instruments.
+
+Otherwise ORSE without instruments, which is the cheapest and as accurate on white noise.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexarm_ident.feedback import reaches_inputs
+from flexarm_ident.gram import block_gram
+from flexarm_ident.orse import innovation_scaled, past_instruments
+from flexarm_ident.whiteness import whiteness_test
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.gram import BlockGram
+    from flexarm_ident.orse import RangeSpace
+    from flexarm_ident.source import Source
+
+
+class Selection(NamedTuple):
+    """The chosen estimator with its result, which follows from the same products.
+
+    Attributes
+    ----------
+    method : {'orse', 'orse_iv'}
+        Estimator.
+    reason : str
+        What was chosen and why, in one sentence.
+    gram : BlockGram
+        Products of the data.
+    space : RangeSpace
+        Range space by that estimator.
+    """
+
+    method: str
+    reason: str
+    gram: BlockGram
+    space: RangeSpace
+
+
+def select_method(
+    records: Sequence[Source], block_rows: int, *, closed_loop: bool, order: int | None = None
+) -> Selection:
+    """Choose the estimator.
+
+    Parameters
+    ----------
+    records : sequence of Source
+        Records of one rig, in memory or read in chunks.
+    block_rows : int
+        Block rows of the Hankel matrices, q of (2-18).
+    closed_loop : bool
+        Whether a record is known to be made in closed loop.
+    order : int, optional
+        Number of states; half of `block_rows` when it is not known yet.
+
+    Returns
+    -------
+    Selection
+        Choice, reason and what was computed for it.
+    """
+    if closed_loop:
+        return _instruments(records, block_rows, "a record was made in closed loop")
+    gram = block_gram(records, block_rows)
+    if reaches_inputs(gram):
+        because = "later inputs know of the outputs' noise, by feedback or seemingly by friction"
+        return _instruments(records, block_rows, because)
+    space = innovation_scaled(gram)
+    noise = whiteness_test(space, gram.columns, order or block_rows // 2)
+    figures = f"spread {noise.spread:.3g} of its power over directions, limit {noise.limit:.3g}"
+    if not noise.white:
+        return _instruments(records, block_rows, f"the outputs' noise is coloured: {figures}")
+    reason = f"orse was chosen: no feedback, and the outputs' noise passes for white: {figures}"
+    return Selection("orse", reason, gram, space)
+
+
+def _instruments(records: Sequence[Source], block_rows: int, because: str) -> Selection:
+    gram = block_gram(records, 2 * block_rows)
+    reason = f"orse_iv was chosen: {because}"
+    return Selection("orse_iv", reason, gram, past_instruments(gram))

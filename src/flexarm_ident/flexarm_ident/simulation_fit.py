@@ -1,0 +1,193 @@
+"""Models fitted by simulation error in place of a subspace model, where that simulates better.
+
+A subspace model is linear and knows no friction. What it starts is refined here: by an arm with dry
+friction, where the data have the structure of one and show friction, or by moving all its matrices.
+Either is judged by a free simulation of all records where their sensors worked, and taken only when
+it is better.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident.arm_fit import fit_arm
+from flexarm_ident.arm_layout import arm_layout
+from flexarm_ident.channels import label_and_unit
+from flexarm_ident.coulomb import estimate_coulomb
+from flexarm_ident.dead_sensor import live_samples
+from flexarm_ident.errors import IdentificationError
+from flexarm_ident.refinement import refine_model
+from flexarm_ident.simulation import simulate
+from flexarm_ident.validation import relative_errors
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from flexarm_ident.arm_fit import ArmFit
+    from flexarm_ident.arm_layout import ArmLayout
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.coulomb import CoulombEstimate
+    from flexarm_ident.identification import Identification
+    from flexarm_ident.iodata import IoData
+    from flexarm_ident.progress import Progress
+
+ARM = "arm"
+"""Method of a model that is an arm with dry friction."""
+# Of all records together: more takes minutes and says little more.
+_REFINED_SAMPLES = 20_000
+_STANDS_OUT = 3.0
+
+
+def is_compensated(records: Sequence[IoData]) -> bool:
+    """Return whether a recorded signal compensates friction, as in the thesis (section 2.4.3)."""
+    return any(
+        record.compensation is not None and bool(np.any(record.compensation)) for record in records
+    )
+
+
+def with_friction(
+    found: Identification, *, replaceable: bool, progress: Progress | None = None
+) -> Identification:
+    """Look for dry friction and take an arm with friction where it simulates better.
+
+    The test has three parts. The data have the channels of a flexible arm (`arm_layout`) and no
+    recorded compensation; a Coulomb level is above its own scatter (`estimate_coulomb`); and an arm
+    fitted with friction has a level above three of its standard deviations and simulates the
+    records with a smaller sum of squared relative errors than the subspace model.
+
+    Parameters
+    ----------
+    found : Identification
+        Subspace model.
+    replaceable : bool
+        Whether the model may be replaced: method and order were left open.
+    progress : callable, optional
+        Called with the stage "friction" and the part that is done.
+
+    Returns
+    -------
+    Identification
+        With an estimate of the Coulomb levels where the data allow one; with the arm and its
+        friction where that is better; with a note where friction was found but is not modelled.
+    """
+    records = found.records
+    layout = None if is_compensated(records) else arm_layout(records)
+    if layout is None:
+        return found
+    try:
+        coulomb = estimate_coulomb(records, layout.slipping)
+    except IdentificationError:
+        return found  # hardly anything slips
+    found = replace(found, coulomb=coulomb)
+    if not coulomb.possible:
+        return found
+    obstacle = _obstacle(layout, replaceable=replaceable)
+    if not obstacle:
+        try:
+            fit = fit_arm(records, layout.drives, progress=progress)
+        except IdentificationError as error:
+            obstacle = str(error)
+        else:
+            start_error = _errors(_simulated(found.model, found.x0, records), records)
+            levels, scatter = fit.friction.levels, fit.friction.level_deviations
+            if np.any(levels > _STANDS_OUT * scatter) and _better(fit.error, start_error):
+                return replace(
+                    found,
+                    model=fit.model,
+                    x0=fit.x0,
+                    order=fit.model.nstates,
+                    method=ARM,
+                    fit_error=fit.error,
+                    start_error=start_error,
+                    friction=fit.friction,
+                    moved_eigenvalues=0,
+                    notes=_notes(fit),
+                )
+            obstacle = "an arm with friction simulates the records no better than the linear model"
+    if not coulomb.present:
+        return found
+    note = f"dry friction was found, {levels_text(coulomb)}, but is not in the model: {obstacle}"
+    return replace(found, notes=(*found.notes, note))
+
+
+def refined(found: Identification, *, progress: Progress | None = None) -> Identification:
+    """Refine a linear model by its simulation error; long records by their leading parts.
+
+    Parameters
+    ----------
+    found : Identification
+        Subspace model.
+    progress : callable, optional
+        Called with the stage "refinement" and the part that is done.
+
+    Returns
+    -------
+    Identification
+        The refined model; the start itself when nothing better was found over all records.
+    """
+    records = found.records
+    most = -(-_REFINED_SAMPLES // len(records))
+    heads = [record.head(most) for record in records]
+    better = refine_model(found.model, found.x0, heads, progress=progress)
+    error = _errors(_simulated(better.model, better.x0, records), records)
+    start_error = _errors(_simulated(found.model, found.x0, records), records)
+    if not _better(error, start_error):
+        return found
+    return replace(
+        found, model=better.model, x0=better.x0, fit_error=error, start_error=start_error
+    )
+
+
+def levels_text(coulomb: CoulombEstimate) -> str:
+    """Return the levels with scatter and units: ``0.14 ± 0.02 A at current1``."""
+    words = []
+    for drive, level, deviation in zip(
+        coulomb.drives, coulomb.levels, coulomb.deviations, strict=True
+    ):
+        name, unit = label_and_unit(drive.input)
+        words.append(f"{level:.3g} \u00b1 {deviation:.2g} {unit}".rstrip() + f" at {name}")
+    return ", ".join(words)
+
+
+def _obstacle(layout: ArmLayout, *, replaceable: bool) -> str:
+    """Return why no arm can be fitted; empty when one can."""
+    if not replaceable:
+        return "the method or the order was given"
+    if layout.speeds:
+        speeds = ", ".join(drive.output for drive in layout.speeds)
+        return (
+            f"{speeds} measures a speed, which the arm with friction does not have; record the "
+            "compensation, or leave that output out"
+        )
+    return ""
+
+
+def _simulated(
+    model: control.StateSpace, x0: Sequence[FloatArray], records: Sequence[IoData]
+) -> list[FloatArray]:
+    return [simulate(model, record.u, start) for record, start in zip(records, x0, strict=True)]
+
+
+def _errors(simulated: Sequence[FloatArray], records: Sequence[IoData]) -> FloatArray:
+    """Return the errors (2-25) where the sensors worked."""
+    live = np.vstack([live_samples(record) for record in records])
+    measured = live * np.vstack([record.y for record in records])
+    return relative_errors(measured, live * np.vstack(simulated))
+
+
+def _better(error: FloatArray, start: FloatArray) -> bool:
+    return bool(np.sum(error**2) < np.sum(start**2))
+
+
+def _notes(fit: ArmFit) -> tuple[str, ...]:
+    dead = ", ".join(
+        f"{name} in {count:.0f} samples"
+        for name, count in zip(fit.model.output_labels, fit.dead_samples, strict=True)
+        if count
+    )
+    return (f"dead sensors were left out of the fit: {dead}",) if dead else ()

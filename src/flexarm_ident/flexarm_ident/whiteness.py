@@ -1,0 +1,79 @@
+"""Is the outputs' noise white? A test on what a range space leaves over.
+
+ORSE's eigenvectors beyond the model's order span directions in which the outputs hold nothing but
+noise. When the noise is white and the outputs are scaled by it, all their eigenvalues are alike;
+colour spreads them. The spread is that of the test of sphericity: John, "Some optimal multivariate
+tests", Biometrika 58 (1971); Ledoit and Wolf, "Some hypothesis tests for the covariance matrix when
+the dimension is large compared to the sample size", Annals of Statistics 30 (2002).
+
+Rows of a Hankel matrix repeat each other. The spread of N eigenvalues is then a weighted sum of
+the squared correlations at all lags below q and of all pairs of outputs, each with variance 1 / d.
+For white noise its mean is N / d, and its standard deviation sqrt(8 q / 3) / d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from flexarm_ident.orse import RangeSpace
+
+_DEVIATIONS = 6.0
+# The scaling is an estimate as well: a spread as small has no visible effect on a model.
+_TOLERATED = 0.01
+# In units of the innovation's power: what is less is rounding.
+_SMALLEST_NOISE = 1e-2
+
+
+@dataclass(frozen=True)
+class WhitenessTest:
+    """Outcome of the test.
+
+    Attributes
+    ----------
+    spread : float
+        Variance of the noise eigenvalues, in units of their squared mean; 0 without noise.
+    expected : float
+        What it should be for white noise.
+    limit : float
+        What white noise hardly exceeds.
+    white : bool
+        Whether the noise passes for white; true when there is none.
+    """
+
+    spread: float
+    expected: float
+    limit: float
+    white: bool
+
+
+def whiteness_test(space: RangeSpace, columns: int, order: int) -> WhitenessTest:
+    """Test the noise of outputs scaled by their innovation.
+
+    Parameters
+    ----------
+    space : RangeSpace
+        ORSE's range space of these outputs, all of its singular values.
+    columns : int
+        Columns of the Hankel matrix, d of (2-19).
+    order : int
+        States of the model; half of the eigenvalues are taken for noise in any case.
+
+    Returns
+    -------
+    WhitenessTest
+        Spread and verdict.
+    """
+    values = space.singular_values
+    size = len(values)
+    noise = values[min(order, size // 2) :]
+    expected = size / columns
+    limit = expected + _DEVIATIONS * np.sqrt(8.0 * space.block_rows / 3.0) / columns + _TOLERATED
+    mean = float(noise.mean())
+    if mean < _SMALLEST_NOISE:
+        return WhitenessTest(0.0, expected, float(limit), white=True)
+    spread = float(noise.var()) / mean**2
+    return WhitenessTest(spread, expected, float(limit), white=spread <= limit)

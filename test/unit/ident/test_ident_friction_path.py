@@ -1,0 +1,252 @@
+"""Dry friction and refinement on the one way from a record to a model, a file and a report."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
+
+from flexarm_ident import IoData, identify, load_model, read_bag, validate_dmv
+from flexarm_ident.arm_layout import Drive, arm_layout
+from flexarm_ident.exports import EXPORTS
+from flexarm_ident.friction import DryFriction, net_records, refer_friction, simulate_with_friction
+from flexarm_ident.friction_parameters import friction_fields, friction_from_parameters
+from flexarm_ident.model_parameters import ModelFileError, flat_parameters, model_parameters
+from flexarm_ident.reduction import truncate
+from flexarm_ident.results import write_results
+from flexarm_ident.simulation import simulate
+from flexarm_ident.workflow import Outcome, Request, run
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+BAG = Path(__file__).parents[3] / "bags" / "quanser_2dsfl"
+HUBS, DEFLECTIONS = [0, 2], [1, 3]
+
+
+def controlled(level: float, samples: int = 2500) -> IoData:
+    """Return a hub with dry friction, a bending link and its gauge, under a position loop."""
+    drag, stiffness, loss, link = 0.8, 30.0, 0.4, 0.05
+    hub, bend = np.zeros(2), np.zeros(2)
+    u, y = np.empty(samples), np.empty((samples, 2))
+    rng = np.random.default_rng(1)
+    for k in range(samples):
+        y[k] = (hub[0], bend[0]) + rng.normal(size=2) * (2e-3, 5e-5)
+        reference = 1.0 if (k // 500) % 2 == 0 else -1.0
+        reference *= 1.0 + 0.5 * np.sin(k / 210.0)
+        u[k] = 3.0 * (reference - y[k, 0]) - 0.4 * hub[1]
+        # Semi-implicit steps of half a millisecond and less; friction takes no more than all speed.
+        for _ in range(8):
+            h = DT_S / 8.0
+            torque = u[k] - drag * hub[1] + stiffness * bend[0] + loss * bend[1]
+            free = hub[1] + h * torque / 0.4
+            after = np.sign(free) * max(abs(free) - h * level / 0.4, 0.0)
+            push = (after - hub[1]) / h
+            hub = np.array([hub[0] + h * after, after])
+            bend[1] += h * (-push - (stiffness * bend[0] + loss * bend[1]) / link)
+            bend[0] += h * bend[1]
+    inputs, outputs = ("drive_a",), ("hub_rad", "bend_rad")
+    return IoData(u, y, dt_s=DT_S, inputs=inputs, outputs=outputs, closed_loop=True)
+
+
+@pytest.fixture(scope="module")
+def real() -> Outcome:
+    """Return what the measurement of a real arm gives, with nothing set but what is looked for."""
+    return run(read_bag(BAG), Request(method="auto", friction=True, refine=True))
+
+
+def test_real_two_link_arm___auto_with_friction___simulates_twice_the_record(real: Outcome) -> None:
+    record, found = real.records[0], real.identification
+    assert (found.method, real.fitted[0]) == ("arm", round(0.5 * len(record)))
+    assert found.friction is not None
+    y, _ = simulate_with_friction(found.model, found.friction, record.u, found.x0[0])
+    # RMS error over RMS output (2-25) of the whole record, dead sensors included.
+    error = np.linalg.norm(record.y - y, axis=0) / np.linalg.norm(record.y, axis=0)
+    assert real.dmv_errors == pytest.approx(error)
+    assert error[HUBS].mean() <= 0.20
+    assert error[DEFLECTIONS].mean() <= 0.50
+    assert np.all(found.friction.levels > 3.0 * found.friction.level_deviations)
+    assert "dead sensors" in found.notes[0]
+
+
+def test_real_two_link_arm___arm___is_better_than_its_subspace_start(real: Outcome) -> None:
+    found = real.identification
+    assert found.start_error is not None
+    assert np.all(found.fit_error < found.start_error)
+    linear = run(read_bag(BAG), Request(friction=False)).dmv_errors
+    assert real.dmv_errors.mean() < linear.mean()
+
+
+def test_real_two_link_arm___net_input___moves_the_linear_model_alike(real: Outcome) -> None:
+    found = real.identification
+    assert found.friction is not None
+    (net,), (data,) = found.linear_records, found.records
+    y, _ = simulate_with_friction(found.model, found.friction, data.u, found.x0[0])
+    assert simulate(found.model, net.u, found.x0[0]) == pytest.approx(y, rel=1e-6, abs=1e-6)
+
+
+def test_real_two_link_arm___files_and_report___hold_the_levels(
+    real: Outcome, tmp_path: Path
+) -> None:
+    assert real.friction is not None
+    parameters = write_results(
+        tmp_path / "out", real, [read_bag(BAG)], name="real", exports=EXPORTS
+    )
+    content = json.loads((tmp_path / "out" / "model.json").read_text("utf-8"))
+    for found in (parameters, flat_parameters(content)):
+        friction = friction_from_parameters("real", found)  # type: ignore[arg-type]
+        assert friction is not None
+        assert friction.levels.tolist() == real.friction.levels.tolist()
+        assert friction.level_deviations.tolist() == real.friction.level_deviations.tolist()
+        assert friction.speed.tolist() == real.friction.speed.tolist()
+    for suffix in ("yaml", "json", "mat"):
+        assert load_model(tmp_path / "out" / f"model.{suffix}").A.tolist() == real.model.A.tolist()
+    report = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "<h2>Dry friction</h2>" in report
+    for level, deviation in zip(real.friction.levels, real.friction.level_deviations, strict=True):
+        assert f"{level:.4g} \u00b1 {deviation:.2g}" in report
+        assert f"{float(level)!r}" in (tmp_path / "out" / "model.yaml").read_text("utf-8")
+
+
+def test_friction___known_level___is_found_with_its_drive() -> None:
+    data = controlled(0.5)
+    found = identify(data, method="auto", block_rows=15, friction=True)
+    assert found.method == "arm"
+    assert found.friction is not None
+    assert found.friction.levels == pytest.approx([0.5], rel=0.1)
+
+
+@pytest.mark.parametrize("fields", [{"order": 6}, {"method": "orse"}])
+def test_friction___order_or_method_given___is_told_but_the_model_stays(
+    fields: dict[str, int | str],
+) -> None:
+    data, given = controlled(0.5, 8000), {"method": "auto", "block_rows": 15, **fields}
+    plain = identify(data, **given)  # type: ignore[arg-type]
+    found = identify(data, friction=True, **given)  # type: ignore[arg-type]
+    assert found.model.A.tolist() == plain.model.A.tolist()
+    assert found.coulomb is not None
+    assert found.coulomb.levels == pytest.approx([0.5], rel=0.2)
+    assert "dry friction was found" in found.notes[-1]
+    assert "A at drive" in found.notes[-1]
+
+
+def test_friction___none_there_or_compensated___linear_model_without_a_word() -> None:
+    frictionless, rubbing = controlled(0.0), controlled(0.5)
+    compensated = replace(rubbing, compensation=np.sign(rubbing.u))
+    for data in (frictionless, compensated):
+        found = identify(data, method="auto", block_rows=15, friction=True)
+        assert found.friction is None
+        assert not any("friction" in note for note in found.notes)
+
+
+def test_workflow___compensation_recorded___keeps_the_way_of_the_thesis() -> None:
+    rubbing = controlled(0.5)
+    compensation = 0.3 * np.sign(rubbing.u)
+    data = replace(rubbing, compensation=compensation)
+    outcome = run(data, Request(block_rows=15, train_fraction=0.5))
+    assert outcome.friction is None
+    assert outcome.records[0].u == pytest.approx(data.u - compensation)
+    assert outcome.request.friction
+
+
+def test_reduced_model___of_an_arm_with_friction___has_friction_too() -> None:
+    outcome = run(
+        controlled(0.5),
+        Request(block_rows=15, train_fraction=1.0, reduction="mrm", reduced_order=4, update="b"),
+    )
+    assert outcome.friction is not None
+    assert outcome.reduction is not None
+    assert outcome.friction.speed.shape == (1, 4)
+    assert outcome.friction.levels == pytest.approx(outcome.identification.friction.levels)  # type: ignore[union-attr]
+    assert np.all(outcome.dmv_errors < 0.2)
+
+
+def test_refer_friction___same_model_in_other_coordinates___same_simulation() -> None:
+    model, u = arm_model(), square_wave(1500, 2)
+    n = model.nstates
+    speed = np.random.default_rng(0).normal(size=(1, n))
+    speed *= np.sign(speed @ model.B)
+    nothing = np.zeros(1)
+    friction = DryFriction(np.array([0.4]), np.array([0.1]), nothing, nothing, speed)
+    x0 = np.random.default_rng(1).normal(size=n)
+    y, _ = simulate_with_friction(model, friction, u, x0)
+    data = IoData(u, y, dt_s=DT_S)
+    other = truncate(model, range(n))
+    start = validate_dmv(other, net_records(model, friction, [x0], [data])[0]).x0
+    nets = net_records(model, friction, [x0], [data])
+    referred = refer_friction(friction, (model, other), ([x0], [start]), nets)
+    again, _ = simulate_with_friction(other, referred, u, start)
+    assert again == pytest.approx(y, abs=1e-4 * np.abs(y).max())
+
+
+def test_refine___noisy_record___lowers_the_simulation_error_of_the_whole() -> None:
+    data = record(random_model(3), 1500, seed=1, noise=0.2)
+    start = identify(data, order=4, block_rows=8)
+    refined = identify(data, order=4, block_rows=8, refine=True)
+    assert refined.start_error is not None
+    assert refined.start_error == pytest.approx(start.fit_error, rel=1e-6)
+    y = step_by_step(refined.model, data.u, refined.x0[0])
+    error = np.linalg.norm(data.y - y, axis=0) / np.linalg.norm(data.y, axis=0)
+    assert refined.fit_error == pytest.approx(error, rel=1e-6)
+    assert np.sum(error**2) < np.sum(start.fit_error**2)
+
+
+def test_arm_layout___real_and_simulated_arms___names_positions_and_speeds() -> None:
+    real = arm_layout([read_bag(BAG)])
+    assert real is not None
+    assert real.drives == (Drive("current1_a", "hub1_deg"), Drive("current2_a", "hub2_deg"))
+    assert real.slipping == real.drives
+    simulated = arm_layout([read_bag(BAG.parent / "c_dat3_0g")])
+    assert simulated is not None
+    assert simulated.drives == (Drive("command_v", "position_v"),)
+    assert simulated.slipping == (Drive("command_v", "speed_v", is_speed=True),)
+
+
+@given(st.permutations(range(4)), st.permutations(range(2)))
+def test_arm_layout___channels_in_any_order___finds_the_same_pairs(
+    outputs: list[int], inputs: list[int]
+) -> None:
+    data = REAL_HEAD
+    shuffled = replace(
+        data,
+        u=data.u[:, inputs],
+        y=-3.0 * data.y[:, outputs],
+        inputs=tuple(data.inputs[i] for i in inputs),
+        outputs=tuple(data.outputs[i] for i in outputs),
+    )
+    layout = arm_layout([shuffled])
+    assert layout is not None
+    assert set(layout.drives) == {Drive("current1_a", "hub1_deg"), Drive("current2_a", "hub2_deg")}
+    assert [drive.input for drive in layout.drives] == list(shuffled.inputs)
+
+
+REAL_HEAD = read_bag(BAG).head(4000)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_arm_layout___any_linear_system_under_noise___is_no_arm(seed: int) -> None:
+    assert arm_layout([record(random_model(seed), 1000, seed=seed)]) is None
+
+
+def test_friction_parameters___field_missing_or_damaged___is_named() -> None:
+    one = np.ones(1)
+    fields = friction_fields(DryFriction(one, one, one, one, np.ones((1, 9))))
+    whole = model_parameters("arm", arm_model(), provenance=fields)
+    assert friction_from_parameters("arm", whole) is not None
+    for damage in ({"models.arm.friction_level": [1.0, 2.0]}, {"models.arm.friction_speed": "x"}):
+        with pytest.raises(ModelFileError, match=next(iter(damage))):
+            friction_from_parameters("arm", whole | damage)
+    del whole["models.arm.friction_offset_std"]
+    with pytest.raises(ModelFileError, match=r"friction_offset_std must be a list of 1 finite"):
+        friction_from_parameters("arm", whole)
+    plain = model_parameters("arm", arm_model(), provenance={})
+    assert friction_from_parameters("arm", plain) is None
