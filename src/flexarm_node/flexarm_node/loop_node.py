@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
+import traceback
 from abc import abstractmethod
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from flexarm_node import qos
@@ -38,12 +41,18 @@ class LoopNode(LifecycleNode):
     Configuring makes the topics, activating starts the thread, deactivating ends it, cleaning
     up gives the topics back. Once a second the node reports its figures on `/diagnostics`.
 
+    An error never leaves the node active without a loop: it is logged in one line, reported on
+    `/diagnostics`, and the node ends in the state it came from, inactive when it was the loop's.
+
     Parameters
     ----------
     name
         Node name, in the namespace `/flexarm`.
     specs, accept, apply
         The node's parameters, see `Parameters`.
+    expected
+        Errors whose message says all there is to say. Others are named with the place they are
+        from.
     """
 
     def __init__(
@@ -53,14 +62,18 @@ class LoopNode(LifecycleNode):
         *,
         accept: Callable[[Mapping[str, Any]], object] | None = None,
         apply: Callable[[Mapping[str, Any]], None] | None = None,
+        expected: tuple[type[Exception], ...] = (),
     ) -> None:
         super().__init__(name, namespace="/flexarm")
         self.parameters = Parameters(self, (*specs, _AUTOSTART), accept=accept, apply=apply)
+        self._expected = expected
+        self._trouble = ""
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._ended = self.create_guard_condition(self._deactivate_ended)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.SENT)
-        self.create_timer(_REPORT_S, self._report)
+        # On the node's own clock a wall clock set back would silence the reports.
+        self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         # rclpy's own answer to a transition that the present state does not have is an exception.
         self._answer_transition = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
@@ -85,6 +98,10 @@ class LoopNode(LifecycleNode):
     def figures(self) -> Figures:
         """Return what diagnostics shall show of the loop that runs."""
 
+    def alarm(self) -> str:
+        """Return what the loop complains of, while it runs and when it has ended; else nothing."""
+        return ""
+
     @property
     def running(self) -> bool:
         """True while the loop's thread exists."""
@@ -105,12 +122,21 @@ class LoopNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
         """Make the topics."""
-        self.make_topics()
+        try:
+            self.make_topics()
+        except Exception as error:  # noqa: BLE001 - rclpy would swallow it
+            self._tell(f"not configured: {self._reason(error)}")
+            return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the loop."""
-        self.prepare()
+        self._trouble = ""
+        try:
+            self.prepare()
+        except Exception as error:  # noqa: BLE001 - rclpy would swallow it
+            self._tell(f"not activated: {self._reason(error)}")
+            return TransitionCallbackReturn.FAILURE
         self._stopping.clear()
         self._thread = threading.Thread(target=self._run, daemon=True, name=self.get_name())
         self._thread.start()
@@ -142,9 +168,26 @@ class LoopNode(LifecycleNode):
             return response
 
     def _run(self) -> None:
-        self.loop(self._stopping)
+        try:
+            self.loop(self._stopping)
+            self._tell(self.alarm())
+        except Exception as error:  # noqa: BLE001 - the node outlives its loop, and shows it
+            self._tell(f"the loop has ended: {self._reason(error)}")
         if not self._stopping.is_set():
             self._ended.trigger()
+
+    def _reason(self, error: Exception) -> str:
+        text = " ".join(str(error).split())
+        if isinstance(error, self._expected):
+            return text
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        return f"{type(error).__name__}: {text} ({Path(place.filename).name}:{place.lineno})"
+
+    def _tell(self, trouble: str) -> None:
+        """Log trouble once and keep it for the diagnostics, until the next activation."""
+        if trouble and trouble != self._trouble:
+            self.get_logger().error(trouble)
+            self._trouble = trouble
 
     def _deactivate_ended(self) -> None:
         if self.running:
@@ -153,10 +196,14 @@ class LoopNode(LifecycleNode):
     def _report(self) -> None:
         status = DiagnosticStatus(name=f"flexarm: {self.get_name()}", message="not active")
         if self.running:
+            self._tell(self.alarm())
             status.message = "active"
             status.values = [
                 KeyValue(key=key, value=str(value)) for key, value in self.figures().items()
             ]
+        if self._trouble:
+            status.level = DiagnosticStatus.ERROR
+            status.message += f": {self._trouble}"
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)

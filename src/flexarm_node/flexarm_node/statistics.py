@@ -17,6 +17,22 @@ class Percentiles:
     maximum: float
 
 
+class Rate:
+    """How fast a count grows, between one look at it and the next."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._time_s: float | None = None
+
+    def update(self, count: int, time_s: float) -> float:
+        """Return counts per second since the last look; NaN at the first one or without time."""
+        counted, self._count = count - self._count, count
+        last_s, self._time_s = self._time_s, time_s
+        if last_s is None or not time_s > last_s:
+            return np.nan
+        return counted / (time_s - last_s)
+
+
 class Window:
     """The last `size` values of one quantity."""
 

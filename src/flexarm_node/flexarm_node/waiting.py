@@ -61,6 +61,11 @@ class TopicWaiter(Generic[Message]):
     ) -> None:
         self._waiting = _WaitSet(node, [(message_type, topic, qos)], raw=False)
 
+    @property
+    def topic(self) -> str:
+        """Full name of the topic, after remapping."""
+        return self._waiting.topic(0)
+
     def publishers(self) -> int:
         """Return how many publishers of the topic the graph knows."""
         return self._waiting.publishers(0)
@@ -152,8 +157,11 @@ class _WaitSet:
             self._wait_set.add_subscription(subscription.handle)
         self._wait_set.wait(int(timeout_s * 1e9))
 
+    def topic(self, topic: int) -> str:
+        return str(self._subscriptions[topic].topic_name)
+
     def publishers(self, topic: int) -> int:
-        return int(self._node.count_publishers(self._subscriptions[topic].topic_name))
+        return int(self._node.count_publishers(self.topic(topic)))
 
     def take(self, topic: int) -> tuple[Any, dict[str, int]] | None:
         handle = self._subscriptions[topic].handle

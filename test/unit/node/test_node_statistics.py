@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_node.statistics import Window
+from flexarm_node.statistics import Rate, Window
 
 
 def filled(size: int, values: list[float]) -> Window:
@@ -52,3 +52,16 @@ def test_any_values___median_and_maximum_of_the_last_ones(size: int, values: lis
     assert np.isclose(percentiles.p50, median)
     assert percentiles.maximum == last[-1]
     assert percentiles.p50 <= percentiles.p99 <= percentiles.p999 <= percentiles.maximum
+
+
+def test_rate___is_the_growth_since_the_last_look() -> None:
+    rate = Rate()
+    assert math.isnan(rate.update(5, 100.0))
+    assert rate.update(605, 102.0) == 300.0
+    assert rate.update(605, 103.0) == 0.0
+
+
+def test_rate___without_time_in_between___is_unknown() -> None:
+    rate = Rate()
+    rate.update(5, 100.0)
+    assert math.isnan(rate.update(6, 100.0))
