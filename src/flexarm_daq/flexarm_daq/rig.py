@@ -18,6 +18,10 @@ class RigError(RuntimeError):
     """A rig that cannot be opened, read or written; the message says what to do."""
 
 
+class DriveNotStoppedError(RigError):
+    """The drive could not be set to zero: only the emergency stop is left."""
+
+
 class RigSample(NamedTuple):
     """The four sensors at one instant.
 
@@ -77,4 +81,10 @@ class Rig(Protocol):
         """Set the drive to zero; works in any state, any number of times, and never raises."""
 
     def close(self) -> None:
-        """Set the drive to zero and let go of the hardware; does nothing on a closed rig."""
+        """Set the drive to zero and let go of the hardware; does nothing on a closed rig.
+
+        Raises
+        ------
+        DriveNotStoppedError
+            If the hardware did not take the zero; the rig is closed all the same.
+        """

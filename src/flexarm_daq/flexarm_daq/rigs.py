@@ -1,0 +1,99 @@
+"""Which rig the DAQ node samples: the parameters of each, and the rig made from them."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from flexarm_daq.nidaq_channels import TERMINALS, NidaqSettings
+from flexarm_daq.nidaq_rig import NidaqRig
+from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
+from flexarm_daq.self_test import check_possible
+from flexarm_daq.simulated_rig import SimulatedRig
+from flexarm_node.parameters import ParameterSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from flexarm_daq.rig import Rig
+
+NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
+
+_WIRED = NidaqSettings()
+
+RIG_PARAMETERS = (
+    ParameterSpec("rig", "simulated", "which rig is sampled", choices=("simulated", "nidaq")),
+    ParameterSpec(
+        "self_test",
+        "auto",
+        "pulse the rig before it is armed and check the signs; auto: not the simulated rig",
+        choices=("auto", "on", "off"),
+    ),
+    ParameterSpec("payload_kg", 0.0, "simulated rig: mass at the tip", 0.0, 1.0, "kg"),
+    ParameterSpec("seed", 0, "simulated rig: seed of the sensor noise", 0, 2**31 - 1),
+    ParameterSpec("noise", "low", "simulated rig: sensor noise", choices=tuple(NOISE_V)),
+    ParameterSpec(
+        "reply_delay_s", 5e-4, "virtual time: from a sample to its command", 0.0, 0.1, "s"
+    ),
+    ParameterSpec("nidaq.device", _WIRED.device, "NI-DAQ rig: name of the board"),
+    ParameterSpec(
+        "nidaq.sensors",
+        list(_WIRED.sensors),
+        "NI-DAQ rig: inputs of position, base gauge, middle gauge, speed",
+    ),
+    ParameterSpec("nidaq.magnitude", _WIRED.magnitude, "NI-DAQ rig: output, current's magnitude"),
+    ParameterSpec("nidaq.direction", _WIRED.direction, "NI-DAQ rig: output, current's direction"),
+    ParameterSpec(
+        "nidaq.terminals", _WIRED.terminals, "NI-DAQ rig: wiring of the inputs", choices=TERMINALS
+    ),
+    ParameterSpec(
+        "nidaq.high_is_positive",
+        _WIRED.high_is_positive,
+        "NI-DAQ rig: 5 V on the direction turns towards positive position",
+    ),
+)
+"""Parameters of the DAQ node that choose and describe the rig."""
+
+
+def make_rig(values: Mapping[str, Any]) -> Rig:
+    """Make the rig that the parameters describe; nothing is opened.
+
+    Raises
+    ------
+    ValueError
+        When they do not fit together.
+    """
+    if wants_self_test(values):
+        check_possible(values["rate_hz"], values["max_command_v"])
+    if values["rig"] == "simulated":
+        return SimulatedRig(
+            RigParameters(
+                payload_kg=values["payload_kg"],
+                noise_v=NOISE_V[values["noise"]],
+                loop_delay_s=values["reply_delay_s"],
+            ),
+            rate_hz=values["rate_hz"],
+            seed=values["seed"],
+            clock=None if values["time"] == "virtual" else time.monotonic,
+        )
+    if values["time"] == "virtual":
+        raise ValueError("time = 'virtual' needs rig = 'simulated': a real rig has real time")
+    return NidaqRig(
+        NidaqSettings(
+            device=values["nidaq.device"],
+            sensors=tuple(values["nidaq.sensors"]),
+            magnitude=values["nidaq.magnitude"],
+            direction=values["nidaq.direction"],
+            terminals=values["nidaq.terminals"],
+            high_is_positive=values["nidaq.high_is_positive"],
+            rate_hz=values["rate_hz"],
+        )
+    )
+
+
+def wants_self_test(values: Mapping[str, Any]) -> bool:
+    """Tell whether the rig is to be pulsed before it is armed."""
+    return bool(
+        values["self_test"] == "on"
+        or (values["self_test"] == "auto" and values["rig"] != "simulated")
+    )

@@ -1,0 +1,266 @@
+"""Does the rig answer a small current with the right signs? Asked before it is armed.
+
+Two short pulses of current, up and down, each followed by a pause in which friction stops the arm.
+While a pulse lasts, the speed and the base gauge follow the current and the middle gauge goes
+against it (the signs of Appendix B); the position follows the current's integral. Each channel is
+compared with that course: how many standard deviations of its own noise stands its answer above
+zero? A wire on the wrong terminal, a swapped polarity, a dead sensor or a drive without power
+shows before a controller makes it worse.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from flexarm_daq.channels import CHANNEL_NAMES, CHANNELS, INPUT_RANGE_V
+from flexarm_daq.rig import RigError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm_daq.limiter import Limiter
+    from flexarm_daq.rig import Rig
+
+PULSE_V: Final = 2.0
+"""Height of the pulses: 1 A, three times what breaks the friction; it turns the arm 6 degrees."""
+
+MIN_RATE_HZ: Final = 200.0
+"""Slowest sampling that shows the pulses."""
+
+_REST_S: Final = 0.25
+_PULSE_S: Final = 0.1
+_PAUSE_S: Final = 0.1
+_SETTLE_S: Final = 1.0
+_TRIES: Final = 3
+_MAX_START_V: Final = 5.0
+_MAX_MOVE_V: Final = 1.5
+_SATURATED_V: Final = INPUT_RANGE_V - 0.05
+_SATURATED_SHARE: Final = 0.1
+# Noise alone goes this far once in two million times.
+_CERTAIN: Final = 5.0
+# Half a step of a 10-bit converter: below it, the noise is the converter's.
+_LEAST_NOISE_V: Final = 0.005
+
+RIGHT: Final = "right"
+WRONG_SIGN: Final = "wrong sign"
+SILENT: Final = "silent"
+SATURATED: Final = "saturated"
+
+
+class SelfTestError(RigError):
+    """The rig does not answer as it must; the message names the channel."""
+
+
+class Answer(NamedTuple):
+    """How one channel answered.
+
+    Attributes
+    ----------
+    channel : str
+        Name of the channel.
+    verdict : str
+        `RIGHT`, `WRONG_SIGN`, `SILENT` or `SATURATED`.
+    certainty : float
+        Height of the answer in standard deviations of the channel's noise; negative against the
+        expected sign.
+    """
+
+    channel: str
+    verdict: str
+    certainty: float
+
+
+def profile_v(rate_hz: float) -> NDArray[np.float64]:
+    """Return the commands of one try: rest, pulse up, pause, pulse down, pause.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Sampling rate, at least `MIN_RATE_HZ`.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        Command after each sample.
+    """
+    parts = (
+        (0.0, _REST_S),
+        (PULSE_V, _PULSE_S),
+        (0.0, _PAUSE_S),
+        (-PULSE_V, _PULSE_S),
+        (0.0, _PAUSE_S),
+    )
+    return np.concatenate([np.full(round(length_s * rate_hz), volts) for volts, length_s in parts])
+
+
+def judge(command_v: NDArray[np.float64], volts: NDArray[np.float64]) -> tuple[Answer, ...]:
+    """Compare what the channels did with what the current must cause.
+
+    Parameters
+    ----------
+    command_v : ndarray, shape (samples,)
+        Command in force while each sample was taken; zero at first, for the noise and the offset.
+    volts : ndarray, shape (samples, 4)
+        The samples.
+
+    Returns
+    -------
+    tuple of Answer
+        One per channel.
+
+    Raises
+    ------
+    ValueError
+        If there are less than two samples of rest, or no command.
+    """
+    moving = np.flatnonzero(command_v)
+    if not moving.size or moving[0] < 2:  # noqa: PLR2004 - a standard deviation takes two
+        raise ValueError("the self-test needs two samples of rest, and a command after them")
+    rest = volts[: moving[0]]
+    course = np.column_stack([np.cumsum(command_v), command_v, -command_v, command_v])[moving[0] :]
+    noise_v = np.maximum(rest.std(axis=0, ddof=1), _LEAST_NOISE_V)
+    answer = np.sum(course * (volts[moving[0] :] - rest.mean(axis=0)), axis=0)
+    # The mean of the rest has noise of its own.
+    spread = noise_v * np.sqrt(np.sum(course**2, axis=0) + np.sum(course, axis=0) ** 2 / moving[0])
+    saturated = np.mean(np.abs(volts) >= _SATURATED_V, axis=0) > _SATURATED_SHARE
+    return tuple(
+        Answer(name, SATURATED if clipped else _verdict(certainty), float(certainty))
+        for name, clipped, certainty in zip(CHANNEL_NAMES, saturated, answer / spread, strict=True)
+    )
+
+
+def _verdict(certainty: float) -> str:
+    if certainty >= _CERTAIN:
+        return RIGHT
+    return WRONG_SIGN if certainty <= -_CERTAIN else SILENT
+
+
+def complaint(answers: tuple[Answer, ...]) -> str:
+    """Say in one line what is wrong and what to do, or nothing when all is right.
+
+    Parameters
+    ----------
+    answers : tuple of Answer
+        What `judge` found.
+
+    Returns
+    -------
+    str
+        The line; empty if every channel is right.
+    """
+    verdicts = {answer.verdict for answer in answers}
+    if verdicts == {WRONG_SIGN}:
+        return (
+            "every channel answers the current with the wrong sign: the direction (DAC1) is "
+            "inverted, check its wire and the parameter nidaq.high_is_positive"
+        )
+    if verdicts == {SILENT}:
+        return (
+            "no channel answers the current: check the drive's power, the emergency stop and the "
+            "wire of the magnitude (DAC0)"
+        )
+    advice = {
+        WRONG_SIGN: "answers the current with the wrong sign: swap its wires",
+        SILENT: "does not answer the current: check sensor, wire and terminal",
+        SATURATED: "is at the end of the input range: check its supply and wires",
+    }
+    return "; ".join(
+        f"{answer.channel} (ACH{number}) {advice[answer.verdict]}"
+        for number, answer in enumerate(answers)
+        if answer.verdict != RIGHT
+    )
+
+
+def run_self_test(rig: Rig, limiter: Limiter, rate_hz: float, *, paced: bool) -> None:
+    """Open the rig, pulse it, judge it, and close it with the drive at zero.
+
+    What noise or a swinging arm leaves undecided is tried again.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig, closed.
+    limiter : Limiter
+        The gate before it: the pulses stay within its limits.
+    rate_hz : float
+        Sampling rate.
+    paced : bool
+        Wait a period between samples; not in virtual time.
+
+    Raises
+    ------
+    RigError
+        If the rig fails; `SelfTestError` if a channel is not right.
+    """
+    try:
+        rig.open()
+        for attempt in range(_TRIES):
+            if attempt:
+                _follow(rig, limiter, np.zeros(round(_SETTLE_S * rate_hz)), rate_hz, paced=paced)
+            answers = judge(*_follow(rig, limiter, profile_v(rate_hz), rate_hz, paced=paced))
+            if any(answer.verdict == WRONG_SIGN for answer in answers):
+                break
+            if not complaint(answers):
+                return
+    finally:
+        rig.close()
+    raise SelfTestError(f"self-test: {complaint(answers)}")
+
+
+def check_possible(rate_hz: float, max_command_v: float) -> None:
+    """Check that the pulses fit the settings.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Sampling rate.
+    max_command_v : float
+        Largest command that the limiter lets through.
+
+    Raises
+    ------
+    ValueError
+        If the sampling is too slow for the pulses or the limit is below them.
+    """
+    if rate_hz < MIN_RATE_HZ:
+        raise ValueError(
+            f"the self-test needs a rate_hz of {MIN_RATE_HZ:g} or more, got {rate_hz:g}"
+        )
+    if max_command_v < PULSE_V:
+        raise ValueError(
+            f"the self-test needs a max_command_v of {PULSE_V:g} or more, got {max_command_v:g}"
+        )
+
+
+def _follow(
+    rig: Rig, limiter: Limiter, commands_v: NDArray[np.float64], rate_hz: float, *, paced: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Follow the commands; return command in force and samples."""
+    in_force_v = np.zeros(len(commands_v))
+    volts = np.zeros((len(commands_v), len(CHANNELS)))
+    applied_v = 0.0
+    limiter.reset()
+    for k, wanted_v in enumerate(commands_v):
+        deadline_s = time.monotonic() + 1.0 / rate_hz
+        in_force_v[k] = applied_v
+        volts[k] = rig.read().volts
+        position_v = volts[k, 0]
+        if abs(position_v) > _MAX_START_V:
+            raise SelfTestError(
+                f"self-test: position_v (ACH0) reads {position_v:.2f} V: turn the arm to the "
+                f"middle, within {_MAX_START_V:g} V, by hand; else check the sensor"
+            )
+        if commands_v.any() and abs(position_v - volts[0, 0]) > _MAX_MOVE_V:
+            raise SelfTestError(
+                f"self-test: position_v (ACH0) moved by more than {_MAX_MOVE_V:g} V "
+                f"{'at a small pulse' if in_force_v.any() else 'with the drive at zero'}: wait "
+                "until the arm rests; else check the sensor, the arm and the drive's gain"
+            )
+        applied_v = limiter.apply(wanted_v, 0.0, position_v, 1.0 / rate_hz).command_v
+        rig.write(applied_v)
+        if paced:
+            time.sleep(max(0.0, deadline_s - time.monotonic()))
+    return in_force_v, volts
