@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import resource
 import signal
 from typing import TYPE_CHECKING, Any
 
@@ -9,8 +10,12 @@ from bag_samples import START_NS, Sent, arm_state, motor_command, reference, wri
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from std_srvs.srv import SetBool
+from system_graph import States
 
-from flexarm_msgs.msg import ArmState
+from flexarm_daq.repair import repair_bag
+from flexarm_ident.bag_check import check_bag
+from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 
 if TYPE_CHECKING:
@@ -191,3 +196,109 @@ def test_signal___ends_every_node_cleanly(
     recorded = content(tmp_path / "run")
     assert len(recorded["/flexarm/state"]) > 100
     assert sum(map(len, recorded.values())) == message_count(tmp_path / "run")
+
+
+def test_full_disk___stops_the_recorder_with_an_error_and_not_the_loop(
+    graph: Graph, tmp_path: Path
+) -> None:
+    commands: list[MotorCommand] = []
+    graph.node.create_subscription(MotorCommand, "command", commands.append, qos.EVERY)
+    recorder = graph.run_node("recorder", {"bag": str(tmp_path / "run")})
+    recorder.wait_for("recording to")
+    graph.start("controller", {"autostart": True, "reference": "square"})
+    graph.start("daq", {"autostart": True})
+    (file,) = (tmp_path / "run").glob("*.mcap")
+    graph.wait(lambda: file.stat().st_size > 20_000, "a second of recording")
+    # No root is needed for a disk that is full for one process.
+    limit = file.stat().st_size + 10_000
+    resource.prlimit(recorder.popen.pid, resource.RLIMIT_FSIZE, (limit, limit))
+
+    recorder.wait_for("recording stopped")
+    before = len(commands)
+    graph.wait(lambda: len(commands) > before + 300, "commands after the error")
+
+    assert "cannot write: File too large" in recorder.printed
+    recorder.send(signal.SIGINT)
+    assert recorder.exit_code() == 1
+    assert "Traceback" not in recorder.printed
+    summary = repair_bag(tmp_path / "run", tmp_path / "repaired")
+    assert check_bag(summary.bag).messages == summary.messages > 300
+
+
+def test_player___standing_in_for_the_daq_node___is_answered_and_recorded(
+    graph: Graph, tmp_path: Path
+) -> None:
+    played_bag(tmp_path / "played", 400)
+    recorder = graph.start("recorder", {"bag": str(tmp_path / "copy")})
+    recorder.wait_for("recording to")
+    graph.start("controller", {"autostart": True, "reference": "step"})
+    graph.wait(lambda: graph.operator.is_active("controller"), "the controller")
+
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    player = graph.start(
+        "player",
+        {"bag": str(tmp_path / "played"), "stand_in": True, "loop": True, "listeners": 3},
+    )
+    graph.wait(lambda: bool(states) and states[-1].sequence > 1000, "the third time around")
+    assert graph.stop(player) == 0
+    assert graph.stop(recorder) == 0
+
+    sampled = States(tmp_path / "copy")
+    assert sampled.sequence.tolist() == list(range(1, len(sampled.sequence) + 1))
+    # The recorded values, again and again.
+    assert sampled.volts[400:800, 0] == pytest.approx(sampled.volts[:400, 0])
+    assert (sampled.stamp_s[1:] > sampled.stamp_s[:-1]).all()
+    counts = {topic: len(raws) for topic, raws in content(tmp_path / "copy").items()}
+    assert counts["/flexarm/command"] > 100
+    # The controller's own references, none of the bag's.
+    assert counts["/flexarm/reference"] >= 1
+
+
+def test_player___stopped_and_started___goes_on_where_it_was(graph: Graph, tmp_path: Path) -> None:
+    played_bag(tmp_path / "played", 1000)
+    states: list[int] = []
+    graph.node.create_subscription(
+        ArmState, "state", lambda state: states.append(state.sequence), qos.EVERY
+    )
+    player = graph.run_node("player", {"bag": str(tmp_path / "played"), "stopped": True})
+
+    def play(*, data: bool) -> str:
+        response = graph.call(SetBool, "player/play", SetBool.Request(data=data))
+        assert response.success
+        return str(response.message)
+
+    graph.wait(lambda: graph.node.count_publishers("/flexarm/state") == 1, "the player")
+    assert play(data=False) == "stopped at 0.000 s"
+    assert play(data=True).startswith("playing at")
+    graph.wait(lambda: len(states) > 100, "a part of the bag")
+    place = play(data=False)
+    assert play(data=False) == place
+    assert play(data=True).startswith(place.replace("stopped", "playing")[:12])
+    assert player.exit_code() == 0
+    graph.wait(lambda: len(states) == 1000, "the rest of the bag")
+    assert states == list(range(1, 1001))
+
+
+def test_payload___changed_while_active___leaves_the_arm_where_it_is(
+    graph: Graph, tmp_path: Path
+) -> None:
+    recorder = graph.start("recorder", {"bag": str(tmp_path / "run")})
+    recorder.wait_for("recording to")
+    graph.start("controller", {"law": "pdpc", "reference": "square"})
+    graph.start("daq", {"noise": "none"})
+    graph.activate_loop()
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    assert graph.transition("daq", "activate")
+    graph.wait(lambda: len(states) > 150, "the first samples")
+    assert graph.refusal("daq", {"payload_kg": 0.4}) == ""
+    graph.wait(lambda: states[-1].sequence > states[0].sequence + 900, "samples with the payload")
+    assert "payload_kg" in graph.refusal("daq", {"payload_kg": 2.0})
+    assert graph.transition("daq", "deactivate")
+    assert graph.stop(recorder) == 0
+
+    position_v = States(tmp_path / "run").volts[:, 0]
+    assert position_v.max() > 1.0
+    # At the speed that 3 V of position are reached with, and a machine that pauses now and then.
+    assert abs(position_v[1:] - position_v[:-1]).max() < 0.5

@@ -1,7 +1,8 @@
 """Euler-Bernoulli beam, pinned at a hub with inertia and carrying a mass at its tip.
 
 Twenty-four cubic Hermite elements; the transverse deflection is zero on the axis and the slope
-there is the hub's angle. See any text on structural dynamics for the element matrices.
+there is the hub's angle. See any text on structural dynamics for the element matrices, and
+`docs/rig.md` for the equations.
 """
 
 from __future__ import annotations
@@ -35,12 +36,18 @@ class BeamModes:
         Hub angle of each mode: its participation in a torque at the hub.
     base_curvature, middle_curvature : ndarray, shape (modes,)
         Second derivative of the deflection at the two gauges.
+    momentum : ndarray, shape (dofs, modes)
+        Mass matrix times mode shapes: projects a deflection on the modes.
+    shapes : ndarray, shape (dofs, modes)
+        Slopes and deflections of the nodes in each mode.
     """
 
     omega_rad_per_s: NDArray[np.float64]
     hub_angle: NDArray[np.float64]
     base_curvature: NDArray[np.float64]
     middle_curvature: NDArray[np.float64]
+    momentum: NDArray[np.float64]
+    shapes: NDArray[np.float64]
 
 
 def natural_frequencies_hz(parameters: RigParameters, count: int = 3) -> NDArray[np.float64]:
@@ -106,6 +113,7 @@ def hub_beam_modes(parameters: RigParameters, hub_kg_m2: float, flexible: int) -
     mass, stiffness = _assemble(parameters)
     mass[0, 0] += hub_kg_m2
     mass[-2, -2] += parameters.tip_mass_kg + parameters.payload_kg
+    mass[-1, -1] += parameters.tip_inertia_kg_m2
     squares, shapes = eigh(stiffness, mass, subset_by_index=(0, flexible))
     # The rigid mode's eigenvalue is a rounding error of either sign.
     squares[0] = 0.0
@@ -115,7 +123,30 @@ def hub_beam_modes(parameters: RigParameters, hub_kg_m2: float, flexible: int) -
         hub_angle=shapes[0],
         base_curvature=_curvature_row(parameters, parameters.base_gauge_at_m) @ shapes,
         middle_curvature=_curvature_row(parameters, parameters.middle_gauge_at_m) @ shapes,
+        momentum=mass @ shapes,
+        shapes=shapes,
     )
+
+
+def carried_over(before: BeamModes, after: BeamModes) -> NDArray[np.float64]:
+    """Modal coordinates of a deflection when the arm's modes change, as with its payload.
+
+    The new modes are fitted to the deflection with the new mass as weight. They are few and cannot
+    take every shape of the old ones; the hub's angle, which the gear feels, is kept exactly.
+
+    Parameters
+    ----------
+    before, after : BeamModes
+        Modes of the same beam under different loads.
+
+    Returns
+    -------
+    ndarray, shape (modes after, modes before)
+        Takes positions to positions and velocities to velocities.
+    """
+    fitted: NDArray[np.float64] = after.momentum.T @ before.shapes
+    missing = before.hub_angle - after.hub_angle @ fitted
+    return fitted + np.outer(after.hub_angle, missing) / (after.hub_angle @ after.hub_angle)
 
 
 def _assemble(parameters: RigParameters) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

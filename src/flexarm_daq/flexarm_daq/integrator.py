@@ -2,9 +2,11 @@
 
 A sub-step of at most 0.1 ms is split in the manner of Strang: half a step in which the modes, the
 tachometer filter and the viscous motor move by their exact transition matrices, a kick by the
-torques, and half a step more. That is of second order where the torques are smooth, and has no
-energy drift. Dry friction is a constraint on the kicked speed, so a motor below break-away stands
-still and does not creep.
+torques, and half a step more. That is of second order where the torques are smooth. A contact
+pushes with its mean torque on the way of the sub-step (a discrete gradient: its work is the change
+of its elastic energy), so that teeth and stops which meet within a sub-step give no energy and take
+none but by their damping. Dry friction is a constraint on the kicked speed, so a motor below
+break-away stands still and does not creep.
 
 The functions write arrays in place and check nothing; `flexarm_daq.plant.Plant` is their user.
 """
@@ -40,8 +42,9 @@ COLUMNS = ARM + MODES
 class Equations(NamedTuple):
     """Coefficients of the equations of motion, in SI units; a row of `RECORD` to compiled code.
 
-    The friction's excess is relative to sliding friction. Stiffness and damping are per unit of
-    mass, one entry per column of the state; output rows turn positions into volts.
+    The friction's excess is relative to sliding friction; the arm's mobility is the sum of the
+    squared hub angles, its hub's acceleration by a unit of torque. Stiffness and damping are per
+    unit of mass, one entry per column of the state; output rows turn positions into volts.
     """
 
     motor_inertia: float
@@ -55,6 +58,7 @@ class Equations(NamedTuple):
     stop_angle: float
     stop_stiffness: float
     stop_damping: float
+    arm_mobility: float
     hub_angle: NDArray[np.float64]
     stiffness: NDArray[np.float64]
     damping: NDArray[np.float64]
@@ -67,10 +71,16 @@ _SHAPES = {
     "damping": (COLUMNS,),
     "output_rows": (len(CHANNELS), COLUMNS),
 }
-RECORD = np.dtype([(name, np.float64, _SHAPES.get(name, ())) for name in Equations._fields])
+# A dtype of np.record: rows give their fields as attributes without compiling, too.
+RECORD = np.dtype(
+    (np.record, [(name, np.float64, _SHAPES.get(name, ())) for name in Equations._fields])
+)
 
 # Amplitudes below this are rest. Left to decay into denormal numbers, they slow the processor.
 _REST = 1e-100
+
+_ROUNDS = 2
+_STRIBECK_END = 6.5
 
 
 def compiled(function: Function) -> Function:
@@ -108,8 +118,8 @@ def run(
         Positions and velocities, moved on in place.
     record : ndarray of RECORD, shape (1,)
         The `Equations`.
-    command_v : ndarray, shape (samples,)
-        Commands.
+    command_v : ndarray, shape (1 + samples,)
+        The command in force, then one for each sample.
     period_s, delay_s : float
         Time between samples, and from a sample to its command.
 
@@ -119,15 +129,13 @@ def run(
         Noise-free voltages.
     """
     rows = record[0].output_rows
-    outputs_v = np.zeros((len(command_v), len(rows)))
-    in_force_v = 0.0
-    for sample in range(len(command_v)):
+    outputs_v = np.zeros((len(command_v) - 1, len(rows)))
+    for sample in range(len(outputs_v)):
         for channel in range(len(rows)):
             for column in range(COLUMNS):
                 outputs_v[sample, channel] += rows[channel, column] * state[POSITION, column]
-        advance(state, record, in_force_v, delay_s)
-        in_force_v = command_v[sample]
-        advance(state, record, in_force_v, period_s - delay_s)
+        advance(state, record, command_v[sample], delay_s)
+        advance(state, record, command_v[sample + 1], period_s - delay_s)
     return outputs_v
 
 
@@ -211,35 +219,61 @@ def _kick(
         arm_angle += equations.hub_angle[i] * state[POSITION, ARM + i]
         arm_speed += equations.hub_angle[i] * state[VELOCITY, ARM + i]
     speed = state[VELOCITY, MOTOR]
-    gear = _two_sided_contact(
-        state[POSITION, MOTOR] - arm_angle,
-        speed - arm_speed,
-        equations.half_gap,
-        equations.gear_stiffness,
-        equations.gear_damping,
-    )
-    stop = _two_sided_contact(
-        arm_angle,
-        arm_speed,
-        equations.stop_angle,
-        equations.stop_stiffness,
-        equations.stop_damping,
-    )
-    state[VELOCITY, MOTOR] = _speed_under_friction(speed, equations, torque_nm - gear, step_s)
+    twist = state[POSITION, MOTOR] - arm_angle
+    new_speed, new_arm_speed = speed, arm_speed
+    gear = stop = 0.0
+    # Contact torques depend on the speeds they lead to: a fixed point, and two rounds are enough.
+    for _ in range(_ROUNDS):
+        gear = _two_sided_contact(
+            twist - (speed - arm_speed) * step_s / 2.0,
+            twist + (new_speed - new_arm_speed) * step_s / 2.0,
+            equations.half_gap,
+            equations.gear_stiffness,
+            equations.gear_damping / step_s,
+        )
+        stop = _two_sided_contact(
+            arm_angle - arm_speed * step_s / 2.0,
+            arm_angle + new_arm_speed * step_s / 2.0,
+            equations.stop_angle,
+            equations.stop_stiffness,
+            equations.stop_damping / step_s,
+        )
+        new_speed = _speed_under_friction(speed, equations, torque_nm - gear, step_s)
+        new_arm_speed = arm_speed + step_s * equations.arm_mobility * (gear - stop)
+        if gear == 0.0 and stop == 0.0:
+            break
+    state[VELOCITY, MOTOR] = new_speed
     for i in range(MODES):
         state[VELOCITY, ARM + i] += step_s * equations.hub_angle[i] * (gear - stop)
 
 
 @compiled
 def _two_sided_contact(
-    angle: float, rate: float, clearance: float, stiffness: float, damping: float
+    start: float, end: float, clearance: float, stiffness: float, damping_per_step: float
 ) -> float:
-    """Torque of a contact that pushes and never pulls, on either side of a clearance."""
-    if angle > clearance:
-        return max(0.0, stiffness * (angle - clearance) + damping * rate)
-    if angle < -clearance:
-        return min(0.0, stiffness * (angle + clearance) + damping * rate)
-    return 0.0
+    """Mean torque on the way from one angle to another of a contact on either side of a gap."""
+    upper = _contact(start - clearance, end - clearance, stiffness, damping_per_step)
+    return upper - _contact(-start - clearance, -end - clearance, stiffness, damping_per_step)
+
+
+@compiled
+def _contact(start: float, end: float, stiffness: float, damping_per_step: float) -> float:
+    """Mean torque of a contact that pushes and never pulls, over its depth from start to end.
+
+    The work that it does is exactly the change of the elastic energy, also of a contact that
+    begins or ends on the way.
+    """
+    if start <= 0.0 and end <= 0.0:
+        return 0.0
+    way = end - start
+    if start > 0.0 and end > 0.0:
+        mean_depth, touching = (start + end) / 2.0, 1.0
+    else:
+        # The depth is positive on one part of the way only.
+        depth = max(start, end)
+        touching = depth / abs(way)
+        mean_depth = touching * depth / 2.0
+    return max(0.0, stiffness * mean_depth + damping_per_step * touching * way)
 
 
 @compiled
@@ -248,9 +282,10 @@ def _speed_under_friction(
 ) -> float:
     """Kick the motor: dry friction takes what it can of the speed, and holds if that is all."""
     ratio = speed / equations.stribeck_speed
-    friction_nm = equations.coulomb_friction * (
-        1.0 + equations.breakaway_excess * math.exp(-ratio * ratio)
-    )
+    friction_nm = equations.coulomb_friction
+    # Beyond, the excess is below rounding, and its exponential would be the dearest part of a step.
+    if abs(ratio) < _STRIBECK_END:
+        friction_nm *= 1.0 + equations.breakaway_excess * math.exp(-ratio * ratio)
     free = speed + step_s * torque_nm / equations.motor_inertia
     limit = step_s * friction_nm / equations.motor_inertia
     if free > limit:

@@ -24,6 +24,8 @@ _MAY_BE_ZERO: Final = frozenset(
     {
         "tip_mass_kg",
         "payload_kg",
+        "tip_inertia_kg_m2",
+        "loop_delay_s",
         "coulomb_friction_nm",
         "viscous_friction_nm_s_per_rad",
         "mass_damping_per_s",
@@ -53,6 +55,8 @@ class RigParameters:
         Payload holder, fitted to the same modes.
     payload_kg : float
         Point mass at the tip; 0, 0.2, 0.3 and 0.4 kg in Table A-3.
+    tip_inertia_kg_m2 : float
+        Inertia of holder and payload about the tip; the thesis has point masses.
     motor_gain_nm_per_v : float
         Torque at the arm's axis per volt of command: the rigid gains of Appendix B times the
         inertia give 0.55 at 0 g.
@@ -85,6 +89,9 @@ class RigParameters:
     adc_bits, dac_bits : int
         Resolution of the converters (section 2.3): inputs over -10 to 10 V, output magnitude over
         0 to 10 V with the direction on its own.
+    loop_delay_s : float
+        Time from a sample until the command that answers it acts: the reply time of the project's
+        own nodes, measured. The thesis does not state its own.
 
     Raises
     ------
@@ -101,6 +108,7 @@ class RigParameters:
     load_inertia_kg_m2: float = 0.0008
     tip_mass_kg: float = 0.010
     payload_kg: float = 0.0
+    tip_inertia_kg_m2: float = 0.0
     motor_gain_nm_per_v: float = 0.55
     coulomb_friction_nm: float = 0.64 * 0.55
     breakaway_ratio: float = 1.1
@@ -125,6 +133,7 @@ class RigParameters:
     noise_v: tuple[float, float, float, float] = LOW_NOISE_V
     adc_bits: int = 12
     dac_bits: int = 12
+    loop_delay_s: float = 5e-4
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -160,7 +169,8 @@ class RigParameters:
         """Inertia of motor, hub, beam, tip mass and payload about the axis, as one rigid body."""
         beam = self.mass_per_length_kg_per_m * self.length_m**3 / 3.0
         tip = (self.tip_mass_kg + self.payload_kg) * self.length_m**2
-        return self.motor_inertia_kg_m2 + self.load_inertia_kg_m2 + beam + tip
+        hub = self.motor_inertia_kg_m2 + self.load_inertia_kg_m2
+        return hub + beam + tip + self.tip_inertia_kg_m2
 
 
 def _check_scalar(name: str, value: float) -> None:

@@ -7,18 +7,19 @@ torque t_s and the modal hub angles phi_i::
     J_m theta_m'' = K_t sat(u) - b theta_m' - t_f - t_c
     q_i'' + (alpha + beta w_i^2) q_i' + w_i^2 q_i = phi_i (t_c + t_s),  theta_l = sum phi_i q_i
 
-`flexarm_daq.integrator` solves them.
+`flexarm_daq.integrator` solves them; `docs/rig.md` has them in full, with their sources.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm_daq import integrator
-from flexarm_daq.beam import BeamModes, arm_modes
+from flexarm_daq.beam import BeamModes, arm_modes, carried_over
 from flexarm_daq.channels import CHANNELS
 from flexarm_daq.integrator import (
     ARM,
@@ -48,17 +49,18 @@ class Plant:
     Attributes
     ----------
     parameters : RigParameters
-        The rig.
+        The rig, with the payload that it has now.
+    command_v : float
+        Command in force.
     state : ndarray, shape (2, COLUMNS)
         Rows are positions and velocities; columns are the motor (rad), the tachometer filter
         (rad/s) and the arm's mass-normalised modes, the rigid one first. Writable.
     """
 
     def __init__(self, parameters: RigParameters) -> None:
-        self.parameters = parameters
+        self.command_v = 0.0
         self.state = np.zeros((2, COLUMNS))
-        self._equations = _equations(parameters, arm_modes(parameters))
-        self._record = np.array([self._equations], RECORD)
+        self._load(parameters)
 
     @property
     def motor_angle_rad(self) -> float:
@@ -72,7 +74,27 @@ class Plant:
 
     def reset(self) -> None:
         """Put the rig to rest at the middle of its travel."""
+        self.command_v = 0.0
         self.state[:] = 0.0
+
+    def change_payload(self, payload_kg: float) -> None:
+        """Put another mass on the tip, which moves with the arm from then on.
+
+        The arm goes on from where it is, as fast as it is.
+
+        Parameters
+        ----------
+        payload_kg : float
+            Point mass at the tip.
+
+        Raises
+        ------
+        ValueError
+            If the mass is negative or not finite.
+        """
+        before = self._modes
+        self._load(replace(self.parameters, payload_kg=payload_kg))
+        self.state[:, ARM:] = self.state[:, ARM:] @ carried_over(before, self._modes).T
 
     def advance(self, command_v: float, interval_s: float) -> None:
         """Move on with a constant command.
@@ -93,6 +115,7 @@ class Plant:
             raise ValueError(f"command_v must be finite, got {command_v}")
         if not 0.0 <= interval_s < math.inf:
             raise ValueError(f"interval_s must be finite and not negative, got {interval_s}")
+        self.command_v = command_v
         integrator.advance(self.state, self._record, command_v, interval_s)
 
     def outputs_v(self) -> NDArray[np.float64]:
@@ -129,57 +152,54 @@ class Plant:
         )
         return float(doubled) / 2.0
 
-    def run(
-        self, command_v: NDArray[np.float64], period_s: float, delay_s: float
-    ) -> NDArray[np.float64]:
-        """Sample and move on, one period per command.
-
-        Parameters
-        ----------
-        command_v : ndarray, shape (samples,)
-            Commands; number k acts from `delay_s` after sample k until the next one acts.
-        period_s : float
-            Time between samples.
-        delay_s : float
-            Time from a sample to its command; the command before the first is zero.
-
-        Returns
-        -------
-        ndarray, shape (samples, 4)
-            Noise-free voltages, each taken before its command acts.
-        """
+    def run(self, command_v: NDArray[np.float64], period_s: float) -> NDArray[np.float64]:
+        """Sample and move on, one period per command; `simulate` checks and describes them."""
         outputs_v: NDArray[np.float64] = integrator.run(
-            self.state, self._record, command_v, period_s, delay_s
+            self.state,
+            self._record,
+            np.append(self.command_v, command_v),
+            period_s,
+            self.parameters.loop_delay_s,
         )
+        self.command_v = float(command_v[-1]) if len(command_v) else self.command_v
         return outputs_v
 
+    def _load(self, parameters: RigParameters) -> None:
+        self.parameters = parameters
+        self._modes = arm_modes(parameters)
+        self._equations = _equations(parameters, self._modes)
+        self._record = np.array([self._equations], RECORD)
 
-def simulate(
-    parameters: RigParameters, command_v: ArrayLike, rate_hz: float, *, delay_s: float = 0.0
-) -> NDArray[np.float64]:
-    """Noise-free response of a rig at rest to a given command.
+
+def simulate(plant: Plant, command_v: ArrayLike, rate_hz: float) -> NDArray[np.float64]:
+    """Noise-free response of a rig to a given command, from where it is now.
 
     Parameters
     ----------
-    parameters : RigParameters
-        The rig.
+    plant : Plant
+        The rig; it is left where the last period ends.
     command_v : array_like, shape (samples,)
-        Commands, one per sample.
+        Commands; number k acts from `loop_delay_s` of the parameters after sample k until the next
+        one acts. Before the first, the command in force goes on.
     rate_hz : float
         Sampling rate.
-    delay_s : float
-        Time from sample k until command k acts, less than a period.
 
     Returns
     -------
     ndarray, shape (samples, 4)
-        Voltages in the order of `flexarm_daq.channels.CHANNELS`; row k is sampled at k / rate_hz.
+        Voltages in the order of `flexarm_daq.channels.CHANNELS`; row k is sampled at k / rate_hz,
+        before its command acts.
 
     Raises
     ------
     ValueError
-        If the command is not one finite column, the rate is not positive or the delay is not
+        If the command is not one finite column, the rate is not positive or the loop delay is not
         within a period.
+
+    Examples
+    --------
+    >>> simulate(Plant(RigParameters(payload_kg=0.2)), [0.0, 2.0, 2.0], 300.0).shape
+    (3, 4)
     """
     commands_v = np.ascontiguousarray(command_v, dtype=np.float64)
     if commands_v.ndim != 1:
@@ -188,11 +208,12 @@ def simulate(
         raise ValueError("command_v must be finite throughout")
     if not 0.0 < rate_hz < math.inf:
         raise ValueError(f"rate_hz must be positive, got {rate_hz}")
-    if not 0.0 <= delay_s < 1.0 / rate_hz:
+    delay_s = plant.parameters.loop_delay_s
+    if delay_s >= 1.0 / rate_hz:
         raise ValueError(
-            f"delay_s must be from 0 to less than the period {1.0 / rate_hz:g} s, got {delay_s}"
+            f"loop_delay_s must be less than the period {1.0 / rate_hz:g} s, got {delay_s}"
         )
-    return Plant(parameters).run(commands_v, 1.0 / rate_hz, delay_s)
+    return plant.run(commands_v, 1.0 / rate_hz)
 
 
 def _equations(parameters: RigParameters, modes: BeamModes) -> Equations:
@@ -213,6 +234,7 @@ def _equations(parameters: RigParameters, modes: BeamModes) -> Equations:
         stop_angle=math.radians(parameters.stop_angle_deg),
         stop_stiffness=parameters.stop_stiffness_nm_per_rad,
         stop_damping=parameters.stop_damping_nm_s_per_rad,
+        arm_mobility=float(modes.hub_angle @ modes.hub_angle),
         hub_angle=modes.hub_angle,
         stiffness=np.concatenate([[0.0, cutoff_rad_per_s**2], modal_stiffness]),
         damping=np.concatenate([[motor_damping, tacho_damping], modal_damping]),

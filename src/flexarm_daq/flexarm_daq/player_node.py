@@ -1,15 +1,23 @@
-"""The player: publishes the messages of a bag with their original timing, then ends."""
+"""The player: publishes the messages of a bag with their original timing, then ends.
+
+The service `~/play` stops and starts it. It can stand in for the DAQ node: then it publishes the
+samples only, stamped and numbered as if they were taken now, so that a controller answers them and
+a recorder records both.
+"""
 
 from __future__ import annotations
 
 import importlib
+import struct
 import threading
 import time
 from pathlib import Path
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import SetBool
 
+from flexarm_daq.pacing import Pacer, StandIn
 from flexarm_daq.playback import PlaybackError, PlaybackPlan, PlayedTopic
 from flexarm_node.loop_node import wait_until
 from flexarm_node.parameters import ParameterError, Parameters, ParameterSpec
@@ -21,7 +29,22 @@ PARAMETERS = (
     ParameterSpec("start_s", 0.0, "left out at the beginning", 0.0, 1e9, "s", read_only=True),
     ParameterSpec("duration_s", 0.0, "played; 0: to the end", 0.0, 1e9, "s", read_only=True),
     ParameterSpec("loop", default=False, description="start again at the end", read_only=True),
+    ParameterSpec(
+        "listeners", 0, "readers of a topic to wait for, some seconds", 0, 1000, read_only=True
+    ),
+    ParameterSpec(
+        "stopped", default=False, description="wait for the service ~/play", read_only=True
+    ),
+    ParameterSpec(
+        "stand_in",
+        default=False,
+        description="publish the samples only, as the DAQ node would: stamped and numbered now",
+        read_only=True,
+    ),
 )
+
+_SAMPLES = frozenset({"flexarm_msgs/msg/ArmState", "flexarm_msgs/msg/IoSample"})
+_STANDS_IN = _SAMPLES | {"flexarm_msgs/msg/ChannelInfo"}
 
 
 class PlayerNode(Node):
@@ -43,39 +66,67 @@ class PlayerNode(Node):
             topics = self._plan.topics()
         except PlaybackError as error:
             raise ParameterError(f"parameter bag: {error}") from None
+        if values["stand_in"]:
+            topics = tuple(topic for topic in topics if topic.type_name in _STANDS_IN)
+            if not topics:
+                raise ParameterError(f"parameter bag: {self._plan.bag} holds no samples")
+        self._samples = frozenset(
+            topic.name for topic in topics if values["stand_in"] and topic.type_name in _SAMPLES
+        )
         self._publishers_of = {
             topic.name: self.create_publisher(_message_type(topic), topic.name, _qos(topic))
             for topic in topics
         }
+        self._pacer = Pacer(running=False)
         self._stopping = threading.Event()
+        self._listeners = max(1, values["listeners"])
+        self._wanted = not values["stopped"]
+        self.create_service(SetBool, "~/play", self._on_play)
         self._thread = threading.Thread(target=self._play, daemon=True, name="playing")
         self._thread.start()
 
     def stop(self) -> None:
         """End the play."""
         self._stopping.set()
+        self._pacer.end()
         self._thread.join()
 
     def _play(self) -> None:
         wait_until(lambda: self._stopping.is_set() or self._is_heard())
-        start_s = time.monotonic()
+        if self._wanted:
+            self._pacer.start()
+        stand_ins = {topic: StandIn(time.time_ns()) for topic in self._samples}
         count = 0
         try:
-            for message in self._plan.messages():
-                wait_s = start_s + message.due_s - time.monotonic()
-                if self._stopping.wait(wait_s) if wait_s > 0 else self._stopping.is_set():
+            for due_s, topic, raw in self._plan.messages():
+                publisher = self._publishers_of.get(topic)
+                if publisher is None:
+                    continue
+                if not self._pacer.wait_for(due_s):
                     break
-                self._publishers_of[message.topic].publish(message.raw)
+                stand_in = stand_ins.get(topic)
+                publisher.publish(raw if stand_in is None else stand_in.sample(raw, due_s))
                 count += 1
-        except PlaybackError as error:
+        except (PlaybackError, struct.error) as error:
             self.get_logger().error(str(error))
         self.get_logger().info(f"played {count} messages")
         request_stop()
 
+    def _on_play(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._wanted = request.data
+        if request.data:
+            self._pacer.start()
+        else:
+            self._pacer.stop()
+        response.success = True
+        word = "playing" if request.data else "stopped"
+        response.message = f"{word} at {self._pacer.position_s:.3f} s"
+        return response
+
     def _is_heard(self) -> bool:
-        """Return whether somebody listens, and everybody who does is matched."""
+        """Return whether enough listen to a topic, and everybody who does is matched."""
         listeners = {topic: self.count_subscribers(topic) for topic in self._publishers_of}
-        return any(listeners.values()) and all(
+        return max(listeners.values(), default=0) >= self._listeners and all(
             publisher.get_subscription_count() >= listeners[topic]
             for topic, publisher in self._publishers_of.items()
         )

@@ -1,7 +1,8 @@
 """The recorder: writes flexarm's topics into a bag that survives a crash.
 
 It records from its start when the parameter `bag` names a folder, and starts and stops on the
-service `~/record`. Every message gets the time at which it was published.
+service `~/record`. Every message gets the time at which it was published. A disk that refuses the
+data ends the recording with an error, in the log and on `/diagnostics`, and nothing else.
 """
 
 from __future__ import annotations
@@ -11,10 +12,13 @@ import queue
 import threading
 import time
 from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ament_index_python.packages import get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -50,6 +54,7 @@ _WAIT_S = 0.1
 # A message that was sent arrives within this time after the one before it.
 _QUIET_S = 0.2
 _DRAIN_S = 5.0
+_REPORT_S = 1.0
 
 
 class RecorderNode(Node):
@@ -67,6 +72,9 @@ class RecorderNode(Node):
             queue.SimpleQueue()
         )
         self._stopping = threading.Event()
+        self.failure = ""
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.SENT)
+        self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/record", self._on_record)
         if self._settings.values()["bag"]:
             try:
@@ -86,19 +94,24 @@ class RecorderNode(Node):
             messages = self._waiter.wait(_WAIT_S)
             try:
                 self._write(messages)
+                if self._writer is not None:
+                    # The topics may fall silent.
+                    self._writer.flush_if_due()
             except RecordingError as error:
-                self._writer = None
-                self.get_logger().error(f"recording stopped: {error}")
+                self._fail(error)
             while not self._requests.empty():
                 action, answer = self._requests.get()
                 try:
                     answer.set_result(action())
                 except RecordingError as error:
                     answer.set_exception(error)
-        try:
+        with suppress(RecordingError):
             self._close()
-        except RecordingError as error:
-            self.get_logger().error(f"recording stopped: {error}")
+
+    def _fail(self, error: RecordingError) -> None:
+        self._writer = None
+        self.failure = f"recording stopped: {error}"
+        self.get_logger().error(self.failure)
 
     def _write(self, messages: list[RawMessage]) -> None:
         if self._writer is None:
@@ -126,6 +139,7 @@ class RecorderNode(Node):
         path = Path(bag).expanduser().absolute()
         ros_distro = os.environ.get("ROS_DISTRO", "jazzy")
         self._writer = BagWriter(path, self._topics, ros_distro=ros_distro)
+        self.failure = ""
         text = f"recording to {path}"
         self.get_logger().info(text)
         return text
@@ -133,12 +147,35 @@ class RecorderNode(Node):
     def _close(self) -> str:
         if self._writer is None:
             return "was not recording"
-        self._write_what_is_on_its_way()
-        writer, self._writer = self._writer, None
-        writer.close()
+        try:
+            self._write_what_is_on_its_way()
+            writer, self._writer = self._writer, None
+            writer.close()
+        except RecordingError as error:
+            self._fail(error)
+            raise
         text = f"{writer.message_count} messages in {writer.path}"
         self.get_logger().info(text)
+        for complaint in writer.sequences.complaints():
+            self.get_logger().warning(f"{writer.path}: {complaint}")
+            text += f"; {complaint}"
         return text
+
+    def _report(self) -> None:
+        status = DiagnosticStatus(name="flexarm: recorder", message="not recording")
+        writer = self._writer
+        if writer is not None:
+            complaints = writer.sequences.complaints()
+            status.message = "; ".join([f"recording to {writer.path}", *complaints])
+            status.values = [KeyValue(key="messages", value=str(writer.message_count))]
+            if complaints:
+                status.level = DiagnosticStatus.WARN
+        if self.failure:
+            status.level = DiagnosticStatus.ERROR
+            status.message = self.failure
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
 
     def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         answer: Future[str] = Future()
@@ -172,5 +209,11 @@ def _known_topics(values: Mapping[str, Any]) -> list[str]:
 
 
 def main() -> int:
-    """Run the node."""
-    return run(RecorderNode)
+    """Run the node; a recording that was not finished is an error of the process."""
+    nodes: list[RecorderNode] = []
+
+    def make_node() -> RecorderNode:
+        nodes.append(RecorderNode())
+        return nodes[0]
+
+    return run(make_node) or int(any(node.failure for node in nodes))

@@ -5,8 +5,9 @@ instant at which it was published, and not the instant at which the recorder got
 of different topics stay in the order in which they were sent, and a reference can be aligned with
 the sample that it followed.
 
-Messages wait in memory for at most one flush period. A flush completes a compressed chunk with its
-checksum and hands it to the operating system: a killed recorder loses what came since, no more.
+Messages wait in memory for at most one flush period, of the clock or of their own times, whichever
+is over first. A flush completes a compressed chunk with its checksum and hands it to the operating
+system: a killed recorder loses what came since, no more. A last checksum covers the whole file.
 """
 
 from __future__ import annotations
@@ -26,12 +27,16 @@ from flexarm_daq.bag_metadata import (
     as_yaml,
     bag_information,
 )
+from flexarm_daq.sequence_check import SequenceCheck
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import TracebackType
 
 LATEST_TIME_NS = 2**63 - 1
+
+# A chunk is full at about half a second of samples and commands, also where virtual time runs.
+_CHUNK_BYTES = 1 << 16
 
 
 class RecordingError(RuntimeError):
@@ -51,7 +56,12 @@ class BagWriter:
         Distribution named in the metadata.
     flush_period_s
         Longest time that messages stay in memory while others come in. A recorder whose topics
-        may fall silent calls :meth:`flush` from a timer as well.
+        may fall silent calls :meth:`flush_if_due` from time to time.
+
+    Attributes
+    ----------
+    sequences : SequenceCheck
+        What is missing between the messages written so far.
 
     Raises
     ------
@@ -70,7 +80,7 @@ class BagWriter:
         topics: Sequence[RecordedTopic],
         *,
         ros_distro: str = "jazzy",
-        flush_period_s: float = 1.0,
+        flush_period_s: float = 0.9,
     ) -> None:
         self.path = Path(path)
         self.topics = tuple(topics)
@@ -80,16 +90,26 @@ class BagWriter:
         self._tally = Tally({topic.name: 0 for topic in self.topics})
         if len(self._tally.counts) < len(self.topics):
             raise RecordingError(f"{self.path}: a topic is to be recorded twice; name each once")
+        self.sequences = SequenceCheck(
+            {topic.name: topic.definition.type_name for topic in self.topics}
+        )
         self._create_folder()
         self._closed = False
         self._kept = self._tally.copy()
         self._kept_bytes = 0
+        self._waiting_since_ns = LATEST_TIME_NS
         try:
             self._write_metadata(self._tally)
             self._stream = self._file.open("xb")
         except OSError as error:
             raise RecordingError(f"{self.path}: cannot create: {error.strerror}") from error
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD, enable_crcs=True)
+        self._writer = Writer(
+            self._stream,
+            chunk_size=_CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+            enable_crcs=True,
+            enable_data_crcs=True,
+        )
         self._writer.start(profile="ros2", library=f"flexarm, mcap {version('mcap')}")
         self._channels = self._register()
         self.flush()
@@ -131,6 +151,20 @@ class BagWriter:
         except OSError as error:
             self._fail(error)
         self._tally.add(topic, log_time_ns)
+        self.sequences.add(topic, raw)
+        self._waiting_since_ns = min(self._waiting_since_ns, log_time_ns)
+        if log_time_ns - self._waiting_since_ns >= self._flush_period_s * 1e9:
+            self.flush()
+        self.flush_if_due()
+
+    def flush_if_due(self) -> None:
+        """Flush when messages have waited for a flush period.
+
+        Raises
+        ------
+        RecordingError
+            If the bag is closed or the disk refuses the data.
+        """
         if time.monotonic() - self._flushed_at_s >= self._flush_period_s:
             self.flush()
 
@@ -150,6 +184,7 @@ class BagWriter:
             self._fail(error)
         self._kept = self._tally.copy()
         self._flushed_at_s = time.monotonic()
+        self._waiting_since_ns = LATEST_TIME_NS
 
     def close(self) -> None:
         """Write index and metadata and close; a closed bag stays as it is.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -25,10 +26,10 @@ class SimulatedRig:
     """A `flexarm_daq.rig.Rig` without hardware.
 
     In virtual time, the default, sample k stands at k / `rate_hz` however long the caller takes,
-    and a command acts `reply_delay_s` after the last sample: the same seed and the same commands
-    give the same numbers on any machine of a kind. With a clock the rig lives in real time: each
-    call moves it on to now with the command in force. After a gap longer than `MAX_CATCH_UP_S`,
-    as of a stopped process, it moves on by that much only.
+    and a command acts the rig's `loop_delay_s` after the last sample: the same seed and the same
+    commands give the same numbers on any machine of a kind. With a clock the rig lives in real
+    time: each call moves it on to now with the command in force. After a gap longer than
+    `MAX_CATCH_UP_S`, as of a stopped process, it moves on by that much only.
 
     Parameters
     ----------
@@ -38,15 +39,18 @@ class SimulatedRig:
         Sampling rate of virtual time.
     seed : int
         Seed of the sensor noise.
-    reply_delay_s : float
-        Virtual time from a sample to the command that answers it, less than a period.
     clock : callable, optional
         Monotonic time in seconds, such as `time.monotonic`; without it, time is virtual.
+
+    Attributes
+    ----------
+    parameters : RigParameters
+        The rig, with the payload of the next sample.
 
     Raises
     ------
     ValueError
-        If the rate is not positive or the delay is not within a period.
+        If the rate is not positive or the loop delay is not within a period.
 
     Examples
     --------
@@ -65,20 +69,18 @@ class SimulatedRig:
         *,
         rate_hz: float = 300.0,
         seed: int = 0,
-        reply_delay_s: float = 0.0005,
         clock: Callable[[], float] | None = None,
     ) -> None:
         if not 0.0 < rate_hz < math.inf:
             raise ValueError(f"rate_hz must be positive, got {rate_hz}")
-        if not 0.0 <= reply_delay_s < 1.0 / rate_hz:
-            raise ValueError(
-                f"reply_delay_s must be from 0 to less than the period {1.0 / rate_hz:g} s, "
-                f"got {reply_delay_s}"
-            )
         self.parameters = parameters if parameters is not None else RigParameters()
+        if self.parameters.loop_delay_s >= 1.0 / rate_hz:
+            raise ValueError(
+                f"loop_delay_s must be less than the period {1.0 / rate_hz:g} s, "
+                f"got {self.parameters.loop_delay_s}"
+            )
         self._rate_hz = rate_hz
         self._seed = seed
-        self._reply_delay_s = reply_delay_s
         self._clock = clock
         self._plant = Plant(self.parameters)
         self._noise_v = np.array(self.parameters.noise_v)
@@ -113,6 +115,8 @@ class SimulatedRig:
         """
         self._require_open()
         self._advance_to(self._samples / self._rate_hz)
+        if self.parameters.payload_kg != self._plant.parameters.payload_kg:
+            self._plant.change_payload(self.parameters.payload_kg)
         self._samples += 1
         noise_v = self._noise_v * self._random.standard_normal(len(CHANNELS))
         return RigSample(self._time_s, self._converted(self._plant.outputs_v() + noise_v))
@@ -134,9 +138,26 @@ class SimulatedRig:
         if not math.isfinite(command_v):
             raise RigError(f"command_v must be finite, got {command_v}")
         answered = max(self._samples - 1, 0) / self._rate_hz
-        self._advance_to(answered + self._reply_delay_s)
+        self._advance_to(answered + self.parameters.loop_delay_s)
         code = min(round(abs(command_v) / self._dac_step_v), 2**self.parameters.dac_bits - 1)
         self._command_v = math.copysign(code * self._dac_step_v, command_v)
+
+    def change_payload(self, payload_kg: float) -> None:
+        """Put another mass on the tip at the next sample; the arm goes on from where it is.
+
+        Any thread may call.
+
+        Parameters
+        ----------
+        payload_kg : float
+            Point mass at the tip.
+
+        Raises
+        ------
+        ValueError
+            If the mass is negative or not finite.
+        """
+        self.parameters = replace(self.parameters, payload_kg=payload_kg)
 
     def safe_stop(self) -> None:
         """Set the drive to zero; never raises."""

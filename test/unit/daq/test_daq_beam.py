@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexarm_daq.beam import arm_modes, hub_beam_modes, natural_frequencies_hz
+from flexarm_daq.beam import arm_modes, carried_over, hub_beam_modes, natural_frequencies_hz
 from flexarm_daq.parameters import RigParameters
 
 BARE = RigParameters(tip_mass_kg=0.0)
@@ -108,3 +108,16 @@ def test_gauges___under_a_steady_torque___read_the_moment_of_the_inertia_beyond(
         tip = (rig.tip_mass_kg + payload_kg) * (1.0 - at_m)
         moment_nm = rig.bending_stiffness_nm2 * (curvature[1:] @ static)
         assert moment_nm == pytest.approx(-acceleration * (beam + tip), rel=0.01)
+
+
+def test_modes___with_inertia_at_the_tip___keep_the_rigid_body_and_lower_the_others() -> None:
+    rig = RigParameters(tip_inertia_kg_m2=1e-3)
+    modes = arm_modes(rig)
+    inertia = rig.inertia_kg_m2 - rig.motor_inertia_kg_m2
+    assert modes.hub_angle[0] == pytest.approx(inertia**-0.5)
+    assert (natural_frequencies_hz(rig) < natural_frequencies_hz(RigParameters())).all()
+
+
+def test_modes___carried_over_to_themselves___stay() -> None:
+    modes = arm_modes(RigParameters(payload_kg=0.1))
+    np.testing.assert_allclose(carried_over(modes, modes), np.eye(7), atol=1e-9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -50,13 +50,12 @@ def step(
     parameters: RigParameters,
     *,
     seed: int = 0,
-    reply_delay_s: float = 0.0005,
 ) -> Trial:
     """Follow a set-point for 15 s at 300 Hz and judge the last 5 s.
 
     The gauge is judged over 8 to 10 s, as the arm bends and not as its noisy sensor reads.
     """
-    rig = SimulatedRig(parameters, seed=seed, reply_delay_s=reply_delay_s)
+    rig = SimulatedRig(parameters, seed=seed)
     rig.open()
     outputs_v = np.empty((4500, 4))
     true_gauge_v = np.empty(4500)
@@ -126,7 +125,7 @@ def test_pdpc___on_heavier_payloads___settles_in_little_more_than_a_second(
 def test_pdpc___a_whole_period_late___is_unstable() -> None:
     rig = RigParameters()
     prompt = step(pdpc(1.0), 1.0, rig)
-    late = step(pdpc(1.0), 1.0, rig, reply_delay_s=0.99 / 300.0)
+    late = step(pdpc(1.0), 1.0, replace(rig, loop_delay_s=0.99 / 300.0))
     assert late.base_gauge_rms_v > 20.0 * prompt.base_gauge_rms_v
 
 

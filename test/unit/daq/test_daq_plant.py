@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import json
 import math
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -20,7 +22,7 @@ from flexarm_daq.parameters import RigParameters
 from flexarm_daq.plant import Plant, simulate
 
 RATE_HZ = 300.0
-RIG = RigParameters()
+RIG = RigParameters(loop_delay_s=0.0)
 FRICTIONLESS = replace(RIG, coulomb_friction_nm=0.0, viscous_friction_nm_s_per_rad=0.0)
 LINEAR = replace(RIG, coulomb_friction_nm=0.0, backlash_deg=0.0, gear_damping_nm_s_per_rad=0.0)
 CONSERVATIVE = replace(
@@ -153,13 +155,16 @@ def momentum(plant: Plant) -> float:
 def test_response___of_the_linear_rig___is_the_matrix_exponential(payload_kg: float) -> None:
     rig = replace(LINEAR, payload_kg=payload_kg)
     command_v = wave(600)
-    assert largest_error(simulate(rig, command_v, RATE_HZ), exact_response(rig, command_v)) < 1e-3
+    assert (
+        largest_error(simulate(Plant(rig), command_v, RATE_HZ), exact_response(rig, command_v))
+        < 1e-3
+    )
 
 
-def test_response___of_the_whole_rig___agrees_with_lsoda() -> None:
-    command_v = wave(240)
-    outputs_v = simulate(RIG, command_v, RATE_HZ)
-    assert largest_error(outputs_v, smoothed_response(RIG, command_v)) < 0.02
+def test_response___of_the_whole_rig_over_3_s___agrees_with_lsoda() -> None:
+    command_v = 1.25 * wave(900)
+    outputs_v = simulate(Plant(RIG), command_v, RATE_HZ)
+    assert largest_error(outputs_v, smoothed_response(RIG, command_v)) < 0.01
 
 
 def test_response___with_smaller_intervals___converges() -> None:
@@ -191,7 +196,7 @@ def test_frequency_response___of_the_linear_rig___has_the_signs_of_appendix_b() 
 
 def test_gauges___under_a_steady_push___read_positive_at_the_base_negative_in_the_middle() -> None:
     # Before the stop, over whole periods of the first mode.
-    outputs_v = simulate(RIG, np.full(150, 2.0), RATE_HZ)
+    outputs_v = simulate(Plant(RIG), np.full(150, 2.0), RATE_HZ)
     assert outputs_v[:, 1].mean() > 0.5
     assert outputs_v[:, 2].mean() < -0.05
     assert outputs_v[-1, 0] > 0.0
@@ -215,7 +220,7 @@ def test_motor___above_break_away___moves_its_way(command_v: float) -> None:
 
 def test_arm___on_a_slow_ramp___is_seen_to_break_away_at_three_quarters_of_a_volt() -> None:
     command_v = 0.2 * np.arange(0.0, 5.0, 1.0 / RATE_HZ)
-    position_v = simulate(RIG, command_v, RATE_HZ)[:, 0]
+    position_v = simulate(Plant(RIG), command_v, RATE_HZ)[:, 0]
     assert 0.74 <= command_v[np.argmax(position_v > 0.05)] <= 0.76
 
 
@@ -229,8 +234,10 @@ def test_motor___after_a_push___comes_to_rest_for_good() -> None:
     assert plant.state[VELOCITY, MOTOR] == 0.0
 
 
-def test_energy___without_losses___is_conserved() -> None:
-    plant = Plant(CONSERVATIVE)
+@pytest.mark.parametrize("backlash_deg", [0.0, 0.2, 1.0])
+def test_energy___over_10_s_without_losses___is_conserved(backlash_deg: float) -> None:
+    # Between teeth that hit each other, too.
+    plant = Plant(replace(CONSERVATIVE, backlash_deg=backlash_deg))
     plant.state[VELOCITY, ARM : ARM + 3] = (0.02, 0.4, 0.2)
     start_j = plant.energy_j()
     energy_j = []
@@ -238,7 +245,7 @@ def test_energy___without_losses___is_conserved() -> None:
         plant.advance(0.0, 1.0 / RATE_HZ)
         energy_j.append(plant.energy_j())
     np.testing.assert_allclose(energy_j, start_j, rtol=2e-3)
-    assert np.mean(energy_j[-300:]) == pytest.approx(np.mean(energy_j[:300]), rel=2e-5)
+    assert np.mean(energy_j[-300:]) == pytest.approx(np.mean(energy_j[:300]), rel=5e-4)
 
 
 def test_energy___at_the_stop_without_losses___comes_back() -> None:
@@ -283,8 +290,8 @@ def test_momentum___of_a_sliding_motor___grows_by_the_torque_less_friction() -> 
 
 
 def test_command___beyond_full_scale___saturates() -> None:
-    outputs_v = simulate(RIG, np.full(60, 25.0), RATE_HZ)
-    np.testing.assert_array_equal(outputs_v, simulate(RIG, np.full(60, 10.0), RATE_HZ))
+    outputs_v = simulate(Plant(RIG), np.full(60, 25.0), RATE_HZ)
+    np.testing.assert_array_equal(outputs_v, simulate(Plant(RIG), np.full(60, 10.0), RATE_HZ))
 
 
 def test_arm___driven_into_the_stop___rests_just_beyond_it() -> None:
@@ -335,6 +342,97 @@ def test_advance___bad_argument___is_refused(
         Plant(RIG).advance(command_v, interval_s)
 
 
+@pytest.mark.parametrize("payload_kg", [0.05, 0.4])
+def test_payload___put_on_a_moving_arm___leaves_it_where_it_is(payload_kg: float) -> None:
+    plant = Plant(RIG)
+    plant.advance(4.0, 0.15)
+    before = plant.outputs_v()
+    speed_rad_per_s = arm_modes(RIG).hub_angle @ plant.state[VELOCITY, ARM:]
+    plant.change_payload(payload_kg)
+    modes = arm_modes(plant.parameters)
+    assert plant.parameters == replace(RIG, payload_kg=payload_kg)
+    assert plant.outputs_v()[[0, 3]] == pytest.approx(before[[0, 3]], rel=1e-12)
+    assert modes.hub_angle @ plant.state[VELOCITY, ARM:] == pytest.approx(speed_rad_per_s)
+    # The gauges see the bending of a few modes only.
+    assert plant.outputs_v()[1:3] == pytest.approx(before[1:3], abs=0.1)
+
+
+def test_payload___taken_from_a_bent_arm___leaves_its_deflection() -> None:
+    heavy = replace(RIG, payload_kg=0.4)
+    plant = Plant(heavy)
+    plant.advance(5.0, 0.1)
+    before_m = arm_modes(heavy).shapes[1::2] @ plant.state[POSITION, ARM:]
+    plant.change_payload(0.0)
+    after_m = arm_modes(RIG).shapes[1::2] @ plant.state[POSITION, ARM:]
+    assert np.ptp(before_m) > 0.01
+    np.testing.assert_allclose(after_m, before_m, atol=1e-4)
+
+
+def test_payload___added___takes_its_share_of_the_momentum() -> None:
+    plant = Plant(replace(FRICTIONLESS, backlash_deg=0.0))
+    rigid = plant.parameters.inertia_kg_m2 - plant.parameters.motor_inertia_kg_m2
+    plant.state[VELOCITY, ARM] = 2.0 * math.sqrt(rigid)
+    plant.state[VELOCITY, MOTOR] = 2.0
+    before = momentum(plant)
+    plant.change_payload(0.3)
+    assert momentum(plant) - before == pytest.approx(0.3 * 2.0, rel=1e-9)
+
+
+def test_payload___changed_within_a_run___turns_as_the_heavier_arm() -> None:
+    plant = Plant(replace(CONSERVATIVE, loop_delay_s=0.0))
+    before_v = simulate(plant, np.full(30, 1.0), RATE_HZ)
+    momentum_before = momentum(plant)
+    plant.change_payload(0.4)
+    momentum_after = momentum(plant)
+    after_v = simulate(plant, np.full(30, 1.0), RATE_HZ)
+    assert momentum_after > momentum_before
+    assert momentum(plant) - momentum_after == pytest.approx(0.55 * 30 / RATE_HZ, rel=1e-6)
+    # The step from the last row to the first one of the next run is one of those around it.
+    steps = np.diff(np.concatenate([before_v, after_v])[:, 0])
+    assert abs(steps[29] - steps[28]) < 0.2 * abs(steps[28])
+
+
+@pytest.mark.parametrize("payload_kg", [-0.1, math.nan])
+def test_payload___impossible___is_refused_and_nothing_changes(payload_kg: float) -> None:
+    plant = Plant(RIG)
+    with pytest.raises(ValueError, match="payload_kg must"):
+        plant.change_payload(payload_kg)
+    assert plant.parameters == RIG
+
+
+def test_simulate___in_two_parts___is_the_whole() -> None:
+    rig = replace(RIG, loop_delay_s=0.001)
+    command_v = wave(120)
+    plant = Plant(rig)
+    parts = [simulate(plant, command_v[:50], RATE_HZ), simulate(plant, command_v[50:], RATE_HZ)]
+    whole = simulate(Plant(rig), command_v, RATE_HZ)
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+def test_response___of_the_plain_loop___is_that_of_the_compiled_one() -> None:
+    script = (
+        "import json, numpy as np\n"
+        "from flexarm_daq.plant import Plant, simulate\n"
+        "from flexarm_daq.parameters import RigParameters\n"
+        "u = 5.0 * np.sign(np.sin(np.arange(60) / 7.0))\n"
+        "print(json.dumps(simulate(Plant(RigParameters()), u, 300.0).tolist()))\n"
+    )
+    path = plant_module.__file__.rsplit("/flexarm_daq/", 1)[0]
+    outputs_v = [
+        json.loads(
+            subprocess.run(  # noqa: S603 - our own script
+                [sys.executable, "-c", f"import sys; sys.path.insert(0, {path!r})\n{script}"],
+                check=True,
+                capture_output=True,
+                env={**os.environ, "NUMBA_DISABLE_JIT": plain},
+            ).stdout
+        )
+        for plain in ("0", "1")
+    ]
+    assert np.ptp(outputs_v[0], axis=0).min() > 0.1
+    np.testing.assert_allclose(outputs_v[0], outputs_v[1], rtol=1e-9, atol=1e-12)
+
+
 @pytest.mark.parametrize("delay_s", [0.0, 0.001])
 def test_simulate___with_a_delay___lets_each_command_act_late(delay_s: float) -> None:
     command_v = wave(90)
@@ -346,7 +444,7 @@ def test_simulate___with_a_delay___lets_each_command_act_late(delay_s: float) ->
         plant.advance(in_force_v, delay_s)
         in_force_v = volts
         plant.advance(in_force_v, 1.0 / RATE_HZ - delay_s)
-    outputs_v = simulate(RIG, command_v, RATE_HZ, delay_s=delay_s)
+    outputs_v = simulate(Plant(replace(RIG, loop_delay_s=delay_s)), command_v, RATE_HZ)
     np.testing.assert_allclose(outputs_v, expected, rtol=1e-9, atol=1e-12)
 
 
@@ -357,15 +455,14 @@ def test_simulate___with_a_delay___lets_each_command_act_late(delay_s: float) ->
         ([0.0, math.nan], 300.0, 0.0, "command_v must be finite"),
         ([0.0], 0.0, 0.0, "rate_hz must be positive"),
         ([0.0], math.nan, 0.0, "rate_hz must be positive"),
-        ([0.0], 300.0, 1.0 / 300.0, "delay_s must be"),
-        ([0.0], 300.0, -1e-4, "delay_s must be"),
+        ([0.0], 300.0, 1.0 / 300.0, "loop_delay_s must be less than the period"),
     ],
 )
 def test_simulate___bad_argument___is_refused(
     command_v: NDArray[np.float64], rate_hz: float, delay_s: float, message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        simulate(RIG, command_v, rate_hz, delay_s=delay_s)
+        simulate(Plant(replace(RIG, loop_delay_s=delay_s)), command_v, rate_hz)
 
 
 def test_compiling___with_no_place_for_a_cache___goes_without(

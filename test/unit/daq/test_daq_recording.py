@@ -21,7 +21,7 @@ from bag_samples import (
     write_bag,
 )
 from mcap.reader import make_reader
-from mcap.records import Chunk, Message
+from mcap.records import Chunk, DataEnd, Message
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
@@ -396,3 +396,67 @@ def test_full_disk___says_so_and_keeps_what_was_flushed(tmp_path: Path) -> None:
     assert information(path)["message_count"] == kept
     with pytest.raises(RecordingError, match="is closed"):
         bag.flush()
+
+
+def test_write___messages_of_more_than_a_period___are_flushed_by_their_own_times(
+    tmp_path: Path,
+) -> None:
+    messages = [arm_state(k + 1, START_NS + k * 100_000_000) for k in range(25)]
+    with BagWriter(tmp_path / "run", recorded_topics(messages), flush_period_s=1.0) as bag:
+        for message in messages:
+            bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
+        kept = salvaged(mcap_file(tmp_path / "run"))
+    # At most a second is missing, although they were written within a moment.
+    assert len(kept) == 22
+
+
+def test_flush_if_due___silent_topics___are_on_disk_after_a_period(tmp_path: Path) -> None:
+    message = reference(START_NS, 1.0)
+    with BagWriter(tmp_path / "run", recorded_topics([message]), flush_period_s=1e6) as bag:
+        bag.write(message.topic, message.raw, START_NS, START_NS)
+        bag.flush_if_due()
+        assert salvaged(mcap_file(tmp_path / "run")) == []
+        bag._flush_period_s = 0.0
+        bag.flush_if_due()
+        assert salvaged(mcap_file(tmp_path / "run")) == [message.raw]
+
+
+def test_bag___closed___has_a_checksum_over_everything(tmp_path: Path) -> None:
+    file = mcap_file(write_bag(tmp_path / "run", experiment(10)))
+    with file.open("rb") as stream:
+        records = list(StreamReader(stream, validate_crcs=True).records)
+    (end,) = [record for record in records if isinstance(record, DataEnd)]
+    assert end.data_section_crc
+
+
+def test_sequences___of_a_bag_with_a_gap___complain(tmp_path: Path) -> None:
+    messages = [message for k, message in enumerate(experiment(10)) if k not in {7, 8, 11}]
+    with BagWriter(tmp_path / "run", recorded_topics(messages)) as bag:
+        for message in messages:
+            bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
+        assert bag.sequences.complaints() == [
+            "/flexarm/state: 2 messages missing at 2 places",
+            "/flexarm/command: 1 messages missing at 1 places",
+        ]
+
+
+def test_disk___full_at_any_call___is_an_error_and_never_another_exception(
+    tmp_path: Path,
+) -> None:
+    messages = experiment(1500)
+
+    def record(path: Path) -> None:
+        with BagWriter(path, recorded_topics(messages), flush_period_s=0.2) as bag:
+            for message in messages:
+                bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
+
+    whole = mcap_file(write_bag(tmp_path / "whole", messages)).stat().st_size
+    for number, size in enumerate(range(5000, whole, whole // 12)):
+        path = tmp_path / f"run{number}"
+        with (
+            limited_file_size(size),
+            pytest.raises(RecordingError, match="File too large"),
+        ):
+            record(path)
+        kept = salvaged(mcap_file(path))
+        assert kept == [message.raw for message in messages[: len(kept)]]

@@ -85,7 +85,7 @@ def test_virtual_time___command___acts_after_the_reply_delay() -> None:
 
 
 def test_virtual_time___no_answer___keeps_the_command_in_force() -> None:
-    rig = opened(parameters=SILENT, reply_delay_s=0.0)
+    rig = opened(parameters=replace(SILENT, loop_delay_s=0.0))
     plant = Plant(SILENT)
     rig.write(3.0)
     for _ in range(31):
@@ -185,7 +185,7 @@ def test_drive___twelve_bit_magnitude___applies_whole_steps(
     command_v: float, applied_v: float
 ) -> None:
     parameters = replace(SILENT, dac_bits=12, coulomb_friction_nm=0.0, backlash_deg=0.0)
-    rig = opened(parameters=parameters, reply_delay_s=0.0)
+    rig = opened(parameters=replace(parameters, loop_delay_s=0.0))
     plant = Plant(parameters)
     rig.write(command_v)
     rig.read()
@@ -194,7 +194,7 @@ def test_drive___twelve_bit_magnitude___applies_whole_steps(
 
 
 def test_safe_stop___on_a_driven_rig___takes_the_drive_to_zero() -> None:
-    rig = opened(parameters=SILENT, reply_delay_s=0.0)
+    rig = opened(parameters=replace(SILENT, loop_delay_s=0.0))
     rig.write(0.8)
     for _ in range(30):
         rig.read()
@@ -245,7 +245,30 @@ def test_rate___not_positive___is_refused(rate_hz: float) -> None:
         SimulatedRig(rate_hz=rate_hz)
 
 
-@pytest.mark.parametrize("reply_delay_s", [-1e-6, 1.0 / 300.0, math.nan])
-def test_reply_delay___not_within_the_period___is_refused(reply_delay_s: float) -> None:
-    with pytest.raises(ValueError, match="reply_delay_s must be from 0 to less than the period"):
-        SimulatedRig(reply_delay_s=reply_delay_s)
+def test_loop_delay___not_within_the_period___is_refused() -> None:
+    with pytest.raises(ValueError, match="loop_delay_s must be less than the period"):
+        SimulatedRig(RigParameters(loop_delay_s=1.0 / 300.0))
+
+
+def test_payload___changed_between_samples___takes_effect_without_a_jump() -> None:
+    rig, light = opened(parameters=SILENT), opened(parameters=SILENT)
+    rows = {rig: [], light: []}  # type: ignore[var-annotated]
+    for k in range(60):
+        if k == 30:
+            rig.change_payload(0.4)
+        for each, found in rows.items():
+            found.append(each.read().volts)
+            each.write(3.0)
+    changed, steady = np.array(rows[rig]), np.array(rows[light])
+    assert rig.parameters.payload_kg == 0.4
+    np.testing.assert_array_equal(changed[:30], steady[:30])
+    # The sample at which the payload came shows where the arm is, with or without.
+    np.testing.assert_allclose(changed[30, [0, 3]], steady[30, [0, 3]], atol=1e-6)
+    assert steady[59, 0] > 1.02 * changed[59, 0]
+
+
+def test_payload___impossible___is_refused() -> None:
+    rig = opened()
+    with pytest.raises(ValueError, match="payload_kg must not be negative"):
+        rig.change_payload(-0.1)
+    assert rig.parameters.payload_kg == 0.0

@@ -1,0 +1,97 @@
+"""Endurance of the recording: ten minutes at 500 Hz with a busy core, and every sample in the bag.
+
+The simulated rig in real time with controller and recorder as processes, and beside them a process
+that never rests. The numbering of what was recorded must begin with the first sample, end with the
+last one and have no gap; it ends with exit code 1 otherwise.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import track
+
+from flexarm_bringup.graph import running_graph
+from flexarm_bringup.processes import LaunchError
+from flexarm_ident.bag_check import check_bag
+from flexarm_ident.bags import read_bag_report
+
+
+@click.command()
+@click.option("--rate", "rate_hz", type=click.FloatRange(10.0, 2000.0), default=500.0)
+@click.option("--minutes", type=click.FloatRange(0.05), default=10.0, show_default=True)
+@click.option("--idle", is_flag=True, help="No busy process beside it.")
+@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+def main(*, rate_hz: float, minutes: float, idle: bool, json_file: Path | None) -> None:
+    """Record, check the bag, print what was lost, and write the figures to a file on request."""
+    with tempfile.TemporaryDirectory(prefix="flexarm_endurance_") as name:
+        bag = Path(name, "run")
+        try:
+            sampled = recorded(bag, rate_hz, 60.0 * minutes, busy=not idle)
+        except LaunchError as error:
+            raise click.ClickException(str(error)) from None
+        reading, found = read_bag_report(bag), check_bag(bag)
+    figures = {
+        "rate_hz": rate_hz,
+        "minutes": minutes,
+        "sampled": sampled,
+        "recorded": reading.samples,
+        "missing": reading.lost,
+        "problems": list(found.problems),
+    }
+    console = Console()
+    console.print(
+        f"{sampled} samples in {minutes:g} minutes at {rate_hz:g} Hz, {reading.samples} recorded,"
+        f" {reading.lost} missing between them"
+    )
+    for problem in found.problems:
+        console.print(f"  {problem}")
+    if json_file is not None:
+        json_file.write_text(json.dumps(figures, indent=1), "utf-8")
+    sys.exit(bool(reading.lost or reading.samples != sampled))
+
+
+def recorded(bag: Path, rate_hz: float, length_s: float, *, busy: bool) -> int:
+    """Record a run of the DAQ node, which ends by itself; return how many samples it took."""
+    samples = round(length_s * rate_hz)
+    parameters: dict[str, dict[str, Any]] = {
+        "daq": {"rate_hz": rate_hz, "samples": samples, "listeners": 2},
+        "controller": {"law": "pdpc", "reference": "varying_square"},
+        "recorder": {"bag": str(bag)},
+    }
+    burner = multiprocessing.get_context("spawn").Process(target=_burn, daemon=True)
+    nodes = ("recorder", "controller", "daq")
+    try:
+        if busy:
+            burner.start()
+        log = bag.with_name("nodes.log")
+        with running_graph(parameters, log, nodes=nodes) as (operator, processes):
+            operator.activate("daq")
+            for _ in track(range(round(length_s)), "recording", disable=not sys.stdout.isatty()):
+                until_s = time.monotonic() + 1.0
+                operator.wait(lambda until=until_s: time.monotonic() >= until, "time")  # type: ignore[misc]
+            # The node ends by itself after its last sample; late periods make it take longer.
+            operator.wait(lambda: not operator.is_active("daq"), "the last sample", length_s)
+            operator.record(None)
+            processes.check()
+    finally:
+        if busy:
+            burner.kill()
+    return samples
+
+
+def _burn() -> None:
+    while True:
+        pass
+
+
+if __name__ == "__main__":
+    main()
