@@ -20,9 +20,10 @@ from rich.progress import track
 from rich.table import Table
 
 from flexarm_control.criteria import step_figures
-from flexarm_control.laws import Pdpc
+from flexarm_control.gains import Compensation
 from flexarm_control.payload import PayloadDetection, PayloadEstimator
-from flexarm_control.schedule import FASTEST, ROBUST
+from flexarm_control.pdpc import Pdpc
+from flexarm_control.schedule import ScheduleGains
 from flexarm_control.scheduled import ScheduledPdpc
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V
@@ -71,9 +72,9 @@ def trial(case: tuple[float, float, str, int, str]) -> Trial:
     """Step the arm once."""
     payload_kg, setpoint_v, noise, seed, name = case
     law = (
-        ScheduledPdpc(Pdpc(ROBUST), FASTEST, PayloadDetection())
+        ScheduledPdpc(ScheduleGains(), Compensation(), PayloadDetection())
         if name == "scheduled"
-        else Pdpc(ROBUST)
+        else Pdpc(ScheduleGains().robust)
     )
     estimator = PayloadEstimator(PayloadDetection())
     rig = SimulatedRig(RigParameters(payload_kg=payload_kg, noise_v=NOISE_V[noise]), seed=seed)

@@ -3,9 +3,11 @@
 from flexarm_control.criteria import StepFigures, itae, step_figures
 from flexarm_control.errors import ControlError
 from flexarm_control.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains
-from flexarm_control.laws import LAWS, Effort, Law, Pd, Pdp, Pdpc, build_law
+from flexarm_control.law import Effort, Law
+from flexarm_control.laws import LAWS, Pd, Pi, build_law
 from flexarm_control.margins import Margins, margins
 from flexarm_control.nominal_models import nominal_model, nominal_payloads_kg
+from flexarm_control.pdpc import Pdp, Pdpc
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.simulation import LoopRun, simulate_loop
 from flexarm_control.tuning import PdpTuning, PiTuning, tune_pdp, tune_pi
@@ -26,6 +28,7 @@ __all__ = [
     "PdpGains",
     "PdpTuning",
     "Pdpc",
+    "Pi",
     "PiGains",
     "PiTuning",
     "Reference",

@@ -122,7 +122,7 @@ def _append_held_input(
 
 
 def frequency_response(model: control.StateSpace, frequency_hz: FloatArray) -> ComplexArray:
-    """Response C (zI - A)^-1 B + D of a discrete-time model with one input.
+    """Response C (zI - A)^-1 B + D of a discrete-time model with one input, (2-4).
 
     Parameters
     ----------

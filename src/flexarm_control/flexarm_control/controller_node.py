@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from std_msgs.msg import Float64
 
-from flexarm_control.laws import LAWS, Law, build_law
+from flexarm_control.laws import LAWS, build_law
 from flexarm_control.references import REFERENCES, TRAVEL_V, Reference, build_reference
-from flexarm_msgs.msg import ArmState, MotorCommand
+from flexarm_control.scheduled import ScheduledPdpc
+from flexarm_msgs.msg import ArmState, MotorCommand, PayloadEstimate
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode, wait_until
 from flexarm_node.parameters import ParameterSpec
@@ -27,11 +28,15 @@ if TYPE_CHECKING:
     import threading
     from collections.abc import Mapping
 
+    from builtin_interfaces.msg import Time
+
+    from flexarm_control.law import Law
     from flexarm_control.parameters import ParameterSpec as Bound
 
 _WAIT_S = 0.1
 # A recorder that was not heard of yet when the reference changed learns it so soon.
 _TELL_AGAIN_S = 1.0
+_PAYLOAD_S = 0.1
 _STATISTICS_SAMPLES = 3000
 TOPIC = "topic"
 """The reference comes from the topic `reference` and not from a built-in profile."""
@@ -118,6 +123,7 @@ class ControllerNode(LoopNode):
         self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
         self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
         self._references_out = self.create_publisher(Float64, "reference", qos.STATUS)
+        self._payloads = self.create_publisher(PayloadEstimate, "payload", qos.STATUS)
         self._references_in = self.create_subscription(
             Float64, "reference", self._on_reference, qos.NEWEST
         )
@@ -127,6 +133,7 @@ class ControllerNode(LoopNode):
         self._states.close()
         self.destroy_publisher(self._commands)
         self.destroy_publisher(self._references_out)
+        self.destroy_publisher(self._payloads)
         self.destroy_subscription(self._references_in)
 
     def prepare(self) -> None:
@@ -136,8 +143,8 @@ class ControllerNode(LoopNode):
     def loop(self, stopping: threading.Event) -> None:
         """Answer until told to stop."""
         last_sequence = 0
-        start_s = 0.0
-        told_v, told_s = None, 0.0
+        start_ns = 0
+        told_v, told_s, weighed_ns = None, 0.0, 0
         command = MotorCommand()
         command.header.frame_id = "flexarm"
         while not stopping.is_set():
@@ -146,16 +153,19 @@ class ControllerNode(LoopNode):
                 continue
             received_s = time.monotonic()
             setup = self._setup
-            stamp_s = state.header.stamp.sec + state.header.stamp.nanosec * 1e-9
+            stamp = state.header.stamp
+            # In whole nanoseconds: seconds since 1970 have no room for them in a float.
+            stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
             if state.sequence <= last_sequence or last_sequence == 0:
-                start_s, last_sequence, told_v = stamp_s, state.sequence - 1, None
+                start_ns, last_sequence, told_v = stamp_ns, state.sequence - 1, None
                 setup.law.reset()
             self._skipped += state.sequence - last_sequence - 1
             last_sequence = state.sequence
             if setup.profile is not None:
-                self._reference_v = setup.profile(stamp_s - start_s)
-                if self._reference_v != told_v or stamp_s - told_s >= _TELL_AGAIN_S:
-                    told_v, told_s = self._reference_v, stamp_s
+                time_s = (stamp_ns - start_ns) * 1e-9
+                self._reference_v = setup.profile(time_s)
+                if self._reference_v != told_v or time_s - told_s >= _TELL_AGAIN_S:
+                    told_v, told_s = self._reference_v, time_s
                     self._references_out.publish(Float64(data=told_v))
             effort = setup.law.step(
                 (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v),
@@ -167,7 +177,18 @@ class ControllerNode(LoopNode):
             command.effort_v, command.compensation_v = effort
             self._commands.publish(command)
             self._answered += 1
+            if isinstance(setup.law, ScheduledPdpc) and stamp_ns - weighed_ns >= _PAYLOAD_S * 1e9:
+                weighed_ns = stamp_ns
+                self._tell_payload(setup.law, stamp)
             self._answer_s.add(time.monotonic() - received_s)
+
+    def _tell_payload(self, law: ScheduledPdpc, stamp: Time) -> None:
+        payload_kg, deviation_kg, detected = law.payload
+        message = PayloadEstimate(
+            payload_kg=payload_kg, deviation_kg=deviation_kg, detected=detected
+        )
+        message.header.stamp = stamp
+        self._payloads.publish(message)
 
     def _replace(self, values: Mapping[str, Any]) -> None:
         self._setup = _setup(values)

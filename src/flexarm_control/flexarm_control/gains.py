@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 
 from flexarm_control.parameters import Bounded, limits
 
-_KP = limits(0.0, 5.0, "V/V", "proportional gain on the position error")
-_KD = limits(0.0, 20.0, "V/V", "gain of the speed feedback")
+KP = limits(0.0, 5.0, "V/V", "proportional gain on the position error")
+KD = limits(0.0, 20.0, "V/V", "gain of the speed feedback")
+KSG = limits(-2.0, 2.0, "V/V", "gain of the middle strain gauge")
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,8 @@ class PdGains(Bounded):
         Gain of the speed feedback, V/V.
     """
 
-    kp: float = field(default=1.0, metadata=_KP)
-    kd: float = field(default=2.8, metadata=_KD)
+    kp: float = field(default=1.0, metadata=KP)
+    kd: float = field(default=2.8, metadata=KD)
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,9 @@ class PdpGains(Bounded):
         the gauge depends on how it is wired.
     """
 
-    kp: float = field(default=0.5935, metadata=_KP)
-    kd: float = field(default=4.2664, metadata=_KD)
-    ksg: float = field(
-        default=0.2538, metadata=limits(-2.0, 2.0, "V/V", "gain of the middle strain gauge")
-    )
+    kp: float = field(default=0.5935, metadata=KP)
+    kd: float = field(default=4.2664, metadata=KD)
+    ksg: float = field(default=0.2538, metadata=KSG)
 
 
 @dataclass(frozen=True)
@@ -60,9 +59,24 @@ class PiGains(Bounded):
         Gain on the integral of the position error, V/(V s).
     """
 
-    kp: float = field(default=0.3998, metadata=_KP)
+    kp: float = field(default=0.3998, metadata=KP)
     ki: float = field(
         default=0.0178, metadata=limits(0.0, 2.0, "1/s", "gain on the integral of the error")
+    )
+
+
+@dataclass(frozen=True)
+class Sampling(Bounded):
+    """How often a law with a memory is asked.
+
+    Attributes
+    ----------
+    rate_hz
+        Sampling rate, Hz; that of the rig.
+    """
+
+    rate_hz: float = field(
+        default=300.0, metadata=limits(50.0, 2000.0, "Hz", "sampling rate of the rig")
     )
 
 

@@ -1,23 +1,17 @@
-"""Control laws of the flexible arm, one sample at a time.
-
-A law takes the four measured signals and the reference and answers with the feedback effort u_e
-and the Coulomb friction compensation u_c, kept apart (4-6): the identification subtracts u_c.
-
-Every law answers an effort that is not finite with zero effort and zero compensation. Such an
-effort comes from a measurement or reference that is NaN, infinite or so large that the sum
-overflows; all three are faults, and zero is the command that adds no energy. So the outputs are
-finite for every input.
-"""
+"""The control laws by their names: PD, PI, PDP and PDPC, one sample at a time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import isfinite
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING
 
 from flexarm_control.errors import ControlError
-from flexarm_control.gains import Compensation, Coulomb, PdGains, PdpGains
+from flexarm_control.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains, Sampling
+from flexarm_control.ilqr import Ilqr, IlqrWeights, design_ilqr
+from flexarm_control.law import NO_EFFORT, Effort, Law
+from flexarm_control.nominal_models import identified_model
 from flexarm_control.parameters import (
     Bounded,
     ParameterSpec,
@@ -25,45 +19,16 @@ from flexarm_control.parameters import (
     refuse_unknown,
     select,
 )
+from flexarm_control.payload import PayloadDetection
+from flexarm_control.pdpc import Pdp, Pdpc
+from flexarm_control.schedule import ScheduleGains
+from flexarm_control.scheduled import ScheduledPdpc
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-
-class Effort(NamedTuple):
-    """What a law asks of the motor.
-
-    Attributes
-    ----------
-    effort_v
-        Feedback effort u_e, V.
-    compensation_v
-        Coulomb friction compensation u_c, V; the drive gets the sum (4-6).
-    """
-
-    effort_v: float
-    compensation_v: float
-
-
-_NO_EFFORT = Effort(0.0, 0.0)
-
-
-class Law(Protocol):
-    """A control law as a pure stepper: one call per sample, all state inside the law."""
-
-    def step(self, volts: Sequence[float], reference_v: float) -> Effort:
-        """Answer one sample.
-
-        Parameters
-        ----------
-        volts
-            Position, base strain, middle strain and speed, V.
-        reference_v
-            Position reference, V.
-        """
-
-    def reset(self) -> None:
-        """Forget the past, as before the first sample."""
+SATURATION_V = 10.0
+"""Largest command of the drive (Figure 2-2)."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +45,7 @@ class Pd:
         """Answer one sample; see `Law.step`."""
         effort_v = self.gains.kp * (reference_v - volts[0]) - self.gains.kd * volts[3]
         if not isfinite(effort_v) or effort_v == 0.0:
-            return _NO_EFFORT
+            return NO_EFFORT
         level_v = self.coulomb.compensation_v
         return Effort(effort_v, level_v if effort_v > 0.0 else -level_v)
 
@@ -88,63 +53,39 @@ class Pd:
         """Do nothing: the law has no state."""
 
 
-@dataclass(frozen=True)
-class Pdp:
-    """PDP law (4-7) without friction compensation.
+class Pi:
+    """PI law that evaluates models (Figure 4-1), without friction compensation.
 
-    u_e = kp (R - y1) - kd y4 - ksg y3; y4 already is the speed, the dot over it in (4-7) is a
-    misprint.
-    """
-
-    gains: PdpGains = field(default_factory=PdpGains)
-
-    def step(self, volts: Sequence[float], reference_v: float) -> Effort:
-        """Answer one sample; see `Law.step`."""
-        gains = self.gains
-        effort_v = gains.kp * (reference_v - volts[0]) - gains.kd * volts[3] - gains.ksg * volts[2]
-        return Effort(effort_v, 0.0) if isfinite(effort_v) else _NO_EFFORT
-
-    def reset(self) -> None:
-        """Do nothing: the law has no state."""
-
-
-@dataclass(frozen=True)
-class Pdpc:
-    """PDP law with conditional Coulomb friction compensation, (4-6) to (4-8).
+    u_e = kp e + ki dt (e(0) + ... + e(k)), with e = R - y1. The sum stands still while the drive
+    is saturated and the error would drive it further.
 
     Parameters
     ----------
     gains
-        Gains of the PDP law (4-7).
-    compensation
-        Level and thresholds of (4-8).
-    conditional
-        False keeps the compensation on after the set-point is reached, as in Figure 4-10 (c)
-        and (d).
+        Gains of the law.
+    sampling
+        Sampling rate of its samples.
     """
 
-    gains: PdpGains = field(default_factory=PdpGains)
-    compensation: Compensation = field(default_factory=Compensation)
-    conditional: bool = True
+    def __init__(self, gains: PiGains, sampling: Sampling) -> None:
+        self._gains = gains
+        self._dt_s = 1.0 / sampling.rate_hz
+        self._integral_v_s = 0.0
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `Law.step`."""
-        gains, compensation = self.gains, self.compensation
-        error_v, speed_v = reference_v - volts[0], volts[3]
-        effort_v = gains.kp * error_v - gains.kd * speed_v - gains.ksg * volts[2]
-        if not isfinite(effort_v):
-            return _NO_EFFORT
-        at_set_point = (
-            abs(error_v) < compensation.error_threshold_v
-            and abs(speed_v) < compensation.speed_threshold_v
-        )
-        if self.conditional and at_set_point:
-            return Effort(effort_v, 0.0)
-        level_v = compensation.compensation_v
-        return Effort(effort_v, level_v if effort_v >= 0.0 else -level_v)
+        error_v = reference_v - volts[0]
+        if not isfinite(error_v):
+            return NO_EFFORT
+        integral_v_s = self._integral_v_s + self._dt_s * error_v
+        effort_v = self._gains.kp * error_v + self._gains.ki * integral_v_s
+        if abs(effort_v) <= SATURATION_V or effort_v * error_v < 0.0:
+            self._integral_v_s = integral_v_s
+        return Effort(effort_v, 0.0) if isfinite(effort_v) else NO_EFFORT
 
     def reset(self) -> None:
-        """Do nothing: the law has no state."""
+        """Forget the sum of the errors."""
+        self._integral_v_s = 0.0
 
 
 @dataclass(frozen=True)
@@ -178,6 +119,10 @@ def _make_pd(values: Mapping[str, float]) -> Pd:
     return Pd(select(PdGains, values), select(Coulomb, values))
 
 
+def _make_pi(values: Mapping[str, float]) -> Pi:
+    return Pi(select(PiGains, values), select(Sampling, values))
+
+
 def _make_pdp(values: Mapping[str, float]) -> Pdp:
     return Pdp(select(PdpGains, values))
 
@@ -190,6 +135,18 @@ def _make_pdpc_unconditional(values: Mapping[str, float]) -> Pdpc:
     return Pdpc(select(PdpGains, values), select(Compensation, values), conditional=False)
 
 
+def _make_ilqr(values: Mapping[str, float]) -> Ilqr:
+    return Ilqr(design_ilqr(identified_model(), select(IlqrWeights, values)))
+
+
+def _make_pdpc_scheduled(values: Mapping[str, float]) -> ScheduledPdpc:
+    return ScheduledPdpc(
+        select(ScheduleGains, values),
+        select(Compensation, values),
+        select(PayloadDetection, values),
+    )
+
+
 #: Every law by the name it has as a ROS parameter.
 LAWS: Mapping[str, LawSpec] = MappingProxyType(
     {
@@ -197,6 +154,11 @@ LAWS: Mapping[str, LawSpec] = MappingProxyType(
             "PD with Coulomb friction compensation (section 2.4.3)",
             _table(PdGains, Coulomb),
             _make_pd,
+        ),
+        "pi": LawSpec(
+            "PI without friction compensation, for the evaluation of models (4-1)",
+            _table(PiGains, Sampling),
+            _make_pi,
         ),
         "pdp": LawSpec(
             "PDP without friction compensation (4-7)",
@@ -212,6 +174,16 @@ LAWS: Mapping[str, LawSpec] = MappingProxyType(
             "PDP with Coulomb friction compensation that stays on (Figure 4-10 c, d)",
             _table(PdpGains) + _LEVEL,
             _make_pdpc_unconditional,
+        ),
+        "ilqr": LawSpec(
+            "integral plus LQR control from the position, on a model with 300 g (section 4.4)",
+            _table(IlqrWeights),
+            _make_ilqr,
+        ),
+        "pdpc_scheduled": LawSpec(
+            "PDPC whose gains follow the payload that it detects (chapter 5)",
+            _table(ScheduleGains, Compensation, PayloadDetection),
+            _make_pdpc_scheduled,
         ),
     }
 )

@@ -1,4 +1,4 @@
-"""The nominal models of the arm that the thesis prints (Appendix B)."""
+"""Models of the arm that come with the package: those that the thesis prints, and one of ours."""
 
 from __future__ import annotations
 
@@ -54,7 +54,26 @@ def nominal_model(payload_kg: float) -> control.StateSpace:
         raise ControlError(
             f"no nominal model for payload_kg = {payload_kg:g}; Appendix B has {payloads} kg"
         )
-    content = yaml.safe_load(_available()[payload_kg])
+    return _read(_available()[payload_kg])
+
+
+def identified_model() -> control.StateSpace:
+    """Model of order 8 of the arm with 300 g, as section 4.4 takes one for the ILQR controller.
+
+    The thesis does not print its own. This one is identified from the simulated experiment C_dat11;
+    its file says how.
+
+    Returns
+    -------
+    control.StateSpace
+        As `nominal_model`.
+    """
+    file = files("flexarm_control") / "identified" / "payload_300g.yaml"
+    return _read(file.read_text("utf-8"))
+
+
+def _read(text: str) -> control.StateSpace:
+    content = yaml.safe_load(text)
     return control.StateSpace(
         content["a"],
         content["b"],
@@ -63,5 +82,5 @@ def nominal_model(payload_kg: float) -> control.StateSpace:
         1.0 / content["sampling_rate_hz"],
         inputs=content["inputs"],
         outputs=content["outputs"],
-        name=f"payload_{1000 * payload_kg:.0f}g",
+        name=f"payload_{1000 * content['payload_kg']:.0f}g",
     )

@@ -44,6 +44,8 @@ _FILTER_ORDER = 3
 _INSTRUMENT_PAYLOADS_KG = np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.7, 1.0])
 _INSTRUMENT_DAMPING = 0.05
 _BASE_STRAIN, _SPEED = 1, 3
+_PLAUSIBLE_V = 100.0
+"""Ten times the range of the converter: what is beyond, or no number, is no measurement."""
 _MOVING_V = 0.01
 """Speed signal after the low-pass, some times the noise of the tachometer."""
 
@@ -146,7 +148,7 @@ class PayloadEstimator:
         self._vv = self._vw = self._ww = self._count = 0.0
 
     def step(self, volts: Sequence[float]) -> None:
-        """Take one sample in; a sample that is not finite is left out.
+        """Take one sample in; what cannot be a measurement is left out.
 
         Parameters
         ----------
@@ -154,7 +156,7 @@ class PayloadEstimator:
             Position, base strain, middle strain and speed, V.
         """
         base_v, speed_v = volts[_BASE_STRAIN], volts[_SPEED]
-        if not (math.isfinite(base_v) and math.isfinite(speed_v)):
+        if not (abs(base_v) < _PLAUSIBLE_V and abs(speed_v) < _PLAUSIBLE_V):
             return
         self._input[0], self._input[1] = base_v, speed_v
         np.dot(self._a, self._state, out=self._next)

@@ -6,11 +6,15 @@ holds gains at some payloads and runs straight between them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 from flexarm_control.errors import ControlError
-from flexarm_control.gains import PdpGains
+from flexarm_control.gains import KD, KP, KSG, PdpGains
+from flexarm_control.parameters import Bounded, limits
+
+_MEDIUM = limits(0.01, 0.3, "kg", "payload of the medium gains")
+_HEAVY = limits(0.31, 1.0, "kg", "payload of the heavy gains")
 
 
 @dataclass(frozen=True)
@@ -63,12 +67,59 @@ def between(from_gains: PdpGains, to_gains: PdpGains, share: float) -> PdpGains:
     )
 
 
-ROBUST = PdpGains(0.4903, 4.3328, 0.005)
-"""What `tune_pdp` finds for all nominal models together, with 10 dB and 55 deg on each."""
+@dataclass(frozen=True)
+class ScheduleGains(Bounded):
+    """The gains of a law that follows the payload.
 
-FASTEST = GainSchedule(
-    (0.0, 0.2, 0.4),
-    (PdpGains(0.55, 3.0, 0.05), PdpGains(0.5, 3.25, 0.05), PdpGains(0.45, 3.75, 0.0)),
-)
-"""Gains that settle fastest in trials on the simulated rig, among those that overshoot by at most
-5 % and keep 10 dB and 55 deg on the nominal model of their payload."""
+    The robust gains are what `tune_pdp` finds for all nominal models together, with 10 dB and 55
+    deg on each. The others settle fastest in trials on the simulated rig, among those that
+    overshoot by at most 5 % and keep the same margins on the nominal model of their payload.
+
+    Attributes
+    ----------
+    kp, kd, ksg
+        Robust gains, until the payload is known, V/V.
+    light_kp, light_kd, light_ksg
+        Gains without payload.
+    medium_kg, medium_kp, medium_kd, medium_ksg
+        A payload, and its gains.
+    heavy_kg, heavy_kp, heavy_kd, heavy_ksg
+        A heavier one, and its gains.
+
+    Raises
+    ------
+    ControlError
+        When a value is outside its range; that of the heavy payload is above that of the medium.
+    """
+
+    kp: float = field(default=0.4903, metadata=KP)
+    kd: float = field(default=4.3328, metadata=KD)
+    ksg: float = field(default=0.005, metadata=KSG)
+    light_kp: float = field(default=0.55, metadata=KP)
+    light_kd: float = field(default=3.0, metadata=KD)
+    light_ksg: float = field(default=0.05, metadata=KSG)
+    medium_kg: float = field(default=0.2, metadata=_MEDIUM)
+    medium_kp: float = field(default=0.5, metadata=KP)
+    medium_kd: float = field(default=3.25, metadata=KD)
+    medium_ksg: float = field(default=0.05, metadata=KSG)
+    heavy_kg: float = field(default=0.4, metadata=_HEAVY)
+    heavy_kp: float = field(default=0.45, metadata=KP)
+    heavy_kd: float = field(default=3.75, metadata=KD)
+    heavy_ksg: float = field(default=0.0, metadata=KSG)
+
+    @property
+    def robust(self) -> PdpGains:
+        """Gains that hold for every payload."""
+        return PdpGains(self.kp, self.kd, self.ksg)
+
+    @property
+    def schedule(self) -> GainSchedule:
+        """Gains over the payload."""
+        return GainSchedule(
+            (0.0, self.medium_kg, self.heavy_kg),
+            (
+                PdpGains(self.light_kp, self.light_kd, self.light_ksg),
+                PdpGains(self.medium_kp, self.medium_kd, self.medium_ksg),
+                PdpGains(self.heavy_kp, self.heavy_kd, self.heavy_ksg),
+            ),
+        )

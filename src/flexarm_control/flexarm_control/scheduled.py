@@ -6,12 +6,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flexarm_control.payload import NO_ESTIMATE, PayloadDetection, PayloadEstimate, PayloadEstimator
-from flexarm_control.schedule import GainSchedule, between
+from flexarm_control.pdpc import Pdpc
+from flexarm_control.schedule import ScheduleGains, between
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_control.laws import Effort, Pdpc
+    from flexarm_control.gains import Compensation
+    from flexarm_control.law import Effort
 
 _ASK_EVERY = 10
 _RAMP_S = 0.05
@@ -26,21 +28,23 @@ class ScheduledPdpc:
 
     Parameters
     ----------
-    robust
-        The law until the payload is known.
-    schedule
-        Gains over the payload.
+    gains
+        Robust gains, and gains by payload.
+    compensation
+        Level and thresholds of (4-8).
     detection
         What the estimator knows of the rig.
     """
 
-    def __init__(self, robust: Pdpc, schedule: GainSchedule, detection: PayloadDetection) -> None:
-        self._robust = robust
-        self._schedule = schedule
+    def __init__(
+        self, gains: ScheduleGains, compensation: Compensation, detection: PayloadDetection
+    ) -> None:
+        self._robust = Pdpc(gains.robust, compensation)
+        self._schedule = gains.schedule
         self._estimator = PayloadEstimator(detection)
         self._share = min(1.0, 1.0 / (detection.rate_hz * _RAMP_S))
-        self._law = robust
-        self._wanted = robust.gains
+        self._law = self._robust
+        self._wanted = gains.robust
         self._payload = NO_ESTIMATE
         self._samples = 0
 
@@ -50,7 +54,7 @@ class ScheduledPdpc:
         return self._payload
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
-        """Answer one sample; see `flexarm_control.laws.Law.step`."""
+        """Answer one sample; see `flexarm_control.law.Law.step`."""
         self._estimator.step(volts)
         self._samples += 1
         if self._samples % _ASK_EVERY == 0:

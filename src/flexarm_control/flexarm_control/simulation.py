@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_control.arrays import FloatArray
-    from flexarm_control.laws import Law
+    from flexarm_control.law import Law
 
 
 @dataclass(frozen=True)

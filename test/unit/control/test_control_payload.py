@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from scipy.signal import lsim
 
 from flexarm_control.errors import ControlError
-from flexarm_control.laws import Pdpc
 from flexarm_control.payload import (
     MAX_PAYLOAD_KG,
     PayloadDetection,
     PayloadEstimate,
     PayloadEstimator,
 )
+from flexarm_control.pdpc import Pdpc
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V
 

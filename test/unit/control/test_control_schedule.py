@@ -11,24 +11,25 @@ from hypothesis import strategies as st
 
 from flexarm_control.criteria import step_figures
 from flexarm_control.errors import ControlError
-from flexarm_control.gains import PdpGains
-from flexarm_control.laws import Pdpc
+from flexarm_control.gains import Compensation, PdpGains
 from flexarm_control.margins import LoopResponse
 from flexarm_control.nominal_models import nominal_model
 from flexarm_control.payload import PayloadDetection
-from flexarm_control.schedule import FASTEST, ROBUST, GainSchedule, between
+from flexarm_control.pdpc import Pdpc
+from flexarm_control.schedule import GainSchedule, ScheduleGains, between
 from flexarm_control.scheduled import ScheduledPdpc
 from flexarm_control.tuning import tune_pdp
 from flexarm_daq import RigParameters, SimulatedRig
 
 if TYPE_CHECKING:
-    from flexarm_control.laws import Law
+    from flexarm_control.law import Law
 
 RATE_HZ = 300.0
+ROBUST, FASTEST = ScheduleGains().robust, ScheduleGains().schedule
 
 
 def scheduled() -> ScheduledPdpc:
-    return ScheduledPdpc(Pdpc(ROBUST), FASTEST, PayloadDetection())
+    return ScheduledPdpc(ScheduleGains(), Compensation(), PayloadDetection())
 
 
 def step_response(law: Law, payload_kg: float, setpoint_v: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,53 @@
+"""What a control law is: four measured signals and a reference in, an effort out, every sample.
+
+A law answers with the feedback effort u_e and the Coulomb friction compensation u_c, kept apart
+(4-6): the identification subtracts u_c.
+
+Every law answers an effort that is not finite with zero effort and zero compensation. Such an
+effort comes from a measurement or reference that is NaN, infinite or so large that the sum
+overflows; all three are faults, and zero is the command that adds no energy. So the outputs are
+finite for every input.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+class Effort(NamedTuple):
+    """What a law asks of the motor.
+
+    Attributes
+    ----------
+    effort_v
+        Feedback effort u_e, V.
+    compensation_v
+        Coulomb friction compensation u_c, V; the drive gets the sum (4-6).
+    """
+
+    effort_v: float
+    compensation_v: float
+
+
+NO_EFFORT = Effort(0.0, 0.0)
+
+
+class Law(Protocol):
+    """A control law as a pure stepper: one call per sample, all state inside the law."""
+
+    def step(self, volts: Sequence[float], reference_v: float) -> Effort:
+        """Answer one sample.
+
+        Parameters
+        ----------
+        volts
+            Position, base strain, middle strain and speed, V.
+        reference_v
+            Position reference, V.
+        """
+
+    def reset(self) -> None:
+        """Forget the past, as before the first sample."""

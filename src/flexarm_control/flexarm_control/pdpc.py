@@ -1,0 +1,72 @@
+"""PDP control with Coulomb friction compensation, (4-6) to (4-8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from flexarm_control.gains import Compensation, PdpGains
+from flexarm_control.law import NO_EFFORT, Effort
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+@dataclass(frozen=True)
+class Pdp:
+    """PDP law (4-7) without friction compensation.
+
+    u_e = kp (R - y1) - kd y4 - ksg y3; y4 already is the speed, the dot over it in (4-7) is a
+    misprint.
+    """
+
+    gains: PdpGains = field(default_factory=PdpGains)
+
+    def step(self, volts: Sequence[float], reference_v: float) -> Effort:
+        """Answer one sample; see `Law.step`."""
+        gains = self.gains
+        effort_v = gains.kp * (reference_v - volts[0]) - gains.kd * volts[3] - gains.ksg * volts[2]
+        return Effort(effort_v, 0.0) if isfinite(effort_v) else NO_EFFORT
+
+    def reset(self) -> None:
+        """Do nothing: the law has no state."""
+
+
+@dataclass(frozen=True)
+class Pdpc:
+    """PDP law with conditional Coulomb friction compensation, (4-6) to (4-8).
+
+    Parameters
+    ----------
+    gains
+        Gains of the PDP law (4-7).
+    compensation
+        Level and thresholds of (4-8).
+    conditional
+        False keeps the compensation on after the set-point is reached, as in Figure 4-10 (c)
+        and (d).
+    """
+
+    gains: PdpGains = field(default_factory=PdpGains)
+    compensation: Compensation = field(default_factory=Compensation)
+    conditional: bool = True
+
+    def step(self, volts: Sequence[float], reference_v: float) -> Effort:
+        """Answer one sample; see `Law.step`."""
+        gains, compensation = self.gains, self.compensation
+        error_v, speed_v = reference_v - volts[0], volts[3]
+        effort_v = gains.kp * error_v - gains.kd * speed_v - gains.ksg * volts[2]
+        if not isfinite(effort_v):
+            return NO_EFFORT
+        at_set_point = (
+            abs(error_v) < compensation.error_threshold_v
+            and abs(speed_v) < compensation.speed_threshold_v
+        )
+        if self.conditional and at_set_point:
+            return Effort(effort_v, 0.0)
+        level_v = compensation.compensation_v
+        return Effort(effort_v, level_v if effort_v >= 0.0 else -level_v)
+
+    def reset(self) -> None:
+        """Do nothing: the law has no state."""

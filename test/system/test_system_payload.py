@@ -1,0 +1,34 @@
+"""The controller weighs the payload on the live graph and says so."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from flexarm_msgs.msg import PayloadEstimate
+from flexarm_node import qos
+
+if TYPE_CHECKING:
+    from system_graph import Graph
+
+pytestmark = pytest.mark.system
+
+
+def test_scheduled_controller___publishes_the_payload_that_it_detects(graph: Graph) -> None:
+    heard: list[PayloadEstimate] = []
+    graph.node.create_subscription(PayloadEstimate, "payload", heard.append, qos.STATUS)
+    graph.start("daq", {"time": "virtual", "payload_kg": 0.3, "samples": 900, "seed": 2})
+    graph.start(
+        "controller",
+        {"law": "pdpc_scheduled", "reference": "step", "step.amplitude_v": 4.0},
+    )
+    graph.activate_loop()
+
+    assert graph.transition("daq", "activate")
+
+    graph.wait(lambda: any(each.detected for each in heard), "a detected payload")
+    graph.wait(lambda: graph.state_of("daq") == "inactive", "the end of the samples")
+    assert not heard[0].detected
+    assert heard[-1].payload_kg == pytest.approx(0.3, abs=0.06)
+    assert heard[-1].deviation_kg < 0.08

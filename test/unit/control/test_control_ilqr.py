@@ -1,0 +1,92 @@
+"""The ILQR controller: its design by independent routes, and its runs on the simulated rig."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from flexarm_control.criteria import step_figures
+from flexarm_control.errors import ControlError
+from flexarm_control.ilqr import Ilqr, IlqrWeights, design_ilqr
+from flexarm_control.nominal_models import identified_model, nominal_model
+from flexarm_daq import RigParameters, SimulatedRig
+
+RATE_HZ = 300.0
+WEIGHTS = IlqrWeights(position=2.0, strain=0.1, speed=0.5, effort=3.0, ki=0.001)
+
+
+def test_regulator___is_the_solution_of_the_riccati_equation() -> None:
+    model = identified_model()
+    design = design_ilqr(model, WEIGHTS)
+    a, b, c = model.A, model.B, model.C
+    q = c.T @ np.diag([2.0, 0.1, 0.1, 0.5]) @ c
+
+    p = solve_discrete_are(a, b, q, np.array([[3.0]]))
+
+    expected = np.linalg.solve(3.0 + b.T @ p @ b, b.T @ p @ a)
+    np.testing.assert_allclose(design.kc, expected.ravel(), rtol=1e-6, atol=1e-9)
+    eigenvalues = np.linalg.eigvals(a - b @ expected)
+    assert design.regulator_radius == pytest.approx(np.abs(eigenvalues).max(), abs=1e-9)
+    assert max(design.regulator_radius, design.observer_radius) < 1.0
+
+
+def test_reference_gain___brings_the_model_to_the_set_point() -> None:
+    model = identified_model()
+    design = design_ilqr(model, IlqrWeights(ki=0.0))
+    law, state = Ilqr(design), np.zeros(model.nstates)
+
+    for _ in range(6000):
+        volts = (model.C @ state).tolist()
+        state = model.A @ state + model.B[:, 0] * law.step(volts, 2.0).effort_v
+
+    assert model.C[0] @ state == pytest.approx(2.0, abs=1e-6)
+
+
+def test_integral___takes_out_a_constant_disturbance() -> None:
+    model = identified_model()
+    law, state = Ilqr(design_ilqr(model)), np.zeros(model.nstates)
+
+    for _ in range(20000):
+        volts = (model.C @ state).tolist()
+        state = model.A @ state + model.B[:, 0] * (law.step(volts, 2.0).effort_v - 0.3)
+
+    assert model.C[0] @ state == pytest.approx(2.0, abs=1e-3)
+
+
+def test_model_without_the_outputs_of_the_arm___is_refused() -> None:
+    model = nominal_model(0.2)
+    with pytest.raises(ControlError):
+        design_ilqr(model[:2, :])
+
+
+def test_reset___forgets_the_past() -> None:
+    law = Ilqr(design_ilqr(identified_model()))
+    first = [law.step((0.1 * k, 0.0, 0.0, 0.0), 3.0) for k in range(20)]
+
+    law.reset()
+
+    assert [law.step((0.1 * k, 0.0, 0.0, 0.0), 3.0) for k in range(20)] == first
+
+
+@pytest.mark.parametrize(("setpoint_v", "hunts"), [(3.0, False), (5.0, True)])
+def test_friction___is_held_while_it_is_constant_and_not_when_it_reverses(
+    setpoint_v: float, *, hunts: bool
+) -> None:
+    """Section 4.4: 3 V at 300 g is well, at 5 V the arm overshoots, reverses and hunts."""
+    rig = SimulatedRig(RigParameters(payload_kg=0.3), seed=1)
+    law = Ilqr(design_ilqr(identified_model()))
+    rig.open()
+    position_v = np.zeros(round(20.0 * RATE_HZ))
+    for sample in range(len(position_v)):
+        volts = rig.read().volts.tolist()
+        position_v[sample] = volts[0]
+        rig.write(law.step(volts, setpoint_v).effort_v)
+
+    figures = step_figures(np.arange(len(position_v)) / RATE_HZ, position_v, setpoint_v)
+    swing_v = np.ptp(position_v[round(10.0 * RATE_HZ) :])
+    assert (figures.overshoot >= 0.08) is hunts
+    assert bool(swing_v >= 0.2) is hunts
+    if not hunts:
+        assert figures.overshoot <= 0.06
+        assert swing_v <= 0.06
