@@ -6,11 +6,13 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(),
+    package_data={PACKAGE: ["catalogue.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"nidaq": ["nidaqmx>=1.0,<2"]},
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",
     description="The rig: beam and motor simulation, DAQ driver node, recording and replay.",
@@ -18,6 +20,7 @@ setup(
     entry_points={
         "console_scripts": [
             "daq_node = flexarm_daq.daq_node:main",
+            "experiment_node = flexarm_daq.experiment_node:main",
             "recorder_node = flexarm_daq.recorder_node:main",
             "player_node = flexarm_daq.player_node:main",
         ],

@@ -147,6 +147,75 @@ def import_(csv: Path, map_file: Path, output: Path) -> None:
     click.echo(import_measurements(csv, map_file, output))
 
 
+_SEED = click.option(
+    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of what is random."
+)
+_OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace bags that are there.")
+
+
+@main.command()
+@click.argument("names", nargs=-1, required=True)
+@click.option("--payload", type=click.FloatRange(0.0, 1.0), help="Instead of its own, kg.")
+@click.option("--fast", is_flag=True, help="Virtual time: as fast as the machine can.")
+@_SEED
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("out/experiments"),
+    show_default=True,
+    help="Folder that gets a bag for each.",
+)
+@_OVERWRITE
+@_examples(
+    "experiment C_dat3", "experiment B_dat9 --fast --seed 7", "experiment C_dat3 --payload 0.2"
+)
+def experiment(
+    names: tuple[str, ...],
+    payload: float | None,
+    seed: int,
+    out: Path,
+    *,
+    fast: bool,
+    overwrite: bool,
+) -> None:
+    """Run experiments of the thesis by their names and record each to a bag."""
+    from flexarm_bringup.experiment import ExperimentSettings, run_experiments  # noqa: PLC0415
+    from flexarm_daq import catalogue as experiments  # noqa: PLC0415
+
+    entries = [experiments.experiment(name) for name in names]
+    run_experiments(entries, ExperimentSettings(out, payload, seed, fast, overwrite))
+
+
+@main.command()
+@click.option("--all", "everything", is_flag=True, help="Run all of them; else list them.")
+@click.option("--fast", is_flag=True, help="Virtual time: as fast as the machine can.")
+@_SEED
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("out/experiments"),
+    show_default=True,
+)
+@_OVERWRITE
+@_examples("catalogue", "catalogue --all --fast -o out/experiments")
+def catalogue(*, everything: bool, seed: int, out: Path, fast: bool, overwrite: bool) -> None:
+    """List the experiments of the thesis, or run all of them."""
+    from flexarm_bringup.experiment import (  # noqa: PLC0415
+        ExperimentSettings,
+        run_experiments,
+        show_catalogue,
+    )
+    from flexarm_daq import catalogue as experiments  # noqa: PLC0415
+
+    if not everything:
+        show_catalogue()
+        return
+    entries = list(experiments.catalogue().values())
+    run_experiments(entries, ExperimentSettings(out, None, seed, fast, overwrite))
+
+
 @main.command()
 @click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
@@ -200,12 +269,25 @@ def import_(csv: Path, map_file: Path, output: Path) -> None:
     help="Move unstable eigenvalues inside the unit circle.",
 )
 @click.option(
+    "--friction/--no-friction",
+    default=True,
+    show_default=True,
+    help="Model dry friction where the data show it and carry no compensation.",
+)
+@click.option(
+    "--refine/--no-refine",
+    default=False,
+    show_default=True,
+    help="Refine the model by its simulation error; it never gets worse.",
+)
+@click.option(
     "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
 )
 @_examples(
     "identify bags/c_dat3_0g",
     "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
     "identify bags/c_dat3_0g --export json,mat,h",
+    "identify bags/quanser_2dsfl --refine",
 )
 def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
     """Identify a model from bags, without any node; write parameters, exports and report."""
@@ -218,10 +300,14 @@ def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa
 @click.argument("bag", type=click.Path(path_type=Path))
 @click.option("--rate", type=float, default=1.0, show_default=True, help="2 plays twice as fast.")
 @click.option("--loop", is_flag=True, help="Start again at the end.")
-@_examples("play bags/c_dat3_0g", "play bags/c_dat3_0g --rate 2")
-def play(bag: Path, rate: float, *, loop: bool) -> None:
-    """Publish the messages of a bag with their original timing."""
-    _exec_node("player_node", {"bag": bag.absolute(), "rate": rate, "loop": loop})
+@click.option(
+    "--stand-in", is_flag=True, help="Publish the samples only, stamped now, as a DAQ node would."
+)
+@_examples("play bags/c_dat3_0g", "play bags/c_dat3_0g --rate 2", "play bags/run1 --stand-in")
+def play(bag: Path, rate: float, *, loop: bool, stand_in: bool) -> None:
+    """Publish the messages of a bag with their original timing; the service ~/play stops it."""
+    parameters = {"bag": bag.absolute(), "rate": rate, "loop": loop, "stand_in": stand_in}
+    _exec_node("player_node", parameters)
 
 
 @main.command()
@@ -250,6 +336,16 @@ def repair(damaged: Path, output: Path) -> None:
     click.echo(repair_bag(damaged, output))
 
 
+@bag.command("check")
+@click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
+@_examples("bag check out/run1", "bag check bags/*/")
+def check(bags: tuple[Path, ...]) -> None:
+    """Find wrong bits, missing samples, wrong types and clock problems; exit code 1 if any."""
+    from flexarm_bringup.files import check_bags  # noqa: PLC0415
+
+    sys.exit(0 if check_bags(bags) else 1)
+
+
 @main.command(context_settings=_RUN_ON)
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 @_examples("test", "test test/unit -k margins")
@@ -265,23 +361,77 @@ def bench() -> None:
     """Measure flexarm beside its peers."""
 
 
-@bench.command("ident", context_settings=_RUN_ON, add_help_option=False)
-@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
-@_examples("bench ident --quick", "bench ident --install-peers --seeds 5 --json out/ident.json")
-def bench_ident(arguments: tuple[str, ...]) -> None:
-    """CPU time, memory and accuracy of the identification; --help lists the options."""
-    from flexarm_bringup.check import run_bench  # noqa: PLC0415
+# Name, what it measures, examples. Each is a file of the folder `bench`.
+_BENCHES = (
+    (
+        "ident",
+        "CPU time, memory and accuracy of the identification beside its peers",
+        ("--quick", "--install-peers --seeds 5"),
+    ),
+    ("rig", "Speed of the simulated rig in times real time", ("--json out/rig.json",)),
+    ("bags", "Speed of reading bags beside rosbags", ("--seconds 600",)),
+    (
+        "loop",
+        "The control loop over DDS beside a bare Python loop",
+        ("--rate 300 --rate 500", "--minutes 10 --load"),
+    ),
+    ("payload", "Payload detection, and gains that follow it", ("--seeds 20",)),
+    (
+        "control",
+        "Trials of the laws, their cost, and the tuning time",
+        ("--json out/control.json",),
+    ),
+    ("reduction", "Modes and reduced models of simulated experiments", ("--seeds 20",)),
+    ("faults", "The fault campaign: broken rigs, killed processes", ("--docs",)),
+    ("bag_faults", "Cut, flipped and mutated bags", ()),
+    ("endurance", "Ten minutes of recording at 500 Hz with a busy core", ()),
+)
 
-    sys.exit(run_bench("ident", arguments))
+
+def _add_bench(name: str, words: str, examples: tuple[str, ...]) -> None:
+    @bench.command(
+        name, context_settings=_RUN_ON, add_help_option=False, short_help=words, help=words
+    )
+    @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+    def measure(arguments: tuple[str, ...]) -> None:
+        from flexarm_bringup.check import run_bench  # noqa: PLC0415
+
+        sys.exit(run_bench(name, arguments))
+
+    lines = "\n".join(f"  flexarm bench {name} {example}" for example in ("", *examples))
+    measure.help = f"{words}; --help lists the options.\n\n\b\nExamples:\n{lines}"
+
+
+for _bench in _BENCHES:
+    _add_bench(*_bench)
 
 
 @main.command()
-@_examples("doctor")
-def doctor() -> None:
+@click.option("--hardware", is_flag=True, help="Examine the board and the sensors; moves nothing.")
+@click.option("--device", default="Dev1", show_default=True, help="Name of the board.")
+@click.option(
+    "--sensors",
+    default="ai0 ai1 ai2 ai3",
+    show_default=True,
+    help="Inputs of position, base gauge, middle gauge, speed.",
+)
+@click.option("--magnitude", default="ao0", show_default=True, help="Output, current's magnitude.")
+@click.option("--direction", default="ao1", show_default=True, help="Output, current's direction.")
+@click.option("--terminals", default="rse", show_default=True, help="rse, nrse, diff or default.")
+@click.option(
+    "--rate", type=click.FloatRange(10.0, 2000.0), default=300.0, show_default=True, help="Hz."
+)
+@_examples("doctor", "doctor --hardware", "doctor --hardware --device Dev2 --terminals diff")
+def doctor(*, hardware: bool, sensors: str, rate: float, **names: Any) -> None:  # noqa: ANN401
     """Say what this environment consists of and whether nodes can talk."""
-    from flexarm_bringup.doctor import examine  # noqa: PLC0415
+    if not hardware:
+        from flexarm_bringup.doctor import examine  # noqa: PLC0415
 
-    sys.exit(examine())
+        sys.exit(examine())
+    from flexarm_bringup.hardware import examine_hardware  # noqa: PLC0415
+    from flexarm_daq.nidaq_channels import NidaqSettings  # noqa: PLC0415
+
+    sys.exit(examine_hardware(NidaqSettings(sensors=tuple(sensors.split()), rate_hz=rate, **names)))
 
 
 def _exec_node(executable: str, parameters: dict[str, object]) -> None:

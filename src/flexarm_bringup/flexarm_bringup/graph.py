@@ -26,15 +26,23 @@ _NODES = {
     "recorder": ("flexarm_daq", "recorder_node"),
     "ident": ("flexarm_ident", "ident_node"),
     "controller": ("flexarm_control", "controller_node"),
+    "experiment": ("flexarm_daq", "experiment_node"),
     "daq": ("flexarm_daq", "daq_node"),
 }
+_MANAGED = ("daq", "controller", "experiment")
+LABORATORY = ("recorder", "ident", "controller", "daq")
+"""The nodes of a running laboratory, in the order in which they start."""
 
 
 @contextmanager
 def running_graph(
-    parameters: Mapping[str, Mapping[str, Any]], log: Path, *, nodes: Sequence[str] = tuple(_NODES)
+    parameters: Mapping[str, Mapping[str, Any]],
+    log: Path,
+    *,
+    nodes: Sequence[str] = LABORATORY,
+    active: Sequence[str] = ("controller",),
 ) -> Iterator[tuple[Operator, NodeProcesses]]:
-    """Start nodes of the laboratory, daq and controller configured, and stop them at the end.
+    """Start nodes, configure the managed ones, and stop all of them at the end.
 
     Parameters
     ----------
@@ -43,7 +51,9 @@ def running_graph(
     log
         File that gets what the nodes print.
     nodes
-        Which ones, with daq and controller among them.
+        Which ones, in this order.
+    active
+        Which of them to activate.
 
     Raises
     ------
@@ -62,9 +72,11 @@ def running_graph(
         operator = Operator(node, executor, processes.check)
         _require_free_domain(operator)
         with processes:
-            for name in ("daq", "controller"):
-                operator.configure(name)
-            operator.activate("controller")
+            for name in _MANAGED:
+                if name in nodes:
+                    operator.configure(name)
+            for name in active:
+                operator.activate(name)
             yield operator, processes
     finally:
         try_shutdown()

@@ -72,6 +72,11 @@ class Operator:
         if not self.transition(name, Transition.TRANSITION_ACTIVATE):
             raise LaunchError(f"{name} refused to activate")
 
+    def deactivate(self, name: str) -> None:
+        """Take a managed node from active to inactive."""
+        if not self.transition(name, Transition.TRANSITION_DEACTIVATE):
+            raise LaunchError(f"{name} refused to deactivate")
+
     def transition(self, name: str, transition: int) -> bool:
         """Ask a managed node for a transition and return whether it made it."""
         before = self.state(name)

@@ -1,0 +1,163 @@
+"""The experiments of the catalogue on the live graph, each recorded to a bag."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+
+from flexarm_bringup import terminal
+from flexarm_bringup.graph import running_graph
+from flexarm_bringup.processes import LaunchError
+from flexarm_daq.catalogue import KINDS, catalogue
+from flexarm_ident.bags import read_bag_report
+from flexarm_node.process import PRIORITY
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from flexarm_bringup.operation import Operator
+    from flexarm_daq.catalogue import Experiment
+
+MANIFEST = "experiments.json"
+_NODES = ("recorder", "controller", "experiment", "daq")
+
+
+@dataclass(frozen=True)
+class ExperimentSettings:
+    """What a user can choose.
+
+    Attributes
+    ----------
+    folder
+        Folder that gets a bag for each experiment, by its name.
+    payload_kg
+        Payload instead of the experiment's own, or None.
+    seed
+        Seed of the sensor noise and of random excitations.
+    fast
+        Virtual time instead of real time.
+    overwrite
+        Replace bags that are there.
+    """
+
+    folder: Path
+    payload_kg: float | None = None
+    seed: int = 1
+    fast: bool = False
+    overwrite: bool = False
+
+
+def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings) -> None:
+    """Run experiments one after the other and describe the bags in a manifest.
+
+    Raises
+    ------
+    LaunchError
+        When a bag is there already, or a node does not do its part.
+    """
+    folder = settings.folder.absolute()
+    _make_room(folder, entries, overwrite=settings.overwrite)
+    if settings.fast:
+        # Virtual time never rests: at real-time priority it would starve the recorder.
+        os.environ[PRIORITY] = "0"
+    time = "virtual" if settings.fast else "real"
+    parameters = {"daq": {"time": time, "seed": settings.seed}}
+    log = folder / "nodes.log"
+    with running_graph(parameters, log, nodes=_NODES, active=()) as (operator, _):
+        for number, entry in enumerate(entries, start=1):
+            terminal.step(f"{number} of {len(entries)}: {entry.name}, {_words(entry)}")
+            bag = folder / entry.name
+            try:
+                _record(operator, entry, bag, settings)
+            except BaseException:
+                shutil.rmtree(bag, ignore_errors=True)
+                raise
+            _describe(folder, entry, bag, settings)
+    terminal.step(f"{len(entries)} bags in {settings.folder}, described in {MANIFEST}")
+
+
+def show_catalogue() -> None:
+    """Print the experiments as one table."""
+    table = Table("name", "kind", "length", "rate", "payload", "input", box=None, header_style="")
+    for entry in catalogue().values():
+        table.add_row(
+            entry.name,
+            KINDS[entry.kind],
+            f"{entry.samples}",
+            f"{entry.rate_hz:g} Hz",
+            f"{1e3 * entry.payload_kg:.0f} g",
+            entry.input_text,
+        )
+    terminal.CONSOLE.print(table)
+
+
+def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) -> None:
+    for bag in (folder / entry.name for entry in entries):
+        if bag.exists() and not overwrite:
+            raise LaunchError(f"{bag} is there already: --overwrite replaces it, -o names another")
+        shutil.rmtree(bag, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
+
+
+def _record(operator: Operator, entry: Experiment, bag: Path, settings: ExperimentSettings) -> None:
+    payload_kg = entry.payload_kg if settings.payload_kg is None else settings.payload_kg
+    operator.set_parameters("daq", {"rate_hz": float(entry.rate_hz), "payload_kg": payload_kg})
+    commander = "controller" if entry.closed_loop else "experiment"
+    operator.set_parameters(commander, commander_parameters(entry, settings.seed))
+    operator.activate(commander)
+    operator.record(str(bag))
+    with terminal.progress_bar("sampling", entry.samples) as progress:
+        operator.sample(entry.samples, progress)
+    terminal.CONSOLE.print(f"  recorded {operator.record(None)}")
+    operator.deactivate(commander)
+
+
+def commander_parameters(entry: Experiment, seed: int) -> dict[str, Any]:
+    """Return the parameters of the node that commands in an experiment."""
+    if not entry.closed_loop:
+        return {"waveform": entry.waveform, "magnitude_v": entry.magnitude_v, "seed": seed}
+    profile = dict(entry.profile)
+    parameters: dict[str, Any] = {"law": entry.law, "reference": entry.reference}
+    parameters |= _below(entry.law, entry.gains) | _below(entry.reference, profile)
+    if entry.reference == "varying_square":
+        parameters["varying_square.seed"] = seed
+    return parameters
+
+
+def _below(prefix: str, values: Mapping[str, float]) -> dict[str, float]:
+    return {f"{prefix}.{name}": float(value) for name, value in values.items()}
+
+
+def _words(entry: Experiment) -> str:
+    return f"{entry.input_text}, {entry.samples} samples at {entry.rate_hz:g} Hz"
+
+
+def _describe(folder: Path, entry: Experiment, bag: Path, settings: ExperimentSettings) -> None:
+    """Add what a bag holds to the manifest; the hash is over the samples, not over the file."""
+    reading = read_bag_report(bag)
+    data = reading.data
+    digest = hashlib.sha256(data.u.tobytes())
+    digest.update(data.y.tobytes())
+    manifest = folder / MANIFEST
+    known: dict[str, Any] = json.loads(manifest.read_text()) if manifest.is_file() else {}
+    known[entry.name] = {
+        "samples": reading.samples,
+        "lost": reading.lost,
+        "rate_hz": entry.rate_hz,
+        "payload_kg": entry.payload_kg if settings.payload_kg is None else settings.payload_kg,
+        "seed": settings.seed,
+        "time": "virtual" if settings.fast else "real",
+        "sha256_of_samples": digest.hexdigest(),
+    }
+    manifest.write_text(json.dumps(known, indent=1) + "\n")
+    largest_v = abs(data.y[:, 0]).max()
+    terminal.CONSOLE.print(
+        f"  position within {largest_v:.2f} V, command {abs(data.u).max():.2f} V"
+    )

@@ -1,0 +1,121 @@
+"""The experiments of the thesis by their names (section 2.4, Tables A-1 to A-4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+KINDS: Mapping[str, str] = MappingProxyType(
+    {
+        "open_loop": "open loop (2.4.1, Table A-1)",
+        "bounded": "bounded position (2.4.2, Table A-2)",
+        "closed_loop": "closed loop (2.4.3, Table A-3)",
+        "controller": "controller run (chapter 4, Table A-4)",
+    }
+)
+"""Kinds of experiments, and where the thesis describes them."""
+
+
+class CatalogueError(ValueError):
+    """There is no such experiment; the message lists what there is."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One entry of the tables.
+
+    Open-loop and bounded experiments have a waveform and a magnitude. The others have a law with
+    its gains and a reference with its profile, by the names of the controller's parameters.
+
+    Attributes
+    ----------
+    name
+        Name in the thesis, such as ``C_dat3``.
+    kind
+        A key of `KINDS`.
+    file
+        Name of the thesis's data file.
+    samples, rate_hz
+        Length and sampling rate.
+    payload_kg
+        Payload at the tip, kg.
+    waveform, magnitude_v
+        A key of `flexarm_daq.excitation.EXCITATIONS`, empty with a law, and its magnitude, V.
+    law, gains
+        Law of the controller, empty with a waveform, and its gains that differ from the defaults.
+    reference, profile
+        Reference of the controller, and its values.
+    """
+
+    name: str
+    kind: str
+    file: str
+    samples: int
+    rate_hz: float
+    payload_kg: float = 0.0
+    waveform: str = ""
+    magnitude_v: float = 0.0
+    law: str = ""
+    gains: Mapping[str, float] = field(default_factory=dict)
+    reference: str = ""
+    profile: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def length_s(self) -> float:
+        """Length of the record."""
+        return self.samples / self.rate_hz
+
+    @property
+    def closed_loop(self) -> bool:
+        """Whether a controller makes the commands."""
+        return bool(self.law)
+
+    @property
+    def input_text(self) -> str:
+        """What drives the arm, in words."""
+        if not self.closed_loop:
+            return f"{self.waveform.replace('_', ' ')} {self.magnitude_v:g} V"
+        gains = ", ".join(f"{name} {value:g}" for name, value in self.gains.items())
+        profile = ", ".join(f"{name} {value:g}" for name, value in self.profile.items())
+        law = f"{self.law} ({gains})" if gains else self.law
+        return f"{law}, {self.reference.replace('_', ' ')} ({profile})"
+
+
+@cache
+def catalogue() -> Mapping[str, Experiment]:
+    """Every experiment by its name, in the order of the tables."""
+    text = (files("flexarm_daq") / "catalogue.yaml").read_text("utf-8")
+    entries: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    return MappingProxyType({name: Experiment(name, **entry) for name, entry in entries.items()})
+
+
+def experiment(name: str) -> Experiment:
+    """Return an experiment by its name; upper and lower case and blanks do not matter.
+
+    Raises
+    ------
+    CatalogueError
+        When there is none; the message lists the names.
+
+    Examples
+    --------
+    >>> experiment("C_dat3").length_s
+    40.0
+    """
+    wanted = name.strip().replace(" ", "_").lower()
+    for known, entry in catalogue().items():
+        if known.lower() == wanted:
+            return entry
+    kinds = dict.fromkeys(known.rstrip("0123456789") for known in catalogue())
+    ranges = [
+        f"{kind}1 to {kind}{sum(known.startswith(kind) for known in catalogue())}" for kind in kinds
+    ]
+    raise CatalogueError(f"no experiment {name!r}; there are {', '.join(ranges)}")

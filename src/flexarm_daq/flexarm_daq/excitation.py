@@ -1,0 +1,245 @@
+"""Excitation signals of the open-loop and the bounded position experiments (2.4.1, 2.4.2).
+
+An excitation is a pure stepper: time and position in, command out. The same seed gives the same
+signal. What the thesis leaves open is chosen here and said so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+DIRECTION_HZ: Final = 0.5
+"""Frequency at which the direction alternates (2.4.1, items 1 and 2)."""
+VARYING_HZ: Final = (0.6, 3.0)
+"""Frequencies of the varying square waveform (2.4.1, item 3)."""
+BOUND_V: Final = 3.0
+"""Bound of the position, 35 degrees (2.4.2)."""
+HOLD_S: Final = 0.01
+"""How long a random magnitude is held. Chosen: its spectrum is flat over the modes below 50 Hz."""
+_ROUNDING_S = 1e-9
+
+
+class Excitation(Protocol):
+    """A signal that excites the arm."""
+
+    def step(self, time_s: float, position_v: float) -> float:
+        """Give the command at a sample, in V.
+
+        Parameters
+        ----------
+        time_s
+            Time since the start, s; must not decrease between two calls of `reset`.
+        position_v
+            Measured position, V.
+        """
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+
+@dataclass
+class Held:
+    """Random numbers, uniform on [0, 1), each held for a while.
+
+    Attributes
+    ----------
+    seed
+        The same seed gives the same numbers.
+    """
+
+    seed: int
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def at(self, time_s: float) -> float:
+        """Give the number at a time that does not decrease."""
+        index = int((time_s + _ROUNDING_S) / HOLD_S)
+        while self._index < index:
+            self._index += 1
+            self._value = float(self._random.random())
+        return self._value
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._random = np.random.default_rng(self.seed)
+        self._index = -1
+        self._value = 0.0
+
+
+@dataclass
+class Square:
+    """Constant magnitude whose direction alternates at 0.5 Hz (2.4.1, item 1; Figure 2-5a).
+
+    It begins in the middle of a half-period, so that the arm swings about where it starts. That is
+    chosen: with a whole half-period the arm would go to one side only.
+
+    Attributes
+    ----------
+    magnitude_v
+        Magnitude, V.
+    """
+
+    magnitude_v: float
+
+    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+        """Give the command at a sample; see `Excitation.step`."""
+        return self.magnitude_v * alternating(time_s)
+
+    def reset(self) -> None:
+        """Do nothing: the signal has no state."""
+
+
+@dataclass
+class PeriodicRandom:
+    """Random magnitude whose direction alternates at 0.5 Hz (2.4.1, item 2; Figure 2-5b).
+
+    Attributes
+    ----------
+    magnitude_v
+        Largest magnitude, V; it is uniformly distributed from 0.
+    seed
+        Seed of the magnitudes.
+    """
+
+    magnitude_v: float
+    seed: int
+
+    def __post_init__(self) -> None:
+        self._held = Held(self.seed)
+
+    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+        """Give the command at a sample; see `Excitation.step`."""
+        return self.magnitude_v * self._held.at(time_s) * alternating(time_s)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._held.reset()
+
+
+@dataclass
+class VaryingSquare:
+    """Constant magnitude whose direction alternates at 0.6 to 3 Hz (2.4.1, item 3; Figure 2-5c).
+
+    Each half-period has its own frequency, uniformly distributed over the range: chosen. The first
+    one is halved, as in `Square`.
+
+    Attributes
+    ----------
+    magnitude_v
+        Magnitude, V.
+    seed
+        Seed of the frequencies.
+    """
+
+    magnitude_v: float
+    seed: int
+    _direction: float = field(default=1.0, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+        """Give the command at a sample; see `Excitation.step`."""
+        while time_s + _ROUNDING_S >= self._until_s:
+            self._until_s += self._half_period_s()
+            self._direction = -self._direction
+        return self.magnitude_v * self._direction
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._random = np.random.default_rng(self.seed)
+        self._until_s = 0.5 * self._half_period_s()
+        self._direction = 1.0
+
+    def _half_period_s(self) -> float:
+        return 0.5 / float(self._random.uniform(*VARYING_HZ))
+
+
+@dataclass
+class Random:
+    """Random magnitude and direction (2.4.1, item 4; Figure 2-5d).
+
+    Attributes
+    ----------
+    magnitude_v
+        Largest magnitude, V; the command is uniformly distributed between both signs of it.
+    seed
+        Seed of the commands.
+    """
+
+    magnitude_v: float
+    seed: int
+
+    def __post_init__(self) -> None:
+        self._held = Held(self.seed)
+
+    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+        """Give the command at a sample; see `Excitation.step`."""
+        return self.magnitude_v * (2.0 * self._held.at(time_s) - 1.0)
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._held.reset()
+
+
+@dataclass
+class Bounded:
+    """The direction turns when the position reaches a bound (2.4.2; Figure 2-10).
+
+    The arm first moves towards the positive bound.
+
+    Attributes
+    ----------
+    magnitude_v
+        Magnitude, V; the largest one when it is random.
+    held
+        Random magnitudes as a share of the largest (Figure 2-10b), or None for a constant one
+        (Figure 2-10a).
+    bound_v
+        The bound, V.
+    """
+
+    magnitude_v: float
+    held: Held | None = None
+    bound_v: float = BOUND_V
+    _direction: float = field(default=1.0, init=False, repr=False)
+
+    def step(self, time_s: float, position_v: float) -> float:
+        """Give the command at a sample; see `Excitation.step`."""
+        if self._direction * position_v >= self.bound_v:
+            self._direction = -self._direction
+        share = 1.0 if self.held is None else self.held.at(time_s)
+        return self._direction * self.magnitude_v * share
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self._direction = 1.0
+        if self.held is not None:
+            self.held.reset()
+
+
+def alternating(time_s: float) -> float:
+    """Direction that alternates at `DIRECTION_HZ`, from the middle of a positive half-period."""
+    phase = (DIRECTION_HZ * (time_s + _ROUNDING_S) + 0.25) % 1.0
+    return 1.0 if phase < 0.5 else -1.0  # noqa: PLR2004 - half a period
+
+
+#: Every excitation by its name, made from magnitude and seed.
+EXCITATIONS: Final[Mapping[str, Callable[[float, int], Excitation]]] = MappingProxyType(
+    {
+        "square": lambda magnitude_v, _: Square(magnitude_v),
+        "periodic_random": PeriodicRandom,
+        "varying_square": VaryingSquare,
+        "random": Random,
+        "bounded_constant": lambda magnitude_v, _: Bounded(magnitude_v),
+        "bounded_random": lambda magnitude_v, seed: Bounded(magnitude_v, Held(seed)),
+    }
+)

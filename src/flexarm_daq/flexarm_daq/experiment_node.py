@@ -1,0 +1,95 @@
+"""The exciter: answers every sample of `state` with a command of an open-loop experiment.
+
+A managed node that takes the controller's place on `command`. It carries no compensation: what is
+sent is the whole command (2.4.1, 2.4.2).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from flexarm_daq.excitation import BOUND_V, EXCITATIONS, Excitation
+from flexarm_msgs.msg import ArmState, MotorCommand
+from flexarm_node import qos
+from flexarm_node.loop_node import LoopNode, wait_until
+from flexarm_node.parameters import ParameterSpec
+from flexarm_node.process import run
+from flexarm_node.waiting import TopicWaiter
+
+if TYPE_CHECKING:
+    import threading
+    from collections.abc import Mapping
+
+_WAIT_S = 0.1
+
+PARAMETERS = (
+    ParameterSpec("waveform", "square", "the excitation", choices=tuple(EXCITATIONS)),
+    ParameterSpec(
+        "magnitude_v", 1.0, "magnitude; the largest one when it is random", 0.0, 10.0, "V"
+    ),
+    ParameterSpec("seed", 0, "seed of what is random", 0, 2**31 - 1),
+)
+
+
+def _excitation(values: Mapping[str, Any]) -> Excitation:
+    return EXCITATIONS[values["waveform"]](values["magnitude_v"], values["seed"])
+
+
+class ExperimentNode(LoopNode):
+    """Wires parameters and topics to an excitation."""
+
+    def __init__(self) -> None:
+        super().__init__("experiment", PARAMETERS, accept=_excitation)
+        self._answered = 0
+        self.start_if_asked()
+
+    def make_topics(self) -> None:
+        """Make the topics of the loop."""
+        self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
+        self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
+
+    def release_topics(self) -> None:
+        """Give the topics back."""
+        self._states.close()
+        self.destroy_publisher(self._commands)
+
+    def prepare(self) -> None:
+        """Make the excitation, and wait until the commands have a reader, if there is one."""
+        self._excitation = _excitation(self.parameters.values())
+        wait_until(lambda: self._commands.get_subscription_count() > 0)
+
+    def loop(self, stopping: threading.Event) -> None:
+        """Answer until told to stop; a new run of samples begins the experiment anew."""
+        last_sequence, start_ns = 0, 0
+        command = MotorCommand()
+        command.header.frame_id = "flexarm"
+        while not stopping.is_set():
+            state = self._states.wait_newest(_WAIT_S)
+            if state is None:
+                continue
+            stamp = state.header.stamp
+            # In whole nanoseconds: seconds since 1970 have no room for them in a float.
+            stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+            if state.sequence <= last_sequence or last_sequence == 0:
+                start_ns = stamp_ns
+                self._excitation.reset()
+            last_sequence = state.sequence
+            command.header.stamp = self.get_clock().now().to_msg()
+            command.sequence += 1
+            command.state_sequence = state.sequence
+            command.effort_v = self._excitation.step((stamp_ns - start_ns) * 1e-9, state.position_v)
+            self._commands.publish(command)
+            self._answered += 1
+
+    def figures(self) -> Mapping[str, object]:
+        """Return the figures of the loop."""
+        return {
+            "waveform": self.parameters.values()["waveform"],
+            "bound V": BOUND_V,
+            "answered samples": self._answered,
+        }
+
+
+def main() -> int:
+    """Run the node."""
+    return run(ExperimentNode, realtime=True)

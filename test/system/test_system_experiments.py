@@ -1,0 +1,88 @@
+"""Experiments of the catalogue on live nodes."""
+
+from __future__ import annotations
+
+import json
+import signal
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from system_graph import ROOT, States
+
+from flexarm_daq.excitation import BOUND_V
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from system_graph import Graph
+
+pytestmark = pytest.mark.system
+
+COMMAND = [str(ROOT / "flexarm"), "experiment"]
+
+
+def run(graph: Graph, folder: Path, *names: str) -> dict[str, Any]:
+    """Run experiments in virtual time and return their manifest."""
+    process = graph.run([*COMMAND, *names, "--fast", "--seed", "3", "-o", str(folder)])
+    assert process.exit_code(240.0) == 0, process.printed
+    assert graph.survivors() == []
+    content: dict[str, Any] = json.loads((folder / "experiments.json").read_text())
+    return content
+
+
+def test_experiments___are_recorded_as_the_tables_say_and_repeat_themselves(
+    graph: Graph, tmp_path: Path
+) -> None:
+    first = run(graph, tmp_path / "first", "O_dat5", "B_dat8", "R_dat7")
+
+    described = {name: (each["samples"], each["rate_hz"]) for name, each in first.items()}
+    assert described == {"O_dat5": (3000, 300), "B_dat8": (12000, 300), "R_dat7": (3000, 300)}
+    assert [first[name]["payload_kg"] for name in first] == [0.0, 0.0, 0.2]
+    assert all(each["lost"] == 0 for each in first.values())
+
+    open_loop = States(tmp_path / "first" / "O_dat5")
+    assert np.max(np.abs(open_loop.command_v)) <= 1.0
+    bounded = States(tmp_path / "first" / "B_dat8")
+    turns = np.flatnonzero(np.diff(np.sign(bounded.command_v[2:])))
+    position_v = bounded.volts[2:, 0]
+    assert len(turns) > 20
+    # The command that turns is in force from the sample after the one that reached the bound.
+    assert np.all(np.abs(position_v[turns]) >= BOUND_V - 0.1)
+    controlled = States(tmp_path / "first" / "R_dat7")
+    assert controlled.volts[-300:, 0].mean() == pytest.approx(3.0, abs=0.06)
+
+    again = run(graph, tmp_path / "again", "R_dat7", "O_dat5")
+    for name in ("R_dat7", "O_dat5"):
+        assert again[name] == first[name]
+
+
+def test_experiment_interrupted___leaves_neither_process_nor_bag(
+    graph: Graph, tmp_path: Path
+) -> None:
+    process = graph.run([*COMMAND, "C_dat3", "-o", str(tmp_path / "out")])
+    process.wait_for("10 % sampling")
+    process.send(signal.SIGINT)
+
+    assert process.exit_code() == 130
+    assert not (tmp_path / "out" / "C_dat3").exists()
+    assert graph.survivors() == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["X_dat1"], "no experiment 'X_dat1'; there are O_dat1 to O_dat14"),
+        (["O_dat1"], "O_dat1 is there already: --overwrite replaces it"),
+    ],
+)
+def test_experiment_that_cannot_be___is_refused_in_one_line(
+    graph: Graph, tmp_path: Path, arguments: list[str], complaint: str
+) -> None:
+    (tmp_path / "O_dat1").mkdir()
+
+    process = graph.run([*COMMAND, *arguments, "-o", str(tmp_path)])
+
+    assert process.exit_code() == 1
+    (line,) = process.printed.strip().splitlines()
+    assert complaint in line
