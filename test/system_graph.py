@@ -291,6 +291,8 @@ class States:
             ]
         self.sequence = np.array([message.sequence for message in messages], dtype=np.int64)
         self.command_sequence = np.array([m.command_sequence for m in messages], dtype=np.int64)
+        stamps = [message.header.stamp for message in messages]
+        self.stamp_s = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
         names = (
             "position_v",
             "base_strain_v",

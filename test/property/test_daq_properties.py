@@ -71,14 +71,16 @@ def test_channel___to_si_and_back___is_the_same_voltage(channel: Channel, volts:
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 5)), max_size=40))
 def test_watchdog___any_history___judges_by_the_last_feed(events: list[tuple[bool, int]]) -> None:
     watchdog = Watchdog(1.0, max_age_periods=3)
-    now_s = 0
+    now_s = samples = 0
     fed_s: int | None = None
     for feeds, wait_s in events:
-        now_s += wait_s
         if feeds:
             watchdog.fed(now_s)
-            fed_s = now_s
-        assert watchdog.stale(now_s) == (fed_s is None or now_s - fed_s > 3)
+            fed_s, samples = now_s, 0
+        now_s += wait_s
+        samples += 1
+        is_stale = fed_s is None or now_s - fed_s >= 3 or samples >= 3
+        assert watchdog.stale(now_s) == is_stale
 
 
 @settings(max_examples=30)

@@ -5,13 +5,21 @@ control loops unstable. In real time the loop ticks on absolute deadlines and se
 between; when it is late it skips whole periods and counts them, it never bursts. In virtual time
 it is lock-step: every sample waits for its answer, so a run is as fast as the machine allows and
 gives the same numbers for the same seed.
+
+Time is the rig's and the monotonic clock's: a jump of the wall clock changes nothing here.
 """
 
 from __future__ import annotations
 
+import math
 import time
+from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from flexarm_daq.channels import CHANNELS
+from flexarm_daq.commander import Commander, Verdict
+from flexarm_daq.rig import RigError
+from flexarm_daq.safety import Event, Safety
 from flexarm_node.statistics import Window
 
 if TYPE_CHECKING:
@@ -20,22 +28,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from flexarm_daq.commander import Command
     from flexarm_daq.limiter import Limiter
-    from flexarm_daq.rig import Rig
+    from flexarm_daq.rig import Rig, RigSample
+    from flexarm_daq.sensor_check import SensorCheck
     from flexarm_daq.watchdog import Watchdog
 
-_STATISTICS_S = 10.0
 # The middleware's timed wait wakes up late; the rest of the period is slept.
 _WAKE_MARGIN_S = 2e-4
-
-
-class Command(NamedTuple):
-    """What a controller asks for in answer to one sample."""
-
-    sequence: int
-    state_sequence: int
-    effort_v: float
-    compensation_v: float
+# In virtual time a sample may wait long for its answer; being told to stop must not.
+_STOP_POLL_S = 0.05
 
 
 class Applied(NamedTuple):
@@ -75,14 +77,36 @@ class Acquisition:
 
     Parameters
     ----------
-    rig, limiter, watchdog, link
-        What is sampled, the last gate before it, the judge of the command's age, and the far end.
+    rig, limiter, watchdog, sensors, link
+        What is sampled, the last gate before it, the judge of the command's age, the judge of the
+        sensors, and the far end.
     rate_hz
         Sampling rate.
     samples
         The run ends by itself after that many samples; 0 runs until it is stopped.
+    paced_by_rig
+        In real time: the rig's own clock says when a sample is due, and reading waits for it.
     answer_timeout_s
         None runs in real time. Otherwise lock-step: how long a sample waits for its answer.
+    statistics_s
+        How long `late_s` and `reply_s` look back.
+
+    Attributes
+    ----------
+    safety : Safety
+        State of the drive.
+    commander : Commander
+        Who is in force, and what became of the commands.
+    sequence : int
+        Samples taken.
+    missed : int
+        Whole periods skipped.
+    unanswered : int
+        Samples whose answer had not come when the next one was taken.
+    limited_by : Counter of str
+        How often each limit of the limiter acted.
+    late_s, reply_s : Window
+        Lateness of the ticks, and time from a sample to its command.
     """
 
     def __init__(
@@ -90,33 +114,44 @@ class Acquisition:
         rig: Rig,
         limiter: Limiter,
         watchdog: Watchdog,
+        sensors: SensorCheck,
         link: Link,
         *,
         rate_hz: float,
         samples: int = 0,
+        paced_by_rig: bool = False,
         answer_timeout_s: float | None = None,
+        statistics_s: float = 10.0,
     ) -> None:
         self._rig = rig
         self._limiter = limiter
         self._watchdog = watchdog
+        self._sensors = sensors
         self._link = link
         self._period_s = 1.0 / rate_hz
         self._samples = samples
+        self._paced_by_rig = paced_by_rig
         self._answer_timeout_s = answer_timeout_s
         self._emergency = False
         self._position_v = 0.0
-        self._answer = Command(0, 0, 0.0, 0.0)
         self._applied = _NOTHING
         self._tick_s = 0.0
-        self._sample_time_s = 0.0
+        self._sample_time_s = -math.inf
+        self.safety = Safety()
+        self.commander = Commander()
         self.sequence = 0
         self.missed = 0
         self.unanswered = 0
-        self.refused = 0
         self.limited = 0
-        size = max(1, round(_STATISTICS_S * rate_hz))
+        self.limited_by: Counter[str] = Counter()
+        size = max(1, round(statistics_s * rate_hz))
         self.late_s = Window(size)
         self.reply_s = Window(size)
+
+    @property
+    def refused(self) -> int:
+        """Commands that were not obeyed because of where they come from or what they answer."""
+        return self.commander.verdicts.total() - self.commander.verdicts[Verdict.ACCEPTED]
 
     def emergency_stop(self) -> None:
         """Take the drive to zero at the next tick and keep it there until the run ends.
@@ -131,38 +166,73 @@ class Acquisition:
         Raises
         ------
         RigError
-            When the rig fails; the drive has been told to stop before it is raised.
+            When the rig fails; the drive has been told to stop before it is raised. The same holds
+            for whatever else is raised.
         """
         try:
             self._rig.open()
+            self.safety.on(Event.START)
             deadline_s = time.monotonic()
             while not stop.is_set():
                 self._tick()
                 if self._samples and self.sequence >= self._samples:
                     break
-                if self._answer_timeout_s is None:
-                    deadline_s = self._next_deadline(deadline_s)
-                    self._serve_until(deadline_s)
-                    self.late_s.add(time.monotonic() - deadline_s)
+                if self._answer_timeout_s is not None:
+                    self._await_answer(self._answer_timeout_s, stop)
+                    continue
+                if self._paced_by_rig:
+                    # A little early, so that lateness does not stay: reading waits out the rest.
+                    deadline_s = self._tick_s + self._period_s - _WAKE_MARGIN_S
                 else:
-                    self._await_answer(self._answer_timeout_s)
+                    deadline_s = self._next_deadline(deadline_s)
+                self._serve_until(deadline_s)
+                self.late_s.add(time.monotonic() - deadline_s)
+        except BaseException as error:
+            self._rig.safe_stop()
+            self.safety.on(Event.FAILURE, str(error))
+            raise
         finally:
             self._rig.safe_stop()
+            self.safety.on(Event.END)
             self._rig.close()
 
     def _tick(self) -> None:
         sample = self._rig.read()
+        self._require_whole(sample)
+        if self._paced_by_rig and self.sequence:
+            self.missed += round((sample.time_s - self._sample_time_s) / self._period_s) - 1
         self._tick_s = time.monotonic()
-        if self._answer.state_sequence != self.sequence:
+        if self.commander.answered != self.sequence:
             self.unanswered += 1
         in_force = self._applied
-        if in_force != _NOTHING and (self._emergency or self._watchdog.stale(sample.time_s)):
+        self._look_for_faults(sample)
+        if in_force != _NOTHING and not self.safety.driving:
             self._write(_NOTHING)
             self._limiter.reset()
         self.sequence += 1
         self._position_v = float(sample.volts[0])
-        self._link.publish(Record(self.sequence, sample.time_s, sample.volts, *in_force))
         self._sample_time_s = sample.time_s
+        self._link.publish(Record(self.sequence, sample.time_s, sample.volts, *in_force))
+
+    def _require_whole(self, sample: RigSample) -> None:
+        if len(sample.volts) != len(CHANNELS):
+            raise RigError(
+                f"short reading: {len(sample.volts)} of {len(CHANNELS)} channels, check the board"
+            )
+        if not sample.time_s > self._sample_time_s:
+            raise RigError(
+                f"the rig's clock does not go on after {sample.time_s:.4f} s, check the board"
+            )
+
+    def _look_for_faults(self, sample: RigSample) -> None:
+        complaint = self._sensors.complaint(sample.time_s, sample.volts)
+        if complaint:
+            self.safety.on(Event.SENSOR_FAULT, complaint)
+        if self._emergency:
+            self.safety.on(Event.EMERGENCY_STOP, "emergency stop")
+        if self._watchdog.stale(sample.time_s):
+            self.commander.release()
+            self.safety.on(Event.STALE)
 
     def _next_deadline(self, deadline_s: float) -> float:
         late_s = time.monotonic() - (deadline_s + self._period_s)
@@ -180,27 +250,40 @@ class Acquisition:
             if command is not None:
                 self._act(command)
 
-    def _await_answer(self, timeout_s: float) -> None:
+    def _await_answer(self, timeout_s: float, stop: threading.Event) -> None:
         until_s = time.monotonic() + timeout_s
-        while self._answer.state_sequence != self.sequence:
-            command = self._link.wait(until_s - time.monotonic())
-            if command is None:
+        while self.commander.answered != self.sequence and not stop.is_set():
+            left_s = until_s - time.monotonic()
+            command = self._link.wait(min(left_s, _STOP_POLL_S))
+            if command is not None:
+                self._act(command)
+            elif left_s <= _STOP_POLL_S:
+                self.commander.release()
                 return
-            self._act(command)
 
     def _act(self, command: Command) -> None:
-        if not self._answer.state_sequence < command.state_sequence <= self.sequence:
-            self.refused += 1
+        verdict = self.commander.judge(command, self.sequence)
+        if verdict is Verdict.CONFLICT:
+            self.safety.on(
+                Event.TWO_COMMANDERS,
+                f"two commanders: command {command.sequence} for sample {command.state_sequence} "
+                "is not the only one",
+            )
+            self._write(_NOTHING)
+        if verdict is not Verdict.ACCEPTED:
             return
-        self._answer = command
         self._watchdog.fed(self._sample_time_s)
         self.reply_s.add(time.monotonic() - self._tick_s)
         if self._emergency:
+            return
+        self.safety.on(Event.COMMAND)
+        if not self.safety.driving:
             return
         limited = self._limiter.apply(
             command.effort_v, command.compensation_v, self._position_v, self._period_s
         )
         self.limited += bool(limited.reasons)
+        self.limited_by.update(limited.reasons)
         self._write(Applied(limited.command_v, limited.compensation_v, command.sequence))
 
     def _write(self, applied: Applied) -> None:

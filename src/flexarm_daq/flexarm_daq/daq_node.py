@@ -14,11 +14,17 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from flexarm_daq.acquisition import Acquisition, Command, Record
-from flexarm_daq.channels import CHANNELS, COMMAND, DRIVE_A_PER_V
-from flexarm_daq.limiter import Limiter, LimiterSettings
-from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
+from flexarm_daq.acquisition import Acquisition, Record
+from flexarm_daq.channels import CHANNEL_NAMES, CHANNELS, COMMAND, DRIVE_A_PER_V
+from flexarm_daq.commander import Command, Verdict
+from flexarm_daq.faulty_rig import Fault, FaultyRig
+from flexarm_daq.limiter import LIMITS, Limiter, LimiterSettings
+from flexarm_daq.parameters import RigParameters
 from flexarm_daq.rig import Rig, RigError
+from flexarm_daq.rigs import RIG_PARAMETERS, make_rig, wants_self_test
+from flexarm_daq.safety import COUNTED
+from flexarm_daq.self_test import run_self_test
+from flexarm_daq.sensor_check import SensorCheck, SensorLimits
 from flexarm_daq.simulated_rig import SimulatedRig
 from flexarm_daq.watchdog import Watchdog
 from flexarm_msgs.msg import ArmState, MotorCommand
@@ -26,6 +32,7 @@ from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode, wait_until
 from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
+from flexarm_node.statistics import Rate
 from flexarm_node.waiting import TopicWaiter
 
 if TYPE_CHECKING:
@@ -34,10 +41,10 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
-NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
+_NO_FAULT = "none"
 
 PARAMETERS = (
-    ParameterSpec("rig", "simulated", "which rig is sampled", choices=("simulated",)),
+    *RIG_PARAMETERS,
     ParameterSpec("rate_hz", 300.0, "sampling rate", 10.0, 2000.0, "Hz"),
     ParameterSpec(
         "time", "real", "real: by the clock; virtual: lock-step", choices=("real", "virtual")
@@ -45,12 +52,6 @@ PARAMETERS = (
     ParameterSpec("samples", 0, "deactivate after that many samples; 0: never", 0, 2**40),
     ParameterSpec(
         "listeners", 0, "readers of the samples that activating waits for, some seconds", 0, 1000
-    ),
-    ParameterSpec("payload_kg", 0.0, "simulated rig: mass at the tip", 0.0, 1.0, "kg"),
-    ParameterSpec("seed", 0, "simulated rig: seed of the sensor noise", 0, 2**31 - 1),
-    ParameterSpec("noise", "low", "simulated rig: sensor noise", choices=tuple(NOISE_V)),
-    ParameterSpec(
-        "reply_delay_s", 5e-4, "virtual time: from a sample to its command", 0.0, 0.1, "s"
     ),
     ParameterSpec(
         "answer_timeout_s", 1.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
@@ -60,7 +61,30 @@ PARAMETERS = (
         "max_slew_v_per_s", 6000.0, "limiter: fastest change of the command", 1.0, 1e6, "V/s"
     ),
     ParameterSpec("position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, 10.0, "V"),
+    ParameterSpec("statistics_s", 10.0, "how long the percentiles look back", 1.0, 7200.0, "s"),
     ParameterSpec("max_age_periods", 3, "watchdog: periods without an answer until zero", 1, 1000),
+    ParameterSpec(
+        "stuck_samples",
+        SensorLimits().stuck_samples,
+        "sensor check: equal readings in a row that mean a stuck sensor; 0: never",
+        0,
+        2**31 - 1,
+    ),
+    ParameterSpec(
+        "fault",
+        _NO_FAULT,
+        "simulated rig: a fault to inject",
+        choices=(_NO_FAULT, *(fault.value for fault in Fault)),
+    ),
+    ParameterSpec(
+        "fault_after_samples", 0, "simulated rig: samples before the fault sets in", 0, 2**31 - 1
+    ),
+    ParameterSpec(
+        "fault_channel",
+        CHANNEL_NAMES[0],
+        "simulated rig: the sensor of a sensor fault",
+        choices=CHANNEL_NAMES,
+    ),
 )
 
 _POSITION, _, _, _SPEED = CHANNELS
@@ -74,7 +98,14 @@ class DaqNode(LoopNode):
     """Wires parameters, topics and services to an `Acquisition`."""
 
     def __init__(self) -> None:
-        super().__init__("daq", PARAMETERS, accept=_rig_and_limits)
+        super().__init__(
+            "daq",
+            PARAMETERS,
+            accept=_rig_and_limits,
+            apply=self._on_changed,
+            expected=(RigError,),
+        )
+        self._rig: Rig | None = None
         self._acquisition: Acquisition | None = None
         self.create_service(Trigger, "emergency_stop", self._on_emergency_stop)
         self.start_if_asked()
@@ -91,16 +122,24 @@ class DaqNode(LoopNode):
         """Build the rig, and wait until everybody who listens will get the first sample."""
         values = self.parameters.values()
         rig, settings = _rig_and_limits(values)
+        self._rig = rig
         virtual = values["time"] == "virtual"
+        if wants_self_test(values):
+            run_self_test(rig, Limiter(settings), values["rate_hz"], paced=not virtual)
+            self.get_logger().info("self-test: every channel answers with the right sign")
         self._link.start(values["rate_hz"], await_controller=virtual, listeners=values["listeners"])
+        self._rate = Rate()
         self._acquisition = Acquisition(
             rig,
             Limiter(settings),
             Watchdog(1.0 / values["rate_hz"], values["max_age_periods"]),
+            SensorCheck(values["rate_hz"], _sensor_limits(values)),
             self._link,
             rate_hz=values["rate_hz"],
             samples=values["samples"],
+            paced_by_rig=values["rig"] != "simulated",
             answer_timeout_s=values["answer_timeout_s"] if virtual else None,
+            statistics_s=values["statistics_s"],
         )
 
     def loop(self, stopping: threading.Event) -> None:
@@ -108,27 +147,54 @@ class DaqNode(LoopNode):
         assert self._acquisition is not None  # noqa: S101 - prepared before
         try:
             self._acquisition.run(stopping)
-        except RigError as error:
-            self.get_logger().error(f"sampling stopped, the drive is at zero: {error}")
-        if self.parameters.values()["time"] == "virtual" and not stopping.is_set():
-            self._link.await_readers()
+            self.get_logger().info(f"{self._acquisition.sequence} samples, the drive is at zero")
+        finally:
+            if self.parameters.values()["time"] == "virtual" and not stopping.is_set():
+                self._link.await_readers()
+
+    def alarm(self) -> str:
+        """Return why the drive is held at zero, or was to the end of the run."""
+        assert self._acquisition is not None  # noqa: S101 - asked only in and after a run
+        reason = self._acquisition.safety.reason
+        return f"the drive is held at zero: {reason}" if reason else ""
 
     def figures(self) -> Mapping[str, object]:
         """Return the figures of the loop."""
         acquisition = self._acquisition
         assert acquisition is not None  # noqa: S101 - asked only while the loop runs
         late, reply = acquisition.late_s.percentiles(), acquisition.reply_s.percentiles()
+        rate_hz = self._rate.update(acquisition.sequence, time.monotonic())
+        safety, verdicts = acquisition.safety, acquisition.commander.verdicts
         return {
+            "drive": safety.state.value,
             "samples": acquisition.sequence,
+            "rate Hz": f"{rate_hz:.1f}",
             "missed periods": acquisition.missed,
             "unanswered samples": acquisition.unanswered,
+            "commanders": ", ".join(self._link.commanders()),
             "refused commands": acquisition.refused,
+            **{
+                f"refused commands: {verdict.value}": verdicts[verdict]
+                for verdict in Verdict
+                if verdict is not Verdict.ACCEPTED
+            },
             "limited commands": acquisition.limited,
+            **{f"limited commands: {name}": acquisition.limited_by[name] for name in LIMITS},
+            **{f"events: {event.value}": safety.counts[event] for event in COUNTED},
             "late p50 ms": f"{late.p50 * 1e3:.3f}",
             "late p99 ms": f"{late.p99 * 1e3:.3f}",
+            "late p999 ms": f"{late.p999 * 1e3:.3f}",
+            "late max ms": f"{late.maximum * 1e3:.3f}",
             "reply p50 ms": f"{reply.p50 * 1e3:.3f}",
             "reply p99 ms": f"{reply.p99 * 1e3:.3f}",
+            "reply p999 ms": f"{reply.p999 * 1e3:.3f}",
+            "reply max ms": f"{reply.maximum * 1e3:.3f}",
         }
+
+    def _on_changed(self, values: Mapping[str, Any]) -> None:
+        """Let the arm carry its new payload at once; the rest waits for the next activation."""
+        if isinstance(self._rig, SimulatedRig):
+            self._rig.change_payload(values["payload_kg"])
 
     def _on_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response
@@ -197,9 +263,19 @@ class _TopicLink:
         message = self._commands.wait_newest(timeout_s)
         if message is None:
             return None
+        stamp = message.header.stamp
         return Command(
-            message.sequence, message.state_sequence, message.effort_v, message.compensation_v
+            message.sequence,
+            message.state_sequence,
+            message.effort_v,
+            message.compensation_v,
+            stamp.sec * 1_000_000_000 + stamp.nanosec,
         )
+
+    def commanders(self) -> list[str]:
+        """Return the nodes that could send commands; one that was killed is seen for a while."""
+        found = self._node.get_publishers_info_by_topic(self._commands.topic)
+        return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found)
 
     def await_readers(self) -> None:
         """Wait until every reader has every sample: virtual time may have outrun them."""
@@ -222,19 +298,29 @@ class _TopicLink:
 
 def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
     """Build what the parameters describe; ValueError when they do not fit together."""
-    rig = SimulatedRig(
-        RigParameters(payload_kg=values["payload_kg"], noise_v=NOISE_V[values["noise"]]),
-        rate_hz=values["rate_hz"],
-        seed=values["seed"],
-        reply_delay_s=values["reply_delay_s"],
-        clock=None if values["time"] == "virtual" else time.monotonic,
-    )
     settings = LimiterSettings(
         max_command_v=values["max_command_v"],
         max_slew_v_per_s=values["max_slew_v_per_s"],
         position_bound_v=values["position_bound_v"],
     )
-    return rig, settings
+    rig = make_rig(values)
+    if values["fault"] == _NO_FAULT:
+        return rig, settings
+    if values["rig"] != "simulated":
+        raise ValueError(f"fault = '{values['fault']}' needs rig = 'simulated'")
+    faulty = FaultyRig(
+        rig,
+        Fault(values["fault"]),
+        after_samples=values["fault_after_samples"],
+        channel=values["fault_channel"],
+    )
+    return faulty, settings
+
+
+def _sensor_limits(values: Mapping[str, Any]) -> SensorLimits:
+    """Return the limits; where there is no noise, a resting arm looks stuck."""
+    has_noise = values["rig"] != "simulated" or values["noise"] != "none"
+    return SensorLimits(stuck_samples=values["stuck_samples"] if has_noise else 0)
 
 
 def main() -> int:

@@ -12,6 +12,7 @@ NOT_FINITE: Final = "not_finite"
 MAGNITUDE: Final = "magnitude"
 SLEW: Final = "slew"
 POSITION_BOUND: Final = "position_bound"
+LIMITS: Final = (NOT_FINITE, MAGNITUDE, SLEW, POSITION_BOUND)
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,17 @@ import math
 class Watchdog:
     """Tells whether the last command is too old to be in force.
 
+    The age of a command is counted in samples from the one that it answers. Time counts beside
+    them, since samples may be missing: with half a period to spare, as they come a little early or
+    late.
+
     Parameters
     ----------
     period_s : float
         Sampling period.
     max_age_periods : int
-        A command older than this many periods is stale.
+        So many samples, or the time of so many periods, after the sample that it answers a command
+        is stale.
 
     Attributes
     ----------
@@ -35,8 +40,10 @@ class Watchdog:
             raise ValueError(f"max_age_periods must be at least 1, got {max_age_periods}")
         self.feeds = 0
         self.lapses = 0
-        self._max_age_s = period_s * max_age_periods
+        self._max_age_samples = max_age_periods
+        self._max_age_s = period_s * (max_age_periods - 0.5)
         self._fed_s = -math.inf
+        self._samples = 0
         self._is_fresh = False
 
     def fed(self, now_s: float) -> None:
@@ -45,26 +52,29 @@ class Watchdog:
         Parameters
         ----------
         now_s : float
-            Monotonic time of its arrival.
+            Monotonic time of the sample that it answers.
         """
         self.feeds += 1
         self._fed_s = now_s
+        self._samples = 0
         self._is_fresh = True
 
     def stale(self, now_s: float) -> bool:
-        """Tell whether no command is in force.
+        """Tell whether no command is in force: asked once at every sample.
 
         Parameters
         ----------
         now_s : float
-            Monotonic time.
+            Monotonic time of the sample.
 
         Returns
         -------
         bool
             True if the last command is too old, or none has come yet.
         """
-        if self._is_fresh and now_s - self._fed_s > self._max_age_s:
+        self._samples += 1
+        is_old = self._samples >= self._max_age_samples or now_s - self._fed_s > self._max_age_s
+        if self._is_fresh and is_old:
             self._is_fresh = False
             self.lapses += 1
         return not self._is_fresh

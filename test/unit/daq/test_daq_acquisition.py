@@ -5,137 +5,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from acquisition_bench import (
+    PERIOD_S,
+    TIMEOUT_S,
+    Bench,
+    Clock,
+    at_once,
+    never,
+    reply,
+)
 
-from flexarm_daq.acquisition import Acquisition, Command, Record
-from flexarm_daq.limiter import Limiter, LimiterSettings
+from flexarm_daq.commander import Command, Verdict
+from flexarm_daq.limiter import LimiterSettings
 from flexarm_daq.rig import RigError, RigSample
-from flexarm_daq.watchdog import Watchdog
+from flexarm_daq.safety import DriveState
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-# A power of two: sums of periods are exact.
-RATE_HZ = 256.0
-PERIOD_S = 1.0 / RATE_HZ
-WIDE = LimiterSettings(max_slew_v_per_s=1e6)
-TIMEOUT_S = 1.0
-# A wait is over a little late, so that it never ends just before its end by rounding.
-WAKE_UP_S = 1e-9
-
-
-class Clock:
-    """Time that passes only when somebody waits."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def monotonic(self) -> float:
-        return self.now_s
-
-    def sleep(self, seconds: float) -> None:
-        assert seconds >= 0.0
-        self.now_s += seconds
-
-
-class LoggingRig:
-    """Notes every call with its instant; in virtual time sample k stands at k periods."""
-
-    def __init__(self, clock: Clock, *, virtual: bool) -> None:
-        self.calls: list[tuple[str, float]] = []
-        self.writes: list[float] = []
-        self.read_times_s: list[float] = []
-        self.write_times_s: list[float] = []
-        self.slow_reads_s: dict[int, float] = {}
-        self.fails_at: int | None = None
-        self.position_v = 0.0
-        self._clock = clock
-        self._virtual = virtual
-        self._start_s = clock.now_s
-
-    def open(self) -> None:
-        self.calls.append(("open", 0.0))
-
-    def read(self) -> RigSample:
-        count = len(self.read_times_s)
-        if count == self.fails_at:
-            raise RigError("a wire broke")
-        time_s = count * PERIOD_S if self._virtual else self._clock.now_s - self._start_s
-        self.calls.append(("read", time_s))
-        self.read_times_s.append(time_s)
-        self._clock.now_s += self.slow_reads_s.get(count, 0.0)
-        return RigSample(time_s, np.array([self.position_v, 0.1, 0.2, 0.3]))
-
-    def write(self, command_v: float) -> None:
-        self.calls.append(("write", command_v))
-        self.writes.append(command_v)
-        self.write_times_s.append(self._clock.now_s - self._start_s)
-
-    def safe_stop(self) -> None:
-        self.calls.append(("safe_stop", 0.0))
-
-    def close(self) -> None:
-        self.calls.append(("close", 0.0))
-
-
-class ScriptedLink:
-    """Answers every record with commands that arrive after their delays."""
-
-    def __init__(
-        self, clock: Clock, answer: Callable[[Record], Sequence[tuple[float, Command]]]
-    ) -> None:
-        self.records: list[Record] = []
-        self._clock = clock
-        self._answer = answer
-        self._coming: list[tuple[float, Command]] = []
-
-    def publish(self, record: Record) -> None:
-        self.records.append(record)
-        for delay_s, command in self._answer(record):
-            self._coming.append((self._clock.now_s + delay_s, command))
-
-    def wait(self, timeout_s: float) -> Command | None:
-        until_s = self._clock.now_s + max(timeout_s, 0.0)
-        if self._coming and self._coming[0][0] <= until_s:
-            arrival_s, command = self._coming.pop(0)
-            self._clock.now_s = max(self._clock.now_s, arrival_s)
-            return command
-        self._clock.now_s = until_s + WAKE_UP_S
-        return None
-
-
-class Bench:
-    """An acquisition between doubles, on a clock of its own."""
-
-    def __init__(
-        self,
-        clock: Clock,
-        answer: Callable[[Record], Sequence[tuple[float, Command]]],
-        *,
-        virtual: bool,
-        samples: int,
-        limits: LimiterSettings = WIDE,
-        max_age_periods: int = 3,
-    ) -> None:
-        self.rig = LoggingRig(clock, virtual=virtual)
-        self.link = ScriptedLink(clock, answer)
-        self.watchdog = Watchdog(PERIOD_S, max_age_periods)
-        self.acquisition = Acquisition(
-            self.rig,
-            Limiter(limits),
-            self.watchdog,
-            self.link,
-            rate_hz=RATE_HZ,
-            samples=samples,
-            answer_timeout_s=TIMEOUT_S if virtual else None,
-        )
-
-    def run(self) -> Bench:
-        self.acquisition.run(threading.Event())
-        return self
-
-    @property
-    def commands_v(self) -> list[float]:
-        return [record.command_v for record in self.link.records]
+    from flexarm_daq.acquisition import Record
 
 
 @pytest.fixture
@@ -143,18 +29,6 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
     monkeypatch.setattr("flexarm_daq.acquisition.time", made)
     return made
-
-
-def reply(record: Record, effort_v: float, compensation_v: float = 0.0) -> Command:
-    return Command(1000 + record.sequence, record.sequence, effort_v, compensation_v)
-
-
-def at_once(effort_v: Callable[[Record], float]) -> Callable[[Record], list[tuple[float, Command]]]:
-    return lambda record: [(0.0, reply(record, effort_v(record)))]
-
-
-def never(_: Record) -> list[tuple[float, Command]]:
-    return []
 
 
 def test_lock_step___every_sample_answered___commands_act_between_their_samples(
@@ -241,15 +115,20 @@ def test_duplicate_and_future_commands___are_refused_and_counted(clock: Clock) -
     def answer(record: Record) -> list[tuple[float, Command]]:
         command = reply(record, 1.0)
         future = command._replace(state_sequence=record.sequence + 1, effort_v=9.0)
-        duplicate = command._replace(effort_v=7.0)
-        return [(0.0, future), (0.0, command), (0.0, duplicate)]
+        return [(0.0, future), (0.0, command), (0.0, command)]
 
     bench = Bench(clock, answer, virtual=True, samples=3).run()
 
     # The duplicate of one sample is met while the answer to the next one is awaited.
     assert bench.rig.writes == [1.0, 1.0]
+    assert bench.acquisition.commander.verdicts == {
+        Verdict.ACCEPTED: 2,
+        Verdict.AHEAD: 2,
+        Verdict.DUPLICATE: 1,
+    }
     assert bench.acquisition.refused == 3
     assert bench.acquisition.unanswered == 0
+    assert bench.acquisition.safety.reason == ""
 
 
 def test_answer_to_no_sample___is_refused(clock: Clock) -> None:
@@ -268,8 +147,8 @@ def test_silent_controller___drive_goes_to_zero_after_the_age(
 
     bench = Bench(clock, answer, virtual=True, samples=15, max_age_periods=max_age_periods).run()
 
-    # In force from sample 4 on; stale at the first sample later than the age.
-    stale = 4 + max_age_periods + 1
+    # In force from sample 4 on; stale at the sample that completes the age.
+    stale = 4 + max_age_periods
     assert bench.commands_v == [0.0] * 4 + [2.0] * (stale - 4) + [0.0] * (15 - stale)
     assert bench.rig.writes == [2.0, 0.0]
     assert bench.rig.calls.index(("write", 0.0)) == 1 + bench.rig.calls.index(
@@ -284,11 +163,11 @@ def test_controller_that_comes_back___drives_again(clock: Clock) -> None:
         return [] if 2 <= record.sequence < 9 else [(0.0, reply(record, 2.0))]
 
     bench = Bench(clock, answer, virtual=True, samples=11).run()
-    assert bench.commands_v == [0.0, *[2.0] * 4, *[0.0] * 4, 2.0, 2.0]
+    assert bench.commands_v == [0.0, *[2.0] * 3, *[0.0] * 5, 2.0, 2.0]
 
 
 def test_slew___is_counted_from_zero_after_a_lapse(clock: Clock) -> None:
-    slow = LimiterSettings(max_slew_v_per_s=RATE_HZ)  # one volt a period
+    slow = LimiterSettings(max_slew_v_per_s=1.0 / PERIOD_S)  # one volt a period
 
     def answer(record: Record) -> list[tuple[float, Command]]:
         return [] if 4 <= record.sequence < 12 else [(0.0, reply(record, 10.0))]
@@ -385,3 +264,121 @@ def test_real_time___slow_reading___skips_whole_periods_and_never_bursts(clock: 
     )
     assert bench.acquisition.missed == 2
     assert [record.sequence for record in bench.link.records] == list(range(1, 9))
+
+
+@pytest.mark.parametrize("virtual", [True, False])
+@pytest.mark.parametrize("error", [RigError("a wire broke"), ZeroDivisionError("a defect")])
+def test_whatever_is_raised___leaves_the_drive_at_zero_and_says_why(
+    clock: Clock,
+    monkeypatch: pytest.MonkeyPatch,
+    error: Exception,
+    virtual: bool,  # noqa: FBT001 - a parameter of the test
+) -> None:
+    bench = Bench(clock, at_once(lambda _: 2.0), virtual=virtual, samples=9)
+
+    def publish(record: Record) -> None:
+        if record.sequence == 4:
+            raise error
+        bench.link.records.append(record)
+
+    monkeypatch.setattr(bench.link, "publish", publish)
+    with pytest.raises(type(error), match=str(error)):
+        bench.run()
+    assert bench.rig.calls[-2:] == [("safe_stop", 0.0), ("close", 0.0)]
+    assert bench.acquisition.safety.state is DriveState.OFF
+    assert bench.acquisition.safety.reason == str(error)
+
+
+def test_rig_that_cannot_be_opened___is_stopped_and_closed(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(clock, never, virtual=True, samples=9)
+
+    def fail() -> None:
+        raise RigError("in use")
+
+    monkeypatch.setattr(bench.rig, "open", fail)
+    with pytest.raises(RigError, match="in use"):
+        bench.run()
+    assert bench.rig.calls[-2:] == [("safe_stop", 0.0), ("close", 0.0)]
+
+
+def test_short_reading___ends_the_run(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(clock, at_once(lambda _: 2.0), virtual=True, samples=9)
+    monkeypatch.setattr(bench.rig, "read", lambda: RigSample(0.0, np.zeros(3)))
+    with pytest.raises(RigError, match="short reading: 3 of 4 channels"):
+        bench.run()
+    assert bench.link.records == []
+
+
+@pytest.mark.parametrize("next_s", [0.0, -1.0, float("nan")])
+def test_rig_whose_clock_does_not_go_on___ends_the_run(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch, next_s: float
+) -> None:
+    bench = Bench(clock, at_once(lambda _: 2.0), virtual=True, samples=9)
+    times = iter([0.0, next_s])
+    monkeypatch.setattr(bench.rig, "read", lambda: RigSample(next(times), np.zeros(4)))
+    with pytest.raises(RigError, match="clock does not go on"):
+        bench.run()
+    assert len(bench.link.records) == 1
+
+
+def test_lock_step___told_to_stop_while_a_sample_waits___does_not_wait_on(clock: Clock) -> None:
+    stop = threading.Event()
+    bench = Bench(clock, never, virtual=True, samples=0)
+    publish, wait = bench.link.publish, bench.link.wait
+    waits: list[float] = []
+
+    def note(timeout_s: float) -> Command | None:
+        waits.append(timeout_s)
+        stop.set()
+        return wait(timeout_s)
+
+    bench.link.publish, bench.link.wait = publish, note  # type: ignore[method-assign]
+    started_s = clock.now_s
+    bench.acquisition.run(stop)
+    assert len(waits) == 1
+    assert clock.now_s - started_s < TIMEOUT_S / 10
+
+
+def test_two_commanders___the_drive_is_held_at_zero(clock: Clock) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        first = reply(record, 2.0)
+        if record.sequence < 4:
+            return [(0.0, first)]
+        return [(0.0, first), (0.0, first._replace(effort_v=-3.0))]
+
+    bench = Bench(clock, answer, virtual=True, samples=12).run()
+
+    assert bench.commands_v[:5] == [0.0, 2.0, 2.0, 2.0, 2.0]
+    assert bench.commands_v[5:] == [0.0] * 7
+    assert -3.0 not in bench.rig.writes
+    assert "two commanders" in bench.acquisition.safety.reason
+
+
+def test_second_commander___of_other_count___is_refused_until_the_first_goes_on(
+    clock: Clock,
+) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        first = reply(record, 2.0)
+        second = Command(record.sequence - 4, record.sequence, -3.0, 0.0)
+        return [(0.0, second), (0.0, first)] if record.sequence == 5 else [(0.0, first)]
+
+    bench = Bench(clock, answer, virtual=True, samples=9).run()
+
+    assert bench.acquisition.commander.verdicts[Verdict.FOREIGN] == 1
+    assert -3.0 not in bench.rig.writes
+    assert bench.commands_v[5:] == [0.0] * 4
+
+
+def test_commander_that_starts_again___takes_over_after_a_silence(clock: Clock) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        if 4 <= record.sequence < 8:
+            return []
+        if record.sequence < 4:
+            return [(0.0, reply(record, 2.0))]
+        return [(0.0, Command(record.sequence - 7, record.sequence, 3.0, 0.0))]
+
+    bench = Bench(clock, answer, virtual=True, samples=11).run()
+    assert bench.acquisition.safety.reason == ""
+    assert bench.commands_v[8:] == [3.0] * 3

@@ -13,12 +13,23 @@ def test_watchdog___before_any_command___is_stale_without_a_lapse() -> None:
     assert (watchdog.feeds, watchdog.lapses) == (0, 0)
 
 
-def test_command___up_to_its_age___is_fresh() -> None:
+def test_command___at_the_sample_that_completes_its_age___is_stale() -> None:
     watchdog = Watchdog(0.25, max_age_periods=3)
     watchdog.fed(10.0)
-    assert not watchdog.stale(10.0)
-    assert not watchdog.stale(10.75)
-    assert watchdog.stale(10.7501)
+    assert [watchdog.stale(now_s) for now_s in (10.25, 10.5, 10.75)] == [False, False, True]
+
+
+def test_samples___that_come_close_after_a_late_one___count_all_the_same() -> None:
+    watchdog = Watchdog(0.25, max_age_periods=3)
+    watchdog.fed(10.2)
+    assert [watchdog.stale(now_s) for now_s in (10.25, 10.5, 10.75)] == [False, False, True]
+
+
+@pytest.mark.parametrize(("now_s", "is_stale"), [(10.6, False), (10.65, True), (20.0, True)])
+def test_missing_samples___count_by_their_time(now_s: float, is_stale: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    watchdog = Watchdog(0.25, max_age_periods=3)
+    watchdog.fed(10.0)
+    assert watchdog.stale(now_s) is is_stale
 
 
 def test_lapse___seen_many_times___counts_once() -> None:
@@ -34,7 +45,7 @@ def test_lapse___followed_by_a_command___is_over() -> None:
     watchdog.stale(1.0)
     watchdog.fed(2.0)
     assert not watchdog.stale(2.5)
-    assert watchdog.stale(3.0)
+    assert watchdog.stale(2.75)
     assert (watchdog.feeds, watchdog.lapses) == (2, 2)
 
 

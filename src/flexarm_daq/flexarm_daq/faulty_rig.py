@@ -1,0 +1,168 @@
+"""A rig with one fault that sets in at a known moment: to see that everybody copes."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from flexarm_daq.channels import CHANNEL_NAMES, INPUT_RANGE_V
+from flexarm_daq.rig import RigError, RigSample
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm_daq.rig import Rig
+
+_BURST_SAMPLES: Final = 30
+_BURST_V: Final = 1.0
+_OPEN_DECAY: Final = 0.7
+
+
+class Fault(Enum):
+    """What can break."""
+
+    STUCK = "stuck"
+    """The sensor keeps its reading."""
+    OPEN = "open"
+    """Its wire is broken: the input floats to the end of its range."""
+    SATURATED = "saturated"
+    """It jumps to the lower end of its range."""
+    NOT_A_NUMBER = "not_a_number"
+    """Its reading is NaN."""
+    NOISE_BURST = "noise_burst"
+    """Noise of 1 V for 30 samples, then it is well again."""
+    SHORT_READ = "short_read"
+    """The converter gives three readings instead of four."""
+    FROZEN_TIME = "frozen_time"
+    """The converter's clock stands still."""
+    READ_ERROR = "read_error"
+    """Reading raises a `RigError`."""
+    WRITE_ERROR = "write_error"
+    """Writing a command raises a `RigError`; the zero of `safe_stop` still passes."""
+    EXCEPTION = "exception"
+    """Reading raises what nobody expects."""
+
+
+SENSOR_FAULTS: Final = (
+    Fault.STUCK,
+    Fault.OPEN,
+    Fault.SATURATED,
+    Fault.NOT_A_NUMBER,
+    Fault.NOISE_BURST,
+)
+"""Those that concern one channel."""
+
+
+class FaultyRig:
+    """A `flexarm_daq.rig.Rig` around another one, with a fault.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    fault : Fault
+        What breaks.
+    after_samples : int
+        So many samples are good, counted from opening.
+    channel : str
+        The sensor of a sensor fault.
+
+    Raises
+    ------
+    ValueError
+        If there is no such channel or the number of samples is negative.
+    """
+
+    def __init__(
+        self, rig: Rig, fault: Fault, *, after_samples: int, channel: str = CHANNEL_NAMES[0]
+    ) -> None:
+        if channel not in CHANNEL_NAMES:
+            raise ValueError(f"channel must be one of {', '.join(CHANNEL_NAMES)}, got {channel}")
+        if after_samples < 0:
+            raise ValueError(f"after_samples must not be negative, got {after_samples}")
+        self._rig = rig
+        self._fault = fault
+        self._after_samples = after_samples
+        self._channel = CHANNEL_NAMES.index(channel)
+
+    def open(self) -> None:
+        """Open the rig, in good health."""
+        self._rig.open()
+        self._samples = 0
+        self._last = RigSample(0.0, np.zeros(len(CHANNEL_NAMES)))
+        self._random = np.random.default_rng(self._after_samples)
+
+    def read(self) -> RigSample:
+        """Sample the rig through the fault.
+
+        Raises
+        ------
+        RigError
+            If the rig raises it, or the fault is to.
+        ArithmeticError
+            If the fault is the unexpected exception.
+        """
+        sample = self._rig.read()
+        self._samples += 1
+        if self._is_broken():
+            sample = self._spoiled(sample)
+        self._last = sample
+        return sample
+
+    def write(self, command_v: float) -> None:
+        """Command the drive.
+
+        Raises
+        ------
+        RigError
+            If the rig raises it, or the fault is to.
+        """
+        if self._is_broken() and self._fault is Fault.WRITE_ERROR:
+            raise RigError("injected: the command could not be written")
+        self._rig.write(command_v)
+
+    def safe_stop(self) -> None:
+        """Set the drive to zero."""
+        self._rig.safe_stop()
+
+    def close(self) -> None:
+        """Close the rig."""
+        self._rig.close()
+
+    def _is_broken(self) -> bool:
+        return self._samples > self._after_samples
+
+    def _spoiled(self, sample: RigSample) -> RigSample:
+        if self._fault in SENSOR_FAULTS:
+            volts = sample.volts.copy()
+            volts[self._channel] = self._reading(volts[self._channel])
+            return RigSample(sample.time_s, volts)
+        if self._fault is Fault.SHORT_READ:
+            return RigSample(sample.time_s, _all_but_last(sample.volts))
+        if self._fault is Fault.FROZEN_TIME:
+            return RigSample(self._last.time_s, sample.volts)
+        if self._fault is Fault.READ_ERROR:
+            raise RigError("injected: the reading failed")
+        if self._fault is Fault.EXCEPTION:
+            raise ArithmeticError("injected: a defect of the driver")
+        return sample
+
+    def _reading(self, healthy_v: float) -> float:
+        last_v = float(self._last.volts[self._channel])
+        if self._fault is Fault.STUCK:
+            return last_v
+        if self._fault is Fault.OPEN:
+            return INPUT_RANGE_V - _OPEN_DECAY * (INPUT_RANGE_V - last_v)
+        if self._fault is Fault.SATURATED:
+            return -INPUT_RANGE_V
+        if self._fault is Fault.NOT_A_NUMBER:
+            return math.nan
+        is_over = self._samples > self._after_samples + _BURST_SAMPLES
+        return healthy_v + (0.0 if is_over else _BURST_V * self._random.standard_normal())
+
+
+def _all_but_last(volts: NDArray[np.float64]) -> NDArray[np.float64]:
+    return volts[:-1]

@@ -1,0 +1,111 @@
+"""The drive's states: when a command may act, what takes the drive to zero and what keeps it there.
+
+Drawn in `docs/safety.md`; `TRANSITIONS` is the drawing as a table.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import Enum
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class DriveState(Enum):
+    """What the drive does."""
+
+    OFF = "off"
+    """Not sampling, the drive is at zero."""
+    READY = "ready"
+    """Sampling, the drive is at zero: no command is in force."""
+    DRIVING = "driving"
+    """Sampling, the last command is in force."""
+    HELD = "held"
+    """Sampling, the drive is at zero until the node is deactivated."""
+
+
+class Event(Enum):
+    """What can happen to the drive."""
+
+    START = "start"
+    """The rig was opened."""
+    COMMAND = "command"
+    """A command was accepted."""
+    STALE = "stale"
+    """The command in force is too old."""
+    EMERGENCY_STOP = "emergency stop"
+    """Somebody asked for it."""
+    SENSOR_FAULT = "sensor fault"
+    """A sensor cannot be trusted."""
+    TWO_COMMANDERS = "two commanders"
+    """Commands come from more than one commander."""
+    FAILURE = "failure"
+    """The rig or the loop failed."""
+    END = "end"
+    """Deactivation, a signal, or the last sample."""
+
+
+_RUNNING = (DriveState.READY, DriveState.DRIVING, DriveState.HELD)
+_HOLDING = (Event.EMERGENCY_STOP, Event.SENSOR_FAULT, Event.TWO_COMMANDERS)
+_ENDING = (Event.FAILURE, Event.END)
+
+TRANSITIONS: Final[Mapping[tuple[DriveState, Event], DriveState]] = {
+    (DriveState.OFF, Event.START): DriveState.READY,
+    (DriveState.READY, Event.COMMAND): DriveState.DRIVING,
+    (DriveState.DRIVING, Event.STALE): DriveState.READY,
+    **{
+        (state, event): DriveState.HELD
+        for state in (DriveState.READY, DriveState.DRIVING)
+        for event in _HOLDING
+    },
+    **{
+        (state, event): DriveState.OFF for state in _RUNNING for event in (Event.FAILURE, Event.END)
+    },
+}
+"""Next state by state and event; what is not listed changes nothing."""
+
+COUNTED: Final = (Event.STALE, *_HOLDING)
+"""Events that diagnostics count."""
+
+
+class Safety:
+    """The state machine of one run, with the reason of its state.
+
+    Attributes
+    ----------
+    state : DriveState
+        The present state.
+    reason : str
+        Why the drive is held or the run failed; the first cause stands. Empty otherwise.
+    counts : Counter of Event
+        How often each event came while it changed something.
+    """
+
+    def __init__(self) -> None:
+        self.state = DriveState.OFF
+        self.reason = ""
+        self.counts: Counter[Event] = Counter()
+
+    @property
+    def driving(self) -> bool:
+        """True while a command may act."""
+        return self.state is DriveState.DRIVING
+
+    def on(self, event: Event, reason: str = "") -> None:
+        """Take an event.
+
+        Parameters
+        ----------
+        event : Event
+            What happened.
+        reason : str
+            What to tell the user.
+        """
+        following = TRANSITIONS.get((self.state, event), self.state)
+        if following is self.state:
+            return
+        self.state = following
+        self.counts[event] += 1
+        self.reason = self.reason or reason

@@ -1,0 +1,162 @@
+"""An acquisition between doubles of rig and link, on a clock that only waiting moves."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_daq.acquisition import Acquisition, Record
+from flexarm_daq.commander import Command
+from flexarm_daq.limiter import Limiter, LimiterSettings
+from flexarm_daq.rig import RigError, RigSample
+from flexarm_daq.sensor_check import SensorCheck, SensorLimits
+from flexarm_daq.watchdog import Watchdog
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+# A power of two: sums of periods are exact.
+RATE_HZ = 256.0
+PERIOD_S = 1.0 / RATE_HZ
+WIDE = LimiterSettings(max_slew_v_per_s=1e6)
+TIMEOUT_S = 1.0
+# The double's readings belong to no arm: they never change, or jump.
+NO_NOISE = SensorLimits(stuck_samples=0, disagreement_rad=1e3)
+# A wait is over a little late, so that it never ends just before its end by rounding.
+WAKE_UP_S = 1e-9
+
+
+class Clock:
+    """Time that passes only when somebody waits."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        assert seconds >= 0.0
+        self.now_s += seconds
+
+
+class LoggingRig:
+    """Notes every call with its instant; in virtual time sample k stands at k periods."""
+
+    def __init__(self, clock: Clock, *, virtual: bool) -> None:
+        self.calls: list[tuple[str, float]] = []
+        self.writes: list[float] = []
+        self.read_times_s: list[float] = []
+        self.write_times_s: list[float] = []
+        self.slow_reads_s: dict[int, float] = {}
+        self.fails_at: int | None = None
+        self.position_v = 0.0
+        self._clock = clock
+        self._virtual = virtual
+        self._start_s = clock.now_s
+
+    def open(self) -> None:
+        self.calls.append(("open", 0.0))
+
+    def read(self) -> RigSample:
+        count = len(self.read_times_s)
+        if count == self.fails_at:
+            raise RigError("a wire broke")
+        time_s = count * PERIOD_S if self._virtual else self._clock.now_s - self._start_s
+        self.calls.append(("read", time_s))
+        self.read_times_s.append(time_s)
+        self._clock.now_s += self.slow_reads_s.get(count, 0.0)
+        return RigSample(time_s, np.array([self.position_v, 0.1, 0.2, 0.3]))
+
+    def write(self, command_v: float) -> None:
+        self.calls.append(("write", command_v))
+        self.writes.append(command_v)
+        self.write_times_s.append(self._clock.now_s - self._start_s)
+
+    def safe_stop(self) -> None:
+        self.calls.append(("safe_stop", 0.0))
+
+    def close(self) -> None:
+        self.calls.append(("close", 0.0))
+
+
+class ScriptedLink:
+    """Answers every record with commands that arrive after their delays."""
+
+    def __init__(
+        self, clock: Clock, answer: Callable[[Record], Sequence[tuple[float, Command]]]
+    ) -> None:
+        self.records: list[Record] = []
+        self._clock = clock
+        self._answer = answer
+        self._coming: list[tuple[float, Command]] = []
+
+    def publish(self, record: Record) -> None:
+        self.records.append(record)
+        for delay_s, command in self._answer(record):
+            self._coming.append((self._clock.now_s + delay_s, command))
+
+    def wait(self, timeout_s: float) -> Command | None:
+        until_s = self._clock.now_s + max(timeout_s, 0.0)
+        if self._coming and self._coming[0][0] <= until_s:
+            arrival_s, command = self._coming.pop(0)
+            self._clock.now_s = max(self._clock.now_s, arrival_s)
+            return command
+        self._clock.now_s = until_s + WAKE_UP_S
+        return None
+
+
+class Bench:
+    """An acquisition between doubles, on a clock of its own."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        answer: Callable[[Record], Sequence[tuple[float, Command]]],
+        *,
+        virtual: bool,
+        samples: int,
+        limits: LimiterSettings = WIDE,
+        max_age_periods: int = 3,
+    ) -> None:
+        self.rig = LoggingRig(clock, virtual=virtual)
+        self.link = ScriptedLink(clock, answer)
+        self.watchdog = Watchdog(PERIOD_S, max_age_periods)
+        self.acquisition = Acquisition(
+            self.rig,
+            Limiter(limits),
+            self.watchdog,
+            SensorCheck(RATE_HZ, NO_NOISE),
+            self.link,
+            rate_hz=RATE_HZ,
+            samples=samples,
+            answer_timeout_s=TIMEOUT_S if virtual else None,
+        )
+
+    def run(self) -> Bench:
+        self.acquisition.run(threading.Event())
+        return self
+
+    def run_until(self, stop: threading.Event) -> None:
+        """Run; an error of the rig is part of the experiment."""
+        with suppress(RigError):
+            self.acquisition.run(stop)
+
+    @property
+    def commands_v(self) -> list[float]:
+        return [record.command_v for record in self.link.records]
+
+
+def reply(record: Record, effort_v: float, compensation_v: float = 0.0) -> Command:
+    return Command(1000 + record.sequence, record.sequence, effort_v, compensation_v)
+
+
+def at_once(effort_v: Callable[[Record], float]) -> Callable[[Record], list[tuple[float, Command]]]:
+    return lambda record: [(0.0, reply(record, effort_v(record)))]
+
+
+def never(_: Record) -> list[tuple[float, Command]]:
+    return []

@@ -1,0 +1,217 @@
+from __future__ import annotations
+
+import re
+import signal
+import sys
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from fault_campaign import MAX_AGE_PERIODS, Campaign, random_moments_s
+from rosgraph_msgs.msg import Clock  # type: ignore[import-untyped,unused-ignore]
+from system_graph import Graph, States, eventually
+
+from flexarm_msgs.msg import MotorCommand
+from flexarm_node import qos
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = pytest.mark.system
+
+DAQ = {"rate_hz": 300.0}
+FAILING_NODE = """
+from flexarm_node.loop_node import LoopNode
+from flexarm_node.parameters import ParameterSpec
+from flexarm_node.process import run
+
+class Failing(LoopNode):
+    def __init__(self):
+        super().__init__("failing", (ParameterSpec("where", "nowhere", "what fails"),))
+
+    def fail(self, where):
+        if self.parameters.values()["where"] == where:
+            raise KeyError(where)
+
+    def make_topics(self):
+        self.fail("configure")
+
+    def release_topics(self): ...
+
+    def prepare(self):
+        self.fail("activate")
+
+    def loop(self, stopping):
+        self.fail("loop")
+        stopping.wait()
+
+    def figures(self):
+        return {}
+
+run(Failing)
+"""
+
+
+@pytest.fixture
+def campaign(graph: Graph, tmp_path: Path) -> Campaign:
+    made = Campaign(graph, tmp_path)
+    made.start(DAQ)
+    return made
+
+
+@pytest.fixture(scope="module")
+def broken_rigs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Campaign]:
+    """Return one graph for all faults of the rig."""
+    folder = tmp_path_factory.mktemp("broken")
+    with Graph(folder) as graph:
+        made = Campaign(graph, folder)
+        made.start(DAQ)
+        made.start_controller()
+        made.warm_up()
+        yield made
+
+
+@pytest.mark.parametrize(
+    ("fault", "periods", "state", "reason"),
+    [
+        ("stuck", 30, "active", "held at zero: position_v (is stuck|and speed_v disagree)"),
+        ("not_a_number", 1, "active", "held at zero: position_v is not a number"),
+        ("short_read", 0, "inactive", "short reading: 3 of 4 channels"),
+        ("frozen_time", 0, "inactive", "clock does not go on"),
+        ("write_error", 1, "inactive", "the command could not be written"),
+        ("exception", 0, "inactive", r"ArithmeticError: injected.* \(faulty_rig\.py:\d+\)"),
+    ],
+)
+def test_broken_rig___takes_the_drive_to_zero_and_says_why(
+    broken_rigs: Campaign, fault: str, periods: int, state: str, reason: str
+) -> None:
+    good = 120
+    run, message = broken_rigs.break_rig(fault, good)
+
+    assert message.startswith("not active" if state == "inactive" else "active")
+    assert re.search(reason, message)
+    assert run.command_v[:good].any()
+    # The sample that shows the fault was still taken under the old command.
+    assert not run.command_v[good + periods + 1 :].any()
+    assert (len(run.sequence) <= good + 1) == (state == "inactive")
+    assert broken_rigs.graph.state_of("daq") == "inactive"
+    assert len(re.findall(reason, broken_rigs.daq.printed)) == 1
+
+
+def test_two_controllers___the_drive_is_held_and_both_are_named(broken_rigs: Campaign) -> None:
+    graph = broken_rigs.graph
+    broken_rigs.activate()
+    broken_rigs.await_drive()
+
+    rival = broken_rigs.start_controller("-r", "__node:=rival")
+
+    graph.wait(lambda: broken_rigs.figures().get("drive") == "held", "the hold")
+    figures = broken_rigs.figures()
+    assert figures["commanders"] == "/flexarm/controller, /flexarm/rival"
+    assert figures["events: two commanders"] == "1"
+    assert "two commanders" in broken_rigs.status.message
+    broken_rigs.await_samples(60)
+    assert not any(state.command_v for state in broken_rigs.states)
+    assert graph.transition("daq", "deactivate")
+    graph.stop(rival)
+
+
+def test_controller_killed_at_random_moments___drive_at_zero_within_three_periods(
+    campaign: Campaign,
+) -> None:
+    campaign.activate()
+    for kill in campaign.kill_controllers(random_moments_s(10, seed=4)):
+        assert 1 <= kill.periods <= MAX_AGE_PERIODS, kill
+    campaign.graph.wait(lambda: campaign.figures()["drive"] == "ready", "the report")
+    assert campaign.figures()["events: two commanders"] == "0"
+
+
+def test_daq_ended_by_signals___drive_at_zero___and_killed___bag_readable_and_others_alive(
+    campaign: Campaign,
+) -> None:
+    campaign.start_controller()
+    for stop in (signal.SIGINT, signal.SIGTERM):
+        assert campaign.stop_daq(stop) == 0
+        assert "samples, the drive is at zero" in campaign.daq.printed
+        campaign.restart_daq(DAQ)
+
+    run = campaign.kill_daq(0.3)
+
+    np.testing.assert_array_equal(np.diff(run.sequence), 1)
+    assert run.command_v.any()
+    campaign.restart_daq(DAQ)
+    campaign.activate()
+    campaign.await_drive()
+    campaign.graph.check()
+
+
+def test_node_that_raises_anywhere___says_so_in_one_line_and_shows_it_in_its_state(
+    graph: Graph, tmp_path: Path
+) -> None:
+    script = tmp_path / "failing_node.py"
+    script.write_text(FAILING_NODE, "utf-8")
+    process = graph.run([sys.executable, str(script)])
+
+    def fail(where: str) -> None:
+        graph.operator.set_parameters("failing", {"where": where})
+
+    def complaints() -> list[str]:
+        return re.findall(r"(?:not configured|not activated|ended): KeyError.*", process.printed)
+
+    fail("configure")
+    assert not graph.transition("failing", "configure")
+    assert graph.state_of("failing") == "unconfigured"
+    fail("activate")
+    assert graph.transition("failing", "configure")
+    assert not graph.transition("failing", "activate")
+    assert graph.state_of("failing") == "inactive"
+    fail("loop")
+    assert graph.transition("failing", "activate")
+    eventually(lambda: len(complaints()) == 3, "the last complaint")
+    graph.wait(lambda: graph.state_of("failing") == "inactive", "the end of the loop")
+    place = r" \(failing_node\.py:\d+\)"
+    for complaint, where in zip(complaints(), ("configure", "activate", "loop"), strict=True):
+        assert re.fullmatch(rf".*: KeyError: '{where}'{place}", complaint)
+    fail("nowhere")
+    assert graph.transition("failing", "activate")
+    assert graph.state_of("failing") == "active"
+
+
+def test_clock_that_jumps___moves_the_stamps_of_commands_and_nothing_else(
+    graph: Graph, tmp_path: Path
+) -> None:
+    """The nodes' wall clock is a topic here, and jumps an hour forth and two back."""
+    commands: list[MotorCommand] = []
+    graph.node.create_subscription(MotorCommand, "command", commands.append, qos.EVERY)
+    clock = graph.node.create_publisher(Clock, "/clock", qos.SENT)
+    campaign = Campaign(graph, tmp_path)
+    campaign.start(DAQ | {"use_sim_time": True})
+    graph.start("controller", {"autostart": True, "use_sim_time": True, "law": "pd"})
+    graph.wait(lambda: graph.node.count_publishers("/flexarm/command") == 1, "the controller")
+
+    def jump_to(seconds: int) -> None:
+        commands.clear()
+
+        def has_jumped() -> bool:
+            message = Clock()
+            message.clock.sec = seconds
+            clock.publish(message)
+            return any(command.header.stamp.sec == seconds for command in commands)
+
+        graph.wait(has_jumped, "commands with the new time")
+
+    bag = campaign.record()
+    campaign.activate()
+    for seconds in (10_000, 13_600, 6_400):
+        jump_to(seconds)
+    assert graph.transition("daq", "deactivate")
+    graph.operator.record(None)
+
+    run = States(bag)
+    np.testing.assert_array_equal(run.sequence, np.arange(1, len(run.sequence) + 1))
+    steps_s = np.diff(run.stamp_s)
+    # Periods may be missed on a busy machine; an hour may not.
+    assert steps_s.min() > 0.0
+    assert steps_s.max() < 60.0
+    assert run.stamp_s[-1] - run.stamp_s[0] < 60.0

@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flexarm_daq.commander import Command, Commander, Verdict
+
+NEWEST = 10_000
+
+
+def following(*commands: Command) -> Commander:
+    """Return a judge who has seen some commands."""
+    commander = Commander()
+    for command in commands:
+        commander.judge(command, NEWEST)
+    return commander
+
+
+def command(sequence: int, sample: int, effort_v: float = 1.0, stamp_ns: int = 0) -> Command:
+    return Command(sequence, sample, effort_v, 0.0, stamp_ns)
+
+
+@pytest.mark.parametrize(
+    ("sequence", "sample", "verdict"),
+    [
+        (41, 101, Verdict.ACCEPTED),
+        (41, 105, Verdict.ACCEPTED),  # it missed four samples
+        (45, 105, Verdict.ACCEPTED),
+        (46, 105, Verdict.FOREIGN),  # more commands than samples
+        (40, 101, Verdict.FOREIGN),
+        (1, 101, Verdict.FOREIGN),
+        (39, 99, Verdict.OLD),
+        (39, 97, Verdict.OLD),
+        (38, 99, Verdict.FOREIGN),
+        (41, 99, Verdict.FOREIGN),
+        (41, 100, Verdict.CONFLICT),
+        (41, NEWEST + 1, Verdict.AHEAD),
+        (41, 0, Verdict.OLD),
+    ],
+)
+def test_command___after_number_40_for_sample_100___is_judged(
+    sequence: int, sample: int, verdict: Verdict
+) -> None:
+    assert following(command(40, 100)).judge(command(sequence, sample), NEWEST) is verdict
+
+
+def test_same_command_again___is_a_duplicate___with_another_stamp_a_conflict() -> None:
+    commander = following(command(40, 100, stamp_ns=5))
+    assert commander.judge(command(40, 100, stamp_ns=5), NEWEST) is Verdict.DUPLICATE
+    assert commander.judge(command(40, 100, stamp_ns=6), NEWEST) is Verdict.CONFLICT
+
+
+def test_silent_commander_released___another_takes_over___for_newer_samples_only() -> None:
+    commander = following(command(40, 100))
+    commander.release()
+    assert commander.judge(command(1, 100), NEWEST) is Verdict.OLD
+    assert commander.judge(command(1, 101), NEWEST) is Verdict.ACCEPTED
+    assert commander.judge(command(41, 102), NEWEST) is Verdict.FOREIGN
+
+
+def test_foreign_command___is_no_conflict_when_the_first_has_gone() -> None:
+    commander = following(command(40, 100), command(1, 101))
+    commander.release()
+    assert commander.judge(command(2, 102), NEWEST) is Verdict.ACCEPTED
+
+
+@given(st.lists(st.tuples(st.integers(1, 4), st.booleans()), min_size=1, max_size=50))
+def test_one_commander___that_misses_samples_and_loses_commands___is_always_accepted(
+    steps: list[tuple[int, bool]],
+) -> None:
+    commander = Commander()
+    sequence = sample = 0
+    for samples, is_lost in steps:
+        sequence, sample = sequence + 1, sample + samples
+        if not is_lost:
+            assert commander.judge(command(sequence, sample), sample) is Verdict.ACCEPTED
+
+
+@given(
+    st.integers(0, 1000),
+    st.integers(0, 1000),
+    st.lists(st.booleans(), min_size=6, max_size=40),
+)
+def test_two_commanders___both_answering___are_found_within_three_samples(
+    offset: int, other_offset: int, order: list[bool]
+) -> None:
+    """Whatever their counts, and whoever is first each time."""
+    commander = Commander()
+    verdicts = []
+    for sample, is_swapped in enumerate(order[:3], start=1):
+        pair = [command(offset + sample, sample, 1.0), command(other_offset + sample, sample, -1.0)]
+        ordered = pair[::-1] if is_swapped else pair
+        verdicts += [commander.judge(each, sample) for each in ordered]
+    assert Verdict.CONFLICT in verdicts
