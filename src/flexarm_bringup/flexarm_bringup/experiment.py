@@ -115,8 +115,8 @@ def _record(operator: Operator, entry: Experiment, bag: Path, settings: Experime
     operator.record(str(bag))
     with terminal.progress_bar("sampling", entry.samples) as progress:
         operator.sample(entry.samples, progress)
-    terminal.CONSOLE.print(f"  recorded {operator.record(None)}")
     operator.deactivate(commander)
+    terminal.CONSOLE.print(f"  recorded {operator.record(None)}")
 
 
 def commander_parameters(entry: Experiment, seed: int) -> dict[str, Any]:

@@ -30,4 +30,6 @@ def identify_bags(bags: tuple[Path, ...], out: Path, *, export: str, **request: 
             outcome.warnings,
         )
     )
+    if outcome.identification.choice:
+        terminal.CONSOLE.print(f"  method: {outcome.identification.choice}")
     terminal.CONSOLE.print(f"order {outcome.model.nstates}, results in {out}")

@@ -11,6 +11,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rclpy.duration import Duration
 from std_msgs.msg import Float64
 
 from flexarm_control.laws import LAWS, build_law
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from flexarm_control.parameters import ParameterSpec as Bound
 
 _WAIT_S = 0.1
+# A recorder on a busy machine shall have every command before the run counts as ended.
+_ACKNOWLEDGED = Duration(seconds=2)
 # A recorder that was not heard of yet when the reference changed learns it so soon.
 _TELL_AGAIN_S = 1.0
 _PAYLOAD_S = 0.1
@@ -181,6 +184,7 @@ class ControllerNode(LoopNode):
                 weighed_ns = stamp_ns
                 self._tell_payload(setup.law, stamp)
             self._answer_s.add(time.monotonic() - received_s)
+        self._commands.wait_for_all_acked(_ACKNOWLEDGED)
 
     def _tell_payload(self, law: ScheduledPdpc, stamp: Time) -> None:
         payload_kg, deviation_kg, detected = law.payload

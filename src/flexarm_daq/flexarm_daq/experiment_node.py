@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from rclpy.duration import Duration
+
 from flexarm_daq.excitation import BOUND_V, EXCITATIONS, Excitation
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 _WAIT_S = 0.1
+# A recorder on a busy machine shall have every command before the run counts as ended.
+_ACKNOWLEDGED = Duration(seconds=2)
 
 PARAMETERS = (
     ParameterSpec("waveform", "square", "the excitation", choices=tuple(EXCITATIONS)),
@@ -80,6 +84,7 @@ class ExperimentNode(LoopNode):
             command.effort_v = self._excitation.step((stamp_ns - start_ns) * 1e-9, state.position_v)
             self._commands.publish(command)
             self._answered += 1
+        self._commands.wait_for_all_acked(_ACKNOWLEDGED)
 
     def figures(self) -> Mapping[str, object]:
         """Return the figures of the loop."""

@@ -238,6 +238,7 @@ def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
         + (" with dry friction" if outcome.friction else "")
         + f", mean data matching error {answer.dmv[-1]:.4f},"
         + f" {elapsed_s:.1f} s"
+        + (f"; {outcome.identification.choice}" if outcome.identification.choice else "")
     )
 
 

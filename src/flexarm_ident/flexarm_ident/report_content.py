@@ -194,6 +194,8 @@ def model_facts(outcome: Outcome) -> dict[str, str]:
         "sampling period": f"{outcome.model.dt:.6g} s",
         "eigenvalues moved inside the circle": str(identification.moved_eigenvalues),
     }
+    if identification.choice:
+        facts["why this method"] = identification.choice
     if identification.start_error is not None:
         facts["fitted by simulation"] = (
             f"mean δ of the fitted part {error_text(float(identification.fit_error.mean()))}, "
