@@ -49,6 +49,7 @@ PACKAGES = {
     "player": "flexarm_daq",
     "ident": "flexarm_ident",
     "controller": "flexarm_control",
+    "tuner": "flexarm_control",
 }
 """Nodes by name, and the package that each belongs to."""
 

@@ -19,6 +19,7 @@ setup(
     entry_points={
         "console_scripts": [
             "controller_node = flexarm_control.controller_node:main",
+            "tuner_node = flexarm_control.tuner_node:main",
         ],
     },
 )

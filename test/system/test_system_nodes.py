@@ -101,11 +101,11 @@ def test_remapped_controller___answers_on_the_other_names(graph: Graph) -> None:
         ("daq", {"rig": "other"}, "parameter rig = 'other': must be one of simulated"),
         (
             "daq",
-            {"rate_hz": 1000.0, "reply_delay_s": 0.002},
+            {"time": "virtual", "rate_hz": 1000.0, "reply_delay_s": 0.002},
             "reply_delay_s must be from 0 to less than the period 0.001 s, got 0.002",
         ),
         ("controller", {"pdp.kp": -0.5}, "parameter pdp.kp is out of its range, 0 to 5 V/V"),
-        ("controller", {"law": "lqr"}, "parameter law = 'lqr': must be one of pd, pdp, pdpc"),
+        ("controller", {"law": "lqr"}, "parameter law = 'lqr': must be one of pd, pi, pdp"),
         (
             "controller",
             {"reference": "varying_square", "varying_square.shortest_s": 7.0},

@@ -16,6 +16,8 @@ _CHECKS = (
     ("types", ["mypy"]),
     ("tests", ["pytest"]),
 )
+# A file control.py would hide the package of that name.
+_FILES = {"control": "control_laws"}
 
 
 def check_everything(arguments: tuple[str, ...]) -> int:
@@ -47,7 +49,11 @@ def run_bench(name: str, arguments: tuple[str, ...]) -> int:
     LaunchError
         Outside a checkout.
     """
-    command = [sys.executable, str(_checkout("benchmarks") / "bench" / f"{name}.py"), *arguments]
+    command = [
+        sys.executable,
+        str(_checkout("benchmarks") / "bench" / f"{_FILES.get(name, name)}.py"),
+        *arguments,
+    ]
     return subprocess.run(command, check=False).returncode  # noqa: S603 - our own file
 
 

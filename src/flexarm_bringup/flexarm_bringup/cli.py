@@ -297,6 +297,32 @@ def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa
 
 
 @main.command()
+@click.argument("models", nargs=-1, required=True)
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/gains.yaml"),
+    show_default=True,
+)
+@click.option("--law", type=click.Choice(["pdp", "pi"]), default="pdp", show_default=True)
+@click.option("--error-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
+@click.option("--strain-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
+@click.option("--gain-margin", "gain_margin_db", default=10.0, show_default=True, help="dB.")
+@click.option("--phase-margin", "phase_margin_deg", default=55.0, show_default=True, help="deg.")
+@click.option("--delay", "delay_s", default=0.0, show_default=True, help="Loop delay, s.")
+@_examples(
+    "tune nominal:0 nominal:0.2 nominal:0.4",
+    "tune out/a/model.yaml out/b/model.yaml --delay 0.001 -o out/gains.yaml",
+)
+def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+    """Tune gains on models (files from identify, or nominal:KG); write a --params-file."""
+    from flexarm_bringup.tune import tune_models  # noqa: PLC0415
+
+    tune_models(models, out, **options)
+
+
+@main.command()
 @click.argument("bag", type=click.Path(path_type=Path))
 @click.option("--rate", type=float, default=1.0, show_default=True, help="2 plays twice as fast.")
 @click.option("--loop", is_flag=True, help="Start again at the end.")

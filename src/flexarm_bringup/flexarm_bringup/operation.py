@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool
 
 from flexarm_bringup.processes import LaunchError
 from flexarm_msgs.msg import ArmState
-from flexarm_msgs.srv import Identify
+from flexarm_msgs.srv import Identify, Tune
 from flexarm_node import qos
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 NAMESPACE = "/flexarm"
 _SERVICE_S = 30.0
 _UNHEARD_S = 3.0
-_ASKED_ONCE = (Identify,)
+_ASKED_ONCE = (Identify, Tune)
 """Long work: a second question would be refused while the first is at work."""
 _IDENTIFY_S = 900.0
 _GOALS = {

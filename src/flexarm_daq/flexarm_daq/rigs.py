@@ -66,16 +66,7 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
     if wants_self_test(values):
         check_possible(values["rate_hz"], values["max_command_v"])
     if values["rig"] == "simulated":
-        return SimulatedRig(
-            RigParameters(
-                payload_kg=values["payload_kg"],
-                noise_v=NOISE_V[values["noise"]],
-                loop_delay_s=values["reply_delay_s"],
-            ),
-            rate_hz=values["rate_hz"],
-            seed=values["seed"],
-            clock=None if values["time"] == "virtual" else time.monotonic,
-        )
+        return _simulated(values)
     if values["time"] == "virtual":
         raise ValueError("time = 'virtual' needs rig = 'simulated': a real rig has real time")
     return NidaqRig(
@@ -88,6 +79,27 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
             high_is_positive=values["nidaq.high_is_positive"],
             rate_hz=values["rate_hz"],
         )
+    )
+
+
+def _simulated(values: Mapping[str, Any]) -> SimulatedRig:
+    virtual = values["time"] == "virtual"
+    # In real time a command acts when it arrives.
+    delay_s = values["reply_delay_s"] if virtual else 0.0
+    if not delay_s < 1.0 / values["rate_hz"]:
+        raise ValueError(
+            f"reply_delay_s must be from 0 to less than the period {1.0 / values['rate_hz']:g} s, "
+            f"got {delay_s:g}"
+        )
+    return SimulatedRig(
+        RigParameters(
+            payload_kg=values["payload_kg"],
+            noise_v=NOISE_V[values["noise"]],
+            loop_delay_s=delay_s,
+        ),
+        rate_hz=values["rate_hz"],
+        seed=values["seed"],
+        clock=None if virtual else time.monotonic,
     )
 
 

@@ -301,7 +301,7 @@ def _check_request(
             f"order must lie between 1 and the model's {model.nstates}: {order}"
         )
     if ranking == "mrmc":
-        if not known_modes_hz or min(known_modes_hz) <= 0.0:
+        if len(known_modes_hz) == 0 or min(known_modes_hz) <= 0.0:
             raise IdentificationError(
                 "mrmc needs known_modes_hz, the positive frequencies of the flexible modes"
             )

@@ -1,0 +1,34 @@
+"""The verb tune: from models to a parameter file of gains, without any node."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+
+from flexarm_bringup import terminal
+from flexarm_control.tuning_job import TuneRequest, load_models, tune
+from flexarm_ident.model_io import write_parameter_file
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # noqa: ANN401
+    """Tune a law on models, show the certificate, write the gains."""
+    models = load_models(names)
+    with terminal.busy(f"tuning on {len(models)} models"):
+        result = tune(models, TuneRequest(**request))
+    table = Table("model", "gain margin dB", "phase margin deg", "E", "Y", box=None)
+    rows = zip(models, result.margins, result.error_itae, result.strain_itae, strict=False)
+    for name, margins, error, strain in rows:
+        figures = (margins.gain_margin_db, margins.phase_margin_deg, error, strain)
+        table.add_row(name, *(f"{figure:.3f}" for figure in figures))
+    if table.row_count:
+        terminal.CONSOLE.print(table)
+    for note in result.notes:
+        terminal.CONSOLE.print(f"  {note}")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_parameter_file(out, dict(result.parameters), node="/flexarm/controller")
+    gains = ", ".join(f"{name} {gain:.4f}" for name, gain in list(result.parameters.items())[:3])
+    terminal.CONSOLE.print(f"J {result.criteria[0]:.4f}: {gains}; written to {out}")

@@ -1,0 +1,57 @@
+"""The tuning as a service: models in, gains as parameters of the controller out."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from flexarm_control.errors import ControlError
+from flexarm_control.tuning_job import TuneRequest, load_models, tune
+from flexarm_msgs.srv import Tune
+from flexarm_node.process import run
+
+
+class TunerNode(Node):
+    """Wires the service to `tuning_job.tune`."""
+
+    def __init__(self) -> None:
+        super().__init__("tuner", namespace="/flexarm")
+        self.create_service(Tune, "tune", self._on_tune)
+
+    def stop(self) -> None:
+        """Do nothing: the node holds nothing."""
+
+    def _on_tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
+        default = TuneRequest()
+        try:
+            result = tune(
+                load_models(request.models),
+                TuneRequest(
+                    law=request.law or default.law,
+                    error_weight=request.error_weight or default.error_weight,
+                    strain_weight=request.strain_weight or default.strain_weight,
+                    gain_margin_db=request.gain_margin_db or default.gain_margin_db,
+                    phase_margin_deg=request.phase_margin_deg or default.phase_margin_deg,
+                    delay_s=request.delay_s,
+                ),
+            )
+        except (ControlError, OSError) as error:
+            response.message = " ".join(str(error).split())
+            self.get_logger().error(response.message)
+            return response
+        response.success = True
+        response.message = f"J {result.criteria[0]:.4g}"
+        response.warnings = list(result.notes)
+        response.parameters = [
+            Parameter(name, value=value).to_parameter_msg()
+            for name, value in result.parameters.items()
+        ]
+        response.gain_margins_db = [each.gain_margin_db for each in result.margins]
+        response.phase_margins_deg = [each.phase_margin_deg for each in result.margins]
+        response.criteria = list(result.criteria)
+        return response
+
+
+def main() -> int:
+    """Run the node."""
+    return run(TunerNode)

@@ -1,0 +1,150 @@
+"""A tuning as somebody asks for it: models by name or file in, gains as parameters out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flexarm_control.errors import ControlError
+from flexarm_control.nominal_models import nominal_model
+from flexarm_control.tuning import tune_pdp, tune_pi
+from flexarm_ident.errors import IdentificationError
+from flexarm_ident.model_io import read_parameter_file
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import control
+
+    from flexarm_control.margins import Margins
+
+TUNABLE = ("pdp", "pi")
+_NOMINAL = "nominal:"
+_PDP_LAWS = ("pdp", "pdpc", "pdpc_unconditional")
+# Starts that agree to this have found one minimum; V/V.
+_SPREAD = 0.05
+
+
+@dataclass(frozen=True)
+class TuneRequest:
+    """What to tune.
+
+    Attributes
+    ----------
+    law
+        One of `TUNABLE`.
+    error_weight, strain_weight
+        W_E and W_sg of (4-3); of no use to PI.
+    gain_margin_db, phase_margin_deg
+        Least margins on every model; of no use to PI.
+    delay_s
+        Loop delay, s.
+    """
+
+    law: str = "pdp"
+    error_weight: float = 0.5
+    strain_weight: float = 0.5
+    gain_margin_db: float = 10.0
+    phase_margin_deg: float = 55.0
+    delay_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class TuneResult:
+    """Gains and what certifies them.
+
+    Attributes
+    ----------
+    parameters
+        Gains by the parameter names of the controller node, such as ``pdpc.kp``.
+    criteria
+        J, then the sums of E and Y for PDP; J alone for PI.
+    margins, error_itae, strain_itae
+        One per model; empty for PI.
+    notes
+        Active constraints and whether the starts agree, in words.
+    """
+
+    parameters: Mapping[str, float]
+    criteria: tuple[float, ...]
+    margins: tuple[Margins, ...] = ()
+    error_itae: tuple[float, ...] = ()
+    strain_itae: tuple[float, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
+    """Load models from parameter files, or nominal ones as ``nominal:0.2``.
+
+    Raises
+    ------
+    ControlError
+        When a file or payload has no model.
+    """
+    models: dict[str, control.StateSpace] = {}
+    for name in names:
+        if name.startswith(_NOMINAL):
+            models[name] = nominal_model(_payload_kg(name))
+            continue
+        try:
+            found = read_parameter_file(name)
+        except IdentificationError as error:
+            raise ControlError(str(error)) from error
+        models.update({f"{name} {key}": model for key, model in found.items()})
+    return models
+
+
+def tune(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
+    """Tune one law, (4-1) or (4-3).
+
+    Raises
+    ------
+    ControlError
+        When the law cannot be tuned, or no gains meet the request.
+    """
+    if request.law not in TUNABLE:
+        raise ControlError(f"law {request.law!r} is not tunable; choose {' or '.join(TUNABLE)}")
+    return _tune_pi(models, request) if request.law == "pi" else _tune_pdp(models, request)
+
+
+def _tune_pi(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
+    if len(models) != 1:
+        raise ControlError(f"pi is tuned on one model, got {len(models)}")
+    found = tune_pi(next(iter(models.values())), delay_s=request.delay_s)
+    return TuneResult({"pi.kp": found.gains.kp, "pi.ki": found.gains.ki}, (found.criterion,))
+
+
+def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
+    found = tune_pdp(
+        list(models.values()),
+        error_weight=request.error_weight,
+        strain_weight=request.strain_weight,
+        gain_margin_db=request.gain_margin_db,
+        phase_margin_deg=request.phase_margin_deg,
+        delay_s=request.delay_s,
+    )
+    gains = {"kp": found.gains.kp, "kd": found.gains.kd, "ksg": found.gains.ksg}
+    feasible = sum(search.feasible for search in found.searches)
+    word = "agree" if found.gain_spread <= _SPREAD else "do NOT agree"
+    starts = (
+        f"{feasible} of {len(found.searches)} starts met the constraints and {word}; "
+        f"gains differ by at most {found.gain_spread:.3g}"
+    )
+    return TuneResult(
+        {f"{law}.{name}": float(gain) for law in _PDP_LAWS for name, gain in gains.items()},
+        (found.criterion, sum(found.error_itae), sum(found.strain_itae)),
+        found.margins,
+        found.error_itae,
+        found.strain_itae,
+        (
+            f"active: {', '.join(found.active) or 'none'}",
+            starts,
+        ),
+    )
+
+
+def _payload_kg(name: str) -> float:
+    try:
+        return float(name.removeprefix(_NOMINAL))
+    except ValueError as error:
+        raise ControlError(f"{name}: write the payload in kg, such as nominal:0.2") from error

@@ -1,0 +1,58 @@
+"""The tuning as a service and as a verb; the controller takes what they give."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from rclpy.parameter import Parameter
+from system_graph import ROOT
+
+from flexarm_msgs.srv import Tune
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from system_graph import Graph
+
+pytestmark = pytest.mark.system
+
+NOMINAL = ["nominal:0", "nominal:0.2", "nominal:0.4"]
+
+
+def test_service___gives_gains_that_keep_the_margins_and_that_the_controller_takes(
+    graph: Graph,
+) -> None:
+    graph.start("tuner")
+    graph.start("controller")
+
+    response: Tune.Response = graph.call(Tune, "tune", Tune.Request(models=NOMINAL), 120.0)
+
+    assert response.success, response.message
+    assert min(response.gain_margins_db) >= 9.99
+    assert min(response.phase_margins_deg) >= 54.9
+    assert len(response.gain_margins_db) == len(response.phase_margins_deg) == len(NOMINAL)
+    gains = {each.name: Parameter.from_parameter_msg(each).value for each in response.parameters}
+    assert {"pdpc.kp", "pdpc.kd", "pdpc.ksg"} <= set(gains)
+    assert graph.refusal("controller", gains) == ""
+
+
+def test_service___refuses_a_model_that_is_not_there(graph: Graph) -> None:
+    graph.start("tuner")
+
+    response = graph.call(Tune, "tune", Tune.Request(models=["nominal:0.3"]))
+
+    assert not response.success
+    assert "0.3" in response.message
+    assert "\n" not in response.message
+
+
+def test_verb___writes_a_parameter_file_for_the_controller(graph: Graph, tmp_path: Path) -> None:
+    gains = tmp_path / "gains.yaml"
+
+    verb = graph.run([str(ROOT / "flexarm"), "tune", *NOMINAL, "-o", str(gains)])
+
+    assert verb.exit_code() == 0, verb.printed
+    graph.start("controller", {"law": "pdpc"}, "--params-file", str(gains))
+    assert graph.state_of("controller") == "unconfigured"
+    assert graph.transition("controller", "configure")

@@ -1,0 +1,57 @@
+"""A tuning from names to parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from flexarm_control import ControlError, nominal_model, tune_pi
+from flexarm_control.tuning_job import TuneRequest, load_models, tune
+from flexarm_ident.model_io import write_parameter_file
+from flexarm_ident.model_parameters import model_parameters
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_load_models___file_and_nominal___are_the_models(tmp_path: Path) -> None:
+    file = tmp_path / "model.yaml"
+    write_parameter_file(file, model_parameters("arm", nominal_model(0.4), provenance={}))
+
+    models = load_models([str(file), "nominal:0.2"])
+
+    assert list(models) == [f"{file} arm", "nominal:0.2"]
+    assert np.array_equal(models[f"{file} arm"].A, nominal_model(0.4).A)
+
+
+@pytest.mark.parametrize(
+    ("name", "match"),
+    [("nominal:x", "such as nominal:0.2"), ("nominal:0.1", "no nominal"), ("none.yaml", "none")],
+)
+def test_load_models___bad_name___is_refused(name: str, match: str) -> None:
+    with pytest.raises(ControlError, match=match):
+        load_models([name])
+
+
+def test_tune___pdp___meets_the_margins_and_names_every_gain() -> None:
+    result = tune(load_models(["nominal:0"]), TuneRequest(gain_margin_db=12.0))
+
+    assert result.margins[0].gain_margin_db >= 12.0 - 1e-3
+    assert {"pdp.kp", "pdpc.kp", "pdpc.kd", "pdpc.ksg"} <= set(result.parameters)
+    j, errors, strains = result.criteria
+    assert j == pytest.approx(0.5 * errors + 0.5 * strains)
+
+
+def test_tune___pi___is_tune_pi_on_one_model() -> None:
+    result = tune(load_models(["nominal:0"]), TuneRequest("pi"))
+
+    assert result.parameters["pi.kp"] == tune_pi(nominal_model(0.0)).gains.kp
+    with pytest.raises(ControlError, match="one model, got 2"):
+        tune(load_models(["nominal:0", "nominal:0.2"]), TuneRequest("pi"))
+
+
+def test_tune___unknown_law___is_refused() -> None:
+    with pytest.raises(ControlError, match="pdp or pi"):
+        tune({}, TuneRequest("lqg"))
