@@ -407,7 +407,6 @@ _BENCHES = (
         "Trials of the laws, their cost, and the tuning time",
         ("--json out/control.json",),
     ),
-    ("reduction", "Modes and reduced models of simulated experiments", ("--seeds 20",)),
     ("faults", "The fault campaign: broken rigs, killed processes", ("--docs",)),
     ("bag_faults", "Cut, flipped and mutated bags", ()),
     ("endurance", "Ten minutes of recording at 500 Hz with a busy core", ()),

@@ -9,7 +9,7 @@
 
 The limits leave room for the hardest that the simulated rig can do: full current against the stops
 with 400 g keeps the base gauge saturated for 0.35 s, and full current reversed at a resonance lets
-position and speed disagree by 9 degrees.
+position and speed disagree by 15 degrees.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class SensorLimits:
     travel_samples: int = 3
     speed_saturated_s: float = 0.1
     gauge_saturated_s: float = 0.5
-    disagreement_rad: float = math.radians(15.0)
+    disagreement_rad: float = math.radians(25.0)
     memory_s: float = 0.5
 
     def __post_init__(self) -> None:

@@ -68,7 +68,7 @@ def test_healthy_rig___in_any_motion___gives_no_alarm(
     drive: str, noise_v: tuple[float, float, float, float], payload_kg: float
 ) -> None:
     parameters = RigParameters(payload_kg=payload_kg, noise_v=noise_v)
-    for seed in range(2):
+    for seed in range(3):
         found = complaints(parameters, DRIVES[drive], seed=seed, rate_hz=RATE_HZ, length_s=3.0)
         assert found == []
 
@@ -145,14 +145,13 @@ def test_reading_at_the_end_of_its_range___is_found_after_its_time(
 
 
 def test_arm_that_turns_while_its_position_stands___is_found_by_the_speed() -> None:
-    """One rad/s: fifteen degrees are a quarter of a second."""
-    volts = noise(300)
+    """One rad/s: the memory lets the drift come to 25 degrees in one second."""
+    volts = noise(600)
     volts[:, 3] += 0.2014
     sample, text = first_complaint(volts)
     assert "disagree" in text
-    # With the memory of half a second the drift reaches 15 degrees a little later.
-    exact_s = -0.5 * math.log(1.0 - math.radians(15.0) / 0.5)
-    assert sample == pytest.approx(exact_s * RATE_HZ, abs=5)
+    exact_s = -0.5 * math.log(1.0 - math.radians(25.0) / 0.5)
+    assert sample == pytest.approx(exact_s * RATE_HZ, abs=20)
 
 
 def test_offset_of_the_tachometer___does_not_add_up() -> None:
