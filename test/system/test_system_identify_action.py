@@ -81,6 +81,7 @@ def ident(graph: Graph, models: Path) -> Process:
 def client(graph: Graph, ident: Process) -> Iterator[ActionClient]:
     client = ActionClient(graph.node, IdentifyBags, "identify_bags")
     graph.wait(client.server_is_ready, f"the action server of {ident.log.name}")
+    graph.operator.acquaint("ident")
     yield client
     client.destroy()
 

@@ -154,6 +154,7 @@ def test_real_time___500_hz_for_60_s_while_a_model_is_identified___loses_nothing
     request = Identify.Request(bag_uris=[str(tmp_path / "other")], remove_compensation=True)
     identify = graph.node.create_client(Identify, "identify")
     graph.wait(identify.service_is_ready, "the identification service")
+    graph.operator.acquaint("ident")
     answers: list[Future] = []
 
     def keep_identifying(_: int) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 NAMESPACE = "/flexarm"
 _SERVICE_S = 30.0
 _UNHEARD_S = 3.0
-_ASKED_ONCE = (Identify, Tune)
-"""Long work: a second question would be refused while the first is at work."""
+_ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
+"""Long work and its node: a second question would be refused while the first is at work."""
 _IDENTIFY_S = 900.0
 _GOALS = {
     Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
@@ -188,6 +188,24 @@ class Operator:
                 raise LaunchError(f"{what} did not come within {timeout_s:.0f} s")
             self._spin()
 
+    def acquaint(self, name: str, timeout_s: float = _SERVICE_S) -> None:
+        """Wait until a node knows all the clients and readers that were made here so far.
+
+        Discovery announces them in the order in which they were made. So a node that answers the
+        newest client knows all of them, and none of its later answers is dropped.
+
+        Raises
+        ------
+        LaunchError
+            When the node does not answer in time.
+        """
+        parameters = f"{NAMESPACE}/{name}/get_parameters"
+        client = self._node.create_client(GetParameters, parameters)
+        try:
+            self._ask(client, GetParameters.Request(), timeout_s)
+        finally:
+            self._node.destroy_client(client)
+
     def call(
         self,
         service: type,
@@ -216,10 +234,22 @@ class Operator:
             When the service or its answer does not come in time.
         """
         client = self._client(service, name)
-        self.wait(
-            client.service_is_ready, f"service {NAMESPACE}/{name}", max(timeout_s, _SERVICE_S)
-        )
-        patience_s = timeout_s if service in _ASKED_ONCE else _UNHEARD_S
+        if service in _ASKED_ONCE:
+            self.acquaint(_ASKED_ONCE[service], max(timeout_s, _SERVICE_S))
+            return self._ask(client, request, timeout_s, patience_s=timeout_s)
+        return self._ask(client, request, timeout_s, unheard=unheard)
+
+    def _ask(
+        self,
+        client: Client,
+        request: object,
+        timeout_s: float,
+        *,
+        patience_s: float = _UNHEARD_S,
+        unheard: Callable[[], object | None] = lambda: None,
+    ) -> Any:  # noqa: ANN401 - the service's own response type
+        service = client.srv_name
+        self.wait(client.service_is_ready, f"service {service}", max(timeout_s, _SERVICE_S))
         deadline_s = time.monotonic() + timeout_s
         answers: list[Future[Any]] = []
         while time.monotonic() < deadline_s:
@@ -232,7 +262,7 @@ class Operator:
                 self._spin()
             if (inferred := unheard()) is not None:
                 return inferred
-        raise LaunchError(f"the answer of {NAMESPACE}/{name} did not come within {timeout_s:.0f} s")
+        raise LaunchError(f"the answer of {service} did not come within {timeout_s:.0f} s")
 
     def _client(self, service: type, name: str) -> Client:
         # One client for all calls: only the first has to be discovered.
