@@ -15,6 +15,7 @@ from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
 from flexarm_bringup.processes import LaunchError
 from flexarm_daq.catalogue import KINDS, catalogue
+from flexarm_daq.limiter import LimiterSettings
 from flexarm_ident.bags import read_bag_report
 from flexarm_node.process import PRIORITY
 
@@ -161,3 +162,8 @@ def _describe(folder: Path, entry: Experiment, bag: Path, settings: ExperimentSe
     terminal.CONSOLE.print(
         f"  position within {largest_v:.2f} V, command {abs(data.u).max():.2f} V"
     )
+    bound_v = LimiterSettings().position_bound_v
+    if largest_v >= bound_v:
+        terminal.CONSOLE.print(
+            f"  note: the arm came past {bound_v:g} V, where no command drives it further outward"
+        )

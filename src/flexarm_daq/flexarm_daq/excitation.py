@@ -128,8 +128,9 @@ class PeriodicRandom:
 class VaryingSquare:
     """Constant magnitude whose direction alternates at 0.6 to 3 Hz (2.4.1, item 3; Figure 2-5c).
 
-    Each half-period has its own frequency, uniformly distributed over the range: chosen. The first
-    one is halved, as in `Square`.
+    Each period has its own frequency, uniformly distributed over the range, and begins in the
+    middle of a half-period as in `Square`. So each one brings a frictionless arm back to where it
+    was. That is chosen: with independent half-periods the arm drifts into its stops.
 
     Attributes
     ----------
@@ -141,26 +142,26 @@ class VaryingSquare:
 
     magnitude_v: float
     seed: int
-    _direction: float = field(default=1.0, init=False, repr=False)
+    _period_s: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.reset()
 
     def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
         """Give the command at a sample; see `Excitation.step`."""
-        while time_s + _ROUNDING_S >= self._until_s:
-            self._until_s += self._half_period_s()
-            self._direction = -self._direction
-        return self.magnitude_v * self._direction
+        while time_s + _ROUNDING_S >= self._start_s + self._period_s:
+            self._start_s += self._period_s
+            self._period_s = self._random_period_s()
+        return self.magnitude_v * direction((time_s + _ROUNDING_S - self._start_s) / self._period_s)
 
     def reset(self) -> None:
         """Begin anew."""
         self._random = np.random.default_rng(self.seed)
-        self._until_s = 0.5 * self._half_period_s()
-        self._direction = 1.0
+        self._start_s = 0.0
+        self._period_s = self._random_period_s()
 
-    def _half_period_s(self) -> float:
-        return 0.5 / float(self._random.uniform(*VARYING_HZ))
+    def _random_period_s(self) -> float:
+        return 1.0 / float(self._random.uniform(*VARYING_HZ))
 
 
 @dataclass
@@ -228,8 +229,12 @@ class Bounded:
 
 def alternating(time_s: float) -> float:
     """Direction that alternates at `DIRECTION_HZ`, from the middle of a positive half-period."""
-    phase = (DIRECTION_HZ * (time_s + _ROUNDING_S) + 0.25) % 1.0
-    return 1.0 if phase < 0.5 else -1.0  # noqa: PLR2004 - half a period
+    return direction(DIRECTION_HZ * (time_s + _ROUNDING_S))
+
+
+def direction(periods: float) -> float:
+    """Direction after a number of periods that begin in the middle of a positive half-period."""
+    return 1.0 if (periods + 0.25) % 1.0 < 0.5 else -1.0  # noqa: PLR2004 - half a period
 
 
 #: Every excitation by its name, made from magnitude and seed.

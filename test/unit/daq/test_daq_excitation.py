@@ -80,8 +80,20 @@ def test_varying_square___has_half_periods_of_its_band() -> None:
     assert set(np.abs(commands)) == {1.5}
     assert lengths_s.min() >= 0.5 / VARYING_HZ[1] - 1.0 / RATE_HZ
     assert lengths_s.max() <= 0.5 / VARYING_HZ[0] + 1.0 / RATE_HZ
-    frequencies_hz = 0.5 / lengths_s
+    # A half-period back lies within one period, a half-period forth joins two.
+    frequencies_hz = 0.5 / lengths_s[::2]
     assert frequencies_hz.mean() == pytest.approx(np.mean(VARYING_HZ), abs=0.15)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_varying_square___does_not_drift(seed: int) -> None:
+    rate_hz = 10_000.0
+    excitation = VaryingSquare(1.0, seed)
+    commands = [excitation.step(k / rate_hz, 0.0) for k in range(round(10.0 * rate_hz))]
+    # Free motion of a unit mass; the swing of one period of length T is T^2 / 16.
+    position = np.cumsum(np.cumsum(commands)) / rate_hz**2
+
+    assert np.max(np.abs(position)) <= 1.1 / VARYING_HZ[0] ** 2 / 16.0
 
 
 def test_random___is_uniform_between_both_signs_and_held() -> None:
