@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_ident.data_warning import DataWarning
 from flexarm_ident.errors import DataError
 from flexarm_ident.iodata import ARM_OUTPUTS, IoData
-from flexarm_ident.sampling import longest_run, sampling_period_s
+from flexarm_ident.sampling import longest_run, lost_samples, sampling_period_s
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.cdr import Column
-    from flexarm_ident.sampling import Run
 
 # A declared rate further off than this from the stamps is worth a warning.
 RATE_TOLERANCE = 1e-2
@@ -91,9 +91,7 @@ class BagReading:
     Attributes
     ----------
     data
-        The record.
-    warnings
-        What the user should know, one line each.
+        The record; its `notices` are what the user should know.
     samples
         Samples on the topic, used or not.
     lost
@@ -103,10 +101,14 @@ class BagReading:
     """
 
     data: IoData
-    warnings: tuple[str, ...]
     samples: int
     lost: int
     duration_s: float
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know, one line each."""
+        return tuple(notice.text for notice in self.data.notices)
 
 
 def arm_reading(
@@ -141,18 +143,18 @@ def arm_reading(
     """
     _require(state, source)
     run = longest_run(state.integer("sequence"))
-    warnings = list(_gap_warnings(run, len(state)))
+    notices = list(lost_samples(run, len(state)))
     rows = range(len(state))[run.rows]
     if len(rows) < 3:  # noqa: PLR2004 - two rows of data and the message behind them
         raise DataError(f"{source}: only {len(rows)} samples follow each other; record again")
     stamps_ns = state.stamps_ns()
     dt_s, odd = sampling_period_s(stamps_ns[run.rows])
-    warnings += odd
+    notices += odd
     now, behind = slice(rows[0], rows[-1]), slice(rows[1], rows[-1] + 1)
     followed = None
     if reference is not None and len(reference):
         followed, odd = _references(reference, state.log_times_ns[behind])
-        warnings += odd
+        notices += odd
     answered = commanded or followed is not None or bool(np.any(state.integer("command_sequence")))
     data = IoData(
         state.real("command_v")[behind],
@@ -164,8 +166,9 @@ def arm_reading(
         source=source,
         compensation=state.real("compensation_v")[behind],
         reference=followed,
+        notices=tuple(notices),
     )
-    return BagReading(data, tuple(warnings), len(state), run.lost, _duration_s(stamps_ns))
+    return BagReading(data, len(state), run.lost, _duration_s(stamps_ns))
 
 
 def io_reading(samples: Recorded, channels: Channels | None, *, source: str) -> BagReading:
@@ -193,12 +196,12 @@ def io_reading(samples: Recorded, channels: Channels | None, *, source: str) -> 
     """
     _require(samples, source)
     run = longest_run(samples.integer("sequence"))
-    warnings = list(_gap_warnings(run, len(samples)))
+    notices = list(lost_samples(run, len(samples)))
     if run.rows.stop - run.rows.start < 2:  # noqa: PLR2004 - a period needs two samples
         raise DataError(f"{source}: no two samples follow each other; record again")
     stamps_ns = samples.stamps_ns()
     dt_s, odd = sampling_period_s(stamps_ns[run.rows])
-    warnings += odd
+    notices += odd
     u, y = samples.real("inputs")[run.rows], samples.real("outputs")[run.rows]
     if channels is None:
         channels = Channels(
@@ -209,15 +212,18 @@ def io_reading(samples: Recorded, channels: Channels | None, *, source: str) -> 
             source="",
         )
         closed_loop = None
-        warnings.append("no ChannelInfo was recorded: names and kind of loop are unknown")
+        text = "no ChannelInfo was recorded: names and kind of loop are unknown"
+        notices.append(DataWarning("unknown_channels", text, {}))
     else:
         closed_loop = channels.closed_loop
     if channels.rate_hz > 0:
         if abs(channels.rate_hz * dt_s - 1) > RATE_TOLERANCE:
-            warnings.append(
+            text = (
                 f"ChannelInfo says {channels.rate_hz:g} Hz, the stamps {1 / dt_s:g} Hz: used the"
                 " stamps"
             )
+            figures = {"declared_hz": channels.rate_hz, "stamped_hz": 1 / dt_s}
+            notices.append(DataWarning("other_rate", text, figures))
         else:
             dt_s = 1 / channels.rate_hz
     data = IoData(
@@ -228,8 +234,9 @@ def io_reading(samples: Recorded, channels: Channels | None, *, source: str) -> 
         outputs=channels.outputs,
         closed_loop=closed_loop,
         source=f"{source} ({channels.source})" if channels.source else source,
+        notices=tuple(notices),
     )
-    return BagReading(data, tuple(warnings), len(samples), run.lost, _duration_s(stamps_ns))
+    return BagReading(data, len(samples), run.lost, _duration_s(stamps_ns))
 
 
 def _require(recorded: Recorded, source: str) -> None:
@@ -241,26 +248,15 @@ def _duration_s(stamps_ns: NDArray[np.int64]) -> float:
     return float(stamps_ns[-1] - stamps_ns[0]) / _NS
 
 
-def _gap_warnings(run: Run, samples: int) -> tuple[str, ...]:
-    if run.breaks == 0:
-        return ()
-    warning = (
-        f"{run.lost} samples lost at {run.breaks} places: used rows {run.rows.start} to"
-        f" {run.rows.stop - 1} of {samples}, the longest part without a gap"
-    )
-    return (warning,)
-
-
 def _references(
     reference: Recorded, next_times_ns: NDArray[np.int64]
-) -> tuple[FloatArray, tuple[str, ...]]:
+) -> tuple[FloatArray, tuple[DataWarning, ...]]:
     """Return the last reference sent before the sample that follows, per row."""
     order = np.argsort(reference.log_times_ns, kind="stable")
     latest = np.searchsorted(reference.log_times_ns[order], next_times_ns, side="left") - 1
     unknown = int(np.count_nonzero(latest < 0))
     values = reference.real("data")[order][np.maximum(latest, 0)]
     if unknown:
-        return values, (
-            f"no reference before row {unknown}: took the first one for the rows before",
-        )
+        text = f"no reference before row {unknown}: took the first one for the rows before"
+        return values, (DataWarning("late_reference", text, {"rows": float(unknown)}),)
     return values, ()

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm_ident.errors import DataError
 from flexarm_ident.iodata import ARM_OUTPUTS
-from flexarm_ident.sampling import STEP_TOLERANCE, sampling_period_s
+from flexarm_ident.sampling import Jitter, Run, lost_samples, sampling_period_s
 from flexarm_ident.source import even_chunks
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from flexarm_ident.alignment import Channels, Recorded
     from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.data_warning import DataWarning
 
     Rows = tuple[FloatArray, FloatArray]
     Align = Callable[[Iterable[Recorded]], Iterator[Rows]]
@@ -36,7 +37,7 @@ class BagStream:
         Sampling period.
     label : str
         Name of the record in messages.
-    warnings : tuple of str
+    notices : tuple of DataWarning
         What the user should know.
     """
 
@@ -44,9 +45,14 @@ class BagStream:
     outputs: tuple[str, ...]
     dt_s: float
     label: str
-    warnings: tuple[str, ...]
+    notices: tuple[DataWarning, ...]
     _rows: range = field(repr=False)
     _open: Callable[[], Iterator[Rows]] = field(repr=False)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know, one line each."""
+        return tuple(notice.text for notice in self.notices)
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -116,7 +122,7 @@ def open_stream(
         outputs,
         survey.period_s(),
         source,
-        survey.warnings(),
+        survey.notices(),
         rows,
         lambda: align(pieces()),
     )
@@ -168,7 +174,8 @@ class _Survey:
         self._run = range(0)
         # Sequence number and stamp of the last message.
         self._last = np.empty((0, 2), dtype=np.int64)
-        self._seen = self._breaks = self._lost = self._irregular = 0
+        self._seen = self._breaks = self._lost = 0
+        self._jitter = Jitter()
         self._periods_s: list[float] = []
 
     def add(self, piece: Recorded) -> None:
@@ -186,10 +193,9 @@ class _Survey:
             self.longest = self._run
         steps_ns = steps_ns[steps == 1]
         if len(steps_ns):
+            self._jitter.add(steps_ns)
             period_s, _ = sampling_period_s(np.cumsum(np.append(0, steps_ns)))
             self._periods_s.append(period_s)
-            off = np.abs(steps_ns * 1e-9 - period_s) > STEP_TOLERANCE * period_s
-            self._irregular += int(np.count_nonzero(off))
 
     def _close(self, end: int) -> None:
         if end - self._run.start > len(self.longest):
@@ -199,14 +205,6 @@ class _Survey:
     def period_s(self) -> float:
         return float(np.median(self._periods_s))
 
-    def warnings(self) -> tuple[str, ...]:
-        notes = []
-        if self._breaks:
-            notes.append(
-                f"{self._lost} samples lost at {self._breaks} places: used rows "
-                f"{self.longest.start} to {self.longest.stop - 1} of {self._seen}, the longest "
-                "part without a gap"
-            )
-        if self._irregular:
-            notes.append(f"{self._irregular} of {self._seen} sampling intervals are irregular")
-        return tuple(notes)
+    def notices(self) -> tuple[DataWarning, ...]:
+        run = Run(slice(self.longest.start, self.longest.stop), self._breaks, self._lost)
+        return (*lost_samples(run, self._seen), *self._jitter.warnings(self.period_s()))

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.coulomb import CoulombEstimate
+    from flexarm_ident.data_warning import DataWarning
     from flexarm_ident.friction import DryFriction
     from flexarm_ident.gram import BlockGram
     from flexarm_ident.iodata import IoData
     from flexarm_ident.modes import Mode
     from flexarm_ident.orse import Subspace
-    from flexarm_ident.quality import DataWarning
     from flexarm_ident.stabilisation import Stabilisation
     from flexarm_ident.uncertainty import Jackknife, ModeUncertainty, ResponseUncertainty
 

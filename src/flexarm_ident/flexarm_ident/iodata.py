@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.data_warning import DataWarning
 
 ARM_OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
 
@@ -44,6 +45,9 @@ class IoData:
         part.
     reference : array_like, (samples,), optional
         Set-point of the first output.
+    notices : tuple of DataWarning
+        What is known to be wrong with how the record was taken, such as lost samples. An
+        identification from it says so too.
 
     Raises
     ------
@@ -61,6 +65,7 @@ class IoData:
     source: str = ""
     compensation: FloatArray | None = None
     reference: FloatArray | None = None
+    notices: tuple[DataWarning, ...] = ()
 
     def __post_init__(self) -> None:
         self._set("inputs", tuple(self.inputs))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flexarm_ident import progress as stages
 from flexarm_ident import workflow
-from flexarm_ident.bags import read_bag_report, sample_count, stream_bag
+from flexarm_ident.bags import read_bag, sample_count, stream_bag
 from flexarm_ident.results import write_results
 
 if TYPE_CHECKING:
@@ -113,10 +113,9 @@ def identify_bags(
 
 
 def _read(bag: Path, request: workflow.Request) -> tuple[Source, tuple[str, ...]]:
-    """Return the record and what there is to say about it."""
+    """Return the record and what there is to say about it that it does not say itself."""
     # In pieces, the compensation is always removed.
     if request.remove_compensation and sample_count(bag) > LARGEST_IN_MEMORY:
         stream = stream_bag(bag)
         return stream, stream.warnings
-    reading = read_bag_report(bag)
-    return reading.data, reading.warnings
+    return read_bag(bag), ()

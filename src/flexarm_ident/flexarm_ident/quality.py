@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg, signal
 
+from flexarm_ident.data_warning import DataWarning
+from flexarm_ident.dead_sensor import dead_stretches
 from flexarm_ident.feedback import feedback_test
 from flexarm_ident.orse import SINGULAR_CONDITION
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.gram import BlockGram
@@ -39,28 +41,6 @@ _PLATEAU_SLOPE = 0.05
 _NEIGHBOURS = 3
 
 
-@dataclass(frozen=True)
-class DataWarning:
-    """One thing to know before trusting a model.
-
-    Attributes
-    ----------
-    name : str
-        What it is, the same for all data: ``saturation``.
-    text : str
-        One line that says where, how much, and what to do.
-    figures : mapping of str to float
-        The figures in the text.
-    """
-
-    name: str
-    text: str
-    figures: Mapping[str, float]
-
-    def __str__(self) -> str:
-        return self.text
-
-
 def assess(
     records: Sequence[IoData], gram: BlockGram, *, feedthrough: bool = False
 ) -> tuple[DataWarning, ...]:
@@ -78,12 +58,16 @@ def assess(
     Returns
     -------
     tuple of DataWarning
-        ``feedback``, ``input_condition``, ``too_short`` once; ``constant_channel``, ``offset``,
-        ``saturation``, ``duplicated_channel`` and ``excitation_band`` per record and channel. Empty
-        for good data.
+        ``feedback``, ``input_condition``, ``too_short`` once; what each record brings with it, such
+        as ``lost_samples`` and ``clock_jitter`` from a bag; ``constant_channel``, ``offset``,
+        ``saturation``, ``dead_sensor``, ``duplicated_channel`` and ``excitation_band`` per record
+        and channel. Empty for good data.
     """
     found = [*_feedback(records, gram, feedthrough=feedthrough), *_conditions(gram, records)]
     for record in records:
+        found += [
+            replace(notice, text=f"{record.label}: {notice.text}") for notice in record.notices
+        ]
         found += _channels(record)
         found += _duplicates(record)
         found += _bands(record)
@@ -206,15 +190,48 @@ def _channels(record: IoData) -> Iterator[DataWarning]:
                 {"mean": mean, "deviation": deviation},
             )
         dense = np.ascontiguousarray(x)
+        limits = []
         for extreme, inward in ((float(dense.max()), -1.0), (float(dense.min()), 1.0)):
             share = _plateau_share(dense, extreme, inward)
             if share > 0.0:
+                limits.append(extreme)
                 yield DataWarning(
                     "saturation",
                     f"{record.label}: {name} reaches {extreme:.4g} and may be saturated: it stays "
                     f"there in {_percent(share)} of the samples; lower the drive or the gain",
                     {"level": extreme, "share": share},
                 )
+        yield from _dead_sensor(record, name, limits)
+
+
+def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator[DataWarning]:
+    if name not in record.outputs:
+        return
+    channel = record.outputs.index(name)
+    # A saturated signal stands still too.
+    dead = [
+        rows
+        for rows in dead_stretches(record, channel)
+        if record.y[rows.start, channel] not in limits
+    ]
+    if not dead:
+        return
+    samples = sum(map(len, dead))
+    longest = max(dead, key=len)
+    stretches = "1 stretch" if len(dead) == 1 else f"{len(dead)} stretches"
+    yield DataWarning(
+        "dead_sensor",
+        f"{record.label}: {name} is dead in {_percent(samples / len(record))} of the samples, "
+        f"{stretches}, the longest from row {longest.start} to {longest.stop - 1}: check the "
+        "sensor, and leave those rows out",
+        {
+            "samples": float(samples),
+            "share": samples / len(record),
+            "stretches": float(len(dead)),
+            "first_row": float(longest.start),
+            "last_row": float(longest.stop - 1),
+        },
+    )
 
 
 def _duplicates(record: IoData) -> Iterator[DataWarning]:

@@ -171,8 +171,8 @@ def truncate(model: control.StateSpace, states: Sequence[int]) -> control.StateS
         at += len(block)
     return control.ss(
         A,
-        np.vstack([b for _, b, _ in blocks]),
-        np.hstack([c for _, _, c in blocks]),
+        np.vstack([np.empty((0, model.ninputs)), *(b for _, b, _ in blocks)]),
+        np.hstack([np.empty((model.noutputs, 0)), *(c for _, _, c in blocks)]),
         model.D,
         model.dt,
         inputs=list(model.input_labels),

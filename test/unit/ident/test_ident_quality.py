@@ -9,8 +9,9 @@ from ident_systems import DT_S, arm_model, random_model, record, square_wave, st
 from scipy import signal
 
 from flexarm_ident import IoData
+from flexarm_ident.data_warning import DataWarning
 from flexarm_ident.gram import block_gram
-from flexarm_ident.quality import DataWarning, assess, excited_band_hz
+from flexarm_ident.quality import assess, excited_band_hz
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -154,6 +155,49 @@ def test_assess___channel_repeats_another_in_other_units___both_are_named() -> N
     assert set(found) == {"duplicated_channel"}
     assert found["duplicated_channel"].figures["correlation"] == pytest.approx(-1.0)
     assert "middle_strain_v repeats base_strain_v" in found["duplicated_channel"].text
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 400), (1500, 1900)], ids=["at first", "later"])
+def test_assess___gauge_silent_for_a_stretch___is_named_with_its_rows(
+    first: int, last: int
+) -> None:
+    clean = response(square_wave(SAMPLES, 16))
+    y = clean.y.copy()
+    y[first:last, 2] = 0.05
+    y[3000:3050, 2] = 0.05
+    found = warnings(replace(clean, y=y))
+    assert set(found) == {"dead_sensor"}
+    assert found["dead_sensor"].figures == {
+        "samples": last - first + 50.0,
+        "share": (last - first + 50.0) / SAMPLES,
+        "stretches": 2.0,
+        "first_row": float(first),
+        "last_row": last - 1.0,
+    }
+    assert "run 3: middle_strain_v is dead in 11.2 % of the samples" in found["dead_sensor"].text
+
+
+def test_assess___rest_of_a_rig_without_noise___is_no_dead_sensor() -> None:
+    u = np.concatenate([np.zeros((300, 1)), square_wave(SAMPLES - 300, 17)])
+    assert not warnings(response(u, noise=0.0))
+
+
+def test_assess___encoder_that_rests_among_noisy_gauges___is_no_dead_sensor() -> None:
+    u = square_wave(SAMPLES, 18)
+    u[2000:3000] = 0.0
+    clean = response(u)
+    y = clean.y.copy()
+    step = 0.05 * np.abs(y[:, 0]).max()
+    y[:, 0] = np.round(step_by_step(arm_model(), u)[:, 0] / step) * step
+    assert "dead_sensor" not in warnings(replace(clean, y=y))
+
+
+def test_assess___what_a_record_brings_along___is_passed_on_with_its_name() -> None:
+    notice = DataWarning("lost_samples", "3 samples lost", {"lost": 3.0})
+    first = response(square_wave(SAMPLES, 19))
+    second = replace(response(square_wave(SAMPLES, 20)), source="run 4", notices=(notice,))
+    found = warnings(first, second)
+    assert found == {"lost_samples": replace(notice, text="run 4: 3 samples lost")}
 
 
 def test_assess___short_record___says_how_short() -> None:

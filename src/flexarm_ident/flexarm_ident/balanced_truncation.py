@@ -1,0 +1,109 @@
+"""Balanced truncation, the baseline that modal reduction is judged by.
+
+States are kept by how well the input reaches and the outputs show them, not by mode. That needs
+Gramians, so only the stable part is balanced and the rest is kept whole.
+Moore, "Principal component analysis in linear systems", IEEE Transactions on Automatic Control 26
+(1981); square-root form of Laub, Heath, Paige, Ward, same journal 32 (1987).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+from scipy import linalg
+
+from flexarm_ident.errors import IdentificationError
+from flexarm_ident.modes import modal_form
+from flexarm_ident.reduction import truncate
+
+if TYPE_CHECKING:
+    from flexarm_ident.arrays import FloatArray
+
+_REACHABLE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class BalancedTruncation:
+    """A reduced model.
+
+    Attributes
+    ----------
+    model : control.StateSpace
+        Reduced model with the names of the full one.
+    hankel_singular_values : ndarray
+        Of the stable part, falling.
+    unstable : int
+        States that are kept because they have no Gramian.
+    """
+
+    model: control.StateSpace
+    hankel_singular_values: FloatArray
+    unstable: int
+
+
+def balanced_truncation(
+    model: control.StateSpace, order: int, output_scale: FloatArray | None = None
+) -> BalancedTruncation:
+    """Reduce a discrete model by balanced truncation of its stable part.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model.
+    order : int
+        States to keep.
+    output_scale : ndarray, (outputs,), optional
+        Factors that make the outputs comparable, such as those of `preprocess.output_scale`.
+
+    Returns
+    -------
+    BalancedTruncation
+        The reduced model. It has fewer states than `order` where the stable part has fewer that
+        are both reached and seen.
+
+    Raises
+    ------
+    IdentificationError
+        If `order` is below the number of unstable states, or above all.
+    """
+    eigenvalues = modal_form(model).eigenvalues
+    stable = np.flatnonzero(np.abs(eigenvalues) < 1.0).tolist()
+    unstable = sorted(set(range(model.nstates)) - set(stable))
+    if not max(1, len(unstable)) <= order <= model.nstates:
+        raise IdentificationError(
+            f"order must lie between {max(1, len(unstable))} and the model's {model.nstates}, "
+            f"{len(unstable)} of them unstable: {order}"
+        )
+    if not stable:
+        return BalancedTruncation(model, np.empty(0), len(unstable))
+    part = truncate(model, stable)
+    scale = np.ones(model.noutputs) if output_scale is None else output_scale
+    reach = _factor(linalg.solve_discrete_lyapunov(part.A, part.B @ part.B.T))
+    C = scale[:, np.newaxis] * part.C
+    sight = _factor(linalg.solve_discrete_lyapunov(part.A.T, C.T @ C))
+    left, values, right = linalg.svd(sight.T @ reach)
+    usable = int(np.sum(values > _REACHABLE * values[0]))
+    size = min(order - len(unstable), usable)
+    root = np.sqrt(values[:size])
+    expand = reach @ right[:size].T / root
+    project = (sight @ left[:, :size] / root).T
+    kept = truncate(model, unstable)
+    reduced = control.ss(
+        linalg.block_diag(project @ part.A @ expand, kept.A),
+        np.vstack([project @ part.B, kept.B]),
+        np.hstack([part.C @ expand, kept.C]),
+        model.D,
+        model.dt,
+        inputs=list(model.input_labels),
+        outputs=list(model.output_labels),
+    )
+    return BalancedTruncation(reduced, values, len(unstable))
+
+
+def _factor(gramian: FloatArray) -> FloatArray:
+    """Return L of L L', also for a Gramian that rounding made a little indefinite."""
+    values, vectors = linalg.eigh(0.5 * (gramian + gramian.T))
+    return np.asarray(vectors * np.sqrt(values.clip(min=0.0)))

@@ -1,0 +1,120 @@
+"""The thesis's way to a real reduced model (3-10), to compare with the direct one.
+
+The triplet (3-9) of the kept modes is complex. The thesis simulates its output, which is real, and
+identifies that with ORSE. `reduction.truncate` writes down a real block-diagonal form at once. Both
+are realisations of the same triplet, so they differ by rounding only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+
+from flexarm_ident import orse
+from flexarm_ident.gram import block_gram
+from flexarm_ident.iodata import as_records
+from flexarm_ident.output_fit import fit_inputs
+from flexarm_ident.preprocess import output_scale
+from flexarm_ident.simulation import simulate
+from flexarm_ident.validation import frequency_response, relative_errors
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.iodata import IoData
+
+_FREQUENCIES = 200
+# Of the Nyquist frequency: the lowest one at which responses are compared.
+_LOWEST = 1e-3
+
+
+@dataclass(frozen=True)
+class RealisationDifference:
+    """How far two models of the same channels are apart.
+
+    Attributes
+    ----------
+    frequency_response : float
+        Largest difference of the gains over frequencies, as a part of the largest gain of the same
+        output; of all outputs the largest.
+    simulation : float
+        RMS of the difference of the simulated outputs, as a part of the output's RMS; of all
+        outputs and records the largest.
+    """
+
+    frequency_response: float
+    simulation: float
+
+
+def thesis_realisation(
+    model: control.StateSpace, data: IoData | Sequence[IoData], *, block_rows: int = 40
+) -> control.StateSpace:
+    """Identify a reduced model from its own simulated output with the thesis's ORSE (3-10).
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        The kept modes in any real form, such as `reduction.truncate` gives; without feedthrough.
+    data : IoData or sequence of IoData
+        Records whose input drives the simulation, from rest.
+    block_rows : int
+        Block rows of the Hankel matrices, more than the model has states.
+
+    Returns
+    -------
+    control.StateSpace
+        Model of the same order and names.
+
+    Raises
+    ------
+    DataError
+        If a record is too short for the block rows.
+    """
+    simulated = [
+        replace(record, y=simulate(model, record.u), compensation=None, reference=None)
+        for record in as_records(data)
+    ]
+    space = orse.plain(block_gram(simulated, block_rows), output_scale(simulated))
+    matrices = space.matrices(model.nstates)
+    fit = fit_inputs(matrices.A, matrices.C, simulated)
+    return control.ss(
+        matrices.A,
+        fit.B,
+        matrices.C,
+        fit.D,
+        model.dt,
+        inputs=list(model.input_labels),
+        outputs=list(model.output_labels),
+    )
+
+
+def realisation_difference(
+    one: control.StateSpace, other: control.StateSpace, data: IoData | Sequence[IoData]
+) -> RealisationDifference:
+    """Compare two models by frequency response (2-4) and by simulation from rest.
+
+    Parameters
+    ----------
+    one, other : control.StateSpace
+        Discrete models of the same channels and period; `one` is what the parts refer to.
+    data : IoData or sequence of IoData
+        Records whose input drives the simulation.
+
+    Returns
+    -------
+    RealisationDifference
+        Both differences; rounding only for two realisations of one model.
+    """
+    nyquist_hz = 0.5 / one.dt
+    frequencies_hz = np.geomspace(_LOWEST * nyquist_hz, nyquist_hz, _FREQUENCIES)
+    first, second = (frequency_response(model, frequencies_hz) for model in (one, other))
+    largest = np.abs(first).max(axis=(0, 2))
+    apart = np.abs(first - second).max(axis=(0, 2))
+    simulated = [
+        relative_errors(simulate(one, record.u), simulate(other, record.u)).max()
+        for record in as_records(data)
+    ]
+    return RealisationDifference(float(np.max(apart / largest)), float(np.max(simulated)))

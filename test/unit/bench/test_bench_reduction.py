@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+BENCH = Path(__file__).parents[3] / "bench" / "reduction.py"
+
+
+def test_bench_reduction___few_records___bear_out_the_claims_of_tables_3_1_to_3_3(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "trials.json"
+    done = subprocess.run(  # noqa: S603 - our own benchmark
+        [sys.executable, str(BENCH), "--seeds", "3", "--json", str(file)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("3 of 3") == 6
+    trials: list[dict[str, Any]] = json.loads(file.read_text("utf-8"))
+    assert [(each["experiment"], each["seed"]) for each in trials] == [
+        (name, seed) for name in ("C_dat3", "C_dat11") for seed in range(3)
+    ]
+    assert np.abs([each["mode_errors"] for each in trials]).max() < 0.05
+    for each in trials:
+        assert each["full_dmv"] < 0.35  # 0.3476 and 0.3224 in Tables 3-1b and 3-2b
+        assert each["mrm"] < each["msv"]
+        assert each["msv_order"] >= each["mrm_order"] == 10
+        assert each["updated"] <= 1.05
+        assert each["updated_order"] <= 12
+        assert each["realisation_difference"] < 1e-8
+        assert set(each["ranked_by_mrm"]) == set(each["ranked_by_msv"])

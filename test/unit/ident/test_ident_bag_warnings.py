@@ -1,0 +1,93 @@
+"""Defects of how a bag was recorded reach whoever identifies a model from it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from bag_samples import START_NS, io_sample, write_bag
+from ident_systems import random_model, step_by_step
+
+from flexarm_ident import identify, job, read_bag
+from flexarm_ident.bags import stream_bag
+from flexarm_ident.job import identify_bags
+from flexarm_ident.workflow import Request
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+STEP_NS = 10_000_000
+SAMPLES = 900
+REQUEST = Request(order=4, block_rows=10, method="orse", train_fraction=1.0)
+
+
+def a_bag(path: Path, *, lost: tuple[int, ...] = (), scatter_ns: float = 0.0) -> Path:
+    rng = np.random.default_rng(1)
+    u = rng.standard_normal((SAMPLES, 1))
+    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
+    y += 0.01 * rng.standard_normal(y.shape)
+    off_ns = rng.normal(0.0, scatter_ns, SAMPLES).astype(int).tolist()
+    return write_bag(
+        path,
+        [
+            io_sample(k + 1, START_NS + k * STEP_NS + off_ns[k], u[k], y[k])
+            for k in range(SAMPLES)
+            if k not in lost
+        ],
+    )
+
+
+def names(bag: Path) -> dict[str, dict[str, float]]:
+    found = identify(read_bag(bag), order=4, block_rows=10)
+    assert all(str(bag) in warning.text for warning in found.data_warnings)
+    assert all(warning.text in found.warnings for warning in found.data_warnings)
+    warnings = {warning.name: dict(warning.figures) for warning in found.data_warnings}
+    # The bag has no ChannelInfo.
+    del warnings["unknown_channels"]
+    return warnings
+
+
+def test_identify___clean_bag___has_no_timing_warning(tmp_path: Path) -> None:
+    assert names(a_bag(tmp_path / "run")) == {}
+
+
+def test_identify___bag_with_lost_samples___names_them(tmp_path: Path) -> None:
+    found = names(a_bag(tmp_path / "run", lost=(100, 101, 250)))
+    assert found == {
+        "lost_samples": {
+            "lost": 3.0,
+            "places": 2.0,
+            "first_row": 248.0,
+            "last_row": SAMPLES - 4.0,
+            "samples": SAMPLES - 3.0,
+        }
+    }
+
+
+def test_identify___bag_of_a_jittering_clock___names_it(tmp_path: Path) -> None:
+    (name,) = found = names(a_bag(tmp_path / "run", scatter_ns=0.15 * STEP_NS))
+    assert name == "clock_jitter"
+    expected_s = np.sqrt(2.0) * 0.15e-9 * STEP_NS
+    assert found[name]["deviation_s"] == pytest.approx(expected_s, rel=0.1)
+
+
+@pytest.mark.parametrize("streamed", [False, True])
+def test_identify_bags___lost_samples___are_among_the_warnings_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, streamed: bool
+) -> None:
+    if streamed:
+        monkeypatch.setattr(job, "LARGEST_IN_MEMORY", SAMPLES // 2)
+    bag = a_bag(tmp_path / "run", lost=(100,))
+    outcome = identify_bags([bag], tmp_path / "out", REQUEST).outcome
+    said = [warning for warning in outcome.warnings if "1 samples lost at 1 places" in warning]
+    assert len(said) == 1
+
+
+def test_stream_bag___lost_samples_and_jitter___same_notices_as_in_memory(tmp_path: Path) -> None:
+    bag = a_bag(tmp_path / "run", lost=(100, 500), scatter_ns=0.15 * STEP_NS)
+    streamed = {notice.name: notice for notice in stream_bag(bag).notices}
+    whole = {notice.name: notice for notice in read_bag(bag).notices}
+    assert streamed["lost_samples"] == whole["lost_samples"]
+    # Without the steps over the gaps, but not only those of the part that is used.
+    assert streamed["clock_jitter"].figures["intervals"] == SAMPLES - 5.0

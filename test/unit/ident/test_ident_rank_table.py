@@ -1,0 +1,20 @@
+from __future__ import annotations
+
+import numpy as np
+from ident_systems import arm_model, square_wave, step_by_step
+
+from flexarm_ident import IoData
+from flexarm_ident.modes import mode_table
+from flexarm_ident.rank_table import rank_table
+
+
+def test_rank_table___arm___both_orders_fall_and_hold_every_mode() -> None:
+    model, u = arm_model(), square_wave(2000, 1)
+    data = IoData(u, step_by_step(model, u), dt_s=float(model.dt))
+    modes = mode_table(model, [data], np.ones(4))
+    table = rank_table(modes)
+    for listed, index in ((table.by_msv, "msv"), (table.by_mrm, "mrm")):
+        values = [getattr(mode, index) for mode in listed]
+        assert values == sorted(values, reverse=True)
+        assert {mode.label for mode in listed} == {mode.label for mode in modes}
+    assert [mode.label for mode in table.by_msv] != [mode.label for mode in table.by_mrm]
