@@ -2,6 +2,10 @@
 
 The gauge is measured as the acceptance lines ask and also without sensor noise: the noise of the
 base gauge, 0.05 V, hides most of what is left of the vibration.
+
+The gains are tuned on the printed models. The thresholds of (4-8) are tuned to the noise: the
+thesis's 0.05 V of error is the whole 5 % of a step of 1 V, and its 0.05 V of speed is passed by the
+noise of the tachometer, 0.02 V, three times a second. `pdpc_thesis` has the thesis's own.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
@@ -23,7 +27,10 @@ from scipy.optimize import NonlinearConstraint, minimize
 from scipy.signal import dlsim
 
 from flexarm_control import (
+    LAWS,
+    Compensation,
     PdpGains,
+    build_law,
     nominal_model,
     nominal_payloads_kg,
     step_figures,
@@ -33,23 +40,40 @@ from flexarm_control.arm_model import BASE_STRAIN, MIDDLE_STRAIN, POSITION
 from flexarm_control.criteria import position_itae, strain_itae
 from flexarm_control.margins import LoopResponse
 from flexarm_control.pdpc import Pdp, Pdpc
+from flexarm_control.pdpc_plus import PdpcPlus
 from flexarm_control.tuning import PDP_BOUNDS, PDP_STARTS
 from flexarm_daq import RigParameters, SimulatedRig
 
 if TYPE_CHECKING:
     import control
 
-RATE_HZ, LENGTH_S, RESIDUAL_FROM_S = 300.0, 10.0, 8.0
+    from flexarm_control import Law
+    from flexarm_control.arrays import FloatArray
+
+RATE_HZ, LENGTH_S, SETTLED_S, RESIDUAL_FROM_S = 300.0, 10.0, 3.0, 8.0
 CASES = ((0.0, 1.0), (0.2, 3.0), (0.3, 4.0), (0.4, 5.0))
+# Five and four times the noise of the rig.
+THRESHOLDS = Compensation(error_threshold_v=0.025, speed_threshold_v=0.08)
+ILQR_PAYLOAD_KG, ILQR_LENGTH_S, ILQR_LATE_S = 0.3, 20.0, 10.0
 _STEPS = 20_000
 # Acceptance lines, as the table words them.
 _ERROR_V, _WITHOUT_V, _OVERSHOOT = 0.05, 0.5, 0.06
 _LOADED_S, _EMPTY_S = 2.0, 3.5
+_CALMER = 0.7
+_HUNTING_FROM_V, _HUNTING_OVERSHOOT, _HUNTING_V = 4.0, 0.08, 0.2
+_GAUGES = {
+    "residual_gauge_rms_v": "8-10 s",
+    "true_gauge_rms_v": "8-10 s (no noise)",
+    "settled_true_gauge_rms_v": "3-10 s (no noise)",
+}
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One step; `true_gauge_rms_v` is the base gauge without sensor noise."""
+    """One step; `true` figures are without sensor noise.
+
+    The gauge is that at the base: `residual` over 8 to 10 s, `settled` over 3 to 10 s.
+    """
 
     law: str
     payload_kg: float
@@ -61,6 +85,16 @@ class Trial:
     true_settling_s: float
     residual_gauge_rms_v: float
     true_gauge_rms_v: float
+    settled_true_gauge_rms_v: float
+
+
+class IlqrTrial(NamedTuple):
+    """A step at 300 g under ILQR; the swing is peak to peak over 10 to 20 s."""
+
+    setpoint_v: float
+    seed: int
+    overshoot: float
+    swing_v: float
 
 
 class _ObservedRig(SimulatedRig):
@@ -72,13 +106,15 @@ class _ObservedRig(SimulatedRig):
         return position_v, strain_v
 
 
-def laws(tuned: PdpGains) -> dict[str, Pdp | Pdpc]:
+def laws(tuned: PdpGains) -> dict[str, Law]:
     """Return the laws under trial by name."""
     return {
         "pdp": Pdp(tuned),
-        "pdpc": Pdpc(tuned),
+        "pdpc": Pdpc(tuned, THRESHOLDS),
         "pdpc_thesis": Pdpc(),
         "pdpc_unconditional": Pdpc(tuned, conditional=False),
+        "pdpc_plus": PdpcPlus(tuned),
+        "lqg": build_law("lqg"),
     }
 
 
@@ -95,18 +131,22 @@ def main(*, seeds: int, json_file: Path | None) -> None:
     tune_pdp(models, starts=PDP_STARTS[:1])
     one_start_s = time.perf_counter() - start_s
     naive_s = naive_tuning_s(models)
-    step_us = {name: step_cost_us(law) for name, law in laws(tuned).items()}
-    cases = [(name, tuned, *case) for name, case in product(step_us, product(CASES, range(seeds)))]
+    step_us = {name: step_cost_us(build_law(name)) for name in LAWS}
+    cases = [
+        (name, tuned, *case) for name, case in product(laws(tuned), product(CASES, range(seeds)))
+    ]
     with ProcessPoolExecutor(2) as pool:
         trials = list(track(pool.map(trial, cases, chunksize=4), total=len(cases)))
+        ilqr = list(pool.map(ilqr_trial, product((3.0, 5.0), range(seeds))))
     console = Console()
     console.print(f"tuned gains kp {tuned.kp:.4f}, kd {tuned.kd:.4f}, ksg {tuned.ksg:.4f}")
     console.print(
         f"tuning {tuning_s:.2f} s from three starts; {one_start_s:.2f} s from one, "
         f"{naive_s:.2f} s with scipy's dlsim"
     )
-    console.print(table(trials, step_us))
-    console.print(lines(trials))
+    console.print(costs(step_us))
+    console.print(table(trials))
+    console.print(lines(trials, ilqr))
     if json_file is not None:
         figures = {
             "step_us": step_us,
@@ -115,6 +155,7 @@ def main(*, seeds: int, json_file: Path | None) -> None:
             "naive_one_start_s": naive_s,
             "gains": asdict(tuned),
             "trials": [asdict(each) for each in trials],
+            "ilqr": [each._asdict() for each in ilqr],
         }
         json_file.parent.mkdir(parents=True, exist_ok=True)
         json_file.write_text(json.dumps(figures, indent=1), "utf-8")
@@ -124,15 +165,9 @@ def trial(case: tuple[str, PdpGains, tuple[float, float], int]) -> Trial:
     """Step the arm once."""
     name, tuned, (payload_kg, setpoint_v), seed = case
     law = laws(tuned)[name]
-    rig = _ObservedRig(RigParameters(payload_kg=payload_kg), rate_hz=RATE_HZ, seed=seed)
-    rig.open()
-    samples = round(LENGTH_S * RATE_HZ)
-    measured_v, true_v = np.empty((samples, 2)), np.empty((samples, 2))
-    for sample in range(samples):
-        volts = rig.read().volts.tolist()
-        measured_v[sample], true_v[sample] = volts[:2], rig.outputs_v()
-        rig.write(sum(law.step(volts, setpoint_v)))
-    time_s = np.arange(samples) / RATE_HZ
+    time_s, measured_v, true_v = step_arm(
+        law, RigParameters(payload_kg=payload_kg), setpoint_v, seed, LENGTH_S
+    )
     figures = step_figures(time_s, measured_v[:, 0], setpoint_v)
     late = time_s >= RESIDUAL_FROM_S
     return Trial(
@@ -146,10 +181,40 @@ def trial(case: tuple[str, PdpGains, tuple[float, float], int]) -> Trial:
         min(step_figures(time_s, true_v[:, 0], setpoint_v).settling_s, LENGTH_S),
         float(np.sqrt(np.mean(measured_v[late, 1] ** 2))),
         float(np.sqrt(np.mean(true_v[late, 1] ** 2))),
+        float(np.sqrt(np.mean(true_v[time_s >= SETTLED_S, 1] ** 2))),
     )
 
 
-def step_cost_us(law: Pdp | Pdpc) -> float:
+def ilqr_trial(case: tuple[float, int]) -> IlqrTrial:
+    """Step the arm with 300 g once."""
+    setpoint_v, seed = case
+    rig = RigParameters(payload_kg=ILQR_PAYLOAD_KG)
+    time_s, measured_v, _ = step_arm(build_law("ilqr"), rig, setpoint_v, seed, ILQR_LENGTH_S)
+    position_v = measured_v[:, 0]
+    return IlqrTrial(
+        setpoint_v,
+        seed,
+        step_figures(time_s, position_v, setpoint_v).overshoot,
+        float(np.ptp(position_v[time_s >= ILQR_LATE_S])),
+    )
+
+
+def step_arm(
+    law: Law, parameters: RigParameters, setpoint_v: float, seed: int, length_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return time, and position and base strain as measured and without noise."""
+    rig = _ObservedRig(parameters, rate_hz=RATE_HZ, seed=seed)
+    rig.open()
+    samples = round(length_s * RATE_HZ)
+    measured_v, true_v = np.empty((samples, 2)), np.empty((samples, 2))
+    for sample in range(samples):
+        volts = rig.read().volts.tolist()
+        measured_v[sample], true_v[sample] = volts[:2], rig.outputs_v()
+        rig.write(sum(law.step(volts, setpoint_v)))
+    return np.arange(samples) / RATE_HZ, measured_v, true_v
+
+
+def step_cost_us(law: Law) -> float:
     """Return the microseconds of one step, best of three."""
     volts, took_s = [0.9, 0.1, -0.1, 0.2], []
     for _ in range(3):
@@ -194,31 +259,39 @@ def naive_tuning_s(models: list[control.StateSpace]) -> float:
     return time.perf_counter() - start_s
 
 
-def table(trials: list[Trial], step_us: dict[str, float]) -> Table:
+def costs(step_us: dict[str, float]) -> Table:
+    """Microseconds of one step of every law."""
+    result = Table("law", "step, us")
+    for name, cost_us in step_us.items():
+        result.add_row(name, f"{cost_us:.2f}")
+    return result
+
+
+def table(trials: list[Trial]) -> Table:
     """Worst figures per law and case; the gauge as a mean over the seeds."""
-    result = Table("law", "case", "us", "|error|", "overshoot", "settling, true", "gauge, true V")
-    for name, (payload_kg, setpoint_v) in product(step_us, CASES):
+    result = Table("law", "case", "|error|", "overshoot", "settling, true", "gauge, true, 3-10 s")
+    names = dict.fromkeys(each.law for each in trials)
+    for name, (payload_kg, setpoint_v) in product(names, CASES):
         some = _of(trials, name, payload_kg)
         result.add_row(
             name,
             f"{1e3 * payload_kg:.0f} g {setpoint_v:g} V",
-            f"{step_us[name]:.2f}",
             f"{max(abs(t.mean_error_v) for t in some):.3f}",
             f"{max(t.overshoot for t in some):.1%}",
             f"{max(t.settling_s for t in some):.2f} {max(t.true_settling_s for t in some):.2f}",
-            f"{_rms(some, true=False):.4f} {_rms(some, true=True):.4f}",
+            " ".join(f"{_rms(some, kind):.4f}" for kind in _GAUGES),
         )
     return result
 
 
-def lines(trials: list[Trial]) -> Table:
+def lines(trials: list[Trial], ilqr: list[IlqrTrial]) -> Table:
     """Compare with the acceptance lines."""
     result = Table("line", "figure", "holds")
 
     def add(line: str, figure: float, *, holds: bool) -> None:
         result.add_row(line, f"{figure:.3f}", "yes" if holds else "NO")
 
-    for name in ("pdpc", "pdpc_thesis"):
+    for name in ("pdpc", "pdpc_thesis", "pdpc_plus"):
         some = [t for t in trials if t.law == name]
         error_v = max(abs(t.mean_error_v) for t in some)
         add(f"{name}: |mean error| <= 0.05 V", error_v, holds=error_v <= _ERROR_V)
@@ -232,13 +305,32 @@ def lines(trials: list[Trial]) -> Table:
     for payload_kg in (0.0, 0.2):
         least_v = min(abs(t.mean_error_v) for t in _of(trials, "pdp", payload_kg))
         add(f"pdp: error >= 0.5 V at {payload_kg:g} kg", least_v, holds=least_v >= _WITHOUT_V)
-    for (payload_kg, least), true in product(((0.0, 2.0), (0.2, 2.0), (0.4, 1.5)), (False, True)):
-        ratio = _rms(_of(trials, "pdpc_unconditional", payload_kg), true=true) / _rms(
-            _of(trials, "pdpc", payload_kg), true=true
+    for (payload_kg, least), (kind, words) in product(
+        ((0.0, 2.0), (0.2, 2.0), (0.4, 1.5)), list(_GAUGES.items())[:2]
+    ):
+        ratio = _rms(_of(trials, "pdpc_unconditional", payload_kg), kind) / _rms(
+            _of(trials, "pdpc", payload_kg), kind
         )
-        words = " (no noise)" if true else ""
-        line = f"gauge{words}, unconditional / conditional >= {least:g} at {payload_kg:g} kg"
+        line = f"gauge {words}, unconditional / conditional >= {least:g} at {payload_kg:g} kg"
         add(line, ratio, holds=ratio >= least)
+    for kind, words in _GAUGES.items():
+        calm, plain = (
+            _rms([t for t in trials if t.law == name], kind) for name in ("pdpc_plus", "pdpc")
+        )
+        line = f"gauge {words}, pdpc_plus / pdpc <= {_CALMER:g}"
+        add(line, calm / plain, holds=calm <= _CALMER * plain)
+    calm_v, plain_v = (
+        max(abs(t.mean_error_v) for t in trials if t.law == name) for name in ("pdpc_plus", "pdpc")
+    )
+    add("|mean error|, pdpc_plus / pdpc <= 1", calm_v / plain_v, holds=calm_v <= plain_v)
+    held = [each for each in ilqr if each.setpoint_v < _HUNTING_FROM_V]
+    hunting = [each for each in ilqr if each.setpoint_v >= _HUNTING_FROM_V]
+    most, swing_v = max(t.overshoot for t in held), max(t.swing_v for t in held)
+    add("ilqr, 3 V: overshoot <= 6 %", most, holds=most <= _OVERSHOOT)
+    add("ilqr, 3 V: peak to peak over 10-20 s <= 0.05 V", swing_v, holds=swing_v <= _ERROR_V)
+    least, swing_v = min(t.overshoot for t in hunting), min(t.swing_v for t in hunting)
+    add("ilqr, 5 V: overshoot >= 8 %", least, holds=least >= _HUNTING_OVERSHOOT)
+    add("ilqr, 5 V: peak to peak over 10-20 s >= 0.2 V", swing_v, holds=swing_v >= _HUNTING_V)
     return result
 
 
@@ -246,9 +338,8 @@ def _of(trials: list[Trial], name: str, payload_kg: float) -> list[Trial]:
     return [t for t in trials if (t.law, t.payload_kg) == (name, payload_kg)]
 
 
-def _rms(trials: list[Trial], *, true: bool) -> float:
-    values = [t.true_gauge_rms_v if true else t.residual_gauge_rms_v for t in trials]
-    return float(np.mean(values))
+def _rms(trials: list[Trial], kind: str) -> float:
+    return float(np.mean([getattr(t, kind) for t in trials]))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from flexarm_control import (
     LAWS,
     REFERENCES,
-    Effort,
     Pdp,
     Pdpc,
     build_law,
@@ -19,6 +18,8 @@ from flexarm_control import (
     step_figures,
 )
 from flexarm_control.references import TRAVEL_V
+from flexarm_control.switching import FADE_V, Handover
+from flexarm_daq.limiter import LimiterSettings
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 ANY = st.floats()
@@ -53,7 +54,52 @@ def test_law___any_input_at_all___has_finite_outputs(
     assert math.isfinite(effort.compensation_v)
 
 
-@given(LAW_VALUES, st.tuples(VOLTS, VOLTS, VOLTS, VOLTS), VOLTS)
+@given(LAW_VALUES, st.lists(st.tuples(FINITE, FINITE, FINITE, FINITE, FINITE), max_size=8))
+def test_law___any_finite_sequence___stays_finite_and_within_the_drive(
+    law: tuple[str, dict[str, float]], samples: list[tuple[float, ...]]
+) -> None:
+    stepper = build_law(*law)
+    for *volts, reference_v in samples:
+        effort = stepper.step(volts, reference_v)
+
+        assert math.isfinite(effort.effort_v)
+        assert math.isfinite(effort.compensation_v)
+        assert abs(sum(effort)) <= 10.0 + 1e-9
+
+
+@given(
+    st.tuples(LAW_VALUES, LAW_VALUES),
+    st.lists(st.tuples(VOLTS, VOLTS, VOLTS, VOLTS, st.floats(-6.0, 6.0)), min_size=2, max_size=12),
+    st.integers(1, 11),
+)
+def test_switch___any_two_laws___moves_the_command_by_no_more_than_the_slew_limit(
+    laws: tuple[tuple[str, dict[str, float]], ...], samples: list[tuple[float, ...]], at: int
+) -> None:
+    handover, alone = Handover(build_law(*laws[0])), build_law(*laws[1])
+    before_v, alone_before_v = 0.0, 0.0
+    for number, (*volts, reference_v) in enumerate(samples):
+        if number == at:
+            handover.replace(build_law(*laws[1]))
+        command_v = sum(handover.step(volts, reference_v))
+        if number == at:
+            # Whatever either law wants: the command stays where it was.
+            assert abs(command_v - before_v) <= 1e-9
+        if number >= at:
+            alone_v = sum(alone.step(volts, reference_v))
+            if number > at:
+                # From then on it moves with the new law, and fades.
+                allowed_v = abs(alone_v - alone_before_v) + FADE_V + 1e-9
+                assert abs(command_v - before_v) <= allowed_v
+            alone_before_v = alone_v
+        before_v = command_v
+    assert LimiterSettings().max_slew_v_per_s >= FADE_V * 300.0
+
+
+@given(
+    _values(dict(LAWS), st.sampled_from(sorted(set(LAWS) - {"pdpc_plus"}))),
+    st.tuples(VOLTS, VOLTS, VOLTS, VOLTS),
+    VOLTS,
+)
 def test_law___any_measurement___compensates_along_the_effort(
     law: tuple[str, dict[str, float]], volts: tuple[float, ...], reference_v: float
 ) -> None:
@@ -72,7 +118,9 @@ def test_pdpc___any_measurement___is_4_8_in_words(
 
     moving = abs(reference_v - volts[0]) >= 0.05 or abs(volts[3]) >= 0.05
     expected_v = (0.7 if effort.effort_v >= 0 else -0.7) if moving else 0.0
-    assert effort == Effort(Pdp().step(volts, reference_v).effort_v, expected_v)
+    assert effort.compensation_v == expected_v
+    total_v = Pdp().step(volts, reference_v).effort_v + expected_v
+    assert math.isclose(sum(effort), min(10.0, max(-10.0, total_v)), abs_tol=1e-9)
 
 
 @given(SIMPLE_REFERENCES, st.floats(0.0, 1e6))

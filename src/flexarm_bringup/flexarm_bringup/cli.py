@@ -313,10 +313,15 @@ def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa
 @click.option("--delay", "delay_s", default=0.0, show_default=True, help="Loop delay, s.")
 @_examples(
     "tune nominal:0 nominal:0.2 nominal:0.4",
+    "tune nominal:0:flipped nominal:0.2:flipped nominal:0.4:flipped",
+    "tune bags/c_dat3_0g bags/c_dat3_400g",
     "tune out/a/model.yaml out/b/model.yaml --delay 0.001 -o out/gains.yaml",
 )
 def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
-    """Tune gains on models (files from identify, or nominal:KG); write a --params-file."""
+    """Tune gains on models (files from identify, bags, or nominal:KG); write a --params-file.
+
+    nominal:KG:flipped turns the sign of the middle gauge y3, which the thesis seems to have had.
+    """
     from flexarm_bringup.tune import tune_models  # noqa: PLC0415
 
     tune_models(models, out, **options)
@@ -406,6 +411,11 @@ _BENCHES = (
         "control",
         "Trials of the laws, their cost, and the tuning time",
         ("--json out/control.json",),
+    ),
+    (
+        "robustness",
+        "Tuned gains over a grid of payloads and on rigs drawn at random",
+        ("--rigs 500 --spread 0.2",),
     ),
     ("faults", "The fault campaign: broken rigs, killed processes", ("--docs",)),
     ("bag_faults", "Cut, flipped and mutated bags", ()),

@@ -16,14 +16,21 @@ if TYPE_CHECKING:
 
 def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # noqa: ANN401
     """Tune a law on models, show the certificate, write the gains."""
-    models = load_models(names)
-    with terminal.busy(f"tuning on {len(models)} models"):
+    with terminal.busy(f"tuning on {len(names)} models"):
+        models = load_models(names)
         result = tune(models, TuneRequest(**request))
-    table = Table("model", "gain margin dB", "phase margin deg", "E", "Y", box=None)
+    table = Table("model", "gain margin dB", "phase margin deg", "disk margin", "E", "Y", box=None)
     rows = zip(models, result.margins, result.error_itae, result.strain_itae, strict=False)
     for name, margins, error, strain in rows:
-        figures = (margins.gain_margin_db, margins.phase_margin_deg, error, strain)
-        table.add_row(name, *(f"{figure:.3f}" for figure in figures))
+        disk = f"{margins.disk_margin:.2f} at {margins.disk_margin_hz:.1f} Hz"
+        table.add_row(
+            name,
+            f"{margins.gain_margin_db:.2f}",
+            f"{margins.phase_margin_deg:.1f}",
+            disk,
+            f"{error:.3f}",
+            f"{strain:.3f}",
+        )
     if table.row_count:
         terminal.CONSOLE.print(table)
     for note in result.notes:

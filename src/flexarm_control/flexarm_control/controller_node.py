@@ -17,6 +17,7 @@ from std_msgs.msg import Float64
 from flexarm_control.laws import LAWS, build_law
 from flexarm_control.references import REFERENCES, TRAVEL_V, Reference, build_reference
 from flexarm_control.scheduled import ScheduledPdpc
+from flexarm_control.switching import Handover
 from flexarm_msgs.msg import ArmState, MotorCommand, PayloadEstimate
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode, wait_until
@@ -150,18 +151,20 @@ class ControllerNode(LoopNode):
         told_v, told_s, weighed_ns = None, 0.0, 0
         command = MotorCommand()
         command.header.frame_id = "flexarm"
+        handover = Handover(self._setup.law)
         while not stopping.is_set():
             state = self._states.wait_newest(_WAIT_S)
             if state is None:
                 continue
             received_s = time.monotonic()
             setup = self._setup
+            handover.replace(setup.law)
             stamp = state.header.stamp
             # In whole nanoseconds: seconds since 1970 have no room for them in a float.
             stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
             if state.sequence <= last_sequence or last_sequence == 0:
                 start_ns, last_sequence, told_v = stamp_ns, state.sequence - 1, None
-                setup.law.reset()
+                handover.reset()
             self._skipped += state.sequence - last_sequence - 1
             last_sequence = state.sequence
             if setup.profile is not None:
@@ -170,7 +173,7 @@ class ControllerNode(LoopNode):
                 if self._reference_v != told_v or time_s - told_s >= _TELL_AGAIN_S:
                     told_v, told_s = self._reference_v, time_s
                     self._references_out.publish(Float64(data=told_v))
-            effort = setup.law.step(
+            effort = handover.step(
                 (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v),
                 self._reference_v,
             )

@@ -7,14 +7,20 @@ Every law answers an effort that is not finite with zero effort and zero compens
 effort comes from a measurement or reference that is NaN, infinite or so large that the sum
 overflows; all three are faults, and zero is the command that adds no energy. So the outputs are
 finite for every input.
+
+Every law knows where the drive saturates and asks for no more (`limited`).
 """
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+SATURATION_V = 10.0
+"""Largest command of the drive (Figure 2-2)."""
 
 
 class Effort(NamedTuple):
@@ -33,6 +39,26 @@ class Effort(NamedTuple):
 
 
 NO_EFFORT = Effort(0.0, 0.0)
+
+
+def limited(effort_v: float, compensation_v: float = 0.0) -> Effort:
+    """Answer within the range of the drive.
+
+    The effort takes the cut: the friction that the compensation stands for is there all the same.
+
+    Parameters
+    ----------
+    effort_v
+        Feedback effort u_e, V; one that is not finite gives `NO_EFFORT`.
+    compensation_v
+        Coulomb friction compensation u_c, V, finite and within the range of the drive.
+    """
+    if not isfinite(effort_v):
+        return NO_EFFORT
+    if -SATURATION_V <= effort_v + compensation_v <= SATURATION_V:
+        return Effort(effort_v, compensation_v)
+    rail_v = SATURATION_V if effort_v > 0.0 else -SATURATION_V
+    return Effort(rail_v - compensation_v, compensation_v)
 
 
 class Law(Protocol):

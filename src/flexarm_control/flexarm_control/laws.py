@@ -1,4 +1,4 @@
-"""The control laws by their names: PD, PI, PDP and PDPC, one sample at a time."""
+"""The control laws by their names, each answering one sample at a time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from flexarm_control.errors import ControlError
 from flexarm_control.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains, Sampling
 from flexarm_control.ilqr import Ilqr, IlqrWeights, design_ilqr
-from flexarm_control.law import NO_EFFORT, Effort, Law
+from flexarm_control.law import NO_EFFORT, SATURATION_V, Effort, Law, limited
+from flexarm_control.lqg import LqgWeights, design_lqg
 from flexarm_control.nominal_models import identified_model
 from flexarm_control.parameters import (
     Bounded,
@@ -21,14 +22,12 @@ from flexarm_control.parameters import (
 )
 from flexarm_control.payload import PayloadDetection
 from flexarm_control.pdpc import Pdp, Pdpc
+from flexarm_control.pdpc_plus import PdpcPlus, Rest
 from flexarm_control.schedule import ScheduleGains
 from flexarm_control.scheduled import ScheduledPdpc
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-
-SATURATION_V = 10.0
-"""Largest command of the drive (Figure 2-2)."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +43,10 @@ class Pd:
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `Law.step`."""
         effort_v = self.gains.kp * (reference_v - volts[0]) - self.gains.kd * volts[3]
-        if not isfinite(effort_v) or effort_v == 0.0:
-            return NO_EFFORT
+        if effort_v == 0.0:
+            return Effort(0.0, 0.0)
         level_v = self.coulomb.compensation_v
-        return Effort(effort_v, level_v if effort_v > 0.0 else -level_v)
+        return limited(effort_v, level_v if effort_v > 0.0 else -level_v)
 
     def reset(self) -> None:
         """Do nothing: the law has no state."""
@@ -81,7 +80,7 @@ class Pi:
         effort_v = self._gains.kp * error_v + self._gains.ki * integral_v_s
         if abs(effort_v) <= SATURATION_V or effort_v * error_v < 0.0:
             self._integral_v_s = integral_v_s
-        return Effort(effort_v, 0.0) if isfinite(effort_v) else NO_EFFORT
+        return limited(effort_v)
 
     def reset(self) -> None:
         """Forget the sum of the errors."""
@@ -139,6 +138,18 @@ def _make_ilqr(values: Mapping[str, float]) -> Ilqr:
     return Ilqr(design_ilqr(identified_model(), select(IlqrWeights, values)))
 
 
+def _make_lqg(values: Mapping[str, float]) -> Ilqr:
+    return Ilqr(design_lqg(identified_model(), select(LqgWeights, values)))
+
+
+def _make_pdpc_plus(values: Mapping[str, float]) -> PdpcPlus:
+    return PdpcPlus(
+        select(PdpGains, values),
+        select(Compensation, values).compensation_v,
+        select(Rest, values),
+    )
+
+
 def _make_pdpc_scheduled(values: Mapping[str, float]) -> ScheduledPdpc:
     return ScheduledPdpc(
         select(ScheduleGains, values),
@@ -179,6 +190,16 @@ LAWS: Mapping[str, LawSpec] = MappingProxyType(
             "integral plus LQR control from the position, on a model with 300 g (section 4.4)",
             _table(IlqrWeights),
             _make_ilqr,
+        ),
+        "lqg": LawSpec(
+            "integral plus LQR control from all four signals, on a model with 300 g: a baseline",
+            _table(LqgWeights),
+            _make_lqg,
+        ),
+        "pdpc_plus": LawSpec(
+            "PDPC that comes to rest without gear hitting and lets no swing live on (chapter 5)",
+            _table(PdpGains) + _LEVEL + _table(Rest),
+            _make_pdpc_plus,
         ),
         "pdpc_scheduled": LawSpec(
             "PDPC whose gains follow the payload that it detects (chapter 5)",

@@ -1,9 +1,19 @@
-"""Gain and phase margins of the PDP loop (4-2), with every crossing."""
+"""Gain, phase and disk margins of the PDP loop (4-2), with every crossing.
+
+The disk margin bounds gain and phase errors that come together, where the classical margins take
+one at a time: the loop stays stable for every factor in the disk that meets the real axis at
+(2 - a)/(2 + a) and (2 + a)/(2 - a) [1]_.
+
+References
+----------
+.. [1] Seiler, P., Packard, A., and Gahinet, P. (2020). An introduction to disk margins. IEEE
+   Control Systems Magazine 40(5), 78-95.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, nan
+from math import atan, degrees, inf, log10, nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -62,6 +72,9 @@ class Margins:
         Every crossing of -180 deg, margins in dB.
     gain_crossings
         Every crossing of gain one, margins in deg.
+    disk_margin, disk_margin_hz
+        Symmetric disk margin a = min 2 |1 + L| / |1 - L|, zero for an unstable loop, and its
+        frequency, Hz.
     stable
         Whether all poles of the closed loop lie inside the unit circle.
     """
@@ -72,7 +85,20 @@ class Margins:
     phase_margin_hz: float
     phase_crossings: tuple[Crossing, ...]
     gain_crossings: tuple[Crossing, ...]
+    disk_margin: float
+    disk_margin_hz: float
     stable: bool
+
+    @property
+    def disk_gain_margin_db(self) -> float:
+        """Gain error either way that the disk margin allows together with its phase, dB."""
+        share = min(self.disk_margin, 2.0) / 2.0
+        return inf if share == 1.0 else 20.0 * log10((1.0 + share) / (1.0 - share))
+
+    @property
+    def disk_phase_margin_deg(self) -> float:
+        """Phase error either way that the disk margin allows together with its gain, deg."""
+        return degrees(2.0 * atan(self.disk_margin / 2.0))
 
 
 class LoopResponse:
@@ -114,6 +140,7 @@ class LoopResponse:
         inner = 1.0 + gains.ksg * strain + gains.kd * speed
         phase_crossings = _phase_crossings(self._frequency_hz, forward, inner)
         gain_crossings = _gain_crossings(self._frequency_hz, forward, inner)
+        disk, disk_hz = self._disk(forward, inner)
         stable = self._is_stable(gains)
         sign = 1.0 if stable else -1.0
         gain = _closest([c for c in phase_crossings if c.frequency_hz >= self._lowest_hz])
@@ -129,8 +156,18 @@ class LoopResponse:
             phase_margin_hz=phase.frequency_hz,
             phase_crossings=phase_crossings,
             gain_crossings=gain_crossings,
+            disk_margin=disk if stable else 0.0,
+            disk_margin_hz=disk_hz,
             stable=stable,
         )
+
+    def _disk(self, forward: ComplexArray, inner: ComplexArray) -> tuple[float, float]:
+        counts = self._frequency_hz >= self._lowest_hz
+        # 1 + L and 1 - L, both times the inner loop: that has no poles of its own.
+        with np.errstate(divide="ignore"):
+            sizes = 2.0 * np.abs(inner + forward)[counts] / np.abs(inner - forward)[counts]
+        nearest = int(np.argmin(sizes))
+        return float(sizes[nearest]), float(self._frequency_hz[counts][nearest])
 
     def _is_stable(self, gains: PdpGains) -> bool:
         A, B, C, D = self.model.A, self.model.B, self.model.C, self.model.D
@@ -142,7 +179,7 @@ class LoopResponse:
 def margins(
     model: control.StateSpace, gains: PdpGains, *, delay_s: float = 0.0, lowest_hz: float = 0.2
 ) -> Margins:
-    """Gain and phase margins of the PDP loop (4-2), opened at the position error.
+    """Gain, phase and disk margins of the PDP loop (4-2), opened at the position error.
 
     Parameters
     ----------

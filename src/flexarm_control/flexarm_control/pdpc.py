@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import TYPE_CHECKING
 
 from flexarm_control.gains import Compensation, PdpGains
-from flexarm_control.law import NO_EFFORT, Effort
+from flexarm_control.law import limited
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from flexarm_control.law import Effort
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Pdp:
         """Answer one sample; see `Law.step`."""
         gains = self.gains
         effort_v = gains.kp * (reference_v - volts[0]) - gains.kd * volts[3] - gains.ksg * volts[2]
-        return Effort(effort_v, 0.0) if isfinite(effort_v) else NO_EFFORT
+        return limited(effort_v)
 
     def reset(self) -> None:
         """Do nothing: the law has no state."""
@@ -57,16 +58,14 @@ class Pdpc:
         gains, compensation = self.gains, self.compensation
         error_v, speed_v = reference_v - volts[0], volts[3]
         effort_v = gains.kp * error_v - gains.kd * speed_v - gains.ksg * volts[2]
-        if not isfinite(effort_v):
-            return NO_EFFORT
         at_set_point = (
             abs(error_v) < compensation.error_threshold_v
             and abs(speed_v) < compensation.speed_threshold_v
         )
         if self.conditional and at_set_point:
-            return Effort(effort_v, 0.0)
+            return limited(effort_v)
         level_v = compensation.compensation_v
-        return Effort(effort_v, level_v if effort_v >= 0.0 else -level_v)
+        return limited(effort_v, level_v if effort_v >= 0.0 else -level_v)
 
     def reset(self) -> None:
         """Do nothing: the law has no state."""

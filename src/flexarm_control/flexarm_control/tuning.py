@@ -105,6 +105,7 @@ def tune_pdp(
     delay_s: float = 0.0,
     duration_s: float = 5.0,
     starts: Sequence[PdpGains] = PDP_STARTS,
+    bounds: tuple[tuple[float, float], ...] = PDP_BOUNDS,
 ) -> PdpTuning:
     """Tune the PDP law over several models with constraints on their margins, (4-3) to (4-5).
 
@@ -122,6 +123,8 @@ def tune_pdp(
         Length of the simulated step responses, s.
     starts
         Starting points of the search.
+    bounds
+        Lower and upper bound of Kp, Kd and Ksg.
 
     Returns
     -------
@@ -152,7 +155,7 @@ def tune_pdp(
         phase = np.clip([m.phase_margin_deg for m in found], -_MOST_DEG, _MOST_DEG)
         return np.concatenate([gain - gain_margin_db, phase - phase_margin_deg])
 
-    searches = tuple(search(PdpGains, criterion, start, PDP_BOUNDS, excess) for start in starts)
+    searches = tuple(search(PdpGains, criterion, start, bounds, excess) for start in starts)
     feasible = [found for found in searches if found.feasible]
     if not feasible:
         raise ControlError(
@@ -168,7 +171,7 @@ def tune_pdp(
         error_itae=tuple(errors.tolist()),
         strain_itae=tuple(strains.tolist()),
         margins=margins,
-        active=_active(best.gains, margins, gain_margin_db, phase_margin_deg),
+        active=_active(best.gains, margins, gain_margin_db, phase_margin_deg, bounds),
         searches=searches,
         gain_spread=max(
             float(np.max(np.abs(gain_values(found.gains) - gain_values(best.gains))))
@@ -244,6 +247,7 @@ def _active(
     margins: Sequence[Margins],
     gain_margin_db: float,
     phase_margin_deg: float,
+    bounds: tuple[tuple[float, float], ...],
 ) -> tuple[str, ...]:
     found = []
     for number, margin in enumerate(margins, start=1):
@@ -252,7 +256,7 @@ def _active(
         if margin.phase_margin_deg <= phase_margin_deg + _ACTIVE_WITHIN_DEG:
             found.append(f"phase margin of model {number}")
     for name, value, (lower, upper) in zip(
-        ("kp", "kd", "ksg"), gain_values(gains), PDP_BOUNDS, strict=True
+        ("kp", "kd", "ksg"), gain_values(gains), bounds, strict=True
     ):
         if np.isclose(value, (lower, upper)).any():
             found.append(f"bound of {name}")

@@ -1,13 +1,16 @@
-"""A tuning as somebody asks for it: models by name or file in, gains as parameters out."""
+"""A tuning as somebody asks for it: models by name, file or bag in, gains as parameters out."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_control.errors import ControlError
 from flexarm_control.nominal_models import nominal_model
 from flexarm_control.tuning import tune_pdp, tune_pi
+from flexarm_ident import workflow
+from flexarm_ident.bags import read_bag_report
 from flexarm_ident.errors import IdentificationError
 from flexarm_ident.model_io import read_parameter_file
 
@@ -20,7 +23,8 @@ if TYPE_CHECKING:
 
 TUNABLE = ("pdp", "pi")
 _NOMINAL = "nominal:"
-_PDP_LAWS = ("pdp", "pdpc", "pdpc_unconditional")
+_FLIPPED = ":flipped"
+_PDP_LAWS = ("pdp", "pdpc", "pdpc_unconditional", "pdpc_plus")
 # Starts that agree to this have found one minimum; V/V.
 _SPREAD = 0.05
 
@@ -74,19 +78,36 @@ class TuneResult:
 
 
 def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
-    """Load models from parameter files, or nominal ones as ``nominal:0.2``.
+    """Load models from parameter files, identify them from bags, or take nominal ones.
+
+    Parameters
+    ----------
+    names
+        Parameter files, bags (identified, reduced by MRM and updated by B), ``nominal:0.2`` for
+        the nominal model with 0.2 kg, ``nominal:0.2:flipped`` for it with the sign of y3 turned.
+
+    Returns
+    -------
+    dict
+        Models by name.
 
     Raises
     ------
     ControlError
-        When a file or payload has no model.
+        When a file, bag or payload has no model.
     """
     models: dict[str, control.StateSpace] = {}
     for name in names:
         if name.startswith(_NOMINAL):
-            models[name] = nominal_model(_payload_kg(name))
+            models[name] = nominal_model(
+                _payload_kg(name.removesuffix(_FLIPPED)),
+                flip_middle_strain=name.endswith(_FLIPPED),
+            )
             continue
         try:
+            if Path(name).is_dir():
+                models[name] = _identified(Path(name))
+                continue
             found = read_parameter_file(name)
         except IdentificationError as error:
             raise ControlError(str(error)) from error
@@ -141,6 +162,11 @@ def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) ->
             starts,
         ),
     )
+
+
+def _identified(bag: Path) -> control.StateSpace:
+    data = read_bag_report(bag).data
+    return workflow.run(data, workflow.Request(reduction="mrm", update="b")).model
 
 
 def _payload_kg(name: str) -> float:

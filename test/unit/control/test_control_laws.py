@@ -205,8 +205,16 @@ def test_build_law___range_message___reads_well() -> None:
 
 
 def test_build_law___unknown_name___lists_the_known() -> None:
-    with pytest.raises(ControlError, match="no law 'lqg'; choose one of pd, pi, pdp, pdpc, "):
-        build_law("lqg")
+    with pytest.raises(ControlError, match="no law 'bang'; choose one of pd, pi, pdp, pdpc, "):
+        build_law("bang")
+
+
+@pytest.mark.parametrize("name", ["pd", "pdpc", "pdpc_unconditional", "pdpc_plus"])
+def test_law___beyond_the_drive___keeps_the_compensation_and_cuts_the_effort(name: str) -> None:
+    law = build_law(name, {"kp": 5.0, "compensation_v": 0.6})
+
+    assert law.step((0.0, 0.0, 0.0, 0.0), 6.0) == pytest.approx((9.4, 0.6))
+    assert law.step((6.0, 0.0, 0.0, 0.0), -6.0) == pytest.approx((-9.4, -0.6))
 
 
 def test_build_law___unknown_parameter___lists_the_known() -> None:

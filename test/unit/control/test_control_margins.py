@@ -171,6 +171,42 @@ def test_margins___feedthrough___is_part_of_the_loop(share: float, stable: bool)
     assert margins(against, PdpGains(0.6 * share, 0.0, 0.0)).stable is stable
 
 
+@pytest.mark.parametrize("gain", [0.5, 1.0, 4.0])
+def test_disk_margin___integrator_and_two_lags___agrees_with_the_control_package(
+    gain: float,
+) -> None:
+    omega = np.geomspace(1e-2, 900.0, 20_000)
+    disk, gain_db, phase_deg = control.disk_margins(_three_lags(gain), omega, skew=0.0)
+
+    found = _loop_margins(gain, lowest_hz=1e-4)
+
+    assert found.disk_margin == pytest.approx(disk, rel=1e-3)
+    assert found.disk_gain_margin_db == pytest.approx(gain_db, rel=2e-3)
+    assert found.disk_phase_margin_deg == pytest.approx(phase_deg, rel=2e-3)
+
+
+@pytest.mark.parametrize("payload_kg", [0.0, 0.2, 0.4])
+def test_disk_margin___every_factor_in_the_disk___keeps_the_loop_stable(payload_kg: float) -> None:
+    model = nominal_model(payload_kg)
+    found = margins(model, TRIAL)
+    a = found.disk_margin / 2.0
+
+    for angle in np.linspace(0.0, 2.0 * np.pi, 33):
+        for size, stable in ((0.98, True), (1.0, None)):
+            delta = size * a * np.exp(1j * angle)
+            distance, pole_hz = _radius_and_hz(
+                model, TRIAL.kp * (1.0 + delta) / (1.0 - delta), TRIAL
+            )
+            # The printed slow poles lie outside from the start, below where crossings count.
+            assert stable is None or np.max(distance[np.abs(pole_hz) > 0.2]) < 0.0
+
+
+def test_disk_margin___unstable_loop___is_zero() -> None:
+    found = _loop_margins(12.0)
+
+    assert found.disk_margin == found.disk_gain_margin_db == found.disk_phase_margin_deg == 0.0
+
+
 def test_margins___model_of_another_plant___is_refused() -> None:
     with pytest.raises(ControlError, match="1 inputs and 1 outputs"):
         margins(_three_lags(), TRIAL)

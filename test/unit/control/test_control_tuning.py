@@ -23,13 +23,10 @@ from flexarm_control.arm_model import delayed
 DT_S = 1 / 300
 
 
-def _flipped(model: control.StateSpace) -> control.StateSpace:
-    C = model.C * np.array([[1.0], [1.0], [-1.0], [1.0]])
-    return control.StateSpace(model.A, model.B, C, 0, model.dt)
-
-
 PRINTED_MODELS = [nominal_model(payload_kg) for payload_kg in (0.0, 0.2, 0.4)]
-FLIPPED_MODELS = [_flipped(model) for model in PRINTED_MODELS]
+FLIPPED_MODELS = [
+    nominal_model(payload_kg, flip_middle_strain=True) for payload_kg in (0.0, 0.2, 0.4)
+]
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +76,8 @@ def test_tune_pdp___every_start___ends_at_the_same_gains(
         assert len(tuning.searches) == 3
         assert all(search.feasible for search in tuning.searches)
         assert tuning.gain_spread < 0.005
+        criteria = [search.criterion for search in tuning.searches]
+        assert criteria == pytest.approx([tuning.criterion] * 3, rel=0.005)
 
 
 def test_tune_pdp___certificate___is_what_its_parts_say(flipped: PdpTuning) -> None:
@@ -120,6 +119,14 @@ def test_tune_pdp___weights___move_the_optimum() -> None:
     assert accurate.strain_itae[0] > calm.strain_itae[0]
     assert accurate.criterion == pytest.approx(accurate.error_itae[0])
     assert calm.criterion == pytest.approx(calm.strain_itae[0])
+
+
+def test_tune_pdp___bounds___hold_the_gains() -> None:
+    tuning = tune_pdp(PRINTED_MODELS[:1], bounds=((0.1, 0.2), (3.0, 3.5), (0.0, 0.1)))
+
+    assert 0.1 <= tuning.gains.kp <= 0.2
+    assert 3.0 <= tuning.gains.kd <= 3.5
+    assert "bound of kp" in tuning.active
 
 
 def test_tune_pdp___margins_out_of_reach___is_refused() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +12,7 @@ from flexarm_control.tuning_job import TuneRequest, load_models, tune
 from flexarm_ident.model_io import write_parameter_file
 from flexarm_ident.model_parameters import model_parameters
 
-if TYPE_CHECKING:
-    from pathlib import Path
+BAGS = Path(__file__).parents[3] / "bags"
 
 
 def test_load_models___file_and_nominal___are_the_models(tmp_path: Path) -> None:
@@ -26,9 +25,31 @@ def test_load_models___file_and_nominal___are_the_models(tmp_path: Path) -> None
     assert np.array_equal(models[f"{file} arm"].A, nominal_model(0.4).A)
 
 
+def test_load_models___flipped___has_the_other_sign_of_y3() -> None:
+    model = load_models(["nominal:0.2:flipped"])["nominal:0.2:flipped"]
+
+    assert np.array_equal(model.C[2], -nominal_model(0.2).C[2])
+
+
+def test_load_models___bag___is_identified() -> None:
+    bag = str(BAGS / "c_dat3_0g")
+
+    model = load_models([bag])[bag]
+
+    hz = np.abs(np.log(np.linalg.eigvals(model.A))) / (2 * np.pi * model.dt)
+    assert np.min(np.abs(hz - 9.4)) < 0.5
+    assert not model.D.any()
+
+
 @pytest.mark.parametrize(
     ("name", "match"),
-    [("nominal:x", "such as nominal:0.2"), ("nominal:0.1", "no nominal"), ("none.yaml", "none")],
+    [
+        ("nominal:x", "such as nominal:0.2"),
+        ("nominal:0.1", "no nominal"),
+        ("none.yaml", "none"),
+        ("nominal:0:flip", "such as"),
+        (str(BAGS), "no bag"),
+    ],
 )
 def test_load_models___bad_name___is_refused(name: str, match: str) -> None:
     with pytest.raises(ControlError, match=match):

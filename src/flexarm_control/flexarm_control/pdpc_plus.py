@@ -1,0 +1,142 @@
+"""PDPC that rests without gear hitting and lets no swing live on (chapter 5, future work 2).
+
+Two things keep an arm under PDPC from resting. The noise of the tachometer passes the speed
+threshold of (4-8) every now and then, and each time the compensation kicks the motor. And a motor
+held by its friction is a clamp, against which the arm swings for seconds.
+
+So the set-point counts as reached by filtered signals and with a hysteresis. From then on the
+motor gives way: the compensation helps the bent arm, which the base gauge shows, to turn the
+motor, by less than the friction. The motor turns only while the arm pushes it, and friction takes
+the energy. As the arm comes to rest the help goes to zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import exp, isfinite, pi
+from typing import TYPE_CHECKING
+
+from flexarm_control.gains import PdpGains
+from flexarm_control.law import NO_EFFORT, Effort, limited
+from flexarm_control.parameters import Bounded, limits
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_COMPENSATION_V = 0.7
+"""Level of (4-8)."""
+
+
+@dataclass(frozen=True)
+class Rest(Bounded):
+    """When the arm counts as at its set-point, and how the motor then gives way.
+
+    A threshold should be some times the noise of its filtered signal.
+
+    Attributes
+    ----------
+    rest_error_v, rest_speed_v
+        The set-point is reached when the filtered position error and speed are both smaller, V.
+    error_hysteresis_v, speed_hysteresis_v
+        It is left when one of them is larger by so much, V.
+    error_bandwidth_hz, strain_bandwidth_hz
+        Low-pass of position error and speed, and of the base strain, Hz.
+    release_v
+        Largest help to the bent arm, V; less than the friction, or the help alone turns the motor.
+    release_strain_v
+        Base strain from which the help is whole, V.
+    rate_hz
+        Sampling rate of the signals, Hz.
+    """
+
+    rest_error_v: float = field(
+        default=0.005, metadata=limits(0.001, 1.0, "V", "position error below which the arm rests")
+    )
+    error_hysteresis_v: float = field(
+        default=0.02, metadata=limits(0.0, 1.0, "V", "how much more error ends the rest")
+    )
+    rest_speed_v: float = field(
+        default=0.05, metadata=limits(0.001, 1.0, "V", "speed signal below which the arm rests")
+    )
+    speed_hysteresis_v: float = field(
+        default=0.03, metadata=limits(0.0, 1.0, "V", "how much more speed ends the rest")
+    )
+    error_bandwidth_hz: float = field(
+        default=15.0, metadata=limits(0.5, 1000.0, "Hz", "low-pass of position error and speed")
+    )
+    strain_bandwidth_hz: float = field(
+        default=5.0, metadata=limits(0.5, 1000.0, "Hz", "low-pass of the base strain")
+    )
+    release_v: float = field(
+        default=0.55, metadata=limits(0.0, 2.0, "V", "largest help to the bent arm at rest")
+    )
+    release_strain_v: float = field(
+        default=0.05, metadata=limits(0.001, 5.0, "V", "base strain from which the help is whole")
+    )
+    rate_hz: float = field(
+        default=300.0, metadata=limits(50.0, 2000.0, "Hz", "sampling rate of the signals")
+    )
+
+
+class PdpcPlus:
+    """PDPC law whose rest is calm.
+
+    Parameters
+    ----------
+    gains
+        Gains of the PDP law (4-7).
+    compensation_v
+        Level of the Coulomb friction compensation on the way, V.
+    rest
+        When the arm rests, and how the motor gives way.
+    """
+
+    def __init__(
+        self,
+        gains: PdpGains | None = None,
+        compensation_v: float = _COMPENSATION_V,
+        rest: Rest | None = None,
+    ) -> None:
+        self._gains = gains if gains is not None else PdpGains()
+        self._compensation_v = compensation_v
+        self._rest = rest if rest is not None else Rest()
+        self._error_share = _share(self._rest.error_bandwidth_hz, self._rest.rate_hz)
+        self._strain_share = _share(self._rest.strain_bandwidth_hz, self._rest.rate_hz)
+        self._error_v = self._speed_v = self._strain_v = 0.0
+        self._started = self._resting = False
+
+    def step(self, volts: Sequence[float], reference_v: float) -> Effort:
+        """Answer one sample; see `flexarm_control.law.Law.step`."""
+        gains, rest = self._gains, self._rest
+        error_v, strain_v, speed_v = reference_v - volts[0], volts[1], volts[3]
+        effort_v = gains.kp * error_v - gains.kd * speed_v - gains.ksg * volts[2]
+        if not (isfinite(effort_v) and isfinite(strain_v) and isfinite(error_v + speed_v)):
+            return NO_EFFORT
+        if not self._started:
+            self._error_v, self._started = error_v, True
+        # As weighted sums: a difference of finite numbers may overflow.
+        share = self._error_share
+        self._error_v = (1.0 - share) * self._error_v + share * error_v
+        self._speed_v = (1.0 - share) * self._speed_v + share * speed_v
+        share = self._strain_share
+        self._strain_v = (1.0 - share) * self._strain_v + share * strain_v
+        error_limit_v, speed_limit_v = rest.rest_error_v, rest.rest_speed_v
+        if self._resting:
+            error_limit_v += rest.error_hysteresis_v
+            speed_limit_v += rest.speed_hysteresis_v
+        self._resting = abs(self._error_v) < error_limit_v and abs(self._speed_v) < speed_limit_v
+        if self._resting:
+            bent = min(1.0, max(-1.0, self._strain_v / rest.release_strain_v))
+            return limited(effort_v, -rest.release_v * bent)
+        level_v = self._compensation_v
+        return limited(effort_v, level_v if effort_v >= 0.0 else -level_v)
+
+    def reset(self) -> None:
+        """Forget the past: an arm at rest, somewhere."""
+        self._error_v = self._speed_v = self._strain_v = 0.0
+        self._started = self._resting = False
+
+
+def _share(bandwidth_hz: float, rate_hz: float) -> float:
+    """Share of a new sample in a first-order low-pass."""
+    return 1.0 - exp(-2.0 * pi * bandwidth_hz / rate_hz)
