@@ -20,17 +20,16 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from flexarm_control.laws import build_law
-from flexarm_control.references import build_reference
-from flexarm_daq import RigParameters, SimulatedRig
+from flexarm_daq import RigParameters
 from flexarm_daq.beam import natural_frequencies_hz
 from flexarm_daq.catalogue import experiment
-from flexarm_ident import IoData, reduce_model, validate_dmv
+from flexarm_ident import reduce_model, validate_dmv
 from flexarm_ident.balanced_truncation import balanced_truncation
 from flexarm_ident.preprocess import output_scale
 from flexarm_ident.rank_table import rank_table
 from flexarm_ident.thesis_realisation import realisation_difference, thesis_realisation
 from flexarm_ident.workflow import Request, run
+from flexarm_reproduction.records import simulated_record
 
 EXPERIMENTS = ("C_dat3", "C_dat11")
 REDUCED_ORDER = 10
@@ -144,46 +143,6 @@ def trial(case: tuple[str, int, int]) -> Trial:
         outcome.model.nstates,
         float(outcome.dmv_errors.mean() / outcome.full_dmv_errors.mean()),
         realisation_difference(mrm.model, rebuilt, trained).frequency_response,
-    )
-
-
-def simulated_record(name: str, seed: int) -> IoData:
-    """Run an experiment of the catalogue on the simulated rig.
-
-    Parameters
-    ----------
-    name : str
-        A closed-loop experiment of Table A-3.
-    seed : int
-        Of the sensor noise, and of the reference's half-periods where they vary.
-
-    Returns
-    -------
-    IoData
-        The record, with compensation and reference.
-    """
-    entry = experiment(name)
-    profile = dict(entry.profile)
-    if entry.reference == "varying_square":
-        profile["seed"] = seed
-    law, reference = build_law(entry.law, entry.gains), build_reference(entry.reference, profile)
-    rig = SimulatedRig(RigParameters(payload_kg=entry.payload_kg), rate_hz=entry.rate_hz, seed=seed)
-    rig.open()
-    y = np.empty((entry.samples, 4))
-    answers = np.empty((entry.samples, 2))
-    reference_v = np.array([reference(k / entry.rate_hz) for k in range(entry.samples)])
-    for k in range(entry.samples):
-        y[k] = rig.read().volts
-        answers[k] = law.step(y[k].tolist(), float(reference_v[k]))
-        rig.write(float(answers[k].sum()))
-    return IoData(
-        answers.sum(axis=1),
-        y,
-        dt_s=1.0 / entry.rate_hz,
-        closed_loop=True,
-        source=f"{name}, seed {seed}",
-        compensation=answers[:, 1],
-        reference=reference_v,
     )
 
 
