@@ -15,12 +15,12 @@ from pathlib import Path
 
 import click
 import numpy as np
+from control_laws import THRESHOLDS
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from flexarm_control.criteria import step_figures
-from flexarm_control.gains import Compensation
 from flexarm_control.payload import PayloadDetection, PayloadEstimator
 from flexarm_control.pdpc import Pdpc
 from flexarm_control.schedule import ScheduleGains
@@ -72,9 +72,9 @@ def trial(case: tuple[float, float, str, int, str]) -> Trial:
     """Step the arm once."""
     payload_kg, setpoint_v, noise, seed, name = case
     law = (
-        ScheduledPdpc(ScheduleGains(), Compensation(), PayloadDetection())
+        ScheduledPdpc(ScheduleGains(), THRESHOLDS, PayloadDetection())
         if name == "scheduled"
-        else Pdpc(ScheduleGains().robust)
+        else Pdpc(ScheduleGains().robust, THRESHOLDS)
     )
     estimator = PayloadEstimator(PayloadDetection())
     rig = SimulatedRig(RigParameters(payload_kg=payload_kg, noise_v=NOISE_V[noise]), seed=seed)
