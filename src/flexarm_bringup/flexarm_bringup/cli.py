@@ -328,6 +328,39 @@ def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: A
 
 
 @main.command()
+@click.argument("keys", nargs=-1)
+@click.option("--list", "listing", is_flag=True, help="Say what there is.")
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("out/reproduction"),
+    show_default=True,
+    help="Folder of the pages.",
+)
+@click.option("--jobs", type=click.IntRange(1), help="Processes; by default one per core.")
+@click.option("--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster.")
+@_examples(
+    "reproduce --list",
+    "reproduce table-2-4",
+    "reproduce 'figure-4-*' chapter-3",
+    "reproduce all -o docs/reproduction",
+    "reproduce all --dask tcp://10.0.0.7:8786",
+)
+def reproduce(keys: tuple[str, ...], out: Path, jobs: int | None, dask: str, *, listing: bool) -> None:
+    """Set tables, figures and claims of the thesis beside our own, with a verdict each."""
+    from flexarm_bringup.reproduce import reproduce_subjects, show_subjects  # noqa: PLC0415
+    from flexarm_reproduction.run import Workers  # noqa: PLC0415
+
+    if listing:
+        show_subjects(keys)
+        return
+    if not keys:
+        raise click.UsageError("say what, such as table-2-4 or all; --list says what there is")
+    sys.exit(reproduce_subjects(keys, out, Workers(jobs or -1, dask)))
+
+
+@main.command()
 @click.argument("bag", type=click.Path(path_type=Path))
 @click.option("--rate", type=float, default=1.0, show_default=True, help="2 plays twice as fast.")
 @click.option("--loop", is_flag=True, help="Start again at the end.")
