@@ -99,7 +99,7 @@ class NodeProcesses:
                         stdout=output,
                         stderr=subprocess.STDOUT,
                         start_new_session=True,
-                        env=os.environ | {DIE_WITH_PARENT: "1"},
+                        env=os.environ | {DIE_WITH_PARENT: str(os.getpid())},
                     )
                 )
         return self

@@ -29,7 +29,7 @@ PRIORITY = "FLEXARM_PRIORITY"
 """Environment variable: SCHED_FIFO priority of the nodes with a loop; 0 asks for none."""
 _DEFAULT_PRIORITY = "20"
 DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
-"""Environment variable: a node that finds it set stops when the process that started it dies."""
+"""Environment variable: the process that started a node, which stops when that one dies."""
 
 
 class StoppableNode(Protocol):
@@ -61,8 +61,8 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     if realtime:
         prefer_realtime()
         _lock_memory()
-    if os.environ.pop(DIE_WITH_PARENT, None):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if not _follows_parent():
+        return 1
     signals, wakeup = os.pipe()
     os.set_blocking(wakeup, False)
     signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
@@ -101,6 +101,16 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         node.destroy_node()  # type: ignore[attr-defined]
         try_shutdown()
     return 0
+
+
+def _follows_parent() -> bool:
+    """Have the kernel stop this process with the one that asked for it; tell if that one lives."""
+    parent = os.environ.pop(DIE_WITH_PARENT, None)
+    if parent is None:
+        return True
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    # It may have died before the kernel was told.
+    return os.getppid() == int(parent)
 
 
 def prefer_realtime() -> None:

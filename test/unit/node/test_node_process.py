@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from flexarm_node.process import DIE_WITH_PARENT
+
+NODE = """
+from flexarm_node.process import run
+
+class Node:
+    def __init__(self):
+        raise SystemExit("made")
+
+raise SystemExit(run(Node))
+"""
+
+
+def run_node(parent: int) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", NODE],
+        env={**os.environ, DIE_WITH_PARENT: str(parent)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_run___parent_that_died_before_the_start___makes_no_node(gone: bool) -> None:  # noqa: FBT001
+    done = run_node(1 if gone else os.getpid())
+    assert done.returncode == 1
+    assert ("made" in done.stderr) == (not gone)
