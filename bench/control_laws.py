@@ -42,15 +42,15 @@ from flexarm_control.margins import LoopResponse
 from flexarm_control.pdpc import Pdp, Pdpc
 from flexarm_control.pdpc_plus import PdpcPlus
 from flexarm_control.tuning import PDP_BOUNDS, PDP_STARTS
-from flexarm_daq import RigParameters, SimulatedRig
+from flexarm_daq import RigParameters
+from flexarm_reproduction.law_runs import step_to
 
 if TYPE_CHECKING:
     import control
 
     from flexarm_control import Law
-    from flexarm_control.arrays import FloatArray
 
-RATE_HZ, LENGTH_S, SETTLED_S, RESIDUAL_FROM_S = 300.0, 10.0, 3.0, 8.0
+LENGTH_S, SETTLED_S, RESIDUAL_FROM_S = 10.0, 3.0, 8.0
 CASES = ((0.0, 1.0), (0.2, 3.0), (0.3, 4.0), (0.4, 5.0))
 # Five and four times the noise of the rig.
 THRESHOLDS = Compensation(error_threshold_v=0.025, speed_threshold_v=0.08)
@@ -95,15 +95,6 @@ class IlqrTrial(NamedTuple):
     seed: int
     overshoot: float
     swing_v: float
-
-
-class _ObservedRig(SimulatedRig):
-    """A rig that also tells its outputs without noise."""
-
-    def outputs_v(self) -> tuple[float, float]:
-        """Position and base strain, V."""
-        position_v, strain_v, *_ = self._plant.outputs_v().tolist()
-        return position_v, strain_v
 
 
 def laws(tuned: PdpGains) -> dict[str, Law]:
@@ -165,9 +156,10 @@ def trial(case: tuple[str, PdpGains, tuple[float, float], int]) -> Trial:
     """Step the arm once."""
     name, tuned, (payload_kg, setpoint_v), seed = case
     law = laws(tuned)[name]
-    time_s, measured_v, true_v = step_arm(
-        law, RigParameters(payload_kg=payload_kg), setpoint_v, seed, LENGTH_S
+    run = step_to(
+        law, setpoint_v, arm=RigParameters(payload_kg=payload_kg), seed=seed, length_s=LENGTH_S
     )
+    time_s, measured_v, true_v = run.time_s, run.measured_v, run.true_v
     figures = step_figures(time_s, measured_v[:, 0], setpoint_v)
     late = time_s >= RESIDUAL_FROM_S
     return Trial(
@@ -189,29 +181,14 @@ def ilqr_trial(case: tuple[float, int]) -> IlqrTrial:
     """Step the arm with 300 g once."""
     setpoint_v, seed = case
     rig = RigParameters(payload_kg=ILQR_PAYLOAD_KG)
-    time_s, measured_v, _ = step_arm(build_law("ilqr"), rig, setpoint_v, seed, ILQR_LENGTH_S)
-    position_v = measured_v[:, 0]
+    run = step_to(build_law("ilqr"), setpoint_v, arm=rig, seed=seed, length_s=ILQR_LENGTH_S)
+    position_v = run.measured_v[:, 0]
     return IlqrTrial(
         setpoint_v,
         seed,
-        step_figures(time_s, position_v, setpoint_v).overshoot,
-        float(np.ptp(position_v[time_s >= ILQR_LATE_S])),
+        step_figures(run.time_s, position_v, setpoint_v).overshoot,
+        float(np.ptp(position_v[run.time_s >= ILQR_LATE_S])),
     )
-
-
-def step_arm(
-    law: Law, parameters: RigParameters, setpoint_v: float, seed: int, length_s: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return time, and position and base strain as measured and without noise."""
-    rig = _ObservedRig(parameters, rate_hz=RATE_HZ, seed=seed)
-    rig.open()
-    samples = round(length_s * RATE_HZ)
-    measured_v, true_v = np.empty((samples, 2)), np.empty((samples, 2))
-    for sample in range(samples):
-        volts = rig.read().volts.tolist()
-        measured_v[sample], true_v[sample] = volts[:2], rig.outputs_v()
-        rig.write(sum(law.step(volts, setpoint_v)))
-    return np.arange(samples) / RATE_HZ, measured_v, true_v
 
 
 def step_cost_us(law: Law) -> float:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
-from control_laws import THRESHOLDS, step_arm
+from control_laws import THRESHOLDS
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -32,6 +32,7 @@ from flexarm_control import (
 from flexarm_control.pdpc import Pdpc
 from flexarm_control.pdpc_plus import PdpcPlus
 from flexarm_daq import RigParameters
+from flexarm_reproduction.law_runs import step_to
 
 if TYPE_CHECKING:
     from flexarm_control import Law
@@ -131,8 +132,8 @@ def step(case: Case) -> Run:
     """Step one rig once."""
     name, tuned, rig, setpoint_v, seed = case
     law: Law = PdpcPlus(tuned) if name == "pdpc_plus" else Pdpc(tuned, THRESHOLDS)
-    time_s, _, true_v = step_arm(law, rig, setpoint_v, seed, LENGTH_S)
-    figures = step_figures(time_s, true_v[:, 0], setpoint_v)
+    run = step_to(law, setpoint_v, arm=rig, seed=seed, length_s=LENGTH_S)
+    figures = step_figures(run.time_s, run.true_v[:, 0], setpoint_v)
     return Run(
         name,
         rig.payload_kg,

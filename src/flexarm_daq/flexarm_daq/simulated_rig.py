@@ -121,6 +121,10 @@ class SimulatedRig:
         noise_v = self._noise_v * self._random.standard_normal(len(CHANNELS))
         return RigSample(self._time_s, self._converted(self._plant.outputs_v() + noise_v))
 
+    def outputs_v(self) -> NDArray[np.float64]:
+        """Tell what the four sensors would read now without noise and converters, V."""
+        return self._plant.outputs_v()
+
     def write(self, command_v: float) -> None:
         """Command the drive, to the resolution of the converter.
 

@@ -1,0 +1,13 @@
+"""Chapter 4: models judged by their controllers, PDPC and ILQR."""
+
+from __future__ import annotations
+
+from flexarm_reproduction import ilqr_runs, margin_claim, pdp_design, pdpc_runs, pi_findings
+
+SUBJECTS = (
+    *pi_findings.SUBJECTS,
+    *pdp_design.SUBJECTS,
+    *margin_claim.SUBJECTS,
+    *pdpc_runs.SUBJECTS,
+    *ilqr_runs.SUBJECTS,
+)
