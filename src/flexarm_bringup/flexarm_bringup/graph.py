@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
+from flexarm_bringup.interruption import interruptible
 from flexarm_bringup.operation import NAMESPACE, Operator
 from flexarm_bringup.processes import LaunchError, NodeProcesses, NodeProgram
 
@@ -60,10 +60,7 @@ def running_graph(
     LaunchError
         When another flexarm graph is running in this domain, or a node does not start.
     """
-    for stop in (signal.SIGINT, signal.SIGTERM):  # also where a shell has SIGINT ignored
-        signal.signal(stop, _interrupt)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with interruptible(), _initialised():
         node = rclpy.create_node("operator", namespace=NAMESPACE)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -78,6 +75,13 @@ def running_graph(
             for name in active:
                 operator.activate(name)
             yield operator, processes
+
+
+@contextmanager
+def _initialised() -> Iterator[None]:
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield
     finally:
         try_shutdown()
 
@@ -91,7 +95,3 @@ def _require_free_domain(operator: Operator) -> None:
             f"{', '.join(sorted(others))} runs already in ROS domain {domain}: "
             "stop it, or set ROS_DOMAIN_ID to another number"
         )
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
