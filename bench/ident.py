@@ -45,7 +45,7 @@ _HERE = Path(__file__).parent
 _LENGTHS, _QUICK_LENGTHS = (6_000, 60_000, 600_000), (2_000,)
 # A, B, C, D; ours adds the number of eigenvalues that were moved.
 _MATRICES = 4
-# More than this takes these peers minutes and many gigabytes: one seed has to do.
+# More than this takes these peers minutes and many gigabytes: one record, white noise.
 _SLOW, _SLOW_LENGTH = ("sippy", "octave"), 60_000
 
 
@@ -108,18 +108,18 @@ def main(
     if not shutil.which("octave"):
         missing.append("octave (Debian: octave-control)")
     methods = [*OURS[:1]] if quick else [*OURS, *pythons, *(["octave"] if has_octave() else [])]
-    rows = []
-    for noise in NOISES[:1] if quick else NOISES:
-        for k in _QUICK_LENGTHS if quick else _LENGTHS:
-            last = first_seed + (1 if quick else seeds)
-            for row in measured(methods, noise, k, range(first_seed, last)):
-                rows.append(row)
-                console.print(f"{noise} {k} {row.method}: {row.failure or row.error}", style="dim")
+    rows: list[Row] = []
+    for row in swept(methods, range(first_seed, first_seed + (1 if quick else seeds)), quick=quick):
+        rows.append(row)
+        console.print(f"{row.noise} {row.k} {row.method}: {row.failure or row.error}", style="dim")
+        if json_file is not None:
+            # A run that is ended early leaves what it measured.
+            json_file.write_text(json.dumps([asdict(each) for each in rows], indent=1), "utf-8")
     console.print(table(rows))
+    if not quick:
+        console.print(f"{' and '.join(_SLOW)}: more than {_SLOW_LENGTH} samples once, white noise")
     if missing:
         console.print(f"not installed: {', '.join(missing)}; --install-peers gets those of PyPI")
-    if json_file is not None:
-        json_file.write_text(json.dumps([asdict(row) for row in rows], indent=1), "utf-8")
 
 
 def cache() -> Path:
@@ -166,6 +166,15 @@ def has_octave() -> bool:
         return False
     command = [octave, "--quiet", "--eval", "pkg load control"]
     return subprocess.run(command, check=False, capture_output=True).returncode == 0  # noqa: S603
+
+
+def swept(methods: Sequence[str], seeds: Sequence[int], *, quick: bool) -> Iterator[Row]:
+    """Measure all kinds of noise and lengths, or one of each, and yield a row for each method."""
+    for noise in NOISES[:1] if quick else NOISES:
+        for k in _QUICK_LENGTHS if quick else _LENGTHS:
+            too_long = k > _SLOW_LENGTH and noise != NOISES[0]
+            some = [each for each in methods if not (too_long and each in _SLOW)]
+            yield from measured(some, noise, k, seeds)
 
 
 def measured(methods: Sequence[str], noise: str, k: int, seeds: Sequence[int]) -> Iterator[Row]:

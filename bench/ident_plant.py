@@ -23,7 +23,7 @@ _DAMPING = np.array([0.03, 0.02, 0.015, 0.012])
 # Standard deviation of an output's noise, as a part of the output's own: drawn between these.
 _NOISE = (0.001, 0.2)
 _CUTOFF_HZ = 50.0
-_AR1_POLE = 0.9
+AR1_POLE = 0.9
 _FRESH_SAMPLES = 6000
 _OUTPUTS = 4
 
@@ -75,8 +75,8 @@ def trial(samples: int, noise: str, seed: int) -> Trial:
         return Trial(*_closed_loop(model, u, rng), fresh_u, truth)
     disturbance = rng.normal(size=clean.shape)
     if noise == "ar1":
-        disturbance = signal.lfilter([1.0], [1.0, -_AR1_POLE], disturbance, axis=0)
-        disturbance *= np.sqrt(1.0 - _AR1_POLE**2)
+        disturbance = signal.lfilter([1.0], [1.0, -AR1_POLE], disturbance, axis=0)
+        disturbance *= np.sqrt(1.0 - AR1_POLE**2)
     part = _noise_parts(rng)
     y = clean + part * clean.std(axis=0) * disturbance
     if noise == "butterworth":

@@ -93,9 +93,10 @@ def got_from(graph: Graph, node: str, names: list[str]) -> dict[str, Any]:
     return dict(zip(names, values, strict=True))
 
 
-@pytest.mark.parametrize("order", [10, 8])
+# The three known modes take six states: of eight, two are left for the motion of the hub.
+@pytest.mark.parametrize(("order", "largest_dmv"), [(10, 0.45), (8, 0.6)])
 def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
-    laboratory: Graph, order: int
+    laboratory: Graph, order: int, largest_dmv: float
 ) -> None:
     response = reduced(laboratory, laboratory.folder / "run", order)
 
@@ -115,7 +116,7 @@ def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
     assert len(response.dmv) == len(response.sfv) == 5
     for errors in (response.dmv, response.sfv):
         assert errors[-1] == pytest.approx(np.mean(errors[:-1]))
-    assert response.dmv[-1] < 0.45
+    assert response.dmv[-1] < largest_dmv
 
 
 def test_results___are_files_that_ros_reads_back(laboratory: Graph) -> None:

@@ -203,7 +203,7 @@ def subspace(
     Parameters
     ----------
     gram : BlockGram
-        Products of the data; 'orse_iv' takes half of its block rows as the past.
+        Products of the data, of `shifts` block rows.
     records : sequence of IoData
         The records, for the scaling of 'orse_thesis'.
     method : str

@@ -203,7 +203,7 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     y_future = gram.output_rows(past, both)
     remainder, condition = _schur_complement(scaled, z_past + y_future, u_future)
     w = len(z_past)
-    values, vectors = linalg.eigh(remainder[:w, :w])
+    values, vectors = linalg.eigh(remainder[:w, :w], driver="evd")
     kept = values > _SMALLEST_EIGENVALUE * values[-1]
     explained = remainder[w:, :w] @ (vectors[:, kept] / np.sqrt(values[kept]))
     unexplained = remainder[w:, w:] - explained @ explained.T
@@ -229,7 +229,7 @@ def _is_clean(deviation: FloatArray, power: FloatArray) -> bool:
 
 def _whitening(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the map that makes a covariance the identity, and its inverse."""
-    values, vectors = linalg.eigh(covariance)
+    values, vectors = linalg.eigh(covariance, driver="evd")
     root = np.sqrt(values.clip(min=_SMALLEST_NOISE))
     return (vectors / root).T, vectors * root
 
@@ -246,7 +246,7 @@ def _schur_complement(
     gram: FloatArray, keep: list[int], given: list[int]
 ) -> tuple[FloatArray, float]:
     """Return (2-20): what is left of `keep` when `given` is removed, and the latter's condition."""
-    values, vectors = linalg.eigh(gram[np.ix_(given, given)])
+    values, vectors = linalg.eigh(gram[np.ix_(given, given)], driver="evd")
     kept = values > _SMALLEST_EIGENVALUE * values[-1]
     cross = gram[np.ix_(keep, given)] @ (vectors[:, kept] / np.sqrt(values[kept]))
     condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])

@@ -12,7 +12,7 @@ from flexarm_ident.iodata import as_records
 from flexarm_ident.order import choose_order
 from flexarm_ident.output_fit import fit_inputs
 from flexarm_ident.poles import is_stable, stabilise
-from flexarm_ident.request_check import check_request
+from flexarm_ident.request_check import check_request, shifts
 from flexarm_ident.selection import select_method
 from flexarm_ident.simulation_fit import refined, with_friction
 
@@ -44,15 +44,15 @@ def identify(
     data : IoData or sequence of IoData
         Records of one rig; several are fitted by one model, each with its own initial state.
     order : int, optional
-        Number of states, less than `block_rows`. By default the smallest of 7 to 36 whose model is
-        stable and simulates the records within 2 % of the best.
+        Number of states, less than `block_rows`. By default one of 7 to 36 by a criterion of
+        information, see `choose_order`.
     block_rows : int
         Block rows of the Hankel matrices, q of (2-18).
     method : {'auto', 'orse', 'orse_iv', 'pbsid', 'orse_thesis'}
         ORSE with outputs scaled by their innovation ('orse'), with past data as instruments
         ('orse_iv'), or with the thesis's own scaling ('orse_thesis'); PBSID-opt ('pbsid'). 'auto'
-        takes 'orse_iv' where noise reaches the input or is coloured, and 'orse' elsewhere; see
-        `selection` for the tests.
+        takes 'pbsid' where noise reaches the input, 'orse_iv' where it is coloured, and 'orse'
+        elsewhere; see `selection` for the tests.
     stable : bool
         Move unstable eigenvalues inside the unit circle before B is fitted (section 3.2).
     feedthrough : bool
@@ -130,14 +130,21 @@ def identify_records(
     if method == "auto":
         closed_loop = any(record.closed_loop for record in excerpts)
         method, choice, gram, space = select_method(
-            records, block_rows, closed_loop=closed_loop, order=order
+            records, block_rows, closed_loop=closed_loop, order=order, feedthrough=feedthrough
         )
     else:
-        gram = block_gram(records, 2 * block_rows if method == "orse_iv" else block_rows)
+        gram = block_gram(records, shifts(method, block_rows))
         space = subspace(gram, excerpts, method, feedthrough=feedthrough)
     report("range space", 1.0)
     if order is None:
-        order = choose_order(space, excerpts, feedthrough=feedthrough, progress=progress)
+        order = choose_order(
+            gram.leading(block_rows),
+            space,
+            excerpts,
+            stable=stable,
+            feedthrough=feedthrough,
+            progress=progress,
+        )
     raw = space.matrices(order)
     A, moved = stabilise(raw.A) if stable else (raw.A, 0)
     fit = fit_inputs(

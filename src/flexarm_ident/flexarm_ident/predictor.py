@@ -114,22 +114,13 @@ class PredictorSpace:
         IdentificationError
             If the past does not determine that many states.
         """
-        if not 1 <= order <= self.largest_order:
-            raise IdentificationError(
-                f"order must lie between 1 and {self.largest_order} for {self.past} past samples "
-                f"of {self.outputs} outputs: {order}"
-            )
         m, r = self.outputs, len(self.rms) - self.outputs
         size, channels = len(self.gram), len(self.rms)
-        x, x_next = np.zeros((order, size)), np.zeros((order, size))
-        x[:, :-channels] = self.rows[:order]
+        coefficients, given, e = self._one_step(order)
+        x, x_next = given[:order], np.zeros((order, size))
         x_next[:, channels:] = self.rows[:order]
-        y, u = np.zeros((m, size)), np.zeros((r, size))
-        y[:, size - channels : size - r] = np.eye(m)
+        u = np.zeros((r, size))
         u[:, size - r :] = np.eye(r)
-        given = np.vstack([x, u]) if self.feedthrough else x
-        coefficients = self._regression(y, given)
-        e = y - coefficients @ given
         C, D = coefficients[:, :order], np.zeros((m, r))
         if self.feedthrough:
             D = coefficients[:, order:]
@@ -149,6 +140,45 @@ class PredictorSpace:
             K / y_rms,
             covariance * np.outer(y_rms, y_rms),
         )
+
+    def innovation_covariance(self, order: int, gram: BlockGram) -> FloatArray:
+        """Return the covariance of the one-step errors on data of the same channels.
+
+        Parameters
+        ----------
+        order : int
+            Number of states.
+        gram : BlockGram
+            Products of that data, of as many block rows.
+
+        Returns
+        -------
+        ndarray, (outputs, outputs)
+            Covariance, in the outputs' own units; of what is rounding no more than that.
+        """
+        _, _, e = self._one_step(order)
+        e = e / np.tile(self.rms, gram.block_rows)
+        covariance = e @ gram.matrix @ e.T / gram.columns
+        covariance[np.diag_indices(self.outputs)] += _SMALLEST_INNOVATION**2
+        y_rms = self.rms[: self.outputs]
+        return np.asarray(covariance * np.outer(y_rms, y_rms))
+
+    def _one_step(self, order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the regression of the outputs on the states, these, and what it leaves: rows."""
+        if not 1 <= order <= self.largest_order:
+            raise IdentificationError(
+                f"order must lie between 1 and {self.largest_order} for {self.past} past samples "
+                f"of {self.outputs} outputs: {order}"
+            )
+        m, r = self.outputs, len(self.rms) - self.outputs
+        size, channels = len(self.gram), len(self.rms)
+        x, y, u = np.zeros((order, size)), np.zeros((m, size)), np.zeros((r, size))
+        x[:, :-channels] = self.rows[:order]
+        y[:, size - channels : size - r] = np.eye(m)
+        u[:, size - r :] = np.eye(r)
+        given = np.vstack([x, u]) if self.feedthrough else x
+        coefficients = self._regression(y, given)
+        return coefficients, given, y - coefficients @ given
 
     def _regression(self, of: FloatArray, on: FloatArray) -> FloatArray:
         """Regress combinations of the data on other combinations, known by their rows."""
@@ -194,7 +224,7 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
         # What the past says about a later sample while the predictor gets nothing new.
         future[ahead, :, ahead * channels :] = responses[:, : history - ahead * channels]
     future = (weight[:, np.newaxis] * future).reshape(past * m, history)
-    values, vectors = linalg.eigh(scaled[:history, :history])
+    values, vectors = linalg.eigh(scaled[:history, :history], driver="evd")
     root = vectors * np.sqrt(values.clip(min=0.0))
     left_vectors, singular_values, _ = linalg.svd(future @ root, full_matrices=False)
     rank = int(np.sum(singular_values > np.finfo(float).eps * singular_values[0] * history))
@@ -204,12 +234,58 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
     )
 
 
+def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
+    """Return how many past samples say something about the next: the VARX order by BIC.
+
+    Schwarz, "Estimating the dimension of a model", Annals of Statistics 6 (1978).
+
+    Parameters
+    ----------
+    gram : BlockGram
+        Products of the data.
+    feedthrough : bool
+        Whether the output may follow the input at once.
+
+    Returns
+    -------
+    int
+        Past samples, at least 1 and less than the block rows.
+    """
+    scaled, _ = equilibrated(gram)
+    m, r, last = gram.outputs, gram.inputs, gram.block_rows - 1
+    present = gram.output_rows(last, last + 1)
+    given = gram.input_rows(last, last + 1) if feedthrough else []
+    at_once = len(given)
+    for lag in range(1, last + 1):
+        given += gram.output_rows(last - lag, last - lag + 1)
+        given += gram.input_rows(last - lag, last - lag + 1)
+    # The most recent first: the leading part of one factor serves every length.
+    normal = scaled[np.ix_(given, given)] + _SMALLEST_INNOVATION**2 * np.eye(len(given))
+    factor = linalg.cholesky(normal, lower=True)
+    parts = linalg.solve_triangular(factor, scaled[np.ix_(given, present)], lower=True)
+    left = scaled[np.ix_(present, present)] + _SMALLEST_INNOVATION**2 * np.eye(m)
+    left -= parts[:at_once].T @ parts[:at_once]
+    criteria = []
+    for lag in range(1, last + 1):
+        part = parts[at_once + (lag - 1) * (m + r) : at_once + lag * (m + r)]
+        left = left - part.T @ part
+        likelihood = gram.columns * _log_determinant(left)
+        criteria.append(likelihood + lag * m * (m + r) * np.log(gram.columns))
+    return int(np.argmin(criteria)) + 1
+
+
+def _log_determinant(covariance: FloatArray) -> float:
+    """Return the logarithm of the determinant; what rounding made negative counts as rounding."""
+    values = linalg.eigvalsh(covariance)
+    return float(np.sum(np.log(np.maximum(values, _SMALLEST_INNOVATION**2))))
+
+
 def _solved(normal: FloatArray, right: FloatArray) -> tuple[FloatArray, float]:
     """Solve normal equations by a pseudo-inverse; also return their condition number."""
     # Of a state that is rounding only, even the power can come out negative.
     scale = np.sqrt(np.diag(normal).clip(min=0.0))
     scale[scale == 0.0] = 1.0
-    values, vectors = linalg.eigh(normal / np.outer(scale, scale))
+    values, vectors = linalg.eigh(normal / np.outer(scale, scale), driver="evd")
     kept = values > _SMALLEST_EIGENVALUE * values[-1]
     basis = vectors[:, kept] / scale[:, np.newaxis]
     condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])

@@ -20,6 +20,11 @@ _SMALLEST_BLOCK_ROWS = 2
 _CHUNK = 16384
 
 
+def shifts(method: str, block_rows: int) -> int:
+    """Return the block rows that a method needs: as many again where it looks at the past."""
+    return block_rows if method in {"orse", "orse_thesis"} else 2 * block_rows
+
+
 def check_request(
     records: Sequence[Source], order: int | None, block_rows: int, method: str
 ) -> None:
@@ -54,8 +59,7 @@ def check_request(
         raise IdentificationError(
             f"order must lie between 1 and {largest} for block_rows = {block_rows}: {order}"
         )
-    shifts = block_rows if method in ("orse", "orse_thesis") else 2 * block_rows
-    needed = shifts * (len(first.inputs) + outputs + 1)
+    needed = shifts(method, block_rows) * (len(first.inputs) + outputs + 1)
     for record in records:
         if len(record) < needed:
             raise DataError(

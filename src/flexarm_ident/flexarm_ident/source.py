@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.data_warning import DataWarning
 
 
 class Samples(Protocol):
@@ -40,6 +41,10 @@ class Source(Samples, Protocol):
     @property
     def label(self) -> str:
         """Name of the record in messages."""
+
+    @property
+    def notices(self) -> tuple[DataWarning, ...]:
+        """What is known to be wrong with how the samples were taken."""
 
 
 def even_chunks(

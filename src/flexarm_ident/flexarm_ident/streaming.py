@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.data_warning import DataWarning
     from flexarm_ident.identification import Identification
     from flexarm_ident.progress import Progress
     from flexarm_ident.source import Source
@@ -71,6 +72,11 @@ class Part:
         """Name of the record in messages."""
         return self.source.label
 
+    @property
+    def notices(self) -> tuple[DataWarning, ...]:
+        """What is known to be wrong with how the samples were taken, anywhere in the record."""
+        return self.source.notices
+
     def __len__(self) -> int:
         return self.samples
 
@@ -101,6 +107,7 @@ def excerpt(source: Source, samples: int = EXCERPT_SAMPLES) -> IoData:
         inputs=source.inputs,
         outputs=source.outputs,
         source=source.label,
+        notices=source.notices,
     )
 
 

@@ -11,19 +11,17 @@ Statistics 17 (1989).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import control
 import numpy as np
 from scipy import optimize
 
-from flexarm_ident.errors import DataError
-from flexarm_ident.gram import block_gram
 from flexarm_ident.iodata import as_records
 from flexarm_ident.modes import frequency_and_damping, modal_form
 from flexarm_ident.output_fit import fit_inputs
 from flexarm_ident.poles import stabilise
+from flexarm_ident.segments import SEGMENTS, cut, rows, segment_grams
 from flexarm_ident.validation import frequency_response
 
 if TYPE_CHECKING:
@@ -35,10 +33,7 @@ if TYPE_CHECKING:
     from flexarm_ident.gram import BlockGram
     from flexarm_ident.iodata import IoData
     from flexarm_ident.orse import StateMatrices
-
-# More would leave edges of short segments in the scatter, fewer would scatter themselves.
-SEGMENTS = 10
-_FEWEST_SEGMENTS = 4
+    from flexarm_ident.segments import Segment
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +114,8 @@ def jackknife(
         If the records are too short for four segments.
     """
     checked = as_records(records)
-    parts = _segments(checked, block_rows, segments)
-    grams = [
-        # Segments overlap, so that no column of the Hankel matrix is lost between them.
-        block_gram([_rows(checked[number], first, last + block_rows - 1)], block_rows)
-        for number, first, last in parts
-    ]
+    parts = cut(checked, block_rows, segments)
+    grams = segment_grams(checked, block_rows, parts)
     whole = replace(
         grams[0],
         matrix=np.sum([gram.matrix for gram in grams], axis=0),
@@ -137,7 +128,7 @@ def jackknife(
         for gram in grams
     )
     return Jackknife(
-        estimate(whole), replicates, tuple(_without(checked, block_rows, *part) for part in parts)
+        estimate(whole), replicates, tuple(_without(checked, block_rows, part) for part in parts)
     )
 
 
@@ -223,40 +214,15 @@ def _deviation(replicates: FloatArray | ComplexArray) -> FloatArray:
     return np.asarray(np.sqrt((count - 1) / count * scatter.sum(axis=0)))
 
 
-def _segments(
-    records: Sequence[IoData], block_rows: int, segments: int
-) -> list[tuple[int, int, int]]:
-    """Return record, first and last column of each segment; all are about equally long."""
-    columns = [len(record) - block_rows + 1 for record in records]
-    length = max(block_rows, -(-sum(columns) // segments))
-    parts = []
-    for number, count in enumerate(columns):
-        edges = np.linspace(0, count, max(1, round(count / length)) + 1).astype(int)
-        parts += [(number, int(first), int(last)) for first, last in pairwise(edges)]
-    if min(columns) < 1 or len(parts) < _FEWEST_SEGMENTS:
-        raise DataError(
-            f"{records[0].label}: {sum(len(record) for record in records)} samples are too few for "
-            f"{_FEWEST_SEGMENTS} segments of {block_rows} block rows: record longer"
-        )
-    return parts
-
-
-def _without(
-    records: Sequence[IoData], block_rows: int, number: int, first: int, last: int
-) -> tuple[IoData, ...]:
+def _without(records: Sequence[IoData], block_rows: int, segment: Segment) -> tuple[IoData, ...]:
     """Return the records without a segment; what is left of one may be two pieces, or one."""
-    record = records[number]
+    record = records[segment.record]
     pieces = [
-        _rows(record, low, high)
-        for low, high in ((0, first), (last, len(record)))
+        rows(record, low, high)
+        for low, high in ((0, segment.first), (segment.last, len(record)))
         if high - low >= block_rows
     ]
-    return (*records[:number], *pieces, *records[number + 1 :])
-
-
-def _rows(record: IoData, first: int, last: int) -> IoData:
-    rows = slice(first, last)
-    return replace(record, u=record.u[rows], y=record.y[rows], compensation=None, reference=None)
+    return (*records[: segment.record], *pieces, *records[segment.record + 1 :])
 
 
 def _matched(own: ComplexArray, A: FloatArray) -> ComplexArray:

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 REDUCTIONS = ("none", "mrm", "msv", "mrmc")
 UPDATES = ("none", "b", "c")
 # The chosen reduced order may cost this much of the fit.
-_REDUCTION_COST = 1.05
+_REDUCTION_COST = 1.04
 _SMALLEST_REDUCED_ORDER = 4
 
 
@@ -65,7 +65,7 @@ class Request:
     reduction : {'none', 'mrm', 'msv', 'mrmc'}
         Ranking by which modes are kept.
     reduced_order : int, optional
-        States to keep; None: the fewest that cost at most 5 % of the fit.
+        States to keep; None: the fewest that cost at most 4 % of the fit.
     known_modes_hz : tuple of float
         Flexible modes that 'mrmc' keeps.
     update : {'none', 'b', 'c'}

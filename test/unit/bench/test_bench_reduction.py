@@ -33,7 +33,7 @@ def test_bench_reduction___few_records___bear_out_the_claims_of_tables_3_1_to_3_
     for each in trials:
         assert each["full_dmv"] < 0.35  # 0.3476 and 0.3224 in Tables 3-1b and 3-2b
         assert each["mrm"] < each["msv"]
-        assert each["msv_order"] >= each["mrm_order"] == 10
+        assert each["msv_order"] >= each["mrm_order"] >= each["order"] // 2
         assert each["updated"] <= 1.05
         assert each["updated_order"] <= 12
         assert each["realisation_difference"] < 1e-8

@@ -96,13 +96,14 @@ def test_select_method___coloured_noise___takes_instruments(pole: float) -> None
     assert "orse_iv was chosen: the outputs' noise is coloured: spread" in found.reason
 
 
-def test_select_method___known_closed_loop___takes_instruments() -> None:
+def test_select_method___known_closed_loop___looks_at_the_past_only() -> None:
     found = select_method([arm_record(1)], 40, closed_loop=True)
-    assert found.method == "orse_iv"
-    assert found.reason == "orse_iv was chosen: a record was made in closed loop"
+    assert found.method == "pbsid"
+    assert found.gram.block_rows == 80
+    assert found.reason == "pbsid was chosen: a record was made in closed loop"
 
 
-def test_select_method___feedback_that_nobody_mentioned___takes_instruments() -> None:
+def test_select_method___feedback_that_nobody_mentioned___looks_at_the_past_only() -> None:
     rng = np.random.default_rng(3)
     model, reference = arm_model(), square_wave(4000, 3)[:, 0]
     x, u, y = np.zeros(model.nstates), np.zeros((4000, 1)), np.zeros((4000, 4))
@@ -111,12 +112,13 @@ def test_select_method___feedback_that_nobody_mentioned___takes_instruments() ->
         u[k] = reference[k] - 0.5 * y[k, 3]
         x = model.A @ x + model.B @ u[k]
     found = select_method([IoData(u, y, dt_s=DT_S)], 40, closed_loop=False)
-    assert found.method == "orse_iv"
+    assert found.method == "pbsid"
     assert "later inputs know of the outputs' noise" in found.reason
 
 
 def test_identify___auto___is_the_method_it_names_to_the_last_digit() -> None:
-    for data, closed_loop in ((arm_record(2), None), (arm_record(2, pole=0.9), None)):
+    cases = ((arm_record(2), None), (arm_record(2, pole=0.9), None), (arm_record(2), True))
+    for data, closed_loop in cases:
         given = replace(data, closed_loop=closed_loop)
         auto = identify(given, order=9, method="auto")
         named = identify(given, order=9, method=auto.method)
