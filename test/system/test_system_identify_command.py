@@ -10,7 +10,7 @@ import pytest
 import yaml
 from system_graph import ROOT, eventually
 
-from flexarm_bringup.cli import identify
+from flexarm_bringup.cli import identify, report
 from flexarm_ident.exports import load_model
 from flexarm_ident.workflow import Request
 
@@ -38,6 +38,34 @@ def test_command___has_an_option_for_every_field_of_a_request() -> None:
         # What is not given has no default of its own, or an empty one.
         if isinstance(defaults[field.name], (str, int, float)):
             assert defaults[field.name] == field.default
+
+
+def test_report_command___has_the_options_of_identify() -> None:
+    of_identify, of_report = (
+        {option.name for option in verb.params} for verb in (identify, report)
+    )
+    assert of_identify - of_report == {"export"}
+    assert of_report <= of_identify
+
+
+def test_report_command___reduces_and_leaves_one_file(graph: Graph, tmp_path: Path) -> None:
+    out = tmp_path / "new" / "arm.html"
+    arguments = ("--order", "14", "--block-rows", "20", "--reduced-order", "8", "-o", str(out))
+    process = graph.run([str(ROOT / "flexarm"), "report", str(BAG), *arguments])
+    assert process.exit_code() == 0, process.printed
+    assert process.printed.splitlines()[-1] == f"order 8, report in {out}"
+    assert names_in(out.parent) == {"arm.html"}
+    text = out.read_text("utf-8")
+    assert "The model has 8 states, reduced from 14." in text
+    assert "largest modal response (MRM); B was refitted" in text
+
+
+def test_report_command___no_bag___ends_with_one_line(graph: Graph, tmp_path: Path) -> None:
+    out = tmp_path / "arm.html"
+    process = graph.run([str(ROOT / "flexarm"), "report", str(tmp_path / "none"), "-o", str(out)])
+    assert process.exit_code() == 1
+    assert process.printed.splitlines()[-1] == f"flexarm: {tmp_path / 'none'}: no such bag"
+    assert not out.exists()
 
 
 def test_command___with_exports___shows_stages_and_writes_the_files(

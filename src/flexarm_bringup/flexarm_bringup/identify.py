@@ -1,4 +1,4 @@
-"""The verb identify: from bags to a folder of results, without any node."""
+"""The verbs identify and report: from bags to a folder of results or one page, without any node."""
 
 from __future__ import annotations
 
@@ -18,6 +18,19 @@ def identify_bags(bags: tuple[Path, ...], out: Path, *, export: str, **request: 
     exports = parse_exports(export)
     with terminal.progress() as show:
         results = job.identify_bags(bags, out, Request(**request), exports=exports, progress=show)
+    _show(results)
+    terminal.CONSOLE.print(f"order {results.outcome.model.nstates}, results in {out}")
+
+
+def report_bags(bags: tuple[Path, ...], out: Path, **request: Any) -> None:  # noqa: ANN401
+    """Identify from bags, show stages, modes and errors, write the report alone."""
+    with terminal.progress() as show:
+        results = job.report_bags(bags, out, Request(**request), progress=show)
+    _show(results)
+    terminal.CONSOLE.print(f"order {results.outcome.model.nstates}, report in {out}")
+
+
+def _show(results: job.Results) -> None:
     outcome = results.outcome
     sfv = () if outcome.sfv is None else (*outcome.sfv.delta, outcome.sfv.mean)
     terminal.show_model(
@@ -32,4 +45,3 @@ def identify_bags(bags: tuple[Path, ...], out: Path, *, export: str, **request: 
     )
     if outcome.identification.choice:
         terminal.CONSOLE.print(f"  method: {outcome.identification.choice}")
-    terminal.CONSOLE.print(f"order {outcome.model.nstates}, results in {out}")

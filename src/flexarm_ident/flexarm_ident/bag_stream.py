@@ -49,11 +49,6 @@ class BagStream:
     _rows: range = field(repr=False)
     _open: Callable[[], Iterator[Rows]] = field(repr=False)
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the user should know, one line each."""
-        return tuple(notice.text for notice in self.notices)
-
     def __len__(self) -> int:
         return len(self._rows)
 

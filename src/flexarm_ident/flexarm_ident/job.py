@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flexarm_ident import progress as stages
 from flexarm_ident import workflow
 from flexarm_ident.bags import read_bag, sample_count, stream_bag
-from flexarm_ident.results import write_results
+from flexarm_ident.results import write_report, write_results
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +34,7 @@ class Results:
     folder : Path
         Folder of the files.
     outcome : Outcome
-        The identification, with the warnings of the bags before its own.
+        The identification.
     parameters : dict
         The model as flat parameters `models.<name>.*`.
     """
@@ -90,16 +90,7 @@ def identify_bags(
         If the folder cannot be written.
     """
     report = stages.whole(progress)
-    measured: list[Source] = []
-    noticed: list[str] = []
-    for done, bag in enumerate(bags):
-        report("reading", done / len(bags))
-        source, warnings = _read(bag, request)
-        measured.append(source)
-        noticed += warnings
-    outcome = workflow.run(measured, request, progress=report)
-    outcome = replace(outcome, warnings=(*noticed, *outcome.warnings))
-    report("writing", 0.0)
+    measured, outcome = _identified(bags, request, report)
     name = model_name(bags[0])
     parameters = write_results(
         folder,
@@ -112,10 +103,58 @@ def identify_bags(
     return Results(name, folder, outcome, parameters)
 
 
-def _read(bag: Path, request: workflow.Request) -> tuple[Source, tuple[str, ...]]:
-    """Return the record and what there is to say about it that it does not say itself."""
+def report_bags(
+    bags: Sequence[Path],
+    file: Path,
+    request: workflow.Request,
+    *,
+    progress: Progress = lambda _stage, _fraction: None,
+) -> Results:
+    """Identify as `identify_bags` does, and write the report alone, with the model inside.
+
+    Parameters
+    ----------
+    bags, request, progress
+        As in `identify_bags`.
+    file : Path
+        HTML file.
+
+    Returns
+    -------
+    Results
+        The model and the folder of the file.
+
+    Raises
+    ------
+    IdentificationError
+        If the bags or the request do not allow an identification.
+    OSError
+        If the file cannot be written.
+    """
+    report = stages.whole(progress)
+    measured, outcome = _identified(bags, request, report)
+    name = model_name(bags[0])
+    parameters = write_report(
+        file, outcome, measured, name=name, before_commit=lambda: report("writing", 1.0)
+    )
+    return Results(name, file.parent, outcome, parameters)
+
+
+def _identified(
+    bags: Sequence[Path], request: workflow.Request, report: Progress
+) -> tuple[list[Source], workflow.Outcome]:
+    """Return the records as measured, and what was identified from them."""
+    measured: list[Source] = []
+    for done, bag in enumerate(bags):
+        report("reading", done / len(bags))
+        measured.append(_read(bag, request))
+    outcome = workflow.run(measured, request, progress=report)
+    report("writing", 0.0)
+    return measured, outcome
+
+
+def _read(bag: Path, request: workflow.Request) -> Source:
     # In pieces, the compensation is always removed.
     if request.remove_compensation and sample_count(bag) > LARGEST_IN_MEMORY:
-        stream = stream_bag(bag)
-        return stream, stream.warnings
-    return read_bag(bag), ()
+        return stream_bag(bag)
+    return read_bag(bag)

@@ -13,7 +13,6 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from flexarm_ident.channels import axis_label, label_and_unit
-from flexarm_ident.modes import frequency_and_damping
 from flexarm_ident.plot_style import (
     BLACK,
     DASHED,
@@ -28,12 +27,8 @@ from flexarm_ident.plot_style import (
     plain_numbers,
 )
 from flexarm_ident.svg import inline_svg
-from flexarm_ident.validation import frequency_response
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import control
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
@@ -42,9 +37,6 @@ if TYPE_CHECKING:
 CURVE_POINTS = 2000
 
 _SHOWN_SINGULAR_VALUES = 40
-_GRID_POINTS = 400
-_SMALLEST_GAIN = 1e-12
-_BAND_DEPTH_DB = 20.0
 
 
 def match_plot(
@@ -78,7 +70,7 @@ def match_plot(
     span = (high - low) or 1.0
     visible = np.clip(np.nan_to_num(simulated, nan=high + span), low - span, high + span)
     with mpl.rc_context(STYLE):
-        figure = figure_of(2.0)
+        figure = figure_of(2.2)
         axes = figure.subplots()
         axes.axvspan(0.0, fitted_s, color=SHADE, linewidth=0.0, label="fitted part")
         curves = (("measured", measured, SOLID), ("simulated", visible, DOTTED))
@@ -89,6 +81,35 @@ def match_plot(
         _time_axis(axes, time_s)
         legend_above(axes)
         return inline_svg(figure, f"{label_and_unit(name)[0]}: measured and simulated over time")
+
+
+def input_plot(
+    time_s: FloatArray, values: FloatArray, name: str, *, points: int = CURVE_POINTS
+) -> str:
+    """Plot an input over time.
+
+    Parameters
+    ----------
+    time_s, values : ndarray, (samples,)
+        Time and the input.
+    name : str
+        Name of the input, with its unit at the end.
+    points : int
+        Most points of the curve; a longer record is drawn by its extremes.
+
+    Returns
+    -------
+    str
+        SVG.
+    """
+    with mpl.rc_context(STYLE):
+        figure = figure_of(1.9)
+        axes = figure.subplots()
+        rows = _extremes(values, points)
+        axes.plot(time_s[rows], values[rows], **{**SOLID, "linewidth": 1.0})
+        axes.set_ylabel(axis_label(name))
+        _time_axis(axes, time_s)
+        return inline_svg(figure, f"{label_and_unit(name)[0]} over time")
 
 
 def singular_value_plot(singular_values: FloatArray, order: int) -> str:
@@ -110,7 +131,7 @@ def singular_value_plot(singular_values: FloatArray, order: int) -> str:
     positive = np.flatnonzero(shown > 0.0)
     kept, rest = positive[positive < order], positive[positive >= order]
     with mpl.rc_context(STYLE):
-        figure = figure_of(2.2)
+        figure = figure_of(3.0)
         axes = figure.subplots()
         axes.set_yscale("log")
         axes.plot(kept + 1, shown[kept], "o", color=BLACK, markersize=3.5, label="used")
@@ -130,78 +151,6 @@ def singular_value_plot(singular_values: FloatArray, order: int) -> str:
         axes.yaxis.set_minor_formatter(NullFormatter())
         legend_above(axes)
         return inline_svg(figure, f"singular values, order {order} chosen")
-
-
-def frequency_plot(
-    full: control.StateSpace,
-    reduced: control.StateSpace | None,
-    output: int,
-    *,
-    frequencies_hz: FloatArray,
-    deviation: FloatArray | None = None,
-    known_modes_hz: Sequence[float] = (),
-) -> str:
-    """Plot the frequency response (2-4) from the first input to one output.
-
-    Parameters
-    ----------
-    full, reduced : control.StateSpace
-        Discrete models; there may be no reduced one.
-    output : int
-        Number of the output, from 0.
-    frequencies_hz : ndarray, (frequencies,)
-        Frequencies, see `frequency_grid`.
-    deviation : ndarray, (frequencies,), optional
-        Standard deviation of the full model's complex gain; twice of it is a band.
-    known_modes_hz : sequence of float
-        Frequencies that are marked by thin lines.
-
-    Returns
-    -------
-    str
-        SVG with magnitude and phase.
-    """
-    source, target = full.input_labels[0], full.output_labels[output]
-    curves = [("full", full, SOLID)]
-    if reduced is not None:
-        curves.append(("reduced", reduced, DASHED))
-    with mpl.rc_context(STYLE):
-        figure = figure_of(3.0)
-        magnitude, phase = figure.subplots(2, sharex=True, height_ratios=[3, 2])
-        first_deg: FloatArray | None = None
-        for kind, model, look in curves:
-            label = f"{kind}, {model.nstates} states"
-            response = frequency_response(model, frequencies_hz)[:, output, 0]
-            decibels = _decibels(np.abs(response))
-            degrees = np.degrees(np.unwrap(np.angle(response)))
-            first_deg = degrees if first_deg is None else first_deg
-            # Whole turns mean nothing: take those that bring the curves together.
-            degrees = degrees - 360.0 * np.round((degrees - first_deg) / 360.0)
-            magnitude.plot(frequencies_hz, decibels, label=label, **look)
-            phase.plot(frequencies_hz, degrees, **look)
-            if model is full and deviation is not None:
-                edges = _decibels(np.abs(response) + np.outer([-2.0, 2.0], deviation))
-                floor = decibels.min() - _BAND_DEPTH_DB
-                magnitude.fill_between(
-                    frequencies_hz,
-                    *np.maximum(edges, floor),
-                    color=SHADE,
-                    linewidth=0.0,
-                    label="two deviations",
-                )
-        for axes in (magnitude, phase):
-            for known_hz in known_modes_hz:
-                line = axes.axvline(known_hz, color=VERMILION, linewidth=0.7)
-                # One entry of the legend stands for all.
-                line.set_label("known modes" if known_hz == known_modes_hz[0] else "")
-        magnitude.set(ylabel=f"gain, {_gain_unit(source, target)}", xscale="log")
-        phase.set(xlabel="frequency, Hz", ylabel="phase, deg")
-        phase.set_xlim(frequencies_hz[0], frequencies_hz[-1])
-        phase.xaxis.set_major_formatter(plain_numbers())
-        phase.xaxis.set_minor_formatter(NullFormatter())
-        phase.yaxis.set_major_locator(MaxNLocator(5, steps=[1.8, 3.6, 4.5, 9.0]))
-        legend_above(magnitude, columns=2)
-        return inline_svg(figure, f"frequency response to {label_and_unit(target)[0]}")
 
 
 def step_plot(
@@ -256,11 +205,6 @@ def _time_axis(axes: Axes, time_s: FloatArray) -> None:
     axes.set(xlabel="time, s", xlim=(time_s[0], end_s))
 
 
-def _gain_unit(source: str, target: str) -> str:
-    units = label_and_unit(target)[1], label_and_unit(source)[1]
-    return f"dB ({units[0]}/{units[1]})" if all(units) else "dB"
-
-
 def _extremes(values: FloatArray, points: int) -> NDArray[np.intp]:
     """Return the rows of the extremes of equal parts, so that no peak is lost."""
     if len(values) <= points:
@@ -270,33 +214,3 @@ def _extremes(values: FloatArray, points: int) -> NDArray[np.intp]:
         inside = values[part]
         rows.extend(part[sorted({int(inside.argmin()), int(inside.argmax())})])
     return np.array(rows)
-
-
-def _decibels(gain: FloatArray) -> FloatArray:
-    return np.asarray(20.0 * np.log10(np.maximum(gain, _SMALLEST_GAIN)))
-
-
-def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
-    """Return a logarithmic grid, refined around each mode by its own width.
-
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model.
-    lowest_hz : float
-        Lowest frequency; the highest is the Nyquist frequency.
-
-    Returns
-    -------
-    ndarray, (frequencies,)
-        Frequencies.
-    """
-    nyquist_hz = 0.5 / model.dt
-    grid = [np.geomspace(min(lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _GRID_POINTS)]
-    for eigenvalue in np.linalg.eigvals(model.A):
-        frequency_hz, damping_ratio = frequency_and_damping(complex(eigenvalue), model.dt)
-        if eigenvalue.imag > 0.0:
-            width = min(abs(damping_ratio), 0.1)
-            grid.append(frequency_hz * (1.0 + width * np.linspace(-4.0, 4.0, 17)))
-    merged = np.unique(np.concatenate(grid))
-    return np.asarray(merged[(merged >= grid[0][0]) & (merged <= nyquist_hz)])

@@ -9,16 +9,24 @@ from typing import TYPE_CHECKING
 
 import jinja2
 
-from flexarm_ident import plots, report_content, report_friction, report_plots
+from flexarm_ident import (
+    report_content,
+    report_data,
+    report_export,
+    report_friction,
+    report_plots,
+    report_reduction,
+)
 from flexarm_ident.errors import IdentificationError
-from flexarm_ident.stabilisation_plot import stabilisation_plot
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from flexarm_ident.model_parameters import ParameterValue
     from flexarm_ident.workflow import Outcome
 
-_END = "</main>"
+_END, _NAV_END = "</main>", "</ul></nav>"
+_EXTRA = '<section id="more-'
 
 
 @dataclass(frozen=True)
@@ -44,10 +52,12 @@ def render_report(
     outcome: Outcome,
     *,
     title: str,
-    facts: Mapping[str, str],
+    name: str,
+    parameters: Mapping[str, ParameterValue],
+    files: Sequence[str] = (),
     extra_sections: Sequence[Section] = (),
 ) -> str:
-    """Render what was identified, from which data, and how well it fits.
+    """Render what was identified, from which data, how well it fits, and the model itself.
 
     Parameters
     ----------
@@ -55,46 +65,67 @@ def render_report(
         The identification.
     title : str
         Heading.
-    facts : mapping of str
-        What the model's file is called, its hash and the like; listed under "The model".
+    name : str
+        Name of the model.
+    parameters : mapping
+        The model as flat parameters `models.<name>.*` with the fields of `model_provenance`.
+    files : sequence of str
+        Files of the model that lie beside the report.
     extra_sections : sequence of Section
         Sections that follow at the end.
 
     Returns
     -------
     str
-        A HTML document with its style and plots inside; it loads nothing and runs nothing.
+        A HTML document with its style, its plots and the model inside; it loads nothing and runs
+        nothing.
     """
+    galleries = report_plots.galleries(outcome)
+    friction = report_friction.friction_table(outcome)
     text = (
         _environment()
         .get_template("report.html.j2")
         .render(
             title=title,
+            sections=_contents([gallery.title for gallery in galleries], friction is not None),
             summary=report_content.summary(outcome),
-            warnings=outcome.warnings,
-            records=report_content.record_table(outcome),
-            channels=report_content.channel_table(outcome.records),
+            headline=report_data.headline(outcome),
+            remarks=report_data.remarks(outcome),
+            records=report_data.record_table(outcome),
+            channels=report_data.channel_table(outcome),
+            checks=report_data.checks(outcome),
+            input_plots=report_data.input_plots(outcome),
             compensation_removed=outcome.request.remove_compensation,
             order=report_content.order_words(outcome),
-            order_plots=_order_plots(outcome),
+            order_plots=report_plots.order_plots(outcome),
+            clusters=report_content.cluster_table(outcome),
             modes=report_content.mode_table(outcome),
-            deviations=bool(outcome.identification.mode_uncertainty),
-            friction=report_friction.friction_table(outcome),
+            mode_scatter=report_content.mode_scatter_words(outcome),
+            pole_plots=report_plots.pole_plots(outcome),
+            ranks=report_reduction.ranks(outcome),
+            costs=report_reduction.costs(outcome),
+            friction=friction,
             friction_words=report_friction.friction_words(outcome),
             errors=report_content.error_table(outcome),
-            galleries=report_plots.galleries(outcome),
-            model=report_content.model_facts(outcome) | dict(facts),
+            galleries=galleries,
+            model=report_content.model_facts(outcome),
+            files=files,
+            downloads=report_export.downloads(name, parameters),
+            loading=report_export.loading_lines(name),
+            provenance=report_export.provenance(name, parameters),
         )
     )
     return reduce(append_section, extra_sections, text)
 
 
-def _order_plots(outcome: Outcome) -> tuple[str, str]:
-    found, known_hz = outcome.identification, outcome.request.known_modes_hz
-    return (
-        plots.singular_value_plot(found.singular_values, found.order),
-        stabilisation_plot(found.diagram, known_modes_hz=known_hz, order=found.order),
-    )
+def _contents(galleries: Sequence[str], friction: bool) -> list[str]:  # noqa: FBT001 - as found
+    """Return the headings that the navigation leads to."""
+    more = ["Dry friction"] if friction else []
+    return [
+        *("Data", "Order", "Modes", "Poles", "Reduction", *more, "Errors"),
+        *dict.fromkeys(galleries),
+        "The model",
+    ]
 
 
 def append_section(text: str, section: Section) -> str:
@@ -120,8 +151,13 @@ def append_section(text: str, section: Section) -> str:
     start, end, rest = text.rpartition(_END)
     if not end:
         raise IdentificationError(f"cannot add {section.title!r}: the text is no report")
-    added = _environment().get_template("section.html.j2").render(section=section)
-    return f"{start}{added}{end}{rest}"
+    anchor = f"more-{text.count(_EXTRA) + 1}"
+    template = _environment().get_template("section.html.j2")
+    added, entry = (
+        template.render(section=section, anchor=anchor, part=part) for part in ("section", "entry")
+    )
+    before, nav_end, after = start.partition(_NAV_END)
+    return f"{before}{entry}{nav_end}{after}{added}{end}{rest}"
 
 
 @cache

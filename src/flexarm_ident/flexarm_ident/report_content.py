@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flexarm_ident.channels import label_and_unit
 
 if TYPE_CHECKING:
@@ -34,7 +32,6 @@ _RANKINGS = {
     "mrmc": "known flexible modes first, then largest modal response (MRMC)",
 }
 _UPDATES = {"none": "nothing was refitted", "b": "B was refitted", "c": "C was refitted"}
-_LOOPS = {True: "closed", False: "open", None: "unknown"}
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,8 @@ def summary(outcome: Outcome) -> list[str]:
     """Return the outcome in a few sentences."""
     records, model = outcome.records, outcome.model
     seconds = sum(outcome.samples) * records[0].dt_s
-    origin = f", reduced from {outcome.identification.order}" if outcome.reduction else ""
+    full = outcome.identification.order
+    origin = f", reduced from {full}" if model.nstates < full else ""
     error = _percent(float(outcome.dmv_errors.mean()))
     friction = " and dry friction at its inputs" if outcome.friction else ""
     lines = [
@@ -86,42 +84,6 @@ def summary(outcome: Outcome) -> list[str]:
     return lines
 
 
-def record_table(outcome: Outcome) -> Table:
-    """Return the records with their size, fitted part and mean error."""
-    rows = []
-    for record, samples, fitted, dmv in zip(
-        outcome.records, outcome.samples, outcome.fitted, outcome.dmv, strict=True
-    ):
-        cells = (
-            record.label,
-            str(samples),
-            f"{1.0 / record.dt_s:.6g}",
-            f"{samples * record.dt_s:.1f}",
-            f"{fitted * record.dt_s:.1f}",
-            _LOOPS[record.closed_loop],
-            error_text(dmv.mean),
-        )
-        rows.append(cells)
-    header = ("Record", "Samples", "Rate, Hz", "Length, s", "Fitted, s", "Loop", "Mean δ")
-    return Table(header, tuple(rows))
-
-
-def channel_table(records: Sequence[IoData]) -> Table:
-    """Return inputs and outputs with units and ranges, after preprocessing."""
-    first = records[0]
-    inputs = np.vstack([record.u for record in records])
-    outputs = np.vstack([record.y for record in records])
-    rows = [
-        (label_and_unit(name)[0], role, label_and_unit(name)[1] or "-", f"{low:.3f}", f"{high:.3f}")
-        for role, names, values in (
-            ("input", first.inputs, inputs),
-            ("output", first.outputs, outputs),
-        )
-        for name, low, high in zip(names, values.min(axis=0), values.max(axis=0), strict=True)
-    ]
-    return Table(("Channel", "Role", "Unit", "Lowest", "Highest"), tuple(rows))
-
-
 def order_words(outcome: Outcome) -> list[str]:
     """Return why the full model has its order."""
     identification = outcome.identification
@@ -129,20 +91,28 @@ def order_words(outcome: Outcome) -> list[str]:
     if identification.friction is not None:
         how = "that of an arm's equations of motion; what follows is of its subspace start"
     stable = _ranges(identification.stable_orders)
-    physical = ", ".join(
-        f"{mode.frequency_hz:.2f} \u00b1 {mode.frequency_std_hz:.2f} Hz"
-        for mode in identification.diagram.modes
-    )
     return [
         f"The full model has order {identification.order}, {how}.",
         f"The widest gap of the singular values is after number {identification.suggested_order}.",
         f"Models of these orders are stable as identified: {stable}."
         if stable
         else "No order gives a model that is stable as identified.",
-        f"Modes that come back over the orders, and how far the order moves them: {physical}."
-        if physical
-        else "No mode comes back over the orders.",
     ]
+
+
+def cluster_table(outcome: Outcome) -> Table | None:
+    """Return the modes that come back over the orders, with their scatter; None without any."""
+    rows = tuple(
+        (
+            f"{mode.frequency_hz:.3f}{_plus_minus(mode.frequency_std_hz)}",
+            f"{mode.damping_ratio:.3f}{_plus_minus(mode.damping_std)}",
+            f"{mode.count} ({100.0 * mode.share:.0f} %)",
+            _ranges(sorted(mode.orders)),
+        )
+        for mode in outcome.identification.diagram.modes
+    )
+    header = ("Frequency, Hz", "Damping", "Found at", "Orders")
+    return Table(header, rows) if rows else None
 
 
 def mode_table(outcome: Outcome) -> Table:
@@ -162,8 +132,24 @@ def mode_table(outcome: Outcome) -> Table:
         )
         for mode, deviation in zip(outcome.modes, deviations, strict=True)
     )
-    marked = tuple(mode.kept for mode in outcome.modes) if outcome.reduction else ()
+    cut = not all(mode.kept for mode in outcome.modes)
+    marked = tuple(mode.kept for mode in outcome.modes) if cut else ()
     return Table(header, rows, marked)
+
+
+def mode_scatter_words(outcome: Outcome) -> str:
+    """Return where the deviations of the modes are from, or why there are none."""
+    found = outcome.identification
+    if found.mode_uncertainty:
+        return "± is the standard deviation, from leaving out one tenth of the data at a time."
+    if found.friction is not None:
+        return (
+            "There is no standard deviation: an arm with dry friction is fitted by simulation, "
+            "which is not done again for parts of the data."
+        )
+    if found.samples != tuple(len(record) for record in found.records):
+        return "There is no standard deviation: the data were fitted in pieces."
+    return "There is no standard deviation: the data are too short to leave out parts of them."
 
 
 def error_table(outcome: Outcome) -> Table:
@@ -207,6 +193,13 @@ def model_facts(outcome: Outcome) -> dict[str, str]:
         )
         facts["kept states"] = ", ".join(outcome.reduction.kept)
     return facts
+
+
+def short_labels(records: Sequence[IoData]) -> dict[str, str]:
+    """Return the labels of records without the remarks in brackets that bags add to them."""
+    labels = [record.label for record in records]
+    short = [label.partition(" (")[0] for label in labels]
+    return dict(zip(labels, short if len(set(short)) == len(set(labels)) else labels, strict=True))
 
 
 def _count(number: int, noun: str) -> str:

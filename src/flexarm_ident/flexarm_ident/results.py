@@ -67,15 +67,12 @@ def write_results(
     provenance = model_provenance(outcome, measured) | friction_fields(outcome.friction)
     parameters = model_parameters(name, outcome.model, provenance=provenance)
     model_files = [Path(MODEL_FILE), *(Path(MODEL_FILE).with_suffix(each) for each in exports)]
-    facts = {
-        "parameter file": MODEL_FILE,
-        "exports": ", ".join(map(str, model_files[1:])),
-        "hash": str(parameters[f"models.{name}.hash"]),
-    }
     report = render_report(
         outcome,
-        title=f"Identification of {name}",
-        facts={key: value for key, value in facts.items() if value},
+        title=_title(name),
+        name=name,
+        parameters=parameters,
+        files=[str(file) for file in model_files],
     )
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as beside:
@@ -88,6 +85,49 @@ def write_results(
         before_commit()
         _commit(staging, folder)
     return parameters
+
+
+def write_report(
+    file: Path,
+    outcome: Outcome,
+    measured: Sequence[Source],
+    *,
+    name: str,
+    before_commit: Callable[[], None] = lambda: None,
+) -> dict[str, ParameterValue]:
+    """Write nothing but the report; the model is inside it.
+
+    Parameters
+    ----------
+    file : Path
+        HTML file; its folder is created when it is missing.
+    outcome, measured, name, before_commit
+        As in `write_results`.
+
+    Returns
+    -------
+    dict
+        The model as flat parameters `models.<name>.*`.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be written.
+    """
+    provenance = model_provenance(outcome, measured) | friction_fields(outcome.friction)
+    parameters = model_parameters(name, outcome.model, provenance=provenance)
+    report = render_report(outcome, title=_title(name), name=name, parameters=parameters)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{file.name}.", dir=file.parent) as beside:
+        staged = Path(beside, REPORT_FILE)
+        staged.write_text(report, encoding="utf-8")
+        before_commit()
+        staged.replace(file)
+    return parameters
+
+
+def _title(name: str) -> str:
+    return f"Identification of {name}"
 
 
 def _commit(staging: Path, folder: Path) -> None:

@@ -54,7 +54,7 @@ def stabilisation_plot(
     stable = [pole for pole in seen if pole.stable]
     unlike = [pole for pole in seen if pole.admissible and not pole.stable]
     with mpl.rc_context(STYLE):
-        figure = figure_of(3.0)
+        figure = figure_of(3.4)
         axes = figure.subplots()
         for number, (frequency_hz, std_hz) in enumerate(shaded):
             # A line that does not vary is still to be seen.
@@ -71,7 +71,7 @@ def stabilisation_plot(
             axes.axvline(
                 known_hz, color=VERMILION, linewidth=0.9, label="" if number else "known modes"
             )
-        axes.plot(*_places(unlike), "x", color=MARK, markersize=3.0, label="new at this order")
+        axes.plot(*_places(unlike), "x", color=MARK, markersize=3.0, label="new")
         axes.plot(*_places(stable), "o", color=BLACK, markersize=2.6, label="stable")
         if order is not None:
             axes.axhline(order, color=BLACK, linestyle="--", linewidth=0.8, label=f"order {order}")

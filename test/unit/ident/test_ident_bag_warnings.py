@@ -82,6 +82,13 @@ def test_identify_bags___lost_samples___are_among_the_warnings_once(
     outcome = identify_bags([bag], tmp_path / "out", REQUEST).outcome
     said = [warning for warning in outcome.warnings if "1 samples lost at 1 places" in warning]
     assert len(said) == 1
+    (lost,) = (
+        warning
+        for warning in outcome.identification.data_warnings
+        if warning.name == "lost_samples"
+    )
+    assert lost.figures["lost"] == lost.figures["places"] == 1.0
+    assert lost.figures["samples"] == SAMPLES - 1
 
 
 def test_stream_bag___lost_samples_and_jitter___same_notices_as_in_memory(tmp_path: Path) -> None:

@@ -1,10 +1,11 @@
 from __future__ import annotations
 
+import base64
 import re
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -13,20 +14,29 @@ from ident_systems import DT_S, arm_model, random_model, record, square_wave, st
 
 from flexarm_ident import IdentificationError, IoData
 from flexarm_ident.channels import axis_label, label_and_unit
+from flexarm_ident.cost_plot import cost_plot
+from flexarm_ident.exports import load_model
+from flexarm_ident.frequency_plot import frequency_grid, frequency_plot
+from flexarm_ident.model_parameters import model_parameters
+from flexarm_ident.modes import mode_table
 from flexarm_ident.plots import (
-    frequency_grid,
-    frequency_plot,
+    input_plot,
     match_plot,
     singular_value_plot,
     step_plot,
 )
+from flexarm_ident.pole_plot import damping_plot, pole_plot
+from flexarm_ident.provenance import model_provenance, record_hash
 from flexarm_ident.report import Section, append_section, render_report
 from flexarm_ident.workflow import Outcome, Request, run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from flexarm_ident.modes import Mode
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 KNOWN_HZ = (9.4, 24.1, 45.6)
@@ -92,7 +102,13 @@ def outcome() -> Outcome:
 
 @pytest.fixture(scope="module")
 def text(outcome: Outcome) -> str:
-    return render_report(outcome, title="An arm", facts={"hash": "0a1b"})
+    return rendered(outcome)
+
+
+def rendered(outcome: Outcome, title: str = "An arm", **more: Any) -> str:  # noqa: ANN401
+    provenance = model_provenance(outcome, outcome.records)
+    parameters = model_parameters("arm", outcome.model, provenance=provenance)
+    return render_report(outcome, title=title, name="arm", parameters=parameters, **more)
 
 
 @pytest.fixture(scope="module")
@@ -102,15 +118,24 @@ def many_channels() -> Outcome:
     return run(records, Request(method="orse", order=5, block_rows=8))
 
 
+@pytest.fixture(scope="module")
+def small() -> Outcome:
+    data = record(random_model(2, states=5, outputs=1), 600, 1, noise=0.01)
+    request = Request(method="orse", order=5, block_rows=8, reduction="mrm", reduced_order=5)
+    return run(data, request)
+
+
 def test_render_report___outcome___is_one_file_that_loads_nothing(text: str) -> None:
     page = Page(text)
     assert text.startswith("<!DOCTYPE html>")
-    assert {"script", "link", "img", "iframe", "object"}.isdisjoint(tag for tag, _ in page.tags)
+    assert {"script", "img", "iframe", "object"}.isdisjoint(tag for tag, _ in page.tags)
     for tag, attributes in page.tags:
         for name, value in attributes.items():
             assert not name.startswith("on"), tag
             if name in ("src", "href", "xlink:href"):
-                assert (value or "").startswith("#"), tag
+                inside = ("#", "data:") if tag in ("a", "link") else ("#",)
+                assert (value or "").startswith(inside), tag
+    assert re.findall(r"url\((?!#)", text) == []
     assert "@import" not in text
     addresses = re.findall(r"(\S*?)https?://", text)
     assert {address.split("=")[0] for address in addresses} <= {"xmlns", "xmlns:xlink"}
@@ -120,8 +145,8 @@ def test_render_report___outcome___is_small(text: str) -> None:
     assert len(text.encode()) < 1.5e6
 
 
-def test_render_report___twice___is_the_same_text(outcome: Outcome, text: str) -> None:
-    assert render_report(outcome, title="An arm", facts={"hash": "0a1b"}) == text
+def test_render_report___twice___is_the_same_text(small: Outcome) -> None:
+    assert rendered(small) == rendered(small)
 
 
 def test_render_report___outcome___has_no_name_twice(text: str) -> None:
@@ -132,8 +157,9 @@ def test_render_report___outcome___has_no_name_twice(text: str) -> None:
 
 
 def test_render_report___outcome___has_a_plot_per_output_and_kind(text: str) -> None:
-    assert Page(text).count("svg") == 2 + 4 * 3
-    for words in ("Data matching", "Set-point following", "Frequency response"):
+    # An input, two each for order and poles, one for the reduction.
+    assert Page(text).count("svg") == 1 + 2 + 2 + 1 + 4 * 3
+    for words in ("Data matching", "Set-point following", "Frequency response", "Poles"):
         assert f"<h2>{words}</h2>" in text
 
 
@@ -176,8 +202,8 @@ def test_render_report___outcome___tells_data_order_and_origin(outcome: Outcome,
     cells = re.findall(r"<td>(.*?)</td>", table)
     assert cells[:5] == ["3000", "300", "10.0", "5.0", "closed"]
     assert "base strain" in words
-    assert "hash" in words
-    assert "0a1b" in words
+    assert record_hash(outcome.records[0]) in words
+    assert "block_rows 20, order 14, reduction mrmc, reduced_order 9" in words
     assert "kp = 0.400, kd = 0.800, ksg = 0.000" in words
     for warning in outcome.warnings:
         assert warning in words
@@ -187,7 +213,7 @@ def test_render_report___hostile_names___are_text(outcome: Outcome) -> None:
     outputs = (HOSTILE, "base_strain_v", "middle_strain_v", "speed_v")
     records = tuple(replace(each, source=HOSTILE, outputs=outputs) for each in outcome.records)
     hostile = replace(outcome, records=records, warnings=(HOSTILE,))
-    text = render_report(hostile, title=HOSTILE, facts={HOSTILE: HOSTILE})
+    text = rendered(hostile, HOSTILE, files=[HOSTILE])
     page = Page(text)
     assert page.count("script") == 0
     assert page.text.count(HOSTILE) >= 6
@@ -197,13 +223,15 @@ def test_render_report___hostile_names___are_text(outcome: Outcome) -> None:
 def test_render_report___several_inputs_outputs_and_records___shows_three_records(
     many_channels: Outcome,
 ) -> None:
-    text = render_report(many_channels, title="Other rig", facts={})
+    text = rendered(many_channels)
     page = Page(text)
-    assert page.count("svg") == 2 + 3 * 3 + 3
+    assert page.count("svg") == 2 + 2 + 2 + 3 * 3 + 2 * 3
     assert len(text.encode()) < 1.5e6
     assert "The first 3 of 4 records are shown." in page.text
     assert "bag 3" in page.text
     assert "From u0 to each output." in page.text
+    assert "From u1 to each output." in page.text
+    assert "The model was not reduced." in page.text
     assert "Set-point following" not in re.findall("<h2>(.*?)</h2>", text)
     assert 'class="marked"' not in text.split("<h2>Modes</h2>")[1].split("</table>", maxsplit=1)[0]
 
@@ -213,21 +241,102 @@ def test_render_report___simulation_that_runs_away___is_still_drawn(outcome: Out
     wild[:100], wild[100:200], wild[200:300] = 0.0, 1e300, -np.inf
     delta = np.full(4, np.inf)
     dmv = replace(outcome.dmv[0], y=wild, delta=delta, mean=np.inf)
-    text = render_report(replace(outcome, dmv=(dmv,), dmv_errors=delta), title="Unstable", facts={})
+    text = rendered(replace(outcome, dmv=(dmv,), dmv_errors=delta))
     page = Page(text)
     assert "δ = ∞" in page.text
     assert "it misses the outputs by more than can be told" in page.text
     assert not re.search(r' d="[^"]*(nan|inf|e\+)', text)
 
 
-def test_render_report___extra_sections___stand_at_the_end_in_order(outcome: Outcome) -> None:
+def test_render_report___extra_sections___stand_at_the_end_in_order(small: Outcome) -> None:
     sections = [Section("First <b>", "5 < 6 & more"), Section("Second", "with a plot", a_step())]
-    text = render_report(outcome, title="An arm", facts={}, extra_sections=sections)
+    text = rendered(small, extra_sections=sections)
     headings = [unescape(heading) for heading in re.findall("<h2>(.*?)</h2>", text)]
     assert headings[-3:] == ["The model", "First <b>", "Second"]
     assert "<p>5 &lt; 6 &amp; more</p>" in text
     assert a_step() in text
     Page(text)
+    targets = re.findall(r'<li><a href="#([^"]+)">(.*?)</a>', text)
+    assert [unescape(title) for _, title in targets][-2:] == ["First <b>", "Second"]
+    assert all(text.count(f'<section id="{target}">') == 1 for target, _ in targets)
+
+
+def test_render_report___outcome___holds_the_model_in_every_format(
+    outcome: Outcome, text: str, tmp_path: Path
+) -> None:
+    files = {
+        str(attributes["download"]): str(attributes["href"])
+        for tag, attributes in Page(text).tags
+        if tag == "a" and "download" in attributes
+    }
+    assert set(files) == {"arm.yaml", "arm.json", "arm.mat", "arm.h"}
+    for name, uri in files.items():
+        (tmp_path / name).write_bytes(base64.b64decode(uri.partition(";base64,")[2]))
+    for name in ("arm.yaml", "arm.json", "arm.mat"):
+        loaded = load_model(tmp_path / name)
+        for matrix in "ABCD":
+            np.testing.assert_array_equal(getattr(loaded, matrix), getattr(outcome.model, matrix))
+    assert "model_arm_a" in (tmp_path / "arm.h").read_text("ascii")
+    assert 'load_model("arm.yaml")' in Page(text).text
+
+
+def rows_of(text: str, heading: str, kind: str) -> list[list[str]]:
+    section = text.split(f"<h2>{heading}</h2>")[1]
+    part = section.split(f'class="{kind}"')[1].split("</table>", maxsplit=1)[0]
+    return [
+        re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row)
+        for row in part.split("</thead>")[1].split("</tr>")
+    ][:-1]
+
+
+def test_render_report___outcome___tells_what_each_step_of_the_reduction_costs(
+    outcome: Outcome, text: str
+) -> None:
+    rows = {row[0]: row[1:] for row in rows_of(text, "Reduction", "costs")}
+    names = ["MRM", "MSV", "MRMC"]
+    steps = [f"{name}, {step}" for name in names for step in ("cut", "B refitted", "C refitted")]
+    assert list(rows) == ["Full model", *steps]
+    full, chosen = rows["Full model"], rows["MRMC, B refitted"]
+    assert full[:1] + full[5:7] == ["14", f"{outcome.full_dmv_errors.mean():.4f}", "\u00d7 1.00"]
+    assert chosen[0] == "9"
+    assert chosen[1:5] == [f"{delta:.4f}" for delta in outcome.dmv_errors]
+    assert outcome.sfv is not None
+    assert float(chosen[7]) == pytest.approx(outcome.sfv.mean, abs=1e-4)
+    (marked,) = re.findall(r'<tr class="marked"><th scope="row">(M[^<]*)', text)
+    assert marked == "MRMC, B refitted"
+
+
+def test_render_report___outcome___ranks_the_modes_by_both_indices(
+    outcome: Outcome, text: str
+) -> None:
+    rows = rows_of(text, "Reduction", "ranks")
+    assert [row[0] for row in rows] == [str(i + 1) for i in range(len(outcome.modes))]
+    for column, index in ((1, "mrm"), (4, "msv")):
+        falling = sorted(outcome.modes, key=lambda mode: -float(getattr(mode, index)))
+        marked = [f"{mode.label} \u2713" if mode.kept else mode.label for mode in falling]
+        assert [row[column] for row in rows] == marked
+
+
+def test_render_report___all_modes_kept___says_so(small: Outcome) -> None:
+    text = rendered(small)
+    assert "all are kept" in text
+    assert "reduced from" not in text
+    assert 'class="marked"' not in text.split("<h2>Modes</h2>")[1].split("</table>", maxsplit=1)[0]
+
+
+def test_render_report___flawed_data___lists_checks_with_figures() -> None:
+    model = random_model(2, states=5, outputs=2)
+    clean = record(model, 600, 1, noise=0.01, source="runs/a (from a file of somebody)")
+    y = clean.y.copy()
+    y[:, 1] = y[:, 0]
+    flawed = replace(clean, y=y)
+    text = rendered(run(flawed, Request(method="orse", order=5, block_rows=8)))
+    words = " ".join(Page(text).text.split())
+    assert "The data show: duplicated channel" in words
+    found = words.split("Duplicated channel")[1]
+    assert found.strip().startswith("runs/a: ")
+    assert "correlation 1" in found.split("Offset")[0]
+    assert "Saturation nothing found" in words
 
 
 def test_append_section___text_of_something_else___is_refused() -> None:
@@ -245,6 +354,23 @@ def a_step() -> str:
     return step_plot(time_s, volts, np.full(300, 3.0), 3.0 - volts[:, 0])
 
 
+def mode_list() -> list[Mode]:
+    """Return the modes of the arm model, every other one left out."""
+    found = mode_table(arm_model(), [record(arm_model(), 300, 1)], np.ones(4))
+    return [replace(mode, kept=i % 2 == 0) for i, mode in enumerate(found)]
+
+
+def test_pole_plot___one_mode_more___has_its_mark_above_and_below_the_axis() -> None:
+    modes = mode_list()
+    assert pole_plot(modes, DT_S).count("<use") == pole_plot(modes[1:], DT_S).count("<use") + 2
+
+
+def test_pole_plot___mode_that_grows___counts_it() -> None:
+    outside = replace(mode_list()[0], eigenvalue=1.3 + 0.2j)
+    assert "0 not inside the circle" in pole_plot(mode_list(), DT_S)
+    assert "1 not inside the circle" in pole_plot([outside, *mode_list()[1:]], DT_S)
+
+
 def texts(svg: str) -> Sequence[str]:
     return ["".join(node.itertext()) for node in ET.fromstring(svg).iter() if "text" in node.tag]  # noqa: S314 (own text)
 
@@ -258,6 +384,16 @@ def curve_points(svg: str) -> int:
     ("svg", "expected"),
     [
         (a_step(), {"position", "set-point", "base", "middle", "strain, V", "command, V"}),
+        (input_plot(times(300), np.sin(times(300)), "current_a"), {"current, A", "time, s"}),
+        (
+            pole_plot(mode_list(), DT_S),
+            {"real part of z", "in the model", "left out", "75 Hz", "112.5 Hz"},
+        ),
+        (damping_plot(mode_list()), {"damping ratio", "frequency, Hz", "in the model"}),
+        (
+            cost_plot({"MRM, cut": [(2, 9.0), (4, 0.2)]}, full=0.1, order=4),
+            {"MRM, cut", "full model", "order 4", "states kept"},
+        ),
         (singular_value_plot(np.geomspace(1e3, 1e-9, 60), 12), {"order 12", "singular value"}),
         (singular_value_plot(np.array([2.0, 1.0, 0.0]), 2), {"order 2", "used", "left out"}),
         (

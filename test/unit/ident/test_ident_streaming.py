@@ -27,7 +27,7 @@ from flexarm_ident.bags import BagError, stream_bag
 from flexarm_ident.gram import LagSums
 from flexarm_ident.preprocess import ZERO_MEAN_OUTPUTS, remove_compensation
 from flexarm_ident.provenance import record_hash
-from flexarm_ident.report import render_report
+from flexarm_ident.report_data import record_table
 from flexarm_ident.source import even_chunks
 from flexarm_ident.streaming import EXCERPT_SAMPLES, identify_stream
 from flexarm_ident.workflow import Request, run
@@ -49,7 +49,7 @@ class Pieces:
     def __init__(self, data: IoData, lengths: Sequence[int]) -> None:
         self.data, self.lengths = data, lengths
         self.inputs, self.outputs = data.inputs, data.outputs
-        self.dt_s, self.label = data.dt_s, "pieces"
+        self.dt_s, self.label, self.notices = data.dt_s, "pieces", data.notices
 
     def __len__(self) -> int:
         return len(self.data)
@@ -200,7 +200,7 @@ def test_stream_bag___own_rig___equals_the_whole_bag(
     assert (stream.inputs, stream.outputs) == (whole.inputs, whole.outputs)
     assert stream.dt_s == pytest.approx(whole.dt_s, rel=1e-12)
     gaps = int(np.sum(np.diff(sequences) != 1))
-    assert (f"at {gaps} places" in " ".join(stream.warnings)) == (gaps > 0)
+    assert (f"at {gaps} places" in " ".join(map(str, stream.notices))) == (gaps > 0)
 
 
 def test_stream_bag___other_rig___takes_names_from_its_channel_info(tmp_path: Path) -> None:
@@ -267,7 +267,7 @@ def test_run___record_longer_than_the_excerpt___errors_are_of_the_whole() -> Non
     missed = np.linalg.norm(y - mean - simulated, axis=0) / np.linalg.norm(y - mean, axis=0)
     np.testing.assert_allclose(outcome.dmv_errors, missed, rtol=1e-6)
     assert outcome.identification.mode_uncertainty
-    assert "70536" in render_report(outcome, title="long", facts={})
+    assert record_table(outcome).rows[0][1] == "70536"
 
 
 def test_identify_bags___more_samples_than_memory_is_given___reads_in_pieces(

@@ -1,0 +1,150 @@
+"""The plot of a frequency response, as SVG text like those of `plots`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.ticker import MultipleLocator, NullFormatter
+
+from flexarm_ident.channels import label_and_unit
+from flexarm_ident.modes import frequency_and_damping
+from flexarm_ident.plot_style import (
+    BLUE,
+    DASHED,
+    SOLID,
+    STYLE,
+    VERMILION,
+    figure_of,
+    legend_above,
+    plain_numbers,
+)
+from flexarm_ident.svg import inline_svg
+from flexarm_ident.validation import frequency_response
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from flexarm_ident.arrays import FloatArray
+
+_GRID_POINTS = 400
+_SMALLEST_GAIN = 1e-12
+_BAND_DEPTH_DB = 20.0
+_PHASE_TICKS = 4
+
+
+def frequency_plot(
+    full: control.StateSpace,
+    reduced: control.StateSpace | None,
+    output: int,
+    source: int = 0,
+    *,
+    frequencies_hz: FloatArray,
+    deviation: FloatArray | None = None,
+    known_modes_hz: Sequence[float] = (),
+) -> str:
+    """Plot the frequency response (2-4) from one input to one output.
+
+    Parameters
+    ----------
+    full, reduced : control.StateSpace
+        Discrete models; there may be no reduced one.
+    output : int
+        Number of the output, from 0.
+    source : int
+        Number of the input, from 0.
+    frequencies_hz : ndarray, (frequencies,)
+        Frequencies, see `frequency_grid`.
+    deviation : ndarray, (frequencies,), optional
+        Standard deviation of the full model's complex gain; twice of it is a band.
+    known_modes_hz : sequence of float
+        Frequencies that are marked by thin lines.
+
+    Returns
+    -------
+    str
+        SVG with magnitude and phase.
+    """
+    names = full.input_labels[source], full.output_labels[output]
+    curves = [("full", full, SOLID)]
+    if reduced is not None:
+        curves.append(("reduced", reduced, DASHED))
+    with mpl.rc_context(STYLE):
+        figure = figure_of(3.4)
+        magnitude, phase = figure.subplots(2, sharex=True, height_ratios=[3, 2])
+        first_deg: FloatArray | None = None
+        for kind, model, look in curves:
+            label = f"{kind}, {model.nstates} states"
+            response = frequency_response(model, frequencies_hz)[:, output, source]
+            decibels = _decibels(np.abs(response))
+            degrees = np.degrees(np.unwrap(np.angle(response)))
+            first_deg = degrees if first_deg is None else first_deg
+            # Whole turns mean nothing: take those that bring the curves together.
+            degrees = degrees - 360.0 * np.round((degrees - first_deg) / 360.0)
+            magnitude.plot(frequencies_hz, decibels, label=label, **look)
+            phase.plot(frequencies_hz, degrees, **look)
+            if model is full and deviation is not None:
+                edges = _decibels(np.abs(response) + np.outer([-2.0, 2.0], deviation))
+                floor = decibels.min() - _BAND_DEPTH_DB
+                magnitude.fill_between(
+                    frequencies_hz,
+                    *np.maximum(edges, floor),
+                    color=BLUE,
+                    alpha=0.35,
+                    linewidth=0.0,
+                    label="two deviations",
+                )
+        for axes in (magnitude, phase):
+            for known_hz in known_modes_hz:
+                line = axes.axvline(known_hz, color=VERMILION, linewidth=0.7)
+                # One entry of the legend stands for all.
+                line.set_label("known modes" if known_hz == known_modes_hz[0] else "")
+        magnitude.set(ylabel=f"gain, {_gain_unit(*names)}", xscale="log")
+        phase.set(xlabel="frequency, Hz", ylabel="phase, deg")
+        phase.set_xlim(frequencies_hz[0], frequencies_hz[-1])
+        phase.xaxis.set_major_formatter(plain_numbers())
+        phase.xaxis.set_minor_formatter(NullFormatter())
+        low_deg, high_deg = phase.get_ylim()
+        quarters = max(1.0, np.ceil((high_deg - low_deg) / 90.0 / _PHASE_TICKS))
+        phase.yaxis.set_major_locator(MultipleLocator(90.0 * quarters))
+        legend_above(magnitude, columns=2)
+        cause, effect = (label_and_unit(name)[0] for name in names)
+        return inline_svg(figure, f"frequency response from {cause} to {effect}")
+
+
+def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
+    """Return a logarithmic grid, refined around each mode by its own width.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Discrete model.
+    lowest_hz : float
+        Lowest frequency; the highest is the Nyquist frequency.
+
+    Returns
+    -------
+    ndarray, (frequencies,)
+        Frequencies.
+    """
+    nyquist_hz = 0.5 / model.dt
+    grid = [np.geomspace(min(lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _GRID_POINTS)]
+    for eigenvalue in np.linalg.eigvals(model.A):
+        frequency_hz, damping_ratio = frequency_and_damping(complex(eigenvalue), model.dt)
+        if eigenvalue.imag > 0.0:
+            width = min(abs(damping_ratio), 0.1)
+            grid.append(frequency_hz * (1.0 + width * np.linspace(-4.0, 4.0, 17)))
+    merged = np.unique(np.concatenate(grid))
+    return np.asarray(merged[(merged >= grid[0][0]) & (merged <= nyquist_hz)])
+
+
+def _gain_unit(source: str, target: str) -> str:
+    units = label_and_unit(target)[1], label_and_unit(source)[1]
+    return f"dB ({units[0]}/{units[1]})" if all(units) else "dB"
+
+
+def _decibels(gain: FloatArray) -> FloatArray:
+    return np.asarray(20.0 * np.log10(np.maximum(gain, _SMALLEST_GAIN)))

@@ -1,0 +1,173 @@
+"""What each step of a reduction costs: full model, kept modes, refitted B or C (Table 3-1b)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident.errors import IdentificationError
+from flexarm_ident.reduction import reduce_model
+from flexarm_ident.validation import relative_errors, validate_dmv, validate_sfv
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.identification import Identification
+    from flexarm_ident.iodata import IoData
+    from flexarm_ident.reduction import Reduction
+
+UPDATES = ("none", "b", "c")
+
+
+@dataclass(frozen=True, eq=False)
+class StepCost:
+    """Errors of one model on the way from the full to the updated one.
+
+    Attributes
+    ----------
+    ranking : {'mrm', 'msv', 'mrmc'} or None
+        What decided about the modes; None for the full model.
+    update : {'none', 'b', 'c'}
+        Matrix that was refitted.
+    kept : tuple of str
+        Labels of the modes.
+    order : int
+        Number of states.
+    errors : ndarray, (outputs,)
+        Errors (2-25) of data matching over all records together.
+    sfv : float or None
+        Mean error of set-point following on the first record; None where it cannot be told.
+    """
+
+    ranking: str | None
+    update: str
+    kept: tuple[str, ...]
+    order: int
+    errors: FloatArray
+    sfv: float | None
+
+    @property
+    def mean(self) -> float:
+        """Mean error of data matching."""
+        return float(self.errors.mean())
+
+
+def step_costs(
+    identification: Identification,
+    records: Sequence[IoData],
+    *,
+    order: int,
+    known_modes_hz: Sequence[float] = (),
+) -> tuple[StepCost, ...]:
+    """Compare the full model with what every ranking and update makes of it.
+
+    Parameters
+    ----------
+    identification : Identification
+        The full model; its own records decide about modes and updates.
+    records : sequence of IoData
+        What the errors are of. For a model with friction the records with its net input, of
+        `net_records`.
+    order : int
+        States to keep.
+    known_modes_hz : sequence of float
+        With them, 'mrmc' is compared too, as far as the order has room for them.
+
+    Returns
+    -------
+    tuple of StepCost
+        The full model, then three updates of each ranking.
+    """
+    model = identification.model
+    labels = tuple(mode.label for mode in identification.modes)
+    errors = _errors(model, records)
+    costs = [StepCost(None, "none", labels, model.nstates, errors, _following(model, records))]
+    for ranking, update in product(rankings(order, known_modes_hz), UPDATES):
+        reduced = _reduced(identification, ranking, update, order, known_modes_hz)
+        costs.append(
+            StepCost(
+                ranking,
+                update,
+                reduced.kept,
+                reduced.order,
+                _errors(reduced.model, records),
+                _following(reduced.model, records),
+            )
+        )
+    return tuple(costs)
+
+
+def cost_over_orders(
+    identification: Identification,
+    records: Sequence[IoData],
+    orders: Sequence[int],
+    *,
+    ranking: str,
+    update: str,
+    known_modes_hz: Sequence[float] = (),
+) -> tuple[tuple[int, float], ...]:
+    """Return what one ranking and update cost at several orders.
+
+    Parameters
+    ----------
+    identification, records, known_modes_hz
+        As in `step_costs`.
+    orders : sequence of int
+        States to keep; orders with too little room for the known modes are left out.
+    ranking, update
+        As in `reduce_model`.
+
+    Returns
+    -------
+    tuple of (int, float)
+        Order and mean error of each model, rising.
+    """
+    costs = {}
+    for order in orders:
+        if ranking in rankings(order, known_modes_hz):
+            reduced = _reduced(identification, ranking, update, order, known_modes_hz)
+            costs[reduced.order] = float(_errors(reduced.model, records).mean())
+    return tuple(sorted(costs.items()))
+
+
+def rankings(order: int, known_modes_hz: Sequence[float]) -> tuple[str, ...]:
+    """Return the rankings that an order has room for."""
+    room = 0 < 2 * len(known_modes_hz) <= order
+    return ("mrm", "msv", "mrmc") if room else ("mrm", "msv")
+
+
+def _reduced(
+    identification: Identification,
+    ranking: str,
+    update: str,
+    order: int,
+    known_modes_hz: Sequence[float],
+) -> Reduction:
+    return reduce_model(
+        identification,
+        identification.linear_records,
+        ranking=ranking,  # type: ignore[arg-type]
+        order=order,
+        known_modes_hz=known_modes_hz,
+        update=update,  # type: ignore[arg-type]
+    )
+
+
+def _errors(model: control.StateSpace, records: Sequence[IoData]) -> FloatArray:
+    simulated = [validate_dmv(model, record).y for record in records]
+    return relative_errors(np.vstack([record.y for record in records]), np.vstack(simulated))
+
+
+def _following(model: control.StateSpace, records: Sequence[IoData]) -> float | None:
+    if records[0].reference is None:
+        return None
+    try:
+        return validate_sfv(model, records[0]).mean
+    except IdentificationError:
+        return None

@@ -1,0 +1,161 @@
+"""What a report says of a reduction: ranks of the modes and what each step costs."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_ident.channels import label_and_unit
+from flexarm_ident.cost_plot import cost_plot
+from flexarm_ident.friction import net_records
+from flexarm_ident.rank_table import rank_table
+from flexarm_ident.reduction_costs import cost_over_orders, step_costs
+from flexarm_ident.report_content import Table, error_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.iodata import IoData
+    from flexarm_ident.modes import Mode
+    from flexarm_ident.reduction_costs import StepCost
+    from flexarm_ident.workflow import Outcome
+
+_ORDERS_SHOWN = 12
+_LOWEST_ORDER = 2
+_UPDATES = {"none": "cut", "b": "B refitted", "c": "C refitted"}
+_KEPT = "\u2713"
+
+
+class Costs(NamedTuple):
+    """What the steps of a reduction cost: sentences, a table and a plot."""
+
+    words: tuple[str, ...]
+    table: Table
+    plot: str
+
+
+def ranks(outcome: Outcome) -> Table:
+    """Return the modes by either index, side by side (Table 3-1a)."""
+    table = rank_table(outcome.modes)
+    rows = tuple(
+        (str(place), *_place(outcome, one, one.mrm), *_place(outcome, other, other.msv))
+        for place, (one, other) in enumerate(zip(table.by_mrm, table.by_msv, strict=True), start=1)
+    )
+    header = ("Rank", "By MRM: states", "Hz", "MRM", "By MSV: states", "Hz", "MSV")
+    return Table(header, rows)
+
+
+def costs(outcome: Outcome) -> Costs | None:
+    """Return what the reduction cost, step by step; None without a reduction."""
+    if outcome.reduction is None:
+        return None
+    found, request, records = outcome.identification, outcome.request, _judged(outcome)
+    order, known_hz = outcome.reduction.order, request.known_modes_hz
+    steps = step_costs(found, records, order=order, known_modes_hz=known_hz)
+    orders = np.unique(np.linspace(_LOWEST_ORDER, found.order, _ORDERS_SHOWN).round().astype(int))
+    wanted = [(request.reduction, request.update), ("mrm", "none"), ("msv", "none")]
+    curves = {
+        _name(ranking, update): cost_over_orders(
+            found,
+            records,
+            [int(each) for each in orders],
+            ranking=ranking,
+            update=update,
+            known_modes_hz=known_hz,
+        )
+        for ranking, update in wanted
+    }
+    return Costs(
+        _words(outcome, steps),
+        _table(outcome, steps),
+        cost_plot(curves, full=steps[0].mean, order=order),
+    )
+
+
+def _judged(outcome: Outcome) -> Sequence[IoData]:
+    """Return the records with the input that moves the linear model."""
+    found = outcome.identification
+    if found.friction is None:
+        return outcome.records
+    return net_records(found.model, found.friction, found.x0, outcome.records)
+
+
+def _place(outcome: Outcome, mode: Mode, index: float) -> tuple[str, str, str]:
+    mark = f" {_KEPT}" if outcome.reduction and mode.kept else ""
+    frequency = f"{mode.frequency_hz:.3f}" if mode.frequency_hz else "-"
+    return mode.label + mark, frequency, f"{index:.4g}"
+
+
+def _name(ranking: str | None, update: str) -> str:
+    return f"{ranking.upper()}, {_UPDATES[update]}" if ranking else "Full model"
+
+
+def _table(outcome: Outcome, steps: Sequence[StepCost]) -> Table:
+    outputs = [label_and_unit(name)[0] for name in outcome.records[0].outputs]
+    following = any(step.sfv is not None for step in steps)
+    header = ("Model", "States", *outputs, "Mean δ", "Of full")
+    rows = tuple(
+        (
+            _name(step.ranking, step.update),
+            str(step.order),
+            *(error_text(float(delta)) for delta in step.errors),
+            error_text(step.mean),
+            _ratio(step, steps[0]),
+            *((_sfv_text(step),) if following else ()),
+        )
+        for step in steps
+    )
+    return Table(
+        (*header, "Mean δ, SFV") if following else header,
+        rows,
+        tuple(_is_chosen(outcome, step) for step in steps),
+    )
+
+
+def _words(outcome: Outcome, steps: Sequence[StepCost]) -> tuple[str, ...]:
+    full = steps[0]
+    by_name = {(step.ranking, step.update): step for step in steps}
+    asked, update = outcome.request.reduction, outcome.request.update
+    cut = by_name[asked, "none"]
+    if cut.order == full.order:
+        return ("With fewer states the fit gets worse by more than it may: all are kept.",)
+    line = (
+        f"Keeping {cut.order} of {full.order} states by {asked.upper()} takes the mean error from "
+        f"{error_text(full.mean)} to {error_text(cut.mean)}"
+    )
+    if update != "none":
+        chosen = by_name[asked, update]
+        line += f"; with {update.upper()} refitted it is {error_text(chosen.mean)}"
+    lines = [f"{line}."]
+    if outcome.friction is not None:
+        lines.append(
+            "These errors are of the linear model under the net input of the full one. Under "
+            "Errors the friction follows from the model's own speeds."
+        )
+    mrm, msv = by_name["mrm", "none"], by_name["msv", "none"]
+    if set(mrm.kept) == set(msv.kept):
+        lines.append("MRM and MSV keep the same modes.")
+    else:
+        better = "MRM" if mrm.mean <= msv.mean else "MSV"
+        lines.append(
+            f"Of the two rankings, {better} loses less before anything is refitted: "
+            f"{error_text(mrm.mean)} by MRM with {mrm.order} states, "
+            f"{error_text(msv.mean)} by MSV with {msv.order}."
+        )
+    return tuple(lines)
+
+
+def _is_chosen(outcome: Outcome, step: StepCost) -> bool:
+    asked = outcome.request
+    return (step.ranking, step.update) == (asked.reduction, asked.update)
+
+
+def _ratio(step: StepCost, full: StepCost) -> str:
+    ratio = step.mean / full.mean if full.mean > 0.0 else math.inf
+    return f"\u00d7 {ratio:.2f}" if math.isfinite(ratio) else "-"
+
+
+def _sfv_text(step: StepCost) -> str:
+    return "-" if step.sfv is None else error_text(step.sfv)

@@ -1,0 +1,199 @@
+"""A report of a real bag in a real browser: what it shows, and what it asks the network for."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexarm_ident.job import report_bags
+from flexarm_ident.workflow import Request
+
+BAG = Path(__file__).parents[3] / "bags" / "c_dat3_0g"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+DEADLINE_S = 90.0
+WIDTH_PX = 400
+SMALLEST_TEXT_PX = 11.0
+LARGEST_BYTES = 3e6
+
+# A window may not be narrower than 500 pixels, a frame may.
+PROBE = """<!DOCTYPE html><html><head><link rel="icon" href="data:,"></head><body>
+<iframe id="frame" style="width: 400px; height: 800px; border: 0" srcdoc="%s"></iframe>
+<script>
+const frame = document.getElementById("frame");
+const shown = (node) => node.getClientRects().length > 0;
+function texts(page) {
+  const walker = page.createTreeWalker(page.body, NodeFilter.SHOW_TEXT);
+  const found = [];
+  while (walker.nextNode()) {
+    const node = walker.currentNode, parent = node.parentElement;
+    if (!node.data.trim() || !shown(parent)) continue;
+    const size = parseFloat(page.defaultView.getComputedStyle(parent).fontSize);
+    const matrix = parent.ownerSVGElement ? parent.getScreenCTM() : null;
+    const scale = matrix ? Math.hypot(matrix.a, matrix.b) : 1;
+    found.push({text: node.data.trim().slice(0, 40), px: size * scale});
+  }
+  return found;
+}
+function cutOff(svg) {
+  const box = svg.getBoundingClientRect();
+  return [...svg.querySelectorAll("text")].filter((text) => {
+    const its = text.getBoundingClientRect();
+    return its.left < box.left - 1 || its.right > box.right + 1
+      || its.top < box.top - 1 || its.bottom > box.bottom + 1;
+  }).map((text) => text.textContent);
+}
+function measured(page) {
+  const root = page.documentElement, all = (selector) => [...page.querySelectorAll(selector)];
+  return {
+    width: page.defaultView.innerWidth,
+    scrollWidth: root.scrollWidth,
+    texts: texts(page),
+    headings: all("h2").map((node) => node.textContent),
+    headers: Object.fromEntries(all("table").map(
+      (node) => [node.className, [...node.tHead.rows[0].cells].map((cell) => cell.textContent)]
+    )),
+    plots: all("svg").filter(shown).map((svg) => ({
+      label: svg.getAttribute("aria-label") || "",
+      caption: svg.parentElement.querySelector("figcaption")?.textContent || "",
+      ratio: svg.getBoundingClientRect().height / svg.getBoundingClientRect().width,
+      cutOff: cutOff(svg),
+    })),
+    wide: all("main *").filter(
+      (node) => !node.closest("svg, .scroll")
+        && node.getBoundingClientRect().right > root.clientWidth + 1
+    ).map((node) => node.outerHTML.slice(0, 80)),
+    lost: all("nav a").filter((node) => !page.getElementById(node.hash.slice(1))).length,
+    downloads: all("a[download]").map((node) => node.download),
+    words: page.body.innerText,
+  };
+}
+frame.addEventListener("load", () => {
+  const figures = JSON.stringify(measured(frame.contentDocument));
+  frame.remove();
+  const answer = document.createElement("pre");
+  answer.id = "answer";
+  answer.textContent = figures;
+  document.body.append(answer);
+});
+</script></body></html>
+"""
+LEAK = '<img src="http://leak.example/pixel.png"><script>console.error("as a test")</script>'
+
+
+@dataclass(frozen=True)
+class Visit:
+    """What a browser found: figures of the page, messages of its console, addresses it asked."""
+
+    figures: dict[str, Any]
+    console: list[str]
+    requests: list[str]
+
+
+def visit(text: str, folder: Path) -> Visit:
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed")
+    page, log = folder / "page.html", folder / "net.json"
+    page.write_text(PROBE.replace("%s", html.escape(text)), encoding="utf-8")
+    command = [
+        *(browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"),
+        *(f"--user-data-dir={folder / 'profile'}", "--no-first-run", "--disable-extensions"),
+        *("--disable-background-networking", "--host-resolver-rules=MAP * ~NOTFOUND"),
+        *("--enable-logging=stderr", "--v=0", f"--log-net-log={log}"),
+        *("--window-size=1000,900", "--dump-dom", page.as_uri()),
+    ]
+    done = subprocess.run(  # noqa: S603 - the browser of this machine
+        command, capture_output=True, timeout=DEADLINE_S, check=True, cwd=folder
+    )
+    answer = re.search(r'<pre id="answer">(.*?)</pre>', done.stdout.decode(), re.DOTALL)
+    assert answer is not None, done.stderr.decode()[-2000:]
+    messages = re.findall(r":CONSOLE[^\]]*\] (.*)", done.stderr.decode(errors="replace"))
+    return Visit(json.loads(html.unescape(answer[1])), messages, requests_of_pages(log))
+
+
+def requests_of_pages(log: Path) -> list[str]:
+    """Return the addresses that pages asked for; what the browser asks for itself has no origin."""
+    events = json.loads(log.read_text("utf-8"))["events"]
+    asked = [event.get("params", {}) for event in events]
+    return [
+        each["url"]
+        for each in asked
+        if each.get("initiator", "not an origin") != "not an origin" and "url" in each
+    ]
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("report") / "report.html"
+    known_hz = (9.4, 24.1, 45.6)
+    request = Request(
+        order=14, reduction="mrmc", reduced_order=9, known_modes_hz=known_hz, update="b"
+    )
+    report_bags([BAG], file, request)
+    return file
+
+
+@pytest.fixture(scope="module")
+def seen(report: Path, tmp_path_factory: pytest.TempPathFactory) -> Visit:
+    return visit(report.read_text("utf-8"), tmp_path_factory.mktemp("browser"))
+
+
+def test_report___in_a_browser___is_silent_and_asks_for_nothing(seen: Visit, report: Path) -> None:
+    assert seen.console == []
+    assert seen.requests == []
+    assert report.stat().st_size < LARGEST_BYTES
+    assert [each.name for each in report.parent.iterdir()] == ["report.html"]
+
+
+def test_report___with_a_leak___is_caught(report: Path, tmp_path: Path) -> None:
+    page = report.read_text("utf-8")
+    leaking = page[: page.index("<section")] + LEAK + "</main></body></html>"
+    found = visit(leaking, tmp_path)
+    assert "http://leak.example/pixel.png" in found.requests
+    assert any("as a test" in message for message in found.console)
+
+
+def test_report___at_400_pixels___does_not_scroll_sideways(seen: Visit) -> None:
+    assert seen.figures["width"] == WIDTH_PX
+    assert seen.figures["scrollWidth"] <= WIDTH_PX
+    assert seen.figures["wide"] == []
+
+
+def test_report___at_400_pixels___has_no_small_and_no_cut_text(seen: Visit) -> None:
+    texts = seen.figures["texts"]
+    assert len(texts) > 500
+    small = [each for each in texts if each["px"] < SMALLEST_TEXT_PX]
+    assert small == []
+    assert {plot["label"]: plot["cutOff"] for plot in seen.figures["plots"] if plot["cutOff"]} == {}
+
+
+def test_report___in_a_browser___shows_every_part(seen: Visit) -> None:
+    figures = seen.figures
+    parts = ["Data", "Order", "Modes", "Poles", "Reduction", "Errors"]
+    galleries = ["Data matching", "Set-point following", "Frequency response"]
+    assert figures["headings"] == [*parts, *galleries, "The model"]
+    assert figures["lost"] == 0
+    assert set(figures["headers"]) == {
+        *("records", "channels", "clusters", "modes", "costs", "ranks", "errors")
+    }
+    assert figures["headers"]["ranks"][1::3] == ["By MRM: states", "By MSV: states"]
+    assert figures["headers"]["errors"] == ["Output", "Full, DMV", "Reduced, DMV", "Reduced, SFV"]
+    assert figures["downloads"] == [f"c_dat3_0g{each}" for each in (".yaml", ".json", ".mat", ".h")]
+    for words in ("Closed loop", "chi-square", "What was checked", "SHA-256 of its samples"):
+        assert words in figures["words"]
+
+
+def test_report___in_a_browser___names_every_plot(seen: Visit) -> None:
+    plots = seen.figures["plots"]
+    # An input, two each for order and poles, one for the reduction, four outputs three times.
+    assert len(plots) == 1 + 2 + 2 + 1 + 3 * 4
+    assert all(plot["label"] and plot["caption"] for plot in plots)
+    assert all(0.3 < plot["ratio"] < 1.2 for plot in plots)
