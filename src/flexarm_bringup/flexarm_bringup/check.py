@@ -28,7 +28,7 @@ def check_everything(arguments: tuple[str, ...]) -> int:
     LaunchError
         Outside a checkout.
     """
-    root = _checkout("tests")
+    root = checkout("tests")
     checks = (("tests", ["pytest", *arguments]),) if arguments else _CHECKS
     failed = []
     for name, (tool, *options) in checks:
@@ -51,13 +51,25 @@ def run_bench(name: str, arguments: tuple[str, ...]) -> int:
     """
     command = [
         sys.executable,
-        str(_checkout("benchmarks") / "bench" / f"{_FILES.get(name, name)}.py"),
+        str(checkout("benchmarks") / "bench" / f"{_FILES.get(name, name)}.py"),
         *arguments,
     ]
     return subprocess.run(command, check=False).returncode  # noqa: S603 - our own file
 
 
-def _checkout(what: str) -> Path:
+def checkout(what: str) -> Path:
+    """Return the folder of the checkout.
+
+    Parameters
+    ----------
+    what
+        What is looked for there, for the message.
+
+    Raises
+    ------
+    LaunchError
+        Outside a checkout.
+    """
     root = os.environ.get("FLEXARM_ROOT")
     if root is None or not Path(root, "pyproject.toml").is_file():
         raise LaunchError(f"the {what} live in the checkout: run ./flexarm there")

@@ -198,6 +198,7 @@ def simulate(plant: Plant, command_v: ArrayLike, rate_hz: float) -> NDArray[np.f
 
     Examples
     --------
+    >>> from flexarm_daq.parameters import RigParameters
     >>> simulate(Plant(RigParameters(payload_kg=0.2)), [0.0, 2.0, 2.0], 300.0).shape
     (3, 4)
     """

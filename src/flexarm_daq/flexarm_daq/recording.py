@@ -70,8 +70,10 @@ class BagWriter:
 
     Examples
     --------
-    >>> with BagWriter(folder, [RecordedTopic("/flexarm/state", definition)]) as bag:
-    ...     bag.write("/flexarm/state", raw, stamp_ns, stamp_ns)
+    ::
+
+        with BagWriter(folder, [RecordedTopic("/flexarm/state", definition)]) as bag:
+            bag.write("/flexarm/state", raw, stamp_ns, stamp_ns)
     """
 
     def __init__(
