@@ -10,7 +10,7 @@ import pytest
 import yaml
 from system_graph import ROOT, eventually
 
-from flexarm_bringup.cli import identify, report
+from flexarm_bringup.verbs.models import identify, report
 from flexarm_ident.exports import load_model
 from flexarm_ident.workflow import Request
 

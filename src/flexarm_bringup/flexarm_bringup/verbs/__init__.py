@@ -1,0 +1,1 @@
+"""What can be typed after `flexarm`; each verb only reads its arguments and calls one function."""

@@ -1,0 +1,196 @@
+"""Verbs that make models and gains, and compare with the thesis."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flexarm_bringup.verbs.verb import examples
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+_REQUEST_OPTIONS = (
+    click.option(
+        "--method",
+        default="auto",
+        show_default=True,
+        help="auto, orse, orse_iv, pbsid or orse_thesis.",
+    ),
+    click.option(
+        "--train-fraction",
+        type=click.FloatRange(0.0, 1.0, min_open=True),
+        default=0.5,
+        show_default=True,
+        help="Leading part of each record that is fitted.",
+    ),
+    click.option(
+        "--block-rows", type=click.IntRange(2), default=40, show_default=True, help="q of (2-18)."
+    ),
+    click.option("--order", type=click.IntRange(1), help="Order of the full model; else chosen."),
+    click.option(
+        "--reduction",
+        type=click.Choice(["none", "mrm", "msv", "mrmc"]),
+        default="none",
+        show_default=True,
+        help="Ranking by which modes are kept.",
+    ),
+    click.option("--reduced-order", type=click.IntRange(1), help="States to keep; else chosen."),
+    click.option(
+        "--known-mode", "known_modes_hz", multiple=True, type=float, help="Hz, for mrmc; repeat."
+    ),
+    click.option(
+        "--update",
+        type=click.Choice(["none", "b", "c"]),
+        default="none",
+        show_default=True,
+        help="Matrix that is fitted again after the reduction.",
+    ),
+    click.option(
+        "--remove-compensation/--keep-compensation",
+        default=True,
+        show_default=True,
+        help="Subtract the Coulomb compensation from the input.",
+    ),
+    click.option(
+        "--stabilise/--keep-unstable",
+        default=True,
+        show_default=True,
+        help="Move unstable eigenvalues inside the unit circle.",
+    ),
+    click.option(
+        "--friction/--no-friction",
+        default=True,
+        show_default=True,
+        help="Model dry friction where the data show it and carry no compensation.",
+    ),
+    click.option(
+        "--refine/--no-refine",
+        default=False,
+        show_default=True,
+        help="Refine the model by its simulation error; it never gets worse.",
+    ),
+)
+
+
+def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say what is to be done with bags: the fields of a `Request`."""
+    for option in reversed(_REQUEST_OPTIONS):
+        function = option(function)
+    return function
+
+
+@click.command()
+@click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("out/identify"), show_default=True
+)
+@_request_options
+@click.option(
+    "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
+)
+@examples(
+    "identify bags/c_dat3_0g",
+    "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
+    "identify bags/c_dat3_0g --export json,mat,h",
+    "identify bags/quanser_2dsfl --refine",
+)
+def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+    """Identify a model from bags, without any node; write parameters, exports and report."""
+    from flexarm_bringup.identify import identify_bags  # noqa: PLC0415
+
+    identify_bags(bags, out, **options)
+
+
+@click.command(context_settings={"default_map": {"reduction": "mrm", "update": "b"}})
+@click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=Path("out/report.html"),
+    show_default=True,
+    help="HTML file.",
+)
+@_request_options
+@examples(
+    "report bags/c_dat3_0g",
+    "report out/run1 out/run2 -o arm.html",
+    "report bags/c_dat3_0g --reduction mrmc --known-mode 9.4 --known-mode 24 --known-mode 45",
+    "report bags/quanser_2dsfl --reduction none",
+)
+def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+    """Identify, reduce by MRM, refit B, and write one HTML file that has everything inside."""
+    from flexarm_bringup.identify import report_bags  # noqa: PLC0415
+
+    report_bags(bags, out, **options)
+
+
+@click.command()
+@click.argument("models", nargs=-1, required=True)
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/gains.yaml"),
+    show_default=True,
+)
+@click.option("--law", type=click.Choice(["pdp", "pi"]), default="pdp", show_default=True)
+@click.option("--error-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
+@click.option("--strain-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
+@click.option("--gain-margin", "gain_margin_db", default=10.0, show_default=True, help="dB.")
+@click.option("--phase-margin", "phase_margin_deg", default=55.0, show_default=True, help="deg.")
+@click.option("--delay", "delay_s", default=0.0, show_default=True, help="Loop delay, s.")
+@examples(
+    "tune nominal:0 nominal:0.2 nominal:0.4",
+    "tune nominal:0:flipped nominal:0.2:flipped nominal:0.4:flipped",
+    "tune bags/c_dat3_0g bags/c_dat3_400g",
+    "tune out/a/model.yaml out/b/model.yaml --delay 0.001 -o out/gains.yaml",
+)
+def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+    """Tune gains on models (files from identify, bags, or nominal:KG); write a --params-file.
+
+    nominal:KG:flipped turns the sign of the middle gauge y3, which the thesis seems to have had.
+    """
+    from flexarm_bringup.tune import tune_models  # noqa: PLC0415
+
+    tune_models(models, out, **options)
+
+
+@click.command()
+@click.argument("keys", nargs=-1)
+@click.option("--list", "listing", is_flag=True, help="Say what there is.")
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("out/reproduction"),
+    show_default=True,
+    help="Folder of the pages.",
+)
+@click.option("--jobs", type=click.IntRange(1), help="Processes; by default one per core.")
+@click.option("--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster.")
+@examples(
+    "reproduce --list",
+    "reproduce table-2-4",
+    "reproduce 'figure-4-*' chapter-3",
+    "reproduce all -o docs/reproduction",
+    "reproduce all --dask tcp://10.0.0.7:8786",
+)
+def reproduce(
+    keys: tuple[str, ...], out: Path, jobs: int | None, dask: str, *, listing: bool
+) -> None:
+    """Set tables, figures and claims of the thesis beside our own, with a verdict each."""
+    from flexarm_bringup.reproduce import reproduce_subjects, show_subjects  # noqa: PLC0415
+    from flexarm_reproduction.computing import Workers  # noqa: PLC0415
+
+    if listing:
+        show_subjects(keys)
+        return
+    if not keys:
+        raise click.UsageError("say what, such as table-2-4 or all; --list says what there is")
+    sys.exit(reproduce_subjects(keys, out, Workers(jobs or -1, dask)))
