@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SEEDS = st.integers(0, 10_000)
 METHODS = ("orse", "orse_iv", "pbsid", "orse_thesis")
 STATES, BLOCK_ROWS = 5, 8
-few = settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+few = settings(max_examples=12, suppress_health_check=[HealthCheck.too_slow])
 every_method = pytest.mark.parametrize("method", METHODS)
 
 

@@ -23,7 +23,7 @@ from flexarm_ident.poles import stabilise
 from flexarm_ident.simulation import simulate
 
 SEEDS = st.integers(0, 10_000)
-few = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+few = settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 
 
 @few
@@ -154,7 +154,7 @@ def test_simulate___inputs_and_initial_states___superpose(seed: int, factor: flo
     )
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(st.integers(0, 1000))
 def test_identify___more_data_of_the_arm___never_much_worse(seed: int) -> None:
     model, u = arm_model(), square_wave(8000, seed)

@@ -12,7 +12,7 @@ from flexarm_ident.gram import block_gram
 from flexarm_ident.quality import assess
 
 SEEDS = st.integers(0, 10_000)
-few = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+few = settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 
 
 def names(data: IoData, block_rows: int = 20) -> list[str]:

@@ -45,7 +45,7 @@ def weighed(estimator: PayloadEstimator, volts: np.ndarray) -> PayloadEstimate:
     return estimator.estimate
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(0.0, 0.8))
 def test_cantilever_without_noise___is_weighed_to_two_grams(payload_kg: float) -> None:
     estimate = weighed(PayloadEstimator(DETECTION), cantilever(payload_kg))

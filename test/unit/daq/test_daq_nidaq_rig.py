@@ -93,7 +93,7 @@ def test_write___direction_flips___magnitude_is_zero_before() -> None:
     rig.close()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     commands_v=st.lists(st.floats(-20.0, 20.0), max_size=20),
     high_is_positive=st.booleans(),

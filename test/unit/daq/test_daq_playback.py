@@ -86,7 +86,7 @@ def test_messages___loop___start_again_where_the_bag_ends(tmp_path: Path) -> Non
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     times_ns=st.lists(st.integers(0, 10**10), min_size=1, max_size=20),
     rate=st.floats(0.01, 100.0),

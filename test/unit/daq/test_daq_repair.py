@@ -148,7 +148,7 @@ def test_copy___keeps_definitions_and_durability(tmp_path: Path) -> None:
         assert profile.durability is QosDurability.TRANSIENT_LOCAL
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.data())
 def test_file_cut_anywhere___every_whole_chunk_is_saved(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
@@ -171,7 +171,7 @@ def test_file_cut_anywhere___every_whole_chunk_is_saved(
         assert content(folder / "copy") == recording.messages[:whole]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.data())
 def test_one_wrong_byte_in_a_chunk___what_is_saved_is_a_prefix(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
@@ -190,7 +190,7 @@ def test_one_wrong_byte_in_a_chunk___what_is_saved_is_a_prefix(
     assert saved == recording.messages[: recording.whole_at(start) if damage else None]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.data())
 def test_one_wrong_byte_anywhere___no_message_is_changed(
     tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject

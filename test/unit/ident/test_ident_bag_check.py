@@ -88,7 +88,7 @@ def test_check___single_file___needs_no_folder(whole: Path) -> None:
     assert check_bag(mcap_file(whole)).problems == ()
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(data=st.data())
 def test_check___one_wrong_bit_in_the_file___is_noticed(whole: Path, data: st.DataObject) -> None:
     file = mcap_file(whole)
@@ -103,7 +103,7 @@ def test_check___one_wrong_bit_in_the_file___is_noticed(whole: Path, data: st.Da
         file.write_bytes(raw)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_check___one_wrong_bit_in_the_metadata___is_noticed_or_means_nothing(
     whole: Path, data: st.DataObject

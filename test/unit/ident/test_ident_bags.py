@@ -183,9 +183,7 @@ def test_read___many_chunks_and_frames___keep_the_order(tmp_path: Path) -> None:
     assert read_bag(tmp_path / "run").y[:, 0].tolist() == [float(k) for k in range(1, 199)]
 
 
-@settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     rows=st.lists(
         st.tuples(
@@ -479,9 +477,7 @@ def test_read___unusable_bag___is_one_line_that_names_it(
     assert "\n" not in str(caught.value)
 
 
-@settings(
-    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
 def test_read___one_flipped_bit___never_changes_a_value_unnoticed(
     tmp_path_factory: pytest.TempPathFactory, place: float, bit: int

@@ -31,7 +31,7 @@ def responses(A: Array, B: Array, C: Array, D: Array, count: int = 25) -> Array:
 
 
 @given(seed=st.integers(0, 50), feedthrough=st.booleans())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_predictor___noise_free_records___recovers_pulse_responses(
     *, seed: int, feedthrough: bool
 ) -> None:

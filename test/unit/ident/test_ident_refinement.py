@@ -78,7 +78,7 @@ def test_refinement___disturbed_start_of_clean_data___recovers_the_system() -> N
 
 
 @given(seed=st.integers(0, 1000), noise=st.floats(0.0, 2.0), part=st.floats(0.0, 0.5))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_refinement___any_start___never_worse(seed: int, noise: float, part: float) -> None:
     model = random_model(seed % 20)
     data = record(model, 150, seed, noise=noise)

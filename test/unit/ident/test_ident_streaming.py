@@ -72,7 +72,7 @@ def arm_record(samples: int, noise: float) -> IoData:
     return IoData(u, y, dt_s=float(model.dt))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.lists(st.integers(1, 70), min_size=1, max_size=5),
     st.integers(1, 40),
@@ -95,7 +95,7 @@ def test_lag_sums___record_in_any_pieces___are_the_explicit_sums(
     np.testing.assert_allclose(sums.gram(), hankel @ hankel.T, atol=1e-11 * len(z))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.integers(1, 50), min_size=1, max_size=5), st.integers(1, 90))
 def test_even_chunks___any_pieces___every_row_once_in_order(lengths: list[int], size: int) -> None:
     edges = np.cumsum([0, *lengths])
