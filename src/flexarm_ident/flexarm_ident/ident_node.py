@@ -232,9 +232,10 @@ def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
         answer.sfv = [*outcome.sfv.delta.tolist(), outcome.sfv.mean]
     answer.report_path = str(results.folder)
     answer.success = True
+    order, states = outcome.identification.order, outcome.model.nstates
     answer.message = (
-        f"{results.name}: order {outcome.identification.order}"
-        + (f" reduced to {outcome.model.nstates}" if outcome.reduction else "")
+        f"{results.name}: order {order}"
+        + (f" reduced to {states}" if states < order else "")
         + (" with dry friction" if outcome.friction else "")
         + f", mean data matching error {answer.dmv[-1]:.4f},"
         + f" {elapsed_s:.1f} s"
