@@ -72,7 +72,8 @@ def match_plot(
     with mpl.rc_context(STYLE):
         figure = figure_of(2.2)
         axes = figure.subplots()
-        axes.axvspan(0.0, fitted_s, color=SHADE, linewidth=0.0, label="fitted part")
+        if fitted_s > 0.0:
+            axes.axvspan(0.0, fitted_s, color=SHADE, linewidth=0.0, label="fitted part")
         curves = (("measured", measured, SOLID), ("simulated", visible, DOTTED))
         for label, values, look in curves:
             rows = _extremes(values, points)
