@@ -15,7 +15,7 @@ from flexarm_control.nominal_models import identified_model
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
 from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
+from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, Verdict, judged
 from flexarm_reproduction.law_runs import step_to
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.thesis_values import thesis_table
@@ -265,13 +265,49 @@ def rivals_judgement(errors: dict[float, float], overshoots: dict[float, float])
     return judged(
         agrees=all(better),
         same_ranking=any(better),
-        evidence="; ".join(
-            f"{volts:g} V: PDPC has the smaller error, {p_text(errors[volts])}, and the smaller "
-            f"overshoot, {p_text(overshoots[volts])}"
+        evidence="PDPC beside ILQR. "
+        + "; ".join(
+            f"{volts:g} V: {_smaller(errors[volts])} error ({p_text(errors[volts])}) and "
+            f"{_smaller(overshoots[volts])} overshoot ({p_text(overshoots[volts])})"
             for volts in errors
         )
         + ".",
         reason="PDPC is better at neither set-point.",
+    )
+
+
+def _smaller(p_value: float) -> str:
+    return "the smaller" if p_value < LEVEL else "not the smaller"
+
+
+def _disturbance(results: Results) -> Finding:
+    held, hunts = (_trials(results, setpoint_v) for setpoint_v in SETPOINTS_V)
+    rows = tuple(
+        (
+            f"{setpoint_v:g} V",
+            spread([100.0 * each.overshoot for each in trials], ".1f"),
+            spread([float(each.reversals) for each in trials], ".0f"),
+            spread([each.swing_v for each in trials]),
+            spread([each.last_swing_v for each in trials]),
+        )
+        for setpoint_v, trials in zip(SETPOINTS_V, (held, hunts), strict=True)
+    )
+    heading = ("step", "overshoot, %", "turns", "swing from 10 to 20 s, V", "in the last 2 s, V")
+    return Finding(
+        disturbance_judgement(held_judgement(held), hunting_judgement(hunts)),
+        (SideBySide("ILQR on the rig with 300 g, 20 seeds", heading, rows),),
+        text=(_TEXT,),
+    )
+
+
+def disturbance_judgement(held: Judgement, hunts: Judgement) -> Judgement:
+    """Judge by both steps: what keeps its direction is held, and what reverses is not."""
+    verdicts = (held.verdict, hunts.verdict)
+    return judged(
+        agrees=all(verdict is Verdict.AGREES for verdict in verdicts),
+        same_ranking=Verdict.DIFFERS not in verdicts,
+        evidence=f"3 V: {held.because} 5 V: {hunts.because}",
+        reason="One of the two does not come out.",
     )
 
 
@@ -294,5 +330,11 @@ SUBJECTS = (
         "ILQR is not as good as PDPC, and needs one sensor",
         (*_needs(SETPOINTS_V[0]), *_needs(SETPOINTS_V[1])),
         _claim,
+    ),
+    Subject(
+        "claim-4-7",
+        "ILQR holds a constant disturbance, not friction that reverses (4.4)",
+        (*_needs(SETPOINTS_V[0]), *_needs(SETPOINTS_V[1])),
+        _disturbance,
     ),
 )

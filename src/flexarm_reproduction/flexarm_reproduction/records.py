@@ -46,7 +46,26 @@ def simulated_record(
         When there is no such experiment.
     """
     entry = experiment(name)
-    parameters = RigParameters(payload_kg=entry.payload_kg, noise_v=noise_v)
+    return run_experiment(entry, RigParameters(payload_kg=entry.payload_kg, noise_v=noise_v), seed)
+
+
+def run_experiment(entry: Experiment, parameters: RigParameters, seed: int) -> IoData:
+    """Run an experiment, one of the catalogue or a changed one, on a rig of its own.
+
+    Parameters
+    ----------
+    entry
+        The experiment. Its payload says nothing here: the parameters do.
+    parameters
+        Of the rig.
+    seed
+        Of the sensor noise, and of what is random in the excitation or the reference.
+
+    Returns
+    -------
+    IoData
+        As `simulated_record` gives it.
+    """
     rig = SimulatedRig(parameters, rate_hz=entry.rate_hz, seed=seed)
     rig.open()
     source = f"{entry.name}, seed {seed}"

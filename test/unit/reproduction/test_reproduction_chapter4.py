@@ -18,7 +18,7 @@ from flexarm_reproduction import (
 )
 from flexarm_reproduction.chapter4 import SUBJECTS
 from flexarm_reproduction.evidence import p_text, sign_test, spread
-from flexarm_reproduction.findings import Verdict
+from flexarm_reproduction.findings import Judgement, Verdict
 from flexarm_reproduction.law_runs import StepTrial, step_to, step_trial
 from flexarm_reproduction.subjects import Call
 from flexarm_reproduction.thesis_values import thesis_table
@@ -63,7 +63,7 @@ def test_subjects___are_the_tables_and_figures_of_chapter_4() -> None:
     assert sorted(keys) == sorted(
         ["table-4-1", "table-4-2"]
         + [f"figure-4-{number}" for number in FIGURES]
-        + [f"claim-4-{number}" for number in range(1, 5)]
+        + [f"claim-4-{number}" for number in range(1, 8)]
     )
 
 
@@ -237,7 +237,28 @@ def test_figures_4_15_to_4_18___held_or_hunting() -> None:
 def test_claim_4_4___pdpc_has_to_be_better(
     errors: dict[float, float], overshoots: dict[float, float], verdict: Verdict
 ) -> None:
-    assert ilqr_runs.rivals_judgement(errors, overshoots).verdict is verdict
+    found = ilqr_runs.rivals_judgement(errors, overshoots)
+    assert found.verdict is verdict
+    assert "5 V: " in found.because
+    assert "3 V: not the smaller error" in found.because or errors[3.0] < 0.05
+
+
+@pytest.mark.parametrize(
+    ("held", "hunts", "verdict"),
+    [
+        (AGREES, AGREES, AGREES),
+        (AGREES, RANKING, RANKING),
+        (RANKING, AGREES, RANKING),
+        (AGREES, DIFFERS, DIFFERS),
+        (DIFFERS, AGREES, DIFFERS),
+    ],
+)
+def test_claim_4_7___needs_both_steps(held: Verdict, hunts: Verdict, verdict: Verdict) -> None:
+    found = ilqr_runs.disturbance_judgement(
+        Judgement(held, "It stands."), Judgement(hunts, "It swings.")
+    )
+    assert found.verdict is verdict
+    assert "3 V: It stands. 5 V: It swings." in found.because
 
 
 def test_reversals___count_turns_beyond_the_noise() -> None:

@@ -1,0 +1,176 @@
+"""Appendix B as a whole: the margins of the thesis's gains, and the sign of the middle gauge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm_control.gains import PdpGains
+from flexarm_control.margins import margins
+from flexarm_control.nominal_models import nominal_model, nominal_payloads_kg
+from flexarm_control.tuning import tune_pdp
+from flexarm_reproduction.findings import Finding, SideBySide, judged
+from flexarm_reproduction.subjects import Call, Subject
+from flexarm_reproduction.thesis_values import thesis_table
+
+if TYPE_CHECKING:
+    from flexarm_reproduction.subjects import Results
+
+CROSSINGS_FROM_HZ = 0.2
+"""Below it the printed slow poles, known to four decimals, add crossings without meaning."""
+NEAR = 0.15
+"""Gains agree within this: the criterion is flat, a tenth of Kp changes it by a few per cent."""
+_SIGNS = {False: "as printed", True: "y3 turned"}
+
+_TEXT = (
+    "The gains of chapter 4 were tuned on the three models together. Here the printed "
+    "matrices are taken as they are, and once more with the sign of the middle gauge y3 "
+    "turned; nothing is identified. `nominal:0.2` and `nominal:0.2:flipped` name them for "
+    "`./flexarm tune`."
+)
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What the search gives on the three models.
+
+    Attributes
+    ----------
+    slow, least
+        Gain margin in dB and phase margin in degrees of the thesis's gains, per payload: at the
+        lowest crossings, which are those of the rigid motion, and the least of all crossings.
+    kp, kd, ksg, criterion
+        The best gains and their J.
+    """
+
+    slow: tuple[tuple[float, float], ...]
+    least: tuple[tuple[float, float], ...]
+    kp: float
+    kd: float
+    ksg: float
+    criterion: float
+
+
+def tuned(*signs: bool) -> tuple[Tuned, ...]:
+    """Examine the thesis's gains, and search for the best, on the printed models.
+
+    Parameters
+    ----------
+    signs
+        Whether the sign of the middle gauge is turned; one result for each.
+    """
+    return tuple(_tuned(flipped) for flipped in signs)
+
+
+def _tuned(flipped: bool) -> Tuned:  # noqa: FBT001 - the one thing that varies
+    models = [nominal_model(p, flip_middle_strain=flipped) for p in nominal_payloads_kg()]
+    gains = PdpGains(**thesis_table("appendix_b")["optimum"])
+    found = [margins(model, gains, lowest_hz=CROSSINGS_FROM_HZ) for model in models]
+    best = tune_pdp(models)
+    return Tuned(
+        tuple((each.phase_crossings[0].margin, each.gain_crossings[0].margin) for each in found),
+        tuple((each.gain_margin_db, each.phase_margin_deg) for each in found),
+        best.gains.kp,
+        best.gains.kd,
+        best.gains.ksg,
+        best.criterion,
+    )
+
+
+def compare(found: tuple[Tuned, ...]) -> Finding:
+    """Set the thesis's margins and optimum beside what its printed models give.
+
+    Parameters
+    ----------
+    found
+        With the sign as printed, and turned.
+    """
+    values = thesis_table("appendix_b")
+    printed, turned = found
+    kept = _kept(printed, values)
+    distances = [_distance(each, values["optimum"]) for each in found]
+    return Finding(
+        judged(
+            agrees=kept == len(printed.slow) and distances[0] <= NEAR,
+            same_ranking=kept == len(printed.slow),
+            evidence=f"On the printed models the gains of Table 4-2 keep the margins of section "
+            f"4.2 for {kept} of {len(printed.slow)} payloads, and the best gains are "
+            f"{_gains(printed)}.",
+            reason=_reason(turned, nearer=distances[1] < distances[0]),
+        ),
+        tables=(_margin_table(found, values), _gain_table(found, values["optimum"])),
+        text=(_TEXT,),
+    )
+
+
+def _reason(turned: Tuned, *, nearer: bool) -> str:
+    gain_db, phase_deg = np.min(turned.slow, axis=0)
+    found = f"With the sign of y3 turned, the best gains are {_gains(turned)}"
+    if not nearer:
+        return f"{found}, no nearer to the thesis's: the sign of y3 does not explain it."
+    return (
+        f"{found}, near the thesis's, and the margins of the rigid motion are at least "
+        f"{gain_db:.1f} dB and {phase_deg:.1f} degrees: the thesis seems to have tuned with the "
+        "other sign than it printed."
+    )
+
+
+def _gains(found: Tuned) -> str:
+    return f"{found.kp:.2f}, {found.kd:.2f}, {found.ksg:.3f}"
+
+
+def _distance(found: Tuned, optimum: dict[str, float]) -> float:
+    """Return the largest relative distance of the three gains."""
+    ours = np.array([found.kp, found.kd, found.ksg])
+    thesis = np.array([optimum["kp"], optimum["kd"], optimum["ksg"]])
+    return float(np.abs(ours / thesis - 1.0).max())
+
+
+def _kept(found: Tuned, values: dict[str, Any]) -> int:
+    needed = tuple(values["margins"].values())
+    return sum(bool(np.all(np.array(margin) >= needed)) for margin in found.slow)
+
+
+def _margin_table(found: tuple[Tuned, ...], values: dict[str, Any]) -> SideBySide:
+    gain_db, phase_deg = values["margins"].values()
+    rows = [
+        (
+            f"{1e3 * payload_kg:.0f} g",
+            f"at least {gain_db:g} dB, {phase_deg:g} deg",
+            *(
+                f"{margin[i][0]:.1f} dB, {margin[i][1]:.1f} deg"
+                for each in found
+                for margin in (each.slow, each.least)
+            ),
+        )
+        for i, payload_kg in enumerate(nominal_payloads_kg())
+    ]
+    headings = [f"{sign}, {which}" for sign in _SIGNS.values() for which in ("rigid", "least")]
+    return SideBySide(
+        "Margins of the thesis's gains: at the crossings of the rigid motion, and the least of all",
+        ("payload", "thesis", *headings),
+        tuple(rows),
+    )
+
+
+def _gain_table(found: tuple[Tuned, ...], optimum: dict[str, float]) -> SideBySide:
+    rows = [
+        (name.capitalize(), f"{value:.4f}", *(f"{getattr(each, name):.3f}" for each in found))
+        for name, value in optimum.items()
+    ]
+    rows.append(("J", "see Table 4-2", *(f"{each.criterion:.2f}" for each in found)))
+    return SideBySide("Best gains on the models", ("", "thesis", *_SIGNS.values()), tuple(rows))
+
+
+_CALL = Call(tuned, tuple(_SIGNS))
+
+
+def _build(results: Results) -> Finding:
+    return compare(results[_CALL])
+
+
+SUBJECTS: tuple[Subject, ...] = (
+    Subject("appendix-b", "The nominal models, and the gains tuned on them", (_CALL,), _build),
+)
