@@ -8,9 +8,11 @@ likelihood estimate, which attains the Cramer-Rao bound. It knows what no estima
 
 from __future__ import annotations
 
+import json
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -154,12 +156,21 @@ def _relative(y: Array, given: Trial) -> float:
 @click.command()
 @click.option("--seeds", type=click.IntRange(1), default=12, show_default=True)
 @click.option("--first-seed", type=click.IntRange(0), default=0, show_default=True)
-def main(*, seeds: int, first_seed: int) -> None:
-    """Print geometric means over the seeds."""
+@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+def main(*, seeds: int, first_seed: int, json_file: Path | None) -> None:
+    """Print geometric means over the seeds, and write them to a file on request."""
     cases = list(product(LENGTHS, range(first_seed, first_seed + seeds)))
     with ProcessPoolExecutor(2) as pool:
         found = np.log(list(pool.map(errors, cases))).reshape(len(LENGTHS), seeds, -1)
-    Console().print(table(np.exp(found.mean(axis=1)), seeds))
+    means = np.exp(found.mean(axis=1))
+    Console().print(table(means, seeds))
+    if json_file is not None:
+        names = ("best", *METHODS)
+        rows = [
+            {"k": k, "seeds": seeds} | dict(zip(names, row, strict=True))
+            for k, row in zip(LENGTHS, means.tolist(), strict=True)
+        ]
+        json_file.write_text(json.dumps(rows, indent=1), "utf-8")
 
 
 def table(means: Array, seeds: int) -> Table:

@@ -37,6 +37,8 @@ class BagStream:
         Sampling period.
     label : str
         Name of the record in messages.
+    closed_loop : bool, optional
+        Whether the inputs were computed from the outputs; None when it is not known.
     notices : tuple of DataWarning
         What the user should know.
     """
@@ -45,6 +47,7 @@ class BagStream:
     outputs: tuple[str, ...]
     dt_s: float
     label: str
+    closed_loop: bool | None
     notices: tuple[DataWarning, ...]
     _rows: range = field(repr=False)
     _open: Callable[[], Iterator[Rows]] = field(repr=False)
@@ -71,6 +74,7 @@ def open_stream(
     align: Align,
     channels: Channels | None,
     *,
+    closed_loop: bool | None,
     source: str,
 ) -> BagStream:
     """Go through the messages once and return the source.
@@ -83,6 +87,8 @@ def open_stream(
         `arm_rows` or `io_rows`.
     channels
         Names of the arrays in ``IoSample``; None for ``ArmState`` or when they were not recorded.
+    closed_loop
+        Whether the inputs were computed from the outputs; None when it is not known.
     source
         Name of the record.
 
@@ -117,6 +123,7 @@ def open_stream(
         outputs,
         survey.period_s(),
         source,
+        closed_loop,
         survey.notices(),
         rows,
         lambda: align(pieces()),

@@ -131,6 +131,10 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
         chosen = bag.choose(topic)
         is_arm = bag.types[chosen] == ARM_STATE
         channels = None if is_arm else bag.channels(_sibling(chosen, "io_channels"))
+        answered = bag.has(_sibling(chosen, "command"), MOTOR_COMMAND) or bag.has(
+            _sibling(chosen, "reference"), REFERENCE
+        )
+        closed_loop = channels.closed_loop if channels else (answered or None)
 
     def pieces() -> Iterator[Recorded]:
         with _opened(path) as bag:
@@ -138,7 +142,7 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
 
     align = arm_rows if is_arm else io_rows
     try:
-        return open_stream(pieces, align, channels, source=str(path))
+        return open_stream(pieces, align, channels, closed_loop=closed_loop, source=str(path))
     except DataError as error:
         raise BagError(str(error)) from error
 

@@ -43,6 +43,10 @@ class Source(Samples, Protocol):
         """Name of the record in messages."""
 
     @property
+    def closed_loop(self) -> bool | None:
+        """Whether the inputs were computed from the outputs; None when it is not known."""
+
+    @property
     def notices(self) -> tuple[DataWarning, ...]:
         """What is known to be wrong with how the samples were taken."""
 

@@ -73,6 +73,11 @@ class Part:
         return self.source.label
 
     @property
+    def closed_loop(self) -> bool | None:
+        """Whether the inputs were computed from the outputs; None when it is not known."""
+        return self.source.closed_loop
+
+    @property
     def notices(self) -> tuple[DataWarning, ...]:
         """What is known to be wrong with how the samples were taken, anywhere in the record."""
         return self.source.notices
@@ -106,6 +111,7 @@ def excerpt(source: Source, samples: int = EXCERPT_SAMPLES) -> IoData:
         dt_s=source.dt_s,
         inputs=source.inputs,
         outputs=source.outputs,
+        closed_loop=source.closed_loop,
         source=source.label,
         notices=source.notices,
     )

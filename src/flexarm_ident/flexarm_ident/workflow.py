@@ -186,8 +186,8 @@ def run(
     ----------
     records : IoData or sequence of Source
         Records of one rig as measured. With one that is read in chunks, memory does not depend on
-        their lengths; reduction and set-point following then use the leading parts, and there is
-        neither friction nor refinement.
+        their lengths; a reduction then uses the leading parts, and there is neither set-point
+        following nor friction nor refinement.
     request : Request
         What is to be done.
     progress : callable, optional

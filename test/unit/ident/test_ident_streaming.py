@@ -13,6 +13,7 @@ from bag_samples import (
     arm_state,
     channel_info,
     io_sample,
+    motor_command,
     recorded_topics,
     write_foreign_bag,
 )
@@ -50,6 +51,7 @@ class Pieces:
         self.data, self.lengths = data, lengths
         self.inputs, self.outputs = data.inputs, data.outputs
         self.dt_s, self.label, self.notices = data.dt_s, "pieces", data.notices
+        self.closed_loop = data.closed_loop
 
     def __len__(self) -> int:
         return len(self.data)
@@ -199,6 +201,7 @@ def test_stream_bag___own_rig___equals_the_whole_bag(
     assert len(stream) == len(whole)
     assert (stream.inputs, stream.outputs) == (whole.inputs, whole.outputs)
     assert stream.dt_s == pytest.approx(whole.dt_s, rel=1e-12)
+    assert stream.closed_loop == whole.closed_loop
     gaps = int(np.sum(np.diff(sequences) != 1))
     assert (f"at {gaps} places" in " ".join(map(str, stream.notices))) == (gaps > 0)
 
@@ -216,6 +219,17 @@ def test_stream_bag___other_rig___takes_names_from_its_channel_info(tmp_path: Pa
     np.testing.assert_array_equal(u, whole.u)
     np.testing.assert_array_equal(y, whole.y)
     assert stream_bag(uri).outputs == ("c", "d", "e")
+    assert stream_bag(uri).closed_loop is whole.closed_loop is not None
+
+
+def test_stream_bag___recorded_commands___closed_the_loop(tmp_path: Path) -> None:
+    messages = [*arm_messages(range(120)), motor_command(1, START_NS, 0.0)]
+    uri = write_in_chunks(tmp_path / "run", messages, 50)
+    assert read_bag(uri).closed_loop is True
+    assert stream_bag(uri).closed_loop is True
+    assert (
+        identify_stream([stream_bag(uri)], order=2, block_rows=4, method="auto").method == "pbsid"
+    )
 
 
 def test_stream_bag___value_is_not_finite___names_channel_and_row(tmp_path: Path) -> None:
