@@ -95,7 +95,11 @@ def _complete_reproduction(folder: Path) -> None:
     index = folder / "index.md"
     text = index.read_text("utf-8") if index.exists() else _NOT_REPRODUCED
     below = sorted(page.stem for page in folder.glob("*.md") if page != index)
-    index.write_text(f"{text}\n{toctree(below, hidden=True)}" if below else text, "utf-8")
+    if below:
+        # Below a later heading the pages would hang under that one.
+        title, _, rest = text.partition("\n")
+        text = f"{title}\n\n{toctree(below, hidden=True)}{rest}"
+    index.write_text(text, "utf-8")
 
 
 def _failed_examples(root: Path) -> Iterator[str]:

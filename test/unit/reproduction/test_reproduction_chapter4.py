@@ -143,9 +143,9 @@ def test_table_4_2___one_optimum_close_to_the_printed_gains() -> None:
     thesis, far = (0.5935, 4.2664, 0.2538), (0.49, 4.33, 0.005)
     same, apart = (3.5, 3.5, 3.5), (3.5, 3.6, 3.5)
     judge = pdp_design.tuning_judgement
-    assert judge(tuned(far, same), tuned(thesis, same)).verdict is AGREES
-    assert judge(tuned(far, same), tuned((0.5, 4.2, 0.1), same)).verdict is RANKING
-    assert judge(tuned(thesis, same), tuned(far, same)).verdict is DIFFERS
+    assert judge(tuned(thesis, same), tuned(far, same)).verdict is AGREES
+    assert judge(tuned(far, same), tuned(thesis, same)).verdict is RANKING
+    assert judge(tuned(far, same), tuned((0.5, 4.2, 0.1), same)).verdict is DIFFERS
     assert judge(tuned(far, apart), tuned(thesis, same)).verdict is DIFFERS
 
 
