@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_reproduction.evidence import OFTEN, SEEDS
 from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
 from flexarm_reproduction.gauge_peaks import CAPTURED, FREQUENCIES_HZ, GAUGES, gains, has_peak
 from flexarm_reproduction.order_survey import (
-    SEEDS,
     fitted_half,
     identified,
     model_of,
@@ -32,7 +32,6 @@ LARGER_ORDER = 27
 """The order of Table 2-2: it tells whether a mode is missing in the record or in the order."""
 CHANNELS = ("position", "base gauge", "middle gauge", "speed")
 _OTHERS = (0, 3)
-_OFTEN = 0.5
 
 
 def closed_loop_gains() -> dict[int, NDArray[np.float32]]:
@@ -108,9 +107,9 @@ def response_judgement(
     strength : ndarray, (modes, 4)
         Gain at each mode.
     """
-    there = [share > _OFTEN for share in shares]
+    there = [share > OFTEN for share in shares]
     factor = float(np.min(strength[:, GAUGES].min(axis=1) / strength[:, _OTHERS].max(axis=1)))
-    brought_out = not all(there) and all(share > _OFTEN for share in larger)
+    brought_out = not all(there) and all(share > OFTEN for share in larger)
     return judged(
         agrees=all(there) and factor > 1.0,
         same_ranking=factor > 1.0 and any(there),

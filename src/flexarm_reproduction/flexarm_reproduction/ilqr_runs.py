@@ -14,7 +14,7 @@ from flexarm_control.laws import build_law
 from flexarm_control.nominal_models import identified_model
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
+from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, Verdict, judged
 from flexarm_reproduction.law_runs import step_to
 from flexarm_reproduction.subjects import Call, Subject
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from flexarm_reproduction.subjects import Results
 
-SEEDS = range(1, 21)
 SHOWN = 1
 PAYLOAD_KG, LENGTH_S, LATE_S = 0.3, 20.0, 10.0
 SETPOINTS_V = (3.0, 5.0)

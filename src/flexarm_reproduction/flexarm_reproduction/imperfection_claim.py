@@ -10,9 +10,9 @@ import numpy as np
 from flexarm_daq import RigParameters
 from flexarm_daq.catalogue import experiment
 from flexarm_daq.parameters import THESIS_NOISE_V
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
+from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.order_survey import SEEDS, best_error, prepared
+from flexarm_reproduction.order_survey import best_error, prepared
 from flexarm_reproduction.records import run_experiment
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.survey_tables import METHOD_TEXT, survey_calls, survey_of

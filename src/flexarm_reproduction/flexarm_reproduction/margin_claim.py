@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from flexarm_control.gains import Compensation, PdpGains
 from flexarm_control.pdpc import Pdpc
 from flexarm_daq import RigParameters
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test
+from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
 from flexarm_reproduction.law_runs import STEP_S, step_to, step_trial
 from flexarm_reproduction.subjects import Call, Subject
@@ -15,7 +15,6 @@ from flexarm_reproduction.subjects import Call, Subject
 if TYPE_CHECKING:
     from flexarm_reproduction.subjects import Results
 
-SEEDS = range(1, 21)
 PAYLOADS_KG = (0.0, 0.1, 0.2, 0.3, 0.4)
 SETPOINT_V = 3.0
 BASE = PdpGains()

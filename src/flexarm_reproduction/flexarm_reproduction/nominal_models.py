@@ -17,6 +17,7 @@ from flexarm_ident.pipeline import identify
 from flexarm_ident.preprocess import preprocess
 from flexarm_ident.reduction import reduce_model
 from flexarm_ident.validation import frequency_response
+from flexarm_reproduction.evidence import SEEDS, spread
 from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
 from flexarm_reproduction.nominal_plots import gain_plot
 from flexarm_reproduction.records import simulated_record
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
     from flexarm_reproduction.subjects import Results
 
-SEEDS = tuple(range(1, 21))
 FREQUENCIES_HZ = np.geomspace(0.3, 50.0, 120)
 BANDS_HZ = ((0.3, 1.0), (1.0, 6.0), (6.0, 30.0), (30.0, 50.0))
 CHANNELS = ("position", "base gauge", "middle gauge", "speed")
@@ -131,7 +131,10 @@ def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
                 tuple(
                     (
                         f"{low:g} to {high:g}",
-                        *(_spread(gaps_db[:, i, channel]) for channel in range(len(CHANNELS))),
+                        *(
+                            spread(gaps_db[:, i, channel], "+.1f")
+                            for channel in range(len(CHANNELS))
+                        ),
                         f"{contradiction[i]:.1f}",
                     )
                     for i, (low, high) in enumerate(BANDS_HZ)
@@ -269,10 +272,6 @@ def _inside() -> list[NDArray[np.bool_]]:
 
 def _decibels(gain: Any) -> Any:  # noqa: ANN401 - an array or one number
     return 20.0 * np.log10(gain)
-
-
-def _spread(values: NDArray[np.float64]) -> str:
-    return f"{np.median(values):+.1f} ({values.min():+.1f} to {values.max():+.1f})"
 
 
 def _subject(number: int, payload_kg: float) -> Subject:

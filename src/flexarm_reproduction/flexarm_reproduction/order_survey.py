@@ -24,6 +24,7 @@ from flexarm_ident.pipeline import identify
 from flexarm_ident.poles import is_stable, stabilise
 from flexarm_ident.preprocess import preprocess
 from flexarm_ident.validation import Gains, frequency_response, validate_dmv, validate_sfv
+from flexarm_reproduction.evidence import SEEDS
 from flexarm_reproduction.records import run_experiment, simulated_record
 from flexarm_reproduction.thesis_values import thesis_table
 
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 Compensation: TypeAlias = Literal["remove", "keep"]
 
-SEEDS = tuple(range(1, 21))
 ORDERS = tuple(range(SMALLEST_ORDER, LARGEST_ORDER + 1))
 METHOD = "orse_thesis"
 CUTOFF_HZ = 50.0

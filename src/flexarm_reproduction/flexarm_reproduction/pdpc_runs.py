@@ -10,7 +10,7 @@ import numpy as np
 from flexarm_control.laws import build_law
 from flexarm_control.references import build_reference
 from flexarm_daq import RigParameters
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
+from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
 from flexarm_reproduction.law_runs import (
     AT_REST_S,
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from flexarm_reproduction.subjects import Results
 
-SEEDS = range(1, 21)
 SHOWN = 1
 CASES = ((0.0, 1.0), (0.2, 3.0), (0.4, 5.0))
 """Payloads, kg, and set-points, V, of Figure 4-11 (R_dat6 to R_dat8)."""

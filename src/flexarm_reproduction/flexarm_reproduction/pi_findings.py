@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.plots import match_plot
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
+from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
 from flexarm_reproduction.pi_evaluation import (
     CODES,
@@ -23,7 +23,6 @@ from flexarm_reproduction.thesis_values import thesis_table
 if TYPE_CHECKING:
     from flexarm_reproduction.subjects import Results
 
-SEEDS = range(1, 21)
 FIGURES = dict(zip(("4-2", "4-3", "4-4", "4-5"), CODES, strict=True))
 CLOSE = 0.25
 """J and Kp agree when the thesis's value is within this share of our median: its own two models of

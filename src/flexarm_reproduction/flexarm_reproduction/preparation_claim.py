@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from flexarm_daq.parameters import THESIS_NOISE_V
 from flexarm_ident.preprocess import preprocess
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
+from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.order_survey import CUTOFF_HZ, SEEDS, best_error, prepared
+from flexarm_reproduction.order_survey import CUTOFF_HZ, best_error, prepared
 from flexarm_reproduction.records import simulated_record
 from flexarm_reproduction.subjects import Call, Subject
 

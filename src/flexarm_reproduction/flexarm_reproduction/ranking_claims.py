@@ -30,7 +30,7 @@ def claim_mrm(found: Trials) -> Finding:
     rows, held, ordered = [], [], []
     for (code, noise), some in found.items():
         mrm, msv = means(some, "mrm"), means(some, "msv")
-        p_value = sign_test(mrm.tolist(), msv.tolist())
+        p_value = sign_test(mrm, msv)
         held.append(p_value < LEVEL)
         ordered.append(bool(np.median(mrm) < np.median(msv)))
         rows.append(

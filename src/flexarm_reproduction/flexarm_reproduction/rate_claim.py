@@ -47,8 +47,8 @@ def _rates(results: Results) -> Finding:
         (
             f"{name}, {other}",
             f"{catalogue()[name].waveform.replace('_', ' ')} {catalogue()[name].magnitude_v:g} V",
-            spread(low[name].tolist()),
-            spread(high[name].tolist()),
+            spread(low[name]),
+            spread(high[name]),
             *(f"{each:.3f}" for each in quiet[name]),
         )
         for name, other in PAIRS.items()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from flexarm_reproduction.order_survey import SEEDS
+from flexarm_reproduction.evidence import SEEDS
 from flexarm_reproduction.reduction_stages import LOW, THESIS
 from flexarm_reproduction.reduction_trial import reduction_trial
 from flexarm_reproduction.subjects import Call

@@ -12,7 +12,7 @@ from flexarm_reproduction.evidence import LEVEL, p_text, sign_test
 from flexarm_reproduction.findings import Finding, SideBySide, judged
 from flexarm_reproduction.reduction_calls import both_calls, trials
 from flexarm_reproduction.reduction_examples import EXAMPLES, TABLES
-from flexarm_reproduction.reduction_stages import BENDING_NEAR, LOW, THESIS
+from flexarm_reproduction.reduction_stages import BENDING_NEAR, LOW, SLOW, THESIS
 from flexarm_reproduction.subjects import Subject
 from flexarm_reproduction.thesis_values import thesis_table
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 NEAR = 0.1
 """A bending mode agrees within a tenth: the thesis's own vary by as much between its models."""
-_SLOW = 0.5
 _HEADINGS = ("mode", "Hz", "damping", "MRM", "MSV")
 
 
@@ -58,7 +57,7 @@ def thesis_modes(table: Mapping[str, Any]) -> tuple[RankedMode, ...]:
     def kind(row: Mapping[str, Any]) -> str:
         if row["mode"] in table["bending"]:
             return "bending"
-        return "rigid" if (row["frequency_hz"] or 0.0) < _SLOW * slowest_hz else "other"
+        return "rigid" if (row["frequency_hz"] or 0.0) < SLOW * slowest_hz else "other"
 
     return tuple(
         RankedMode(

@@ -30,8 +30,8 @@ BENDING_NEAR = 0.25
 """A bending mode is found when a vibrating mode is within this of its frequency, as a log ratio:
 the thesis's own models of C_dat3 have their first one at 9.0 and at 11.8 Hz."""
 _VIBRATES = 0.3
-# Below this part of the first bending mode a pair belongs to the rigid motion.
-_SLOW = 0.5
+SLOW = 0.5
+"""Below this part of the first bending mode a pair belongs to the rigid motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,4 +159,4 @@ def bending_modes(modes: Sequence[Mode], known_hz: Sequence[float]) -> list[Mode
 
 def is_rigid(mode: Mode, known_hz: Sequence[float]) -> bool:
     """Whether a mode belongs to the rigid motion: it is real, or slower than the beam bends."""
-    return mode.frequency_hz < _SLOW * min(known_hz)
+    return mode.frequency_hz < SLOW * min(known_hz)

@@ -8,17 +8,11 @@ import numpy as np
 
 from flexarm_daq.catalogue import experiment
 from flexarm_ident.poles import is_stable
-from flexarm_reproduction.evidence import spread
+from flexarm_reproduction.evidence import OFTEN, SEEDS, spread
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.order_survey import (
-    SEEDS,
-    TABLE_OF,
-    fitted_half,
-    identified,
-    thesis_record,
-)
+from flexarm_reproduction.order_survey import TABLE_OF, fitted_half, identified, thesis_record
 from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.survey_tables import OFTEN, errors_judgement, survey_calls, survey_of
+from flexarm_reproduction.survey_tables import errors_judgement, survey_calls, survey_of
 from flexarm_reproduction.thesis_values import thesis_table
 
 if TYPE_CHECKING:
@@ -108,7 +102,7 @@ def _typical(results: Results) -> Finding:
                 str(experiment(record).samples // 2),
                 f"{found.stable_at(order).mean():.0%}",
                 f"{printed[code]:.3f}",
-                spread(means.tolist()),
+                spread(means),
             )
         )
     headings = (

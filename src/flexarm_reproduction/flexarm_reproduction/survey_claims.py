@@ -13,10 +13,11 @@ from flexarm_reproduction.subjects import Subject
 from flexarm_reproduction.survey_tables import METHOD_TEXT, survey_calls, survey_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping
 
     from numpy.typing import NDArray
 
+    from flexarm_reproduction.evidence import Figures
     from flexarm_reproduction.order_survey import OrderSurvey
     from flexarm_reproduction.subjects import Results
 
@@ -71,10 +72,8 @@ def median_over(results: Results, records: Iterable[str], figure: Figure) -> NDA
     return np.asarray(np.median([figure(survey_of(results, name)) for name in records], axis=0))
 
 
-def _rows(
-    series: Mapping[str, Sequence[float] | NDArray[np.float64]], form: str = ".3f"
-) -> tuple[tuple[str, str], ...]:
-    return tuple((name, spread(np.asarray(each).tolist(), form)) for name, each in series.items())
+def _rows(series: Mapping[str, Figures], form: str = ".3f") -> tuple[tuple[str, str], ...]:
+    return tuple((name, spread(each, form)) for name, each in series.items())
 
 
 def _waveforms(results: Results) -> Finding:
@@ -86,12 +85,12 @@ def _waveforms(results: Results) -> Finding:
     )
 
 
-def waveform_judgement(errors: Mapping[str, Sequence[float] | NDArray[np.float64]]) -> Judgement:
+def waveform_judgement(errors: Mapping[str, Figures]) -> Judgement:
     """Judge whether the square wave gives the least errors, and the random one the largest."""
     middle = {name: float(np.median(each)) for name, each in errors.items()}
     others = [name for name in errors if name != "square"]
-    square_p = max(_sign(errors["square"], errors[name]) for name in others)
-    random_p = max(_sign(errors[name], errors["random"]) for name in errors if name != "random")
+    square_p = max(sign_test(errors["square"], errors[name]) for name in others)
+    random_p = max(sign_test(errors[name], errors["random"]) for name in errors if name != "random")
     best, worst = square_p < LEVEL, random_p < LEVEL
     ranking = ", ".join(sorted(middle, key=lambda name: middle[name]))
     return judged(
@@ -132,13 +131,13 @@ def _bounded(results: Results) -> Finding:
 
 
 def bounded_judgement(
-    stable_open: Sequence[float] | NDArray[np.float64],
-    stable_bounded: Sequence[float] | NDArray[np.float64],
-    constant: Sequence[float] | NDArray[np.float64],
-    random: Sequence[float] | NDArray[np.float64],
+    stable_open: Figures,
+    stable_bounded: Figures,
+    constant: Figures,
+    random: Figures,
 ) -> Judgement:
     """Judge two claims: bounded experiments give stable models, constant magnitude good ones."""
-    stable_p, error_p = _sign(stable_open, stable_bounded), _sign(constant, random)
+    stable_p, error_p = sign_test(stable_open, stable_bounded), sign_test(constant, random)
     easier, better = stable_p < LEVEL, error_p < LEVEL
     return judged(
         agrees=easier and better,
@@ -179,12 +178,12 @@ def _stable(results: Results) -> Finding:
 
 
 def stability_judgement(
-    open_loop: Sequence[float] | NDArray[np.float64],
-    closed: Sequence[float] | NDArray[np.float64],
-    bare: Sequence[float] | NDArray[np.float64],
+    open_loop: Figures,
+    closed: Figures,
+    bare: Figures,
 ) -> Judgement:
     """Judge whether the closed loop gives more stable orders, on the whole and without payload."""
-    all_p, bare_p = _sign(open_loop, closed), _sign(open_loop, bare)
+    all_p, bare_p = sign_test(open_loop, closed), sign_test(open_loop, bare)
     return judged(
         agrees=all_p < LEVEL,
         same_ranking=bare_p < LEVEL,
@@ -238,15 +237,15 @@ def _accuracy(results: Results) -> Finding:
 
 
 def accuracy_judgement(
-    position: Mapping[str, Sequence[float] | NDArray[np.float64]],
-    following: Mapping[str, Sequence[float] | NDArray[np.float64]],
-    matching: Mapping[str, Sequence[float] | NDArray[np.float64]],
+    position: Mapping[str, Figures],
+    following: Mapping[str, Figures],
+    matching: Mapping[str, Figures],
 ) -> Judgement:
     """Judge the closed loop: better position, better set-point following, worse data matching."""
     values = {
-        "position": _sign(position["closed loop"], position["open loop"]),
-        "set-point following": _sign(following["closed loop"], following["open loop"]),
-        "data matching": _sign(matching["open loop, square wave"], matching["closed loop"]),
+        "position": sign_test(position["closed loop"], position["open loop"]),
+        "set-point following": sign_test(following["closed loop"], following["open loop"]),
+        "data matching": sign_test(matching["open loop, square wave"], matching["closed loop"]),
     }
     held = [name for name, p_value in values.items() if p_value < LEVEL]
     figures = "; ".join(
@@ -264,12 +263,6 @@ def accuracy_judgement(
         evidence=f"Closed loop beside open loop: {figures}. Held: {', '.join(held) or 'none'}.",
         reason="The closed loop moves our arm no better than the open one does.",
     )
-
-
-def _sign(
-    smaller: Sequence[float] | NDArray[np.float64], larger: Sequence[float] | NDArray[np.float64]
-) -> float:
-    return sign_test(np.asarray(smaller).tolist(), np.asarray(larger).tolist())
 
 
 SUBJECTS = (

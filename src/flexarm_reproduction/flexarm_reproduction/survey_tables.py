@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import stats
 
-from flexarm_reproduction.evidence import LEVEL, p_text, spread
+from flexarm_reproduction.evidence import LEVEL, OFTEN, SEEDS, p_text, spread
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.order_survey import ORDERS, SEEDS, survey
+from flexarm_reproduction.order_survey import ORDERS, survey
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.thesis_values import thesis_table
 
@@ -26,9 +26,8 @@ MOST = 0.9
 """Share of the experiments that must agree; one in ten may have had a bad day on either rig."""
 PRINTED_TO = 0.001
 """Means that depart further from those of the printed errors are misprints, not rounded."""
-OFTEN = 0.5
-"""An order counts as stable when its model is in more than this share of the seeds; and numbers of
-stable orders agree when those of more than this share of the experiments are close."""
+MANY = 0.5
+"""Numbers of stable orders agree when those of more than this share of the experiments do."""
 
 METHOD_TEXT = (
     "The simulated rig has sensor noise as strong as the thesis's. The records are prepared as in "
@@ -119,7 +118,7 @@ def errors_judgement(
         counts = np.array(list(stable.values()))
         thesis, mean = counts.mean(axis=0)
         alike = (counts[:, 0] / CLOSE <= counts[:, 1]) & (counts[:, 1] <= counts[:, 0] * CLOSE)
-        as_many = bool(alike.mean() > OFTEN)
+        as_many = bool(alike.mean() > MANY)
         words = (
             f" On the average {mean:.1f} orders are stable, {thesis:.1f} in the thesis; within "
             f"the same factor are {alike.sum()} of {len(alike)} experiments."
@@ -167,7 +166,7 @@ def _table(name: str, reason: str) -> Callable[[Results], Finding]:
                 (
                     record,
                     str(len(row["stable"])),
-                    spread(ours.stable_orders.tolist(), ".0f"),
+                    spread(ours.stable_orders, ".0f"),
                     orders_text(row["stable"]),
                     orders_text(often.tolist()),
                 )
@@ -176,11 +175,11 @@ def _table(name: str, reason: str) -> Callable[[Results], Finding]:
                 (
                     record,
                     str(row["order"]),
-                    spread(ours.chosen_orders.tolist(), ".0f"),
+                    spread(ours.chosen_orders, ".0f"),
                     _errors_text(row["delta"]),
                     _errors_text(np.median(ours.chosen_dmv, axis=0)),
                     f"{row['mean']:.3f}",
-                    spread(ours.mean_dmv.tolist()),
+                    spread(ours.mean_dmv),
                 )
             )
         judgement = errors_judgement(

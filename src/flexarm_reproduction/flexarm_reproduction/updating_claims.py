@@ -40,7 +40,7 @@ def claim_update(found: Trials) -> Finding:
                 continue
             start = start_of(some[0], stage)
             before, after = means(some, start), means(some, stage)
-            p_value = sign_test(after.tolist(), before.tolist())
+            p_value = sign_test(after, before)
             by_c = means(some, stage + C_UPDATED)
             counts = {"B": int((after < full).sum()), "C": int((by_c < full).sum())}
             rows.append(
@@ -127,7 +127,7 @@ def claim_unstable(found: Trials) -> Finding:
             stable, unstable = (
                 means(found[code, noise], "updated", kind) for code in (STABLE, UNSTABLE)
             )
-            p_value = p_values[noise, kind] = sign_test(stable.tolist(), unstable.tolist())
+            p_value = p_values[noise, kind] = sign_test(stable, unstable)
             lower.append(bool(np.median(stable) < np.median(unstable)))
             rows.append(
                 (

@@ -10,16 +10,10 @@ import numpy as np
 from flexarm_daq import RigParameters
 from flexarm_daq.beam import natural_frequencies_hz
 from flexarm_ident.modes import frequency_and_damping
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test
+from flexarm_reproduction.evidence import LEVEL, OFTEN, SEEDS, p_text, sign_test
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
 from flexarm_reproduction.gauge_peaks import CAPTURED, gains, has_peak
-from flexarm_reproduction.order_survey import (
-    SEEDS,
-    fitted_half,
-    identified,
-    model_of,
-    thesis_record,
-)
+from flexarm_reproduction.order_survey import fitted_half, identified, model_of, thesis_record
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.thesis_values import thesis_table
 
@@ -42,7 +36,6 @@ BETWEEN_HZ = np.sqrt(MODES_HZ[:-1] * MODES_HZ[1:])
 """Where the arm has no mode: how often something passes for one by chance."""
 
 _PRINTED = thesis_table("table_2_2")
-_OFTEN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,17 +137,17 @@ def _table(results: Results) -> Finding:
 def modes_judgement(found: Mapping[str, WaveformModes]) -> Judgement:
     """Judge Table 2-2: every waveform captures every mode, and not by chance."""
     listed = all(
-        bool(np.all(captured(each, MODES_HZ).mean(axis=0) > _OFTEN)) for each in found.values()
+        bool(np.all(captured(each, MODES_HZ).mean(axis=0) > OFTEN)) for each in found.values()
     )
     lost = [
         f"{name} mode {number} ({share:.0%})"
         for name, each in found.items()
         for number, share in enumerate(each.peaks.mean(axis=0), start=1)
-        if share <= _OFTEN
+        if share <= OFTEN
     ]
     peaks = np.mean([each.peaks.mean(axis=1) for each in found.values()], axis=0)
     chance = np.mean([each.chance.mean(axis=1) for each in found.values()], axis=0)
-    p_value = sign_test(chance.tolist(), peaks.tolist())
+    p_value = sign_test(chance, peaks)
     return judged(
         agrees=listed and not lost,
         same_ranking=listed and p_value < LEVEL,

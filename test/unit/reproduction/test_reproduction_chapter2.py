@@ -23,8 +23,9 @@ from flexarm_reproduction import (
     waveform_modes,
 )
 from flexarm_reproduction.chapter2 import SUBJECTS
+from flexarm_reproduction.evidence import SEEDS
 from flexarm_reproduction.findings import Verdict
-from flexarm_reproduction.order_survey import ORDERS, SEEDS, OrderSurvey
+from flexarm_reproduction.order_survey import ORDERS, OrderSurvey
 from flexarm_reproduction.thesis_values import thesis_table
 
 if TYPE_CHECKING:
