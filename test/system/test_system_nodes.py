@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -15,9 +16,7 @@ from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from system_graph import Graph
+    from system_graph import Graph, Process
 
 pytestmark = pytest.mark.system
 
@@ -90,6 +89,39 @@ def test_remapped_controller___answers_on_the_other_names(graph: Graph) -> None:
     assert commands[0].state_sequence == 41
     assert commands[0].effort_v == pytest.approx(2.0 * 0.25)
     assert commands[0].compensation_v == 0.0
+
+
+def udp_addresses(pid: int) -> set[str]:
+    """Return the local addresses of a process's UDP sockets, as the kernel writes them."""
+    files = [str(file.readlink()) for file in Path(f"/proc/{pid}/fd").iterdir()]
+    sockets = {file[len("socket:[") : -1] for file in files if file.startswith("socket:[")}
+    rows = [row.split() for row in Path(f"/proc/{pid}/net/udp").read_text().splitlines()[1:]]
+    return {row[1].split(":")[0] for row in rows if row[9] in sockets}
+
+
+def test_nodes_with_a_loop___in_the_range_localhost___listen_on_loopback_alone(
+    graph: Graph,
+) -> None:
+    nodes = [graph.start(name) for name in ("controller", "daq")]
+    graph.activate_loop()
+    assert [udp_addresses(process.popen.pid) for process in nodes] == [{"0100007F"}] * 2
+
+
+def test_nodes_with_a_loop___have_no_shared_memory_that_a_late_node_could_stop_them_with(
+    graph: Graph,
+) -> None:
+    nodes = {name: graph.start(name) for name in ("recorder", "controller", "daq")}
+    graph.activate_loop()
+
+    def shares_memory(process: Process) -> bool:
+        return "/dev/shm/fast" in Path(f"/proc/{process.popen.pid}/maps").read_text()  # noqa: S108
+
+    # The recorder shows that the question is the right one.
+    assert {name: shares_memory(process) for name, process in nodes.items()} == {
+        "recorder": True,
+        "controller": False,
+        "daq": False,
+    }
 
 
 @pytest.mark.parametrize(

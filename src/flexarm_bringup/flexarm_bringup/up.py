@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from flexarm_bringup import terminal
-from flexarm_bringup.graph import LABORATORY, running_graph
-from flexarm_bringup.operation import NAMESPACE
-
-_ANNOUNCEMENT_S = 3.2
-"""A little more than the time between two announcements of a participant of Fast DDS. With one of
-them it opens its shared memory to those who joined, and may send nothing for a third of a second:
-not while the arm moves."""
+from flexarm_bringup.graph import running_graph
 
 
 def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | None) -> None:
@@ -43,10 +36,6 @@ def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | 
         TemporaryDirectory(prefix="flexarm_") as folder,
         running_graph(parameters, Path(folder, "nodes.log")) as (operator, processes),
     ):
-        everybody = {f"{NAMESPACE}/{name}" for name in LABORATORY}
-        operator.wait(lambda: everybody <= operator.nodes(), "every node")
-        settled_s = time.monotonic() + _ANNOUNCEMENT_S
-        operator.wait(lambda: time.monotonic() >= settled_s, "the end of discovery")
         operator.activate("daq")
         terminal.CONSOLE.print(
             f"/flexarm is up: PDPC at {rate_hz:g} Hz, reference: {reference}. Ctrl-C ends it."

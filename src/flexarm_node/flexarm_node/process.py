@@ -17,6 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from flexarm_node.parameters import ParameterError
+from flexarm_node.transport import leave_shared_memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,11 +57,13 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         Builds the node. A `ParameterError` from it is printed as one line, exit code 2.
     realtime
         Ask for real-time priority and locked memory, so that the node's loop is on time on a busy
-        machine. Where that is not permitted, one line says so.
+        machine; where that is not permitted, one line says so. And leave the middleware's shared
+        memory, which would stop the loop whenever a node joins.
     """
     if realtime:
         prefer_realtime()
         _lock_memory()
+        leave_shared_memory()
     if not _follows_parent():
         return 1
     signals, wakeup = os.pipe()
