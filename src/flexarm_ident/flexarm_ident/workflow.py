@@ -67,7 +67,7 @@ class Request:
     reduced_order : int, optional
         States to keep; None: the fewest that cost at most 4 % of the fit.
     known_modes_hz : tuple of float
-        Flexible modes that 'mrmc' keeps.
+        Flexible modes that 'mrmc' keeps; with it alone.
     update : {'none', 'b', 'c'}
         Matrix that is refitted after the reduction.
     remove_compensation : bool
@@ -103,6 +103,22 @@ class Request:
             value = getattr(self, field)
             if value not in choices:
                 raise IdentificationError(f"{field} must be one of {', '.join(choices)}: {value!r}")
+        self._check_reduction()
+
+    def _check_reduction(self) -> None:
+        """Refuse what would be ignored, before the fit takes its time."""
+        if self.reduction == "none":
+            for field, value in (("reduced_order", self.reduced_order), ("update", self.update)):
+                if value not in (None, "none"):
+                    raise IdentificationError(
+                        f"{field} = {value} needs a reduction: choose one of "
+                        f"{', '.join(choice for choice in REDUCTIONS if choice != 'none')}"
+                    )
+        if (self.reduction == "mrmc") != bool(self.known_modes_hz):
+            raise IdentificationError(
+                "reduction mrmc and known modes belong together, the frequencies in Hz of the "
+                "flexible modes that it keeps (known_modes_hz, --known-mode)"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ident_systems import random_model, step_by_step
 
-from flexarm_ident import IoData, read_bag
+from flexarm_ident import IdentificationError, IoData, read_bag
 from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.exports import load_model
 from flexarm_ident.job import identify_bags, model_name
@@ -236,3 +236,19 @@ def test_background___cancelled___stops_at_the_next_report() -> None:
     with pytest.raises(Cancelled, match="cancelled before second"):
         job.result()
     assert not after
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"reduced_order": 10}, "reduced_order = 10 needs a reduction: choose one of mrm, msv"),
+        ({"update": "b"}, "update = b needs a reduction"),
+        ({"reduction": "mrmc"}, "mrmc and known modes belong together"),
+        ({"reduction": "mrm", "known_modes_hz": (9.4,)}, "mrmc and known modes belong together"),
+    ],
+)
+def test_request___what_would_be_ignored___is_refused_before_the_fit(
+    fields: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(IdentificationError, match=message):
+        Request(**fields)

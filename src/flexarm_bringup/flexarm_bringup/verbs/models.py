@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from flexarm_bringup.verbs.verb import examples
 
@@ -127,6 +128,9 @@ def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: 
     """Identify, reduce by MRM, refit B, and write one HTML file that has everything inside."""
     from flexarm_bringup.identify import report_bags  # noqa: PLC0415
 
+    asked = click.get_current_context().get_parameter_source("update")
+    if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
+        options["update"] = "none"
     report_bags(bags, out, **options)
 
 
