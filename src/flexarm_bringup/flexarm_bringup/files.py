@@ -17,6 +17,8 @@ from flexarm_ident.bag_check import check_bag
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+_BAG_FILES = ("metadata.yaml", "*.mcap*", "*.db3*")
+
 
 def import_measurements(csv: Path, map_file: Path, bag: Path) -> str:
     """Turn a CSV file into a bag and say what came of it."""
@@ -30,10 +32,16 @@ def import_measurements(csv: Path, map_file: Path, bag: Path) -> str:
     )
 
 
-def check_bags(bags: Iterable[Path]) -> bool:
-    """Print what is wrong with bags and what could not be checked; return whether all are good."""
+def check_bags(paths: Iterable[Path]) -> bool:
+    """Print what is wrong with bags and what could not be checked; return whether all are good.
+
+    Parameters
+    ----------
+    paths
+        Bags, and folders of bags.
+    """
     good = True
-    for bag in bags:
+    for bag in (bag for path in paths for bag in _bags_of(path)):
         found = check_bag(bag)
         verdict = f"{len(found.problems)} problems" if found.problems else "good"
         terminal.CONSOLE.print(f"{bag}: {found.messages} messages, {verdict}", markup=False)
@@ -43,6 +51,18 @@ def check_bags(bags: Iterable[Path]) -> bool:
             terminal.CONSOLE.print(f"  note: {note}", markup=False)
         good = good and not found.problems
     return good
+
+
+def _bags_of(path: Path) -> list[Path]:
+    """Return the bags in a folder of bags; else the path itself."""
+    if _has_bag_files(path):
+        return [path]
+    return sorted(folder for folder in path.glob("*") if _has_bag_files(folder)) or [path]
+
+
+def _has_bag_files(folder: Path) -> bool:
+    """Tell if this is a bag, be it whole or not."""
+    return any(any(folder.glob(pattern)) for pattern in _BAG_FILES)
 
 
 def repair_bag(damaged: Path, output: Path) -> str:

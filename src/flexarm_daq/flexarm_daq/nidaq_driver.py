@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
@@ -11,10 +12,11 @@ from flexarm_daq.rig import RigError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-INSTALL_PACKAGE: Final = 'python -m pip install "nidaqmx>=1.0,<2"'
+# The environment is hardly ever the one of the shell's `python`.
+INSTALL_PACKAGE: Final = f'{sys.executable} -m pip install "nidaqmx>=1.0,<2"'
 """Command that installs the Python package."""
 
-INSTALL_DRIVER: Final = "python -m nidaqmx installdriver"
+INSTALL_DRIVER: Final = f"{sys.executable} -m nidaqmx installdriver"
 """Command that installs the driver below the package."""
 
 _MODULES: Final = ("constants", "errors", "stream_readers", "stream_writers", "system")

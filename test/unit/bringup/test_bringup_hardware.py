@@ -148,7 +148,8 @@ def test_no_driver___names_the_command_that_installs_it(capsys: pytest.CaptureFi
     code, lines = examine(capsys, double)
     assert code == 1
     assert lines[1] == (
-        "wrong driver: the NI-DAQmx driver is not installed: python -m nidaqmx installdriver"
+        "wrong driver: the NI-DAQmx driver is not installed: "
+        f"{sys.executable} -m nidaqmx installdriver"
     )
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -347,7 +348,8 @@ def test_open___board_cannot___says_what_to_do(
 def test_open___no_driver___names_the_command_that_installs_it() -> None:
     _, double, rig = make()
     double.has_driver = False
-    with pytest.raises(RigError, match=r"driver is not installed: python -m nidaqmx installdriver"):
+    command = re.escape(f"driver is not installed: {sys.executable} -m nidaqmx installdriver")
+    with pytest.raises(RigError, match=command):
         rig.open()
 
 
@@ -366,7 +368,8 @@ def test_load_nidaqmx___package_missing___names_the_command_that_installs_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "nidaqmx", None)
-    with pytest.raises(RigError, match=r'python -m pip install "nidaqmx>=1.0,<2"'):
+    command = re.escape(f'{sys.executable} -m pip install "nidaqmx>=1.0,<2"')
+    with pytest.raises(RigError, match=command):
         NidaqRig().open()
 
 

@@ -80,9 +80,12 @@ def repair(damaged: Path, output: Path) -> None:
 
 @bag.command("check")
 @click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
-@examples("bag check out/run1", "bag check bags/*/")
+@examples("bag check out/run1", "bag check bags")
 def check(bags: tuple[Path, ...]) -> None:
-    """Find wrong bits, missing samples, wrong types and clock problems; exit code 1 if any."""
+    """Find wrong bits, missing samples, wrong types and clock problems; exit code 1 if any.
+
+    A folder of bags stands for all of them.
+    """
     from flexarm_bringup.files import check_bags  # noqa: PLC0415
 
     sys.exit(0 if check_bags(bags) else 1)
