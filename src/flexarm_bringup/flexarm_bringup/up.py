@@ -46,3 +46,5 @@ def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | 
             terminal.CONSOLE.print("stopping")
         finally:
             processes.check()
+    if bag:
+        terminal.CONSOLE.print(f"recorded in {bag}", markup=False)

@@ -11,6 +11,8 @@ import click
 
 from flexarm_bringup.verbs.verb import RUN_ON, examples
 
+_FAST = click.option("--fast", is_flag=True, help="Virtual time: as fast as the machine can.")
+
 
 @click.command()
 @click.option(
@@ -20,7 +22,7 @@ from flexarm_bringup.verbs.verb import RUN_ON, examples
     "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the noise."
 )
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True)
-@click.option("--fast", is_flag=True, help="Virtual time: as fast as the machine can.")
+@_FAST
 @click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag.")
 @examples("demo", "demo --fast --payload 0.4 --seed 7", "demo --out /tmp/arm --keep-bag")
 def demo(payload: float, seed: int, out: Path, *, fast: bool, keep_bag: bool) -> None:
@@ -84,14 +86,7 @@ _SEED = click.option(
     "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of what is random."
 )
 _OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace bags that are there.")
-
-
-@click.command()
-@click.argument("names", nargs=-1, required=True)
-@click.option("--payload", type=click.FloatRange(0.0, 1.0), help="Instead of its own, kg.")
-@click.option("--fast", is_flag=True, help="Virtual time: as fast as the machine can.")
-@_SEED
-@click.option(
+_BAGS = click.option(
     "-o",
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
@@ -99,6 +94,14 @@ _OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace bags that a
     show_default=True,
     help="Folder that gets a bag for each.",
 )
+
+
+@click.command()
+@click.argument("names", nargs=-1, required=True)
+@click.option("--payload", type=click.FloatRange(0.0, 1.0), help="Instead of its own, kg.")
+@_FAST
+@_SEED
+@_BAGS
 @_OVERWRITE
 @examples(
     "experiment C_dat3", "experiment B_dat9 --fast --seed 7", "experiment C_dat3 --payload 0.2"
@@ -122,15 +125,9 @@ def experiment(
 
 @click.command()
 @click.option("--all", "everything", is_flag=True, help="Run all of them; else list them.")
-@click.option("--fast", is_flag=True, help="Virtual time: as fast as the machine can.")
+@_FAST
 @_SEED
-@click.option(
-    "-o",
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("out/experiments"),
-    show_default=True,
-)
+@_BAGS
 @_OVERWRITE
 @examples("catalogue", "catalogue --all --fast -o out/experiments")
 def catalogue(*, everything: bool, seed: int, out: Path, fast: bool, overwrite: bool) -> None:
