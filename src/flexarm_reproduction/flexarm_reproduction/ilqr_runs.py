@@ -14,8 +14,8 @@ from flexarm_control.laws import build_law
 from flexarm_control.nominal_models import identified_model
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
-from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, Verdict, judged
+from flexarm_reproduction.evidence import SEEDS, spread
+from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
 from flexarm_reproduction.law_runs import step_to
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.thesis_values import thesis_table
@@ -36,7 +36,7 @@ HELD_V = 0.05
 OVERSHOOT = 0.06
 HUNTS = 0.2
 _FIGURES = (("4-15", 3.0, False), ("4-16", 3.0, True), ("4-17", 5.0, False), ("4-18", 5.0, True))
-_TEXT = (
+TEXT = (
     "The thesis prints the gains of its ILQR law, not the model that they belong to. Ours is "
     "designed by the same four steps on a model of order 8 identified from our C_dat11 (300 g). "
     "Simulated means Figure 4-14 without disturbance; implemented means on the simulated rig, "
@@ -139,13 +139,19 @@ def ilqr_run(setpoint_v: float, seed: int) -> IlqrRun:
     )
 
 
-def _trials(results: Results, setpoint_v: float) -> list[IlqrTrial]:
-    return [results[Call(ilqr_trial, (setpoint_v, seed))] for seed in SEEDS]
+def needs_at(setpoint_v: float) -> tuple[Call, ...]:
+    """Return the calls that `trials_at` takes its results from."""
+    return tuple(Call(ilqr_trial, (setpoint_v, seed)) for seed in SEEDS)
+
+
+def trials_at(results: Results, setpoint_v: float) -> list[IlqrTrial]:
+    """Return the trials of every seed at one set-point."""
+    return [results[call] for call in needs_at(setpoint_v)]
 
 
 def _figure(setpoint_v: float, effort: bool, results: Results) -> Finding:  # noqa: FBT001
     run = results[Call(ilqr_run, (setpoint_v, SHOWN))]
-    trials = _trials(results, setpoint_v)
+    trials = trials_at(results, setpoint_v)
     signals = (
         {"implemented": run.implemented_effort_v, "simulated": run.simulated_effort_v}
         if effort
@@ -168,7 +174,7 @@ def _figure(setpoint_v: float, effort: bool, results: Results) -> Finding:  # no
         judge(trials),
         (SideBySide("On the rig, 20 seeds", ("", "ours"), rows),),
         (Plot(caption, time_plot(run.time_s, signals, f"{words}, V", caption)),),
-        (_TEXT, note),
+        (TEXT, note),
     )
 
 
@@ -217,123 +223,14 @@ def hunting_judgement(trials: Sequence[IlqrTrial]) -> Judgement:
     )
 
 
-def _claim(results: Results) -> Finding:
-    rows, p_values = [], {}
-    for setpoint_v in SETPOINTS_V:
-        trials = _trials(results, setpoint_v)
-        p_values[setpoint_v] = sign_test(
-            [abs(each.pdpc_error_v) for each in trials], [abs(each.error_v) for each in trials]
-        )
-        rows.append(
-            (
-                f"{setpoint_v:g} V",
-                spread([abs(each.pdpc_error_v) for each in trials]),
-                spread([abs(each.error_v) for each in trials]),
-                spread([100.0 * each.pdpc_overshoot for each in trials], ".1f"),
-                spread([100.0 * each.overshoot for each in trials], ".1f"),
-                p_text(p_values[setpoint_v]),
-            )
-        )
-    heading = (
-        "step",
-        "error of PDPC, V",
-        "of ILQR, V",
-        "overshoot of PDPC, %",
-        "of ILQR, %",
-        "PDPC is closer",
-    )
-    overshoots = {
-        setpoint_v: sign_test(
-            [each.pdpc_overshoot for each in _trials(results, setpoint_v)],
-            [each.overshoot for each in _trials(results, setpoint_v)],
-        )
-        for setpoint_v in SETPOINTS_V
-    }
-    return Finding(
-        rivals_judgement(p_values, overshoots),
-        (SideBySide("PDPC and ILQR with 300 g, 20 seeds", heading, tuple(rows)),),
-        text=(
-            "That ILQR needs one sensor is a matter of its structure: our `Ilqr` reads no other.",
-        ),
-    )
-
-
-def rivals_judgement(errors: dict[float, float], overshoots: dict[float, float]) -> Judgement:
-    """Judge whether PDPC is the better one, by error or overshoot at each set-point."""
-    better = [min(errors[volts], overshoots[volts]) < LEVEL for volts in errors]
-    return judged(
-        agrees=all(better),
-        same_ranking=any(better),
-        evidence="PDPC beside ILQR. "
-        + "; ".join(
-            f"{volts:g} V: {_smaller(errors[volts])} error ({p_text(errors[volts])}) and "
-            f"{_smaller(overshoots[volts])} overshoot ({p_text(overshoots[volts])})"
-            for volts in errors
-        )
-        + ".",
-        reason="PDPC is better at neither set-point.",
-    )
-
-
-def _smaller(p_value: float) -> str:
-    return "the smaller" if p_value < LEVEL else "not the smaller"
-
-
-def _disturbance(results: Results) -> Finding:
-    held, hunts = (_trials(results, setpoint_v) for setpoint_v in SETPOINTS_V)
-    rows = tuple(
-        (
-            f"{setpoint_v:g} V",
-            spread([100.0 * each.overshoot for each in trials], ".1f"),
-            spread([float(each.reversals) for each in trials], ".0f"),
-            spread([each.swing_v for each in trials]),
-            spread([each.last_swing_v for each in trials]),
-        )
-        for setpoint_v, trials in zip(SETPOINTS_V, (held, hunts), strict=True)
-    )
-    heading = ("step", "overshoot, %", "turns", "swing from 10 to 20 s, V", "in the last 2 s, V")
-    return Finding(
-        disturbance_judgement(held_judgement(held), hunting_judgement(hunts)),
-        (SideBySide("ILQR on the rig with 300 g, 20 seeds", heading, rows),),
-        text=(_TEXT,),
-    )
-
-
-def disturbance_judgement(held: Judgement, hunts: Judgement) -> Judgement:
-    """Judge by both steps: what keeps its direction is held, and what reverses is not."""
-    verdicts = (held.verdict, hunts.verdict)
-    return judged(
-        agrees=all(verdict is Verdict.AGREES for verdict in verdicts),
-        same_ranking=Verdict.DIFFERS not in verdicts,
-        evidence=f"3 V: {held.because} 5 V: {hunts.because}",
-        reason="One of the two does not come out.",
-    )
-
-
-def _needs(setpoint_v: float) -> tuple[Call, ...]:
-    return tuple(Call(ilqr_trial, (setpoint_v, seed)) for seed in SEEDS)
-
-
 SUBJECTS = (
     *(
         Subject(
             f"figure-{number}",
             f"ILQR with 300 g, {setpoint_v:g} V: {'control effort' if effort else 'response'}",
-            (*_needs(setpoint_v), Call(ilqr_run, (setpoint_v, SHOWN))),
+            (*needs_at(setpoint_v), Call(ilqr_run, (setpoint_v, SHOWN))),
             partial(_figure, setpoint_v, effort),
         )
         for number, setpoint_v, effort in _FIGURES
-    ),
-    Subject(
-        "claim-4-4",
-        "ILQR is not as good as PDPC, and needs one sensor",
-        (*_needs(SETPOINTS_V[0]), *_needs(SETPOINTS_V[1])),
-        _claim,
-    ),
-    Subject(
-        "claim-4-7",
-        "ILQR holds a constant disturbance, not friction that reverses (4.4)",
-        (*_needs(SETPOINTS_V[0]), *_needs(SETPOINTS_V[1])),
-        _disturbance,
     ),
 )

@@ -9,9 +9,11 @@ from scipy import stats
 from flexarm_control.laws import build_law
 from flexarm_daq import RigParameters
 from flexarm_reproduction import (
+    ilqr_claims,
     ilqr_runs,
     margin_claim,
     pdp_design,
+    pdpc_claims,
     pdpc_runs,
     pi_evaluation,
     pi_findings,
@@ -193,9 +195,9 @@ def test_figures_4_10_to_4_12___are_judged_by_their_figures() -> None:
 
 
 def test_claims_4_2_and_4_3___can_fail() -> None:
-    assert pdpc_runs.tracking_judgement(0.03, 0.2, 0.01).verdict is AGREES
-    assert pdpc_runs.tracking_judgement(0.08, 0.2, 0.01).verdict is RANKING
-    assert pdpc_runs.tracking_judgement(0.03, 0.2, 0.5).verdict is DIFFERS
+    assert pdpc_claims.tracking_judgement(0.03, 0.2, 0.01).verdict is AGREES
+    assert pdpc_claims.tracking_judgement(0.08, 0.2, 0.01).verdict is RANKING
+    assert pdpc_claims.tracking_judgement(0.03, 0.2, 0.5).verdict is DIFFERS
     good, half, bad = [1.0] * 10, [0.4] * 10, [0.0] * 10
     judge, louder = margin_claim.margin_judgement, margin_claim.LOUDER_DB
     assert judge(dict(zip(louder, (good, half, bad), strict=True))).verdict is AGREES
@@ -237,7 +239,7 @@ def test_figures_4_15_to_4_18___held_or_hunting() -> None:
 def test_claim_4_4___pdpc_has_to_be_better(
     errors: dict[float, float], overshoots: dict[float, float], verdict: Verdict
 ) -> None:
-    found = ilqr_runs.rivals_judgement(errors, overshoots)
+    found = ilqr_claims.rivals_judgement(errors, overshoots)
     assert found.verdict is verdict
     assert "5 V: " in found.because
     assert "3 V: not the smaller error" in found.because or errors[3.0] < 0.05
@@ -254,7 +256,7 @@ def test_claim_4_4___pdpc_has_to_be_better(
     ],
 )
 def test_claim_4_7___needs_both_steps(held: Verdict, hunts: Verdict, verdict: Verdict) -> None:
-    found = ilqr_runs.disturbance_judgement(
+    found = ilqr_claims.disturbance_judgement(
         Judgement(held, "It stands."), Judgement(hunts, "It swings.")
     )
     assert found.verdict is verdict
