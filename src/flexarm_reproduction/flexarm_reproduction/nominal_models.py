@@ -19,8 +19,8 @@ from flexarm_ident.reduction import reduce_model
 from flexarm_ident.validation import frequency_response
 from flexarm_reproduction.evidence import SEEDS, spread
 from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
-from flexarm_reproduction.nominal_plots import gain_plot
 from flexarm_reproduction.records import simulated_record
+from flexarm_reproduction.response_plot import range_plot
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.thesis_values import thesis_table
 
@@ -144,11 +144,11 @@ def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
         plots=tuple(
             Plot(
                 f"{channel}: printed and ours, 20 seeds",
-                gain_plot(
+                range_plot(
                     FREQUENCIES_HZ,
-                    printed.response[:, i],
-                    np.array([each.response[:, i] for each in found]),
+                    np.abs([each.response[:, i] for each in found]),
                     channel,
+                    np.abs(printed.response[:, i]),
                 ),
             )
             for i, channel in enumerate(CHANNELS)

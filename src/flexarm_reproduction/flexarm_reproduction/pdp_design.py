@@ -34,7 +34,7 @@ CLOSE = 0.15
 is printed to four decimals."""
 _FREQUENCIES_HZ = np.geomspace(0.2, 30.0, 300)
 _POSITION, _MIDDLE_STRAIN, _SPEED = 0, 2, 3
-_SIGNS = {False: "as printed", True: "y3 turned"}
+SIGNS = {False: "as printed", True: "y3 turned"}
 _LOOKS = (SOLID, DASHED, DOTTED)
 
 
@@ -96,7 +96,7 @@ def loop_gain(payload_kg: float, frequencies_hz: NDArray[np.float64]) -> NDArray
 
 def _table(results: Results) -> Finding:
     printed = thesis_table("table_4_2")
-    found = {flipped: results[Call(tuned_pdp, (flipped,))] for flipped in _SIGNS}
+    found = {flipped: results[Call(tuned_pdp, (flipped,))] for flipped in SIGNS}
     thesis = (
         *(f"{printed[name]:.4f}" for name in ("kp", "kd", "ksg")),
         *(f"{printed[name]:.3f}" for name in ("criterion", "error_itae_sum", "strain_itae_sum")),
@@ -129,7 +129,7 @@ def _table(results: Results) -> Finding:
         "held by",
     )
     rows = tuple((name, *cells) for name, *cells in zip(names, *columns, strict=True))
-    heading = ("", "thesis", *(f"ours, {words}" for words in _SIGNS.values()))
+    heading = ("", "thesis", *(f"ours, {words}" for words in SIGNS.values()))
     return Finding(
         tuning_judgement(found[False], found[True]),
         (SideBySide("Tuned gains, from three starting points", heading, rows),),
@@ -243,7 +243,7 @@ SUBJECTS = (
     Subject(
         "table-4-2",
         "PDP law tuned for 0, 200 and 400 g from three starting points",
-        tuple(Call(tuned_pdp, (flipped,)) for flipped in _SIGNS),
+        tuple(Call(tuned_pdp, (flipped,)) for flipped in SIGNS),
         _table,
     ),
     Subject(

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from flexarm_ident.plot_style import SHADE, SOLID, STYLE, figure_of, legend_above, plain_numbers
+from flexarm_ident.plot_style import (
+    DASHED,
+    SHADE,
+    SOLID,
+    STYLE,
+    figure_of,
+    legend_above,
+    plain_numbers,
+)
 from flexarm_ident.svg import inline_svg
 
 if TYPE_CHECKING:
@@ -15,9 +23,12 @@ if TYPE_CHECKING:
 
 
 def range_plot(
-    frequencies_hz: NDArray[np.float64], gains: NDArray[np.floating], channel: str
+    frequencies_hz: NDArray[np.float64],
+    gains: NDArray[np.floating],
+    channel: str,
+    printed: NDArray[np.floating] | None = None,
 ) -> str:
-    """Plot the median of the gains and their range.
+    """Plot the median of the gains and their range, and the gain of the thesis's model.
 
     Parameters
     ----------
@@ -27,6 +38,8 @@ def range_plot(
         Magnitudes.
     channel
         Name of the output.
+    printed : ndarray, (frequencies,), optional
+        Magnitude of the printed model.
 
     Returns
     -------
@@ -40,7 +53,9 @@ def range_plot(
         axes.fill_between(
             frequencies_hz, gains_db.min(axis=0), gains_db.max(axis=0), color=SHADE, label="range"
         )
-        axes.plot(frequencies_hz, np.median(gains_db, axis=0), label="median", **SOLID)
+        axes.plot(frequencies_hz, np.median(gains_db, axis=0), label="ours, median", **SOLID)
+        if printed is not None:
+            axes.plot(frequencies_hz, 20.0 * np.log10(printed), label="printed", **DASHED)
         axes.set(xlabel="frequency, Hz", ylabel=f"{channel}, dB", xscale="log")
         axes.set_xlim(frequencies_hz[0], frequencies_hz[-1])
         axes.xaxis.set_major_formatter(plain_numbers())

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from flexarm_control.gains import PdpGains
 from flexarm_control.margins import margins
 from flexarm_control.nominal_models import nominal_model, nominal_payloads_kg
-from flexarm_control.tuning import tune_pdp
 from flexarm_reproduction.findings import Finding, SideBySide, judged
+from flexarm_reproduction.pdp_design import CLOSE, SIGNS, tuned_pdp
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.thesis_values import thesis_table
 
@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 
 CROSSINGS_FROM_HZ = 0.2
 """Below it the printed slow poles, known to four decimals, add crossings without meaning."""
-NEAR = 0.15
-"""Gains agree within this: the criterion is flat, a tenth of Kp changes it by a few per cent."""
-_SIGNS = {False: "as printed", True: "y3 turned"}
+Pairs: TypeAlias = tuple[tuple[float, float], ...]
+"""Gain margin in dB and phase margin in degrees, per payload."""
 
 _TEXT = (
     "The gains of chapter 4 were tuned on the three models together. Here the printed "
@@ -33,8 +32,8 @@ _TEXT = (
 
 
 @dataclass(frozen=True)
-class Tuned:
-    """What the search gives on the three models.
+class Examined:
+    """What the three models say of the thesis's gains, and the best gains on them.
 
     Attributes
     ----------
@@ -45,41 +44,35 @@ class Tuned:
         The best gains and their J.
     """
 
-    slow: tuple[tuple[float, float], ...]
-    least: tuple[tuple[float, float], ...]
+    slow: Pairs
+    least: Pairs
     kp: float
     kd: float
     ksg: float
     criterion: float
 
 
-def tuned(*signs: bool) -> tuple[Tuned, ...]:
-    """Examine the thesis's gains, and search for the best, on the printed models.
+def thesis_margins(flipped: bool) -> tuple[Pairs, Pairs]:  # noqa: FBT001 - a call has plain arguments
+    """Return the margins of the thesis's gains on the printed models, y3 as printed or turned.
 
-    Parameters
-    ----------
-    signs
-        Whether the sign of the middle gauge is turned; one result for each.
+    Those of the rigid motion first, then the least; see `Examined`.
     """
-    return tuple(_tuned(flipped) for flipped in signs)
-
-
-def _tuned(flipped: bool) -> Tuned:  # noqa: FBT001 - the one thing that varies
-    models = [nominal_model(p, flip_middle_strain=flipped) for p in nominal_payloads_kg()]
     gains = PdpGains(**thesis_table("appendix_b")["optimum"])
-    found = [margins(model, gains, lowest_hz=CROSSINGS_FROM_HZ) for model in models]
-    best = tune_pdp(models)
-    return Tuned(
+    found = [
+        margins(
+            nominal_model(payload_kg, flip_middle_strain=flipped),
+            gains,
+            lowest_hz=CROSSINGS_FROM_HZ,
+        )
+        for payload_kg in nominal_payloads_kg()
+    ]
+    return (
         tuple((each.phase_crossings[0].margin, each.gain_crossings[0].margin) for each in found),
         tuple((each.gain_margin_db, each.phase_margin_deg) for each in found),
-        best.gains.kp,
-        best.gains.kd,
-        best.gains.ksg,
-        best.criterion,
     )
 
 
-def compare(found: tuple[Tuned, ...]) -> Finding:
+def compare(found: tuple[Examined, ...]) -> Finding:
     """Set the thesis's margins and optimum beside what its printed models give.
 
     Parameters
@@ -93,7 +86,7 @@ def compare(found: tuple[Tuned, ...]) -> Finding:
     distances = [_distance(each, values["optimum"]) for each in found]
     return Finding(
         judged(
-            agrees=kept == len(printed.slow) and distances[0] <= NEAR,
+            agrees=kept == len(printed.slow) and distances[0] <= CLOSE,
             same_ranking=kept == len(printed.slow),
             evidence=f"On the printed models the gains of Table 4-2 keep the margins of section "
             f"4.2 for {kept} of {len(printed.slow)} payloads, and the best gains are "
@@ -105,7 +98,7 @@ def compare(found: tuple[Tuned, ...]) -> Finding:
     )
 
 
-def _reason(turned: Tuned, *, nearer: bool) -> str:
+def _reason(turned: Examined, *, nearer: bool) -> str:
     gain_db, phase_deg = np.min(turned.slow, axis=0)
     found = f"With the sign of y3 turned, the best gains are {_gains(turned)}"
     if not nearer:
@@ -117,23 +110,23 @@ def _reason(turned: Tuned, *, nearer: bool) -> str:
     )
 
 
-def _gains(found: Tuned) -> str:
+def _gains(found: Examined) -> str:
     return f"{found.kp:.2f}, {found.kd:.2f}, {found.ksg:.3f}"
 
 
-def _distance(found: Tuned, optimum: dict[str, float]) -> float:
+def _distance(found: Examined, optimum: dict[str, float]) -> float:
     """Return the largest relative distance of the three gains."""
     ours = np.array([found.kp, found.kd, found.ksg])
     thesis = np.array([optimum["kp"], optimum["kd"], optimum["ksg"]])
     return float(np.abs(ours / thesis - 1.0).max())
 
 
-def _kept(found: Tuned, values: dict[str, Any]) -> int:
+def _kept(found: Examined, values: dict[str, Any]) -> int:
     needed = tuple(values["margins"].values())
     return sum(bool(np.all(np.array(margin) >= needed)) for margin in found.slow)
 
 
-def _margin_table(found: tuple[Tuned, ...], values: dict[str, Any]) -> SideBySide:
+def _margin_table(found: tuple[Examined, ...], values: dict[str, Any]) -> SideBySide:
     gain_db, phase_deg = values["margins"].values()
     rows = [
         (
@@ -147,7 +140,7 @@ def _margin_table(found: tuple[Tuned, ...], values: dict[str, Any]) -> SideBySid
         )
         for i, payload_kg in enumerate(nominal_payloads_kg())
     ]
-    headings = [f"{sign}, {which}" for sign in _SIGNS.values() for which in ("rigid", "least")]
+    headings = [f"{sign}, {which}" for sign in SIGNS.values() for which in ("rigid", "least")]
     return SideBySide(
         "Margins of the thesis's gains: at the crossings of the rigid motion, and the least of all",
         ("payload", "thesis", *headings),
@@ -155,22 +148,34 @@ def _margin_table(found: tuple[Tuned, ...], values: dict[str, Any]) -> SideBySid
     )
 
 
-def _gain_table(found: tuple[Tuned, ...], optimum: dict[str, float]) -> SideBySide:
+def _gain_table(found: tuple[Examined, ...], optimum: dict[str, float]) -> SideBySide:
     rows = [
         (name.capitalize(), f"{value:.4f}", *(f"{getattr(each, name):.3f}" for each in found))
         for name, value in optimum.items()
     ]
     rows.append(("J", "see Table 4-2", *(f"{each.criterion:.2f}" for each in found)))
-    return SideBySide("Best gains on the models", ("", "thesis", *_SIGNS.values()), tuple(rows))
+    return SideBySide("Best gains on the models", ("", "thesis", *SIGNS.values()), tuple(rows))
 
 
-_CALL = Call(tuned, tuple(_SIGNS))
+_MARGINS = {flipped: Call(thesis_margins, (flipped,)) for flipped in SIGNS}
+_TUNED = {flipped: Call(tuned_pdp, (flipped,)) for flipped in SIGNS}
 
 
 def _build(results: Results) -> Finding:
-    return compare(results[_CALL])
+    found = []
+    for flipped in SIGNS:
+        slow, least = results[_MARGINS[flipped]]
+        best = results[_TUNED[flipped]]
+        kp, kd, ksg = best.gains
+        found.append(Examined(slow, least, kp, kd, ksg, best.criterion))
+    return compare(tuple(found))
 
 
 SUBJECTS: tuple[Subject, ...] = (
-    Subject("appendix-b", "The nominal models, and the gains tuned on them", (_CALL,), _build),
+    Subject(
+        "appendix-b",
+        "The nominal models, and the gains tuned on them",
+        (*_MARGINS.values(), *_TUNED.values()),
+        _build,
+    ),
 )

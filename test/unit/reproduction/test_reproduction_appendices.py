@@ -15,7 +15,7 @@ from flexarm_reproduction.excitation_figures import Signal
 from flexarm_reproduction.findings import Finding, Verdict
 from flexarm_reproduction.nominal_models import FREQUENCIES_HZ, IdentifiedModel
 from flexarm_reproduction.record_facts import RecordFacts
-from flexarm_reproduction.strain_sign import Tuned
+from flexarm_reproduction.strain_sign import Examined
 from flexarm_reproduction.thesis_values import thesis_table
 
 CHECKS = {
@@ -241,7 +241,7 @@ def test_contradiction___speed_off_the_derivative___is_measured(off_db: float) -
     np.testing.assert_allclose(found, abs(off_db), atol=1e-9)
 
 
-GOOD = Tuned(((11.0, 60.0),) * 3, ((11.0, 60.0),) * 3, 0.59, 4.3, 0.25, 3.4)
+GOOD = Examined(((11.0, 60.0),) * 3, ((11.0, 60.0),) * 3, 0.59, 4.3, 0.25, 3.4)
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,7 @@ GOOD = Tuned(((11.0, 60.0),) * 3, ((11.0, 60.0),) * 3, 0.59, 4.3, 0.25, 3.4)
     ],
 )
 def test_strain_sign___margins_and_gains___make_the_verdict(
-    printed: Tuned, turned: Tuned, verdict: Verdict, words: str
+    printed: Examined, turned: Examined, verdict: Verdict, words: str
 ) -> None:
     judgement = strain_sign.compare((printed, turned)).judgement
     assert judgement.verdict is verdict
