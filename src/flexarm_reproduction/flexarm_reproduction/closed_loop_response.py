@@ -17,6 +17,7 @@ from flexarm_reproduction.order_survey import (
     thesis_record,
 )
 from flexarm_reproduction.response_plot import range_plot
+from flexarm_reproduction.sensors import SENSORS
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.waveform_modes import MODES_HZ
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 RECORD = "C_dat3"
 LARGER_ORDER = 27
 """The order of Table 2-2: it tells whether a mode is missing in the record or in the order."""
-CHANNELS = ("position", "base gauge", "middle gauge", "speed")
 _OTHERS = (0, 3)
 
 
@@ -64,14 +64,14 @@ def _figure(results: Results) -> Finding:
         (
             f"{mode:.1f}",
             *(f"{shares[each][k]:.0%}" for each in found),
-            *(f"{strength[k, channel]:.3f}" for channel in range(len(CHANNELS))),
+            *(f"{strength[k, channel]:.3f}" for channel in range(len(SENSORS))),
         )
         for k, mode in enumerate(MODES_HZ)
     )
     headings = (
         "mode of our beam, Hz",
         *(f"peak in a gauge, {each} states" for each in found),
-        *(f"{name}, V/V" for name in CHANNELS),
+        *(f"{name}, V/V" for name in SENSORS),
     )
     return Finding(
         response_judgement(shares[order], shares[LARGER_ORDER], strength),
@@ -81,7 +81,7 @@ def _figure(results: Results) -> Finding:
                 f"Gain to the {name}, {order} states: median and range over 20 seeds",
                 range_plot(FREQUENCIES_HZ, found[order][:, :, channel], name),
             )
-            for channel, name in enumerate(CHANNELS)
+            for channel, name in enumerate(SENSORS)
         ),
         (
             (

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from flexarm_daq.catalogue import experiment
+from flexarm_ident.iodata import ARM_OUTPUTS
 from flexarm_ident.plots import match_plot
 from flexarm_ident.validation import validate_dmv, validate_sfv
 from flexarm_reproduction.evidence import OFTEN, spread
@@ -23,6 +24,7 @@ from flexarm_reproduction.order_survey import (
     set_point_record,
     thesis_record,
 )
+from flexarm_reproduction.sensors import SENSORS
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.survey_tables import CLOSE, survey_calls, survey_of
 from flexarm_reproduction.thesis_values import thesis_table
@@ -38,7 +40,6 @@ Validation: TypeAlias = Literal["dmv", "sfv"]
 
 CODES = {"O_dat2": "Ao2_19", "B_dat9": "Ab9_23", "C_dat2": "Ac2_35"}
 SHOWN_SEED = 1
-OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
 _POINTS = 600
 
 
@@ -95,7 +96,7 @@ def _plots(shown: ValidatedModel, validation: Validation, code: str) -> tuple[Pl
                 points=_POINTS,
             ),
         )
-        for column, name in enumerate(OUTPUTS)
+        for column, name in enumerate(ARM_OUTPUTS)
     )
 
 
@@ -105,7 +106,7 @@ def _errors_table(
     chosen: NDArray[np.float64],
     source: str,
 ) -> SideBySide:
-    names = ("position", "base gauge", "middle gauge", "speed", "mean")
+    names = (*SENSORS, "mean")
     columns = [_with_mean(at_order), _with_mean(chosen)]
     thesis = [""] * len(names)
     if printed is not None:

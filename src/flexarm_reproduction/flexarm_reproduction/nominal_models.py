@@ -21,6 +21,7 @@ from flexarm_reproduction.evidence import SEEDS, spread
 from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
 from flexarm_reproduction.records import simulated_record
 from flexarm_reproduction.response_plot import range_plot
+from flexarm_reproduction.sensors import SENSORS
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.thesis_values import thesis_table
 
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
 FREQUENCIES_HZ = np.geomspace(0.3, 50.0, 120)
 BANDS_HZ = ((0.3, 1.0), (1.0, 6.0), (6.0, 30.0), (30.0, 50.0))
-CHANNELS = ("position", "base gauge", "middle gauge", "speed")
 GAP_DB = 3.0
 """Gains agree within this, a factor of 1.4: gauge errors of about 0.4 (Table 2-4) leave no more."""
 NEAR = 0.1
@@ -127,13 +127,13 @@ def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
             ),
             SideBySide(
                 "Our gain over the printed one, dB: median of 20 seeds, and range",
-                ("band, Hz", *CHANNELS, "printed y4 over the derivative of its y1"),
+                ("band, Hz", *SENSORS, "printed y4 over the derivative of its y1"),
                 tuple(
                     (
                         f"{low:g} to {high:g}",
                         *(
                             spread(gaps_db[:, i, channel], "+.1f")
-                            for channel in range(len(CHANNELS))
+                            for channel in range(len(SENSORS))
                         ),
                         f"{contradiction[i]:.1f}",
                     )
@@ -151,7 +151,7 @@ def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
                     np.abs(printed.response[:, i]),
                 ),
             )
-            for i, channel in enumerate(CHANNELS)
+            for i, channel in enumerate(SENSORS)
         ),
         text=(_text(payload_kg),),
     )

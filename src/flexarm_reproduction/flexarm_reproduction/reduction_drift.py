@@ -17,6 +17,7 @@ from flexarm_reproduction.order_survey import METHOD, fitted_half, prepared
 from flexarm_reproduction.records import run_experiment
 from flexarm_reproduction.reduction_calls import error_text
 from flexarm_reproduction.reduction_examples import EXAMPLES
+from flexarm_reproduction.sensors import SENSORS
 from flexarm_reproduction.subjects import Call
 
 if TYPE_CHECKING:
@@ -80,6 +81,6 @@ def drift_table(code: str, results: Results) -> SideBySide:
     return SideBySide(
         f"Errors of the full model by data matching when the rig is easier to model; medians of "
         f"{len(_SEEDS)} records",
-        ("rig", "position", "base gauge", "middle gauge", "speed"),
+        ("rig", *SENSORS),
         tuple(rows),
     )

@@ -24,6 +24,7 @@ from flexarm_reproduction.reduction_errors import RATIO_NEAR
 from flexarm_reproduction.reduction_examples import EXAMPLES, TABLES
 from flexarm_reproduction.reduction_rows import STAGES, reversed_pairs, thesis_rows
 from flexarm_reproduction.reduction_stages import LOW, THESIS
+from flexarm_reproduction.sensors import SENSORS
 from flexarm_reproduction.subjects import Subject
 from flexarm_reproduction.thesis_values import thesis_table
 
@@ -44,7 +45,6 @@ GOOD = 1.25
 """A model looks like its full one up to this: the thesis calls 1.12 slightly worse and has 1.38 for
 a model that deviates."""
 POINTS = 600
-SENSORS = ("position", "base gauge", "middle gauge", "speed")
 _MEANING: Mapping[Validation, str] = {"dmv": "data matching", "sfv": "set-point following"}
 
 

@@ -25,8 +25,8 @@ from flexarm_ident.validation import frequency_response
 from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
 from flexarm_reproduction.reduction_calls import INITIAL, both_calls, means, trials
 from flexarm_reproduction.reduction_examples import EXAMPLES
-from flexarm_reproduction.reduction_figures import SENSORS
 from flexarm_reproduction.reduction_stages import LOW, THESIS
+from flexarm_reproduction.sensors import SENSORS
 from flexarm_reproduction.subjects import Subject
 from flexarm_reproduction.thesis_values import thesis_table
 
