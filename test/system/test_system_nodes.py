@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from bag_samples import START_NS, reference, write_bag
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
+from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 from system_graph import PACKAGES, executable
 
@@ -124,6 +126,33 @@ def test_nodes_with_a_loop___have_no_shared_memory_that_a_late_node_could_stop_t
     }
 
 
+def test_controller_on_the_topic___tells_its_set_point_and_that_samples_have_stopped(
+    graph: Graph,
+) -> None:
+    references: list[Float64] = []
+    reports: list[str] = []
+    samples = graph.node.create_publisher(ArmState, "state", qos.SENT)
+    graph.node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: reports.extend(
+            each.message for each in message.status if each.level == DiagnosticStatus.WARN
+        ),
+        qos.EVERY,
+    )
+    # Without a reader of its commands the controller would wait some seconds for one.
+    graph.node.create_subscription(MotorCommand, "command", lambda _: None, qos.NEWEST)
+    graph.start("controller", {"autostart": True})
+    graph.node.create_subscription(Float64, "reference", references.append, qos.STATUS)
+    graph.wait(lambda: bool(references), "the set-point in force")
+    assert references[0].data == 0.0
+
+    graph.wait(lambda: samples.get_subscription_count() == 1, "the controller")
+    samples.publish(ArmState(sequence=1))
+    graph.wait(lambda: bool(reports), "a warning")
+    assert reports[0] == "active: no samples any more: is the DAQ node active?"
+
+
 @pytest.mark.parametrize(
     ("name", "parameters", "complaint"),
     [
@@ -159,6 +188,33 @@ def test_start___with_a_value_that_does_not_do___ends_with_one_line(
     (line,) = process.printed.splitlines()
     assert re.search(complaint, line)
     assert code == 2
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_parameter_that_a_node_does_not_have___is_the_only_one_named(
+    graph: Graph, name: str, tmp_path: Path
+) -> None:
+    own: dict[str, dict[str, object]] = {
+        "player": {
+            "bag": str(write_bag(tmp_path / "played", [reference(START_NS, 1.0)])),
+            "stopped": True,
+        },
+        # As in the file of an identified model.
+        "ident": {"models.arm.a": [0.5]},
+    }
+    given = own.get(name, {}) | {"use_sim_time": False, "nonsense": 1}
+    process = graph.start(name, given)
+    process.wait_for("nonsense")
+    graph.stop(process)
+
+    (line,) = [line for line in process.printed.splitlines() if "unknown" in line]
+    assert "WARN" in line
+    assert line.endswith("parameter nonsense is unknown and has no effect")
+
+
+def test_misspelt_parameter___is_named_with_the_nearest(graph: Graph) -> None:
+    process = graph.start("daq", {"payload": 0.2})
+    process.wait_for("parameter payload is unknown and has no effect; did you mean payload_kg?")
 
 
 @pytest.mark.parametrize(

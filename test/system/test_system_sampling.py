@@ -1,13 +1,16 @@
 from __future__ import annotations
 
 import signal
+import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import Trigger
 from system_graph import Graph, States
 
+from flexarm_bringup.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import Identify
 from flexarm_node import qos
@@ -88,15 +91,81 @@ def test_command_beyond_the_limits___is_recorded_as_limited(
     assert np.abs(run.command_v).max() == 0.5
 
 
+def test_limits_set_while_driving___act_at_once___and_the_rate_is_refused(graph: Graph) -> None:
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    start_loop(graph, {"rate_hz": 100.0})
+    assert graph.transition("daq", "activate")
+    graph.wait(lambda: any(abs(state.command_v) > 0.7 for state in states), "a strong command")
+
+    graph.operator.set_parameters("daq", {"max_command_v": 0.5, "position_bound_v": 6.0})
+    states.clear()
+    graph.wait(lambda: len(states) >= 150, "samples with the new limit")
+
+    # What was on its way when the limit was set may come first.
+    assert max(abs(state.command_v) for state in states[50:]) == 0.5
+    with pytest.raises(LaunchError, match=r"refused: rate_hz: deactivate the node first"):
+        graph.operator.set_parameters("daq", {"rate_hz": 500.0, "max_command_v": 10.0})
+    assert graph.transition("daq", "deactivate")
+    graph.operator.set_parameters("daq", {"rate_hz": 500.0, "max_command_v": 10.0})
+
+
+def test_first_activation___stamps_are_the_instants_of_sampling(graph: Graph) -> None:
+    ages_s: list[float] = []
+
+    def heard(state: ArmState) -> None:
+        stamp = state.header.stamp
+        ages_s.append(time.time() - stamp.sec - 1e-9 * stamp.nanosec)
+
+    graph.node.create_subscription(ArmState, "state", heard, qos.EVERY)
+    graph.start("daq", {"autostart": True, "rate_hz": 100.0})
+    graph.wait(lambda: len(ages_s) >= 200, "samples")
+    # A busy machine makes samples arrive late; none arrives before it was taken.
+    assert 0.0 <= min(ages_s) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("law", "advice"),
+    [
+        ("ilqr", "sample at that rate or take another law"),
+        ("pdpc_plus", "set pdpc_plus.rate_hz"),
+    ],
+)
+def test_law_for_another_rate___controller_ends_and_the_drive_is_at_zero(
+    graph: Graph, law: str, advice: str
+) -> None:
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    controller = start_loop(
+        graph,
+        {"time": "virtual", "rate_hz": 500.0, "answer_timeout_s": 0.05},
+        {"law": law, "reference": "square", "square.period_s": 0.4},
+    )
+    assert graph.transition("daq", "activate")
+    controller.wait_for(f"law {law} is made for 300 Hz and the samples come at 500 Hz: {advice}")
+    graph.wait(lambda: bool(states) and states[-1].sequence >= 75, "samples after that")
+    assert states[-1].command_v == 0.0
+
+
 def test_killed_controller___drive_goes_to_zero_and_stays(graph: Graph, tmp_path: Path) -> None:
     states: list[ArmState] = []
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    warnings: list[str] = []
+    graph.node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: warnings.extend(
+            each.message for each in message.status if "no command since" in each.message
+        ),
+        qos.EVERY,
+    )
     controller = start_loop(graph, {"rate_hz": 300.0})
     graph.operator.record(str(tmp_path / "run"))
     assert graph.transition("daq", "activate")
     graph.wait(lambda: len(states) >= 150, "samples")
 
     assert graph.stop(controller, signal.SIGKILL) == -signal.SIGKILL
+    graph.wait(lambda: bool(warnings), "a warning")
     graph.wait(lambda: len(states) >= 600, "samples without a controller")
     assert graph.transition("daq", "deactivate")
     graph.operator.record(None)

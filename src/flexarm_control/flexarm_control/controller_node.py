@@ -7,6 +7,7 @@ drive at zero.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 from rclpy.duration import Duration
 from std_msgs.msg import Float64
 
-from flexarm_control.laws import LAWS, build_law
+from flexarm_control.errors import ControlError
+from flexarm_control.laws import LAWS, build_law, law_rate_hz
 from flexarm_control.references import REFERENCES, TRAVEL_V, Reference, build_reference
+from flexarm_control.sample_rate import SampleRate, suits
 from flexarm_control.scheduled import ScheduledPdpc
 from flexarm_control.switching import Handover
 from flexarm_msgs.msg import ArmState, MotorCommand, PayloadEstimate
@@ -41,6 +44,7 @@ _ACKNOWLEDGED = Duration(seconds=2)
 # A recorder that was not heard of yet when the reference changed learns it so soon.
 _TELL_AGAIN_S = 1.0
 _PAYLOAD_S = 0.1
+_SILENT_S = 1.0
 _STATISTICS_SAMPLES = 3000
 TOPIC = "topic"
 """The reference comes from the topic `reference` and not from a built-in profile."""
@@ -72,6 +76,7 @@ PARAMETERS = (
         for spec in _declared(name, reference.parameters)
     ),
 )
+_NAMES = {spec.name for spec in PARAMETERS}
 
 
 @dataclass(frozen=True)
@@ -80,14 +85,29 @@ class Setup:
 
     Attributes
     ----------
-    law
+    name, law
         The control law.
+    rate_hz
+        Sampling rate that it is made for; None when it suits any.
     profile
         The built-in reference, or None when it comes from the topic.
     """
 
+    name: str
     law: Law
+    rate_hz: float | None
     profile: Reference | None
+
+    def check_rate(self, measured_hz: float | None) -> None:
+        """Raise when the samples come at another rate than the law is made for."""
+        if self.rate_hz is None or measured_hz is None or suits(self.rate_hz, measured_hz):
+            return
+        set_it = f"{self.name}.rate_hz"
+        advice = f"set {set_it}" if set_it in _NAMES else "sample at that rate or take another law"
+        raise ControlError(
+            f"law {self.name} is made for {self.rate_hz:g} Hz and the samples come at "
+            f"{measured_hz:.0f} Hz: {advice}"
+        )
 
 
 def _setup(values: Mapping[str, Any]) -> Setup:
@@ -98,11 +118,12 @@ def _setup(values: Mapping[str, Any]) -> Setup:
     ControlError
         When a value is out of range or the values do not fit together.
     """
-    law, reference = values["law"], values["reference"]
+    name, reference = values["law"], values["reference"]
     profile = None
     if reference != TOPIC:
         profile = build_reference(reference, _below(reference, values))
-    return Setup(build_law(law, _below(law, values)), profile)
+    chosen = _below(name, values)
+    return Setup(name, build_law(name, chosen), law_rate_hz(name, chosen), profile)
 
 
 def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -114,9 +135,16 @@ class ControllerNode(LoopNode):
     """Wires parameters and topics to a law and a reference."""
 
     def __init__(self) -> None:
-        super().__init__("controller", PARAMETERS, accept=_setup, apply=self._replace)
+        super().__init__(
+            "controller",
+            PARAMETERS,
+            accept=_setup,
+            apply=self._replace,
+            expected=(ControlError,),
+        )
         self._setup = _setup(self.parameters.values())
         self._reference_v = 0.0
+        self._heard_s = math.inf
         self._answered = 0
         self._skipped = 0
         self._answer_s = Window(_STATISTICS_SAMPLES)
@@ -141,8 +169,11 @@ class ControllerNode(LoopNode):
         self.destroy_subscription(self._references_in)
 
     def prepare(self) -> None:
-        """Wait until the commands have a reader, if there is one."""
+        """Wait until the commands have a reader, if there is one; tell the set-point in force."""
         wait_until(lambda: self._commands.get_subscription_count() > 0)
+        if self._setup.profile is None:
+            # A record shall have the set-point in force from its first sample on.
+            self._references_out.publish(Float64(data=self._reference_v))
 
     def loop(self, stopping: threading.Event) -> None:
         """Answer until told to stop."""
@@ -152,11 +183,13 @@ class ControllerNode(LoopNode):
         command = MotorCommand()
         command.header.frame_id = "flexarm"
         handover = Handover(self._setup.law)
+        rate = SampleRate()
+        self._heard_s = math.inf
         while not stopping.is_set():
             state = self._states.wait_newest(_WAIT_S)
             if state is None:
                 continue
-            received_s = time.monotonic()
+            received_s = self._heard_s = time.monotonic()
             setup = self._setup
             handover.replace(setup.law)
             stamp = state.header.stamp
@@ -165,8 +198,10 @@ class ControllerNode(LoopNode):
             if state.sequence <= last_sequence or last_sequence == 0:
                 start_ns, last_sequence, told_v = stamp_ns, state.sequence - 1, None
                 handover.reset()
+                rate.reset()
             self._skipped += state.sequence - last_sequence - 1
             last_sequence = state.sequence
+            setup.check_rate(rate.add(stamp_ns))
             if setup.profile is not None:
                 time_s = (stamp_ns - start_ns) * 1e-9
                 self._reference_v = setup.profile(time_s)
@@ -209,6 +244,12 @@ class ControllerNode(LoopNode):
             )
             return
         self._reference_v = message.data
+
+    def warning(self) -> str:
+        """Return that the samples have stopped, when they have."""
+        if time.monotonic() - self._heard_s < _SILENT_S:
+            return ""
+        return "no samples any more: is the DAQ node active?"
 
     def figures(self) -> Mapping[str, object]:
         """Return the figures of the loop."""

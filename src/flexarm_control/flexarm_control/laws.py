@@ -158,6 +158,8 @@ def _make_pdpc_scheduled(values: Mapping[str, float]) -> ScheduledPdpc:
     )
 
 
+_DESIGNED_ON_A_MODEL = ("ilqr", "lqg")
+
 #: Every law by the name it has as a ROS parameter.
 LAWS: Mapping[str, LawSpec] = MappingProxyType(
     {
@@ -235,3 +237,19 @@ def build_law(name: str, values: Mapping[str, float] | None = None) -> Law:
     values = values or {}
     refuse_unknown(name, LAWS[name].parameters, values)
     return LAWS[name].make(values)
+
+
+def law_rate_hz(name: str, values: Mapping[str, float]) -> float | None:
+    """Return the sampling rate that a law is made for; None for a law that suits any rate.
+
+    Parameters
+    ----------
+    name
+        One of `LAWS`.
+    values
+        Parameters of the law by name, as for `build_law`.
+    """
+    if name in _DESIGNED_ON_A_MODEL:
+        return 1.0 / float(identified_model().dt)
+    rates = {spec.name: spec.default for spec in LAWS[name].parameters}
+    return (rates | dict(values)).get("rate_hz")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_daq.commander import Command
-    from flexarm_daq.limiter import Limiter
+    from flexarm_daq.limiter import Limiter, LimiterSettings
     from flexarm_daq.rig import Rig, RigSample
     from flexarm_daq.sensor_check import SensorCheck
     from flexarm_daq.watchdog import Watchdog
@@ -152,6 +152,10 @@ class Acquisition:
     def refused(self) -> int:
         """Commands that were not obeyed because of where they come from or what they answer."""
         return self.commander.verdicts.total() - self.commander.verdicts[Verdict.ACCEPTED]
+
+    def limit(self, settings: LimiterSettings) -> None:
+        """Take other limits from the next command on; any thread may call."""
+        self._limiter.settings = settings
 
     def emergency_stop(self) -> None:
         """Take the drive to zero at the next tick and keep it there until the run ends.

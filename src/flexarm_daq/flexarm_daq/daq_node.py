@@ -7,6 +7,7 @@ sampling, deactivating stops it with the drive at zero.
 from __future__ import annotations
 
 import time
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from rclpy.duration import Duration
@@ -87,9 +88,12 @@ PARAMETERS = (
     ),
 )
 
+_LIVE = ("payload_kg", *(field.name for field in fields(LimiterSettings)))
+"""Parameters that may change while the loop runs, and act at once."""
 _POSITION, _, _, _SPEED = CHANNELS
 _TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V
 _JOINT_STATES_HZ = 50.0
+_SILENT_S = 1.0
 # The middleware asks its readers every 3 s what they have.
 _ACKNOWLEDGED = Duration(seconds=7)
 
@@ -97,16 +101,18 @@ _ACKNOWLEDGED = Duration(seconds=7)
 class DaqNode(LoopNode):
     """Wires parameters, topics and services to an `Acquisition`."""
 
+    # Parameters are checked before the rest of the node is there.
+    _acquisition: Acquisition | None = None
+
     def __init__(self) -> None:
         super().__init__(
             "daq",
             PARAMETERS,
-            accept=_rig_and_limits,
+            accept=self._accept,
             apply=self._on_changed,
             expected=(RigError,),
         )
         self._rig: Rig | None = None
-        self._acquisition: Acquisition | None = None
         self.create_service(Trigger, "emergency_stop", self._on_emergency_stop)
         self.start_if_asked()
 
@@ -158,6 +164,16 @@ class DaqNode(LoopNode):
         reason = self._acquisition.safety.reason
         return f"the drive is held at zero: {reason}" if reason else ""
 
+    def warning(self) -> str:
+        """Return that the commands have stopped, when they have."""
+        acquisition = self._acquisition
+        assert acquisition is not None  # noqa: S101 - asked only while the loop runs
+        answered = acquisition.commander.answered
+        rate_hz = self.parameters.values()["rate_hz"]
+        if not answered or acquisition.sequence - answered < _SILENT_S * rate_hz:
+            return ""
+        return f"no command since the one for sample {answered}: the drive is at zero"
+
     def figures(self) -> Mapping[str, object]:
         """Return the figures of the loop."""
         acquisition = self._acquisition
@@ -191,8 +207,20 @@ class DaqNode(LoopNode):
             "reply max ms": f"{reply.maximum * 1e3:.3f}",
         }
 
+    def _accept(self, values: Mapping[str, Any]) -> None:
+        """Raise when the values do not fit together, or cannot change while the loop runs."""
+        _rig_and_limits(values)
+        if self._acquisition is None or not self.running:
+            return
+        before = self.parameters.values()
+        fixed = [name for name in values if values[name] != before[name] and name not in _LIVE]
+        if fixed:
+            raise ValueError(f"{', '.join(fixed)}: deactivate the node first")
+
     def _on_changed(self, values: Mapping[str, Any]) -> None:
-        """Let the arm carry its new payload at once; the rest waits for the next activation."""
+        """Take the limits and the payload at once."""
+        if self._acquisition is not None:
+            self._acquisition.limit(_limits(values))
         if isinstance(self._rig, SimulatedRig):
             self._rig.change_payload(values["payload_kg"])
 
@@ -237,10 +265,13 @@ class _TopicLink:
         )
         self._commands.wait_newest(0.0)
         self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))
-        self._start_ns = self._node.get_clock().now().nanoseconds
 
     def publish(self, record: Record) -> None:
         """Publish one sample, and the SI view of some when somebody listens."""
+        if record.sequence == 1:
+            # The rig's clock began when it was opened, which may have taken its time.
+            now_ns = self._node.get_clock().now().nanoseconds
+            self._start_ns = now_ns - round(record.time_s * 1e9)
         stamp = Time(nanoseconds=self._start_ns + round(record.time_s * 1e9)).to_msg()
         state = self._state
         state.header.stamp = stamp
@@ -298,11 +329,7 @@ class _TopicLink:
 
 def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
     """Build what the parameters describe; ValueError when they do not fit together."""
-    settings = LimiterSettings(
-        max_command_v=values["max_command_v"],
-        max_slew_v_per_s=values["max_slew_v_per_s"],
-        position_bound_v=values["position_bound_v"],
-    )
+    settings = _limits(values)
     rig = make_rig(values)
     if values["fault"] == _NO_FAULT:
         return rig, settings
@@ -315,6 +342,10 @@ def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
         channel=values["fault_channel"],
     )
     return faulty, settings
+
+
+def _limits(values: Mapping[str, Any]) -> LimiterSettings:
+    return LimiterSettings(**{field.name: values[field.name] for field in fields(LimiterSettings)})
 
 
 def _sensor_limits(values: Mapping[str, Any]) -> SensorLimits:

@@ -86,7 +86,7 @@ class Limiter:
     Parameters
     ----------
     settings : LimiterSettings
-        The limits.
+        The limits; they may be replaced between two commands.
 
     Examples
     --------
@@ -130,16 +130,17 @@ class Limiter:
         ):
             self._applied_v = 0.0
             return _ZERO_NOT_FINITE
+        settings = self.settings
         reasons: tuple[str, ...] = ()
-        command_v = _clamp(wanted_v, self.settings.max_command_v)
+        command_v = _clamp(wanted_v, settings.max_command_v)
         if command_v != wanted_v:
             reasons += (MAGNITUDE,)
         change_v = command_v - self._applied_v
-        allowed_v = self.settings.max_slew_v_per_s * max(interval_s, 0.0)
+        allowed_v = settings.max_slew_v_per_s * max(interval_s, 0.0)
         if abs(change_v) > allowed_v:
             command_v = self._applied_v + _clamp(change_v, allowed_v)
             reasons += (SLEW,)
-        if abs(position_v) > self.settings.position_bound_v and command_v * position_v > 0.0:
+        if abs(position_v) > settings.position_bound_v and command_v * position_v > 0.0:
             command_v = 0.0
             reasons += (POSITION_BOUND,)
         self._applied_v = command_v

@@ -68,6 +68,7 @@ class LoopNode(LifecycleNode):
         self.parameters = Parameters(self, (*specs, _AUTOSTART), accept=accept, apply=apply)
         self._expected = expected
         self._trouble = ""
+        self._warning = ""
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._ended = self.create_guard_condition(self._deactivate_ended)
@@ -100,6 +101,10 @@ class LoopNode(LifecycleNode):
 
     def alarm(self) -> str:
         """Return what the loop complains of, while it runs and when it has ended; else nothing."""
+        return ""
+
+    def warning(self) -> str:
+        """Return what a person should know of a loop that runs as it should; else nothing."""
         return ""
 
     @property
@@ -197,7 +202,12 @@ class LoopNode(LifecycleNode):
         status = DiagnosticStatus(name=f"flexarm: {self.get_name()}", message="not active")
         if self.running:
             self._tell(self.alarm())
-            status.message = "active"
+            warning = self.warning()
+            if warning and warning != self._warning:
+                self.get_logger().warning(warning)
+            self._warning = warning
+            status.message = f"active: {warning}" if warning else "active"
+            status.level = DiagnosticStatus.WARN if warning else DiagnosticStatus.OK
             status.values = [
                 KeyValue(key=key, value=str(value)) for key, value in self.figures().items()
             ]
