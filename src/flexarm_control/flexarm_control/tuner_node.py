@@ -8,6 +8,7 @@ from rclpy.parameter import Parameter
 from flexarm_control.errors import ControlError
 from flexarm_control.tuning_job import TuneRequest, load_models, tune
 from flexarm_msgs.srv import Tune
+from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 
 
@@ -16,22 +17,22 @@ class TunerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("tuner", namespace="/flexarm")
+        Parameters(self, ())
         self.create_service(Tune, "tune", self._on_tune)
 
     def stop(self) -> None:
         """Do nothing: the node holds nothing."""
 
     def _on_tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
-        default = TuneRequest()
         try:
             result = tune(
                 load_models(request.models),
                 TuneRequest(
-                    law=request.law or default.law,
-                    error_weight=request.error_weight or default.error_weight,
-                    strain_weight=request.strain_weight or default.strain_weight,
-                    gain_margin_db=request.gain_margin_db or default.gain_margin_db,
-                    phase_margin_deg=request.phase_margin_deg or default.phase_margin_deg,
+                    law=request.law or TuneRequest.law,
+                    error_weight=request.error_weight or None,
+                    strain_weight=request.strain_weight or None,
+                    gain_margin_db=request.gain_margin_db or None,
+                    phase_margin_deg=request.phase_margin_deg or None,
                     delay_s=request.delay_s,
                 ),
             )

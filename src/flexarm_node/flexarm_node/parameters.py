@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import (
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from rclpy.parameter import Parameter
 
     Values = dict[str, Any]
+
+
+# Declared by rclpy when a topic that has them is made, which may be later.
+_MIDDLEWARE = "qos_overrides."
 
 
 class ParameterError(ValueError):
@@ -71,6 +76,8 @@ class ParameterSpec:
 class Parameters:
     """The declared parameters of a node, read and changed as one set.
 
+    A parameter that is given at the start and that the node does not have is named in a warning.
+
     Parameters
     ----------
     node
@@ -83,6 +90,8 @@ class Parameters:
         that line. What it returns is ignored; it must not act on the values.
     apply
         Called with the complete set after a change was accepted, and not at the start.
+    later
+        Beginnings of names that the node may declare later on.
 
     Raises
     ------
@@ -98,6 +107,7 @@ class Parameters:
         *,
         accept: Callable[[Mapping[str, Any]], object] | None = None,
         apply: Callable[[Mapping[str, Any]], None] | None = None,
+        later: tuple[str, ...] = (),
     ) -> None:
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
@@ -108,6 +118,7 @@ class Parameters:
         reason = self._refusal(self.values())
         if reason:
             raise ParameterError(reason)
+        self._warn_of_unknown((*later, _MIDDLEWARE))
         node.add_on_set_parameters_callback(self._on_set)
         node.add_post_set_parameters_callback(self._on_changed)
 
@@ -126,6 +137,17 @@ class Parameters:
         except InvalidParameterValueException:
             span = f"{spec.minimum:g} to {spec.maximum:g} {spec.unit}".rstrip()
             raise ParameterError(f"parameter {spec.name} is out of its range, {span}") from None
+
+    def _warn_of_unknown(self, later: tuple[str, ...]) -> None:
+        given = self._node._parameter_overrides  # noqa: SLF001 - rclpy tells it in no other way
+        for name in given:
+            if self._node.has_parameter(name) or name.startswith(later):
+                continue
+            near = get_close_matches(name, self._specs, n=1)
+            self._node.get_logger().warning(
+                f"parameter {name} is unknown and has no effect"
+                + (f"; did you mean {near[0]}?" if near else "")
+            )
 
     def _refusal(self, values: Mapping[str, Any]) -> str | None:
         for name, spec in self._specs.items():
