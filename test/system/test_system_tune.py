@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from rclpy.parameter import Parameter
@@ -47,12 +47,31 @@ def test_service___refuses_a_model_that_is_not_there(graph: Graph) -> None:
     assert "\n" not in response.message
 
 
+@pytest.mark.parametrize(
+    ("fields", "complaint"),
+    [
+        ({"law": "pi", "gain_margin_db": 10.0}, "pi is tuned without gain_margin_db"),
+        ({"delay_s": 5.0}, "delay_s = 5 s; must be 0 to 0.05 s"),
+    ],
+)
+def test_service___refuses_a_value_that_has_no_sense(
+    graph: Graph, fields: dict[str, Any], complaint: str
+) -> None:
+    graph.start("tuner")
+
+    response = graph.call(Tune, "tune", Tune.Request(models=NOMINAL[:1], **fields))
+
+    assert not response.success
+    assert response.message.startswith(complaint)
+
+
 def test_verb___writes_a_parameter_file_for_the_controller(graph: Graph, tmp_path: Path) -> None:
     gains = tmp_path / "gains.yaml"
 
     verb = graph.run([str(ROOT / "flexarm"), "tune", *NOMINAL, "-o", str(gains)])
 
     assert verb.exit_code() == 0, verb.printed
-    graph.start("controller", {"law": "pdpc"}, "--params-file", str(gains))
+    controller = graph.start("controller", {"law": "pdpc"}, "--params-file", str(gains))
     assert graph.state_of("controller") == "unconfigured"
     assert graph.transition("controller", "configure")
+    assert "unknown" not in controller.printed

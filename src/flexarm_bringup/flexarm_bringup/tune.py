@@ -15,7 +15,14 @@ if TYPE_CHECKING:
 
 
 def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # noqa: ANN401
-    """Tune a law on models, show the certificate, write the gains."""
+    """Tune a law on models, show the certificate, write the gains.
+
+    Raises
+    ------
+    OSError
+        When the gains could not be written; that is tried before the search.
+    """
+    _make_writable(out)
     with terminal.busy(f"tuning on {len(names)} models"):
         models = load_models(names)
         result = tune(models, TuneRequest(**request))
@@ -35,7 +42,18 @@ def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # n
         terminal.CONSOLE.print(table)
     for note in result.notes:
         terminal.CONSOLE.print(f"  {note}")
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_parameter_file(out, dict(result.parameters), node="/flexarm/controller")
     gains = ", ".join(f"{name} {gain:.4f}" for name, gain in list(result.parameters.items())[:3])
     terminal.CONSOLE.print(f"J {result.criteria[0]:.4f}: {gains}; written to {out}")
+
+
+def _make_writable(out: Path) -> None:
+    """Make the folder of a file, and see that the file can be written, without a trace of it."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        is_new = not out.exists()
+        out.open("a").close()
+        if is_new:
+            out.unlink()
+    except OSError as error:
+        raise OSError(f"{out}: cannot be written: {error.strerror}") from error

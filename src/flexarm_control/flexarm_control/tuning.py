@@ -40,6 +40,8 @@ PI_STARTS = (PiGains(0.3, 0.01), PiGains(1.0, 0.1))
 
 # An infinite margin is more than the arithmetic of the search can take.
 _MOST_DB, _MOST_DEG = 60.0, 180.0
+# A longer one adds states to the models without end, and no loop of the arm lives with it.
+_MOST_DELAY_S = 0.05
 _ACTIVE_WITHIN_DB, _ACTIVE_WITHIN_DEG = 0.1, 0.5
 
 
@@ -114,11 +116,11 @@ def tune_pdp(
     models
         Models of the arm, one per payload.
     error_weight, strain_weight
-        W_E and W_sg of (4-3).
+        W_E and W_sg of (4-3), not both zero.
     gain_margin_db, phase_margin_deg
-        Least margins on every model.
+        Least margins on every model, above 0 and at most 60 dB and below 180 deg.
     delay_s
-        Loop delay, s; it is part of the simulations and of the margins.
+        Loop delay, s, 0 to 0.05; it is part of the simulations and of the margins.
     duration_s
         Length of the simulated step responses, s.
     starts
@@ -134,8 +136,19 @@ def tune_pdp(
     Raises
     ------
     ControlError
-        When a model cannot be used or no search meets the constraints.
+        When a model or value cannot be used or no search meets the constraints.
     """
+    _check_weights(error_weight, strain_weight)
+    if not 0.0 < gain_margin_db <= _MOST_DB:
+        raise ControlError(
+            f"gain_margin_db = {gain_margin_db:g} dB; must be above 0 and at most {_MOST_DB:g} dB"
+        )
+    if not 0.0 < phase_margin_deg < _MOST_DEG:
+        raise ControlError(
+            f"phase_margin_deg = {phase_margin_deg:g} deg; must be above 0 and below"
+            f" {_MOST_DEG:g} deg"
+        )
+    _check_delay(delay_s)
     if not models or not starts:
         raise ControlError("tuning needs at least one model and one starting point")
     loops = [LoopResponse(model, delay_s=delay_s) for model in models]
@@ -194,7 +207,7 @@ def tune_pi(
     model
         Model of the arm.
     delay_s
-        Loop delay, s.
+        Loop delay, s, 0 to 0.05.
     duration_s
         Length of the simulated step response, s.
     starts
@@ -208,8 +221,9 @@ def tune_pi(
     Raises
     ------
     ControlError
-        When the model cannot be used or there is no starting point.
+        When the model or the delay cannot be used or there is no starting point.
     """
+    _check_delay(delay_s)
     if not starts:
         raise ControlError("tuning needs at least one starting point")
     check_arm_model(model)
@@ -226,6 +240,19 @@ def tune_pi(
     )
     best = min(searches, key=lambda found: found.criterion)
     return PiTuning(best.gains, best.criterion, searches)
+
+
+def _check_weights(error_weight: float, strain_weight: float) -> None:
+    for name, weight in (("error_weight", error_weight), ("strain_weight", strain_weight)):
+        if not 0.0 <= weight < np.inf:
+            raise ControlError(f"{name} = {weight:g}; must be finite and not negative")
+    if error_weight == strain_weight == 0.0:
+        raise ControlError("error_weight = 0 and strain_weight = 0; one must be above 0")
+
+
+def _check_delay(delay_s: float) -> None:
+    if not 0.0 <= delay_s <= _MOST_DELAY_S:
+        raise ControlError(f"delay_s = {delay_s:g} s; must be 0 to {_MOST_DELAY_S:g} s")
 
 
 def _error_and_strain(

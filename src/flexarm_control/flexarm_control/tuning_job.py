@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flexarm_control.errors import ControlError
 from flexarm_control.nominal_models import nominal_model
@@ -38,19 +38,24 @@ class TuneRequest:
     law
         One of `TUNABLE`.
     error_weight, strain_weight
-        W_E and W_sg of (4-3); of no use to PI.
+        W_E and W_sg of (4-3); None takes those of `tune_pdp`. PI has none.
     gain_margin_db, phase_margin_deg
-        Least margins on every model; of no use to PI.
+        Least margins on every model; None takes those of `tune_pdp`. PI has none.
     delay_s
         Loop delay, s.
     """
 
     law: str = "pdp"
-    error_weight: float = 0.5
-    strain_weight: float = 0.5
-    gain_margin_db: float = 10.0
-    phase_margin_deg: float = 55.0
+    error_weight: float | None = None
+    strain_weight: float | None = None
+    gain_margin_db: float | None = None
+    phase_margin_deg: float | None = None
     delay_s: float = 0.0
+
+    def constraints(self) -> dict[str, Any]:
+        """Return the weights and margins that were given."""
+        names = ("error_weight", "strain_weight", "gain_margin_db", "phase_margin_deg")
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 
 @dataclass(frozen=True)
@@ -131,6 +136,9 @@ def tune(models: Mapping[str, control.StateSpace], request: TuneRequest) -> Tune
 def _tune_pi(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
     if len(models) != 1:
         raise ControlError(f"pi is tuned on one model, got {len(models)}")
+    unused = request.constraints()
+    if unused:
+        raise ControlError(f"pi is tuned without {', '.join(unused)}: leave that out or take pdp")
     found = tune_pi(next(iter(models.values())), delay_s=request.delay_s)
     return TuneResult({"pi.kp": found.gains.kp, "pi.ki": found.gains.ki}, (found.criterion,))
 
@@ -138,11 +146,8 @@ def _tune_pi(models: Mapping[str, control.StateSpace], request: TuneRequest) -> 
 def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
     found = tune_pdp(
         list(models.values()),
-        error_weight=request.error_weight,
-        strain_weight=request.strain_weight,
-        gain_margin_db=request.gain_margin_db,
-        phase_margin_deg=request.phase_margin_deg,
         delay_s=request.delay_s,
+        **request.constraints(),
     )
     gains = {"kp": found.gains.kp, "kd": found.gains.kd, "ksg": found.gains.ksg}
     feasible = sum(search.feasible for search in found.searches)

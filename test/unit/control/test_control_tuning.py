@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import control
 import numpy as np
 import pytest
@@ -132,6 +135,37 @@ def test_tune_pdp___bounds___hold_the_gains() -> None:
 def test_tune_pdp___margins_out_of_reach___is_refused() -> None:
     with pytest.raises(ControlError, match="no gains found with 59 dB and 120 deg"):
         tune_pdp(PRINTED_MODELS, gain_margin_db=59.0, phase_margin_deg=120.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "match"),
+    [
+        ({"delay_s": 5.0}, "delay_s = 5 s; must be 0 to 0.05 s"),
+        ({"delay_s": -0.001}, "delay_s = -0.001 s"),
+        ({"delay_s": math.nan}, "delay_s = nan s"),
+        ({"error_weight": 0.0, "strain_weight": 0.0}, "error_weight = 0 and strain_weight = 0"),
+        ({"error_weight": math.nan}, "error_weight = nan"),
+        ({"error_weight": -0.5}, "error_weight = -0.5"),
+        ({"strain_weight": math.inf}, "strain_weight = inf"),
+        ({"gain_margin_db": 0.0}, "gain_margin_db = 0 dB; must be above 0 and at most 60 dB"),
+        ({"gain_margin_db": 60.1}, "gain_margin_db = 60.1 dB"),
+        ({"gain_margin_db": math.nan}, "gain_margin_db = nan dB"),
+        ({"phase_margin_deg": 0.0}, "phase_margin_deg = 0 deg; must be above 0 and below 180"),
+        ({"phase_margin_deg": 180.0}, "phase_margin_deg = 180 deg"),
+        ({"phase_margin_deg": math.inf}, "phase_margin_deg = inf deg"),
+    ],
+)
+def test_tune_pdp___value_without_sense___is_refused_by_name(
+    values: dict[str, Any], match: str
+) -> None:
+    with pytest.raises(ControlError, match=f"^{match}"):
+        tune_pdp(PRINTED_MODELS, **values)
+
+
+@pytest.mark.parametrize("delay_s", [5.0, -0.001, math.nan, math.inf])
+def test_tune_pi___delay_without_sense___is_refused(delay_s: float) -> None:
+    with pytest.raises(ControlError, match=r"^delay_s = .* s; must be 0 to 0\.05 s"):
+        tune_pi(PRINTED_MODELS[0], delay_s=delay_s)
 
 
 def test_tune_pdp___nothing_to_tune___is_refused() -> None:

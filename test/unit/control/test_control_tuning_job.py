@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flexarm_control import ControlError, nominal_model, tune_pi
+from flexarm_control import ControlError, nominal_model, tune_pdp, tune_pi
 from flexarm_control.tuning_job import TuneRequest, load_models, tune
 from flexarm_ident.model_io import write_parameter_file
 from flexarm_ident.model_parameters import model_parameters
@@ -71,6 +73,18 @@ def test_tune___pi___is_tune_pi_on_one_model() -> None:
     assert result.parameters["pi.kp"] == tune_pi(nominal_model(0.0)).gains.kp
     with pytest.raises(ControlError, match="one model, got 2"):
         tune(load_models(["nominal:0", "nominal:0.2"]), TuneRequest("pi"))
+
+
+@pytest.mark.parametrize(
+    "name", ["error_weight", "strain_weight", "gain_margin_db", "phase_margin_deg"]
+)
+def test_tune___pi_with_what_it_does_not_use___is_refused_even_for_the_usual_value(
+    name: str,
+) -> None:
+    usual = signature(tune_pdp).parameters[name].default
+
+    with pytest.raises(ControlError, match=f"^pi is tuned without {name}:"):
+        tune(load_models(["nominal:0"]), replace(TuneRequest("pi"), **{name: usual}))
 
 
 def test_tune___unknown_law___is_refused() -> None:

@@ -139,16 +139,24 @@ def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: 
 @click.option(
     "-o",
     "--out",
-    type=click.Path(path_type=Path),
+    type=click.Path(dir_okay=False, path_type=Path),
     default=Path("out/gains.yaml"),
     show_default=True,
 )
-@click.option("--law", type=click.Choice(["pdp", "pi"]), default="pdp", show_default=True)
+@click.option(
+    "--law",
+    type=click.Choice(["pdp", "pi"]),
+    default="pdp",
+    show_default=True,
+    help="pi: one model, no weights, no margins.",
+)
 @click.option("--error-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
 @click.option("--strain-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
 @click.option("--gain-margin", "gain_margin_db", default=10.0, show_default=True, help="dB.")
 @click.option("--phase-margin", "phase_margin_deg", default=55.0, show_default=True, help="deg.")
-@click.option("--delay", "delay_s", default=0.0, show_default=True, help="Loop delay, s.")
+@click.option(
+    "--delay", "delay_s", default=0.0, show_default=True, help="Loop delay, s, at most 0.05."
+)
 @examples(
     "tune nominal:0 nominal:0.2 nominal:0.4",
     "tune nominal:0:flipped nominal:0.2:flipped nominal:0.4:flipped",
@@ -162,7 +170,9 @@ def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: A
     """
     from flexarm_bringup.tune import tune_models  # noqa: PLC0415
 
-    tune_models(models, out, **options)
+    source = click.get_current_context().get_parameter_source
+    given = {k: v for k, v in options.items() if source(k) is not ParameterSource.DEFAULT}
+    tune_models(models, out, **given)
 
 
 @click.command()
