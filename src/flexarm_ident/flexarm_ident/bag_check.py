@@ -45,7 +45,7 @@ class BagCheck:
     problems
         What is wrong, one line each; empty for a good bag.
     notes
-        What could not be checked, one line each.
+        What could not be checked, and where the sampling was started again, one line each.
     """
 
     bag: Path
@@ -85,7 +85,7 @@ class _Check:
         self._path = path
         self._problems: list[str] = []
         self._notes: list[str] = []
-        self._content = ContentCheck(self._problems)
+        self._content = ContentCheck(self._problems, self._notes)
 
     def result(self) -> BagCheck:
         information = self._information() if self._path.is_dir() else {}

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm_ident.bags import ARM_STATE, CHANNEL_INFO, IO_SAMPLE, MOTOR_COMMAND, REFERENCE
 from flexarm_ident.cdr import CdrError, Member, decode, members
-from flexarm_ident.timeline import clock_problems, number_problems
+from flexarm_ident.timeline import clock_problems, number_problems, restarts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,6 +53,8 @@ class ContentCheck:
     ----------
     problems : list of str
         Takes what is found, one line each.
+    notes : list of str
+        Takes what is worth saying of a good bag, one line each.
 
     Attributes
     ----------
@@ -62,8 +64,9 @@ class ContentCheck:
         Earliest and latest log time.
     """
 
-    def __init__(self, problems: list[str]) -> None:
+    def __init__(self, problems: list[str], notes: list[str]) -> None:
         self._problems = problems
+        self._notes = notes
         self._reader: AnyReader | None = None
         self._loose = 0
         self.topics: dict[str, TopicContent] = {}
@@ -146,11 +149,25 @@ class ContentCheck:
             if not topic.numbers:
                 continue
             numbers = np.concatenate(topic.numbers)
-            problems = number_problems(numbers)
-            if topic.type_name in _SAMPLED:
-                stamps_ns = np.concatenate(topic.stamps_ns)
-                problems += clock_problems(numbers, stamps_ns, np.concatenate(topic.log_times_ns))
-            self._problems += [f"{name}: {problem}" for problem in problems]
+            stamps_ns = np.concatenate(topic.stamps_ns)
+            log_times_ns = np.concatenate(topic.log_times_ns)
+            begins = restarts(numbers, log_times_ns)
+            if len(begins):
+                self._notes.append(f"{name}: {_restarted(topic, numbers[begins - 1])}")
+            runs = (np.split(column, begins) for column in (numbers, stamps_ns, log_times_ns))
+            for run, columns in enumerate(zip(*runs, strict=True), start=1):
+                problems = number_problems(columns[0])
+                if topic.type_name in _SAMPLED:
+                    problems += clock_problems(*columns)
+                where = f"{name}, run {run}" if len(begins) else name
+                self._problems += [f"{where}: {problem}" for problem in problems]
+
+
+def _restarted(topic: TopicContent, last: Integers) -> str:
+    """Say which numbers were the last ones before a new start."""
+    work, each = ("sampling", "sample") if topic.type_name in _SAMPLED else ("control", "command")
+    times = f" {len(last)} times, the first" if len(last) > 1 else ""
+    return f"{work} was started again{times} after {each} {last[0]}"
 
 
 def one_line(error: BaseException) -> str:

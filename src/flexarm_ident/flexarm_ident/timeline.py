@@ -20,6 +20,23 @@ _CLOCK_STEP_NS = _NS
 _REAL_TIME = 0.2
 
 
+def restarts(sequences: Integers, log_times_ns: Integers) -> Integers:
+    """Find where the numbering began again at 1 while time went on: a source started again.
+
+    Parameters
+    ----------
+    sequences, log_times_ns : (messages,)
+        Sequence numbers and instants of sending, in the order of sending.
+
+    Returns
+    -------
+    (restarts,)
+        Index of the first message of each new run.
+    """
+    begins = (sequences[1:] == 1) & (sequences[:-1] > 1) & (np.diff(log_times_ns) > 0)
+    return np.flatnonzero(begins) + 1
+
+
 def number_problems(sequences: Integers) -> list[str]:
     """Return what is wrong with sequence numbers.
 

@@ -29,7 +29,7 @@ from flexarm_daq.playback import PlaybackPlan
 from flexarm_daq.recording import BagWriter
 from flexarm_ident.bag_check import check_bag
 from flexarm_ident.bags import BagError, read_bag
-from flexarm_ident.timeline import clock_problems
+from flexarm_ident.timeline import clock_problems, restarts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -175,7 +175,8 @@ def test_check___missing_samples___are_counted(tmp_path: Path) -> None:
     ("numbers", "line"),
     [
         ((1, 2, 2, 3), "the numbering does not go up at 1 places, the first after number 2"),
-        ((5, 6, 1, 2), "the numbering does not go up at 1 places, the first after number 6"),
+        ((5, 6, 2, 3), "the numbering does not go up at 1 places, the first after number 6"),
+        ((1, 1, 2, 3), "the numbering does not go up at 1 places, the first after number 1"),
         ((1, 2, 6, 9), "5 samples missing at 2 places, the first after number 2"),
     ],
 )
@@ -185,6 +186,67 @@ def test_check___numbers___tell_what_is_wrong(
     messages = [arm_state(number, START_NS + k * STEP_NS) for k, number in enumerate(numbers)]
     (found,) = problems(write_bag(tmp_path / "run", messages))
     assert found.startswith(f"/flexarm/state: {line}")
+
+
+def run_of(numbers: range, start_ns: int, step_ns: int = STEP_NS) -> list[Sent]:
+    return [arm_state(number, start_ns + k * step_ns) for k, number in enumerate(numbers)]
+
+
+def test_check___sampling_started_again_at_another_rate___is_a_note(tmp_path: Path) -> None:
+    messages = [
+        *run_of(range(20, 60), START_NS, 3_333_333),
+        *run_of(range(1, 101), START_NS + 10**9),
+        *run_of(range(1, 51), START_NS + 3 * 10**9, 1_000_000),
+    ]
+    found = check_bag(write_bag(tmp_path / "run", messages))
+    assert found.problems == ()
+    assert "/flexarm/state: sampling was started again 2 times, the first after sample 59" in (
+        found.notes
+    )
+
+
+def test_check___commands_started_again___are_a_note(tmp_path: Path) -> None:
+    messages = [
+        motor_command(number, START_NS + k * STEP_NS, 0.0)
+        for k, number in enumerate((4, 5, 1, 2, 3))
+    ]
+    found = check_bag(write_bag(tmp_path / "run", messages))
+    assert found.problems == ()
+    assert "/flexarm/command: control was started again after command 5" in found.notes
+
+
+def test_check___damage_in_a_run_of_several___is_found_there(tmp_path: Path) -> None:
+    second = run_of(range(1, 101), START_NS + 10**9)
+    late = [
+        arm_state(number, START_NS + 2 * 10**9 + (number + 2 * (number > 30)) * STEP_NS)
+        for number in range(1, 61)
+    ]
+    del second[40:43]
+    messages = [*run_of(range(1, 51), START_NS), *second, *late]
+    assert problems(write_bag(tmp_path / "run", messages)) == (
+        "/flexarm/state, run 2: 3 samples missing at 1 places, the first after number 40",
+        (
+            "/flexarm/state, run 3: 2 periods of 2.000 ms without a sample at 1 places,"
+            " the first after number 30"
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("numbers", "sent", "found"),
+    [
+        ((1, 2, 1, 2, 3, 1), (0, 1, 2, 3, 4, 5), [2, 5]),
+        ((5, 6, 2, 3), (0, 1, 2, 3), []),
+        ((1, 1, 2), (0, 1, 2), []),
+        ((8, 9, 1, 2), (5, 6, 6, 7), []),
+        ((8, 9, 1, 2), (5, 6, 4, 5), []),
+        ((7,), (0,), []),
+    ],
+)
+def test_restarts___are_where_one_follows_and_time_goes_on(
+    numbers: tuple[int, ...], sent: tuple[int, ...], found: list[int]
+) -> None:
+    assert restarts(np.array(numbers), np.array(sent)).tolist() == found
 
 
 def timed(stamp_ms: list[float], sent_ms: list[float] | None = None) -> list[str]:
