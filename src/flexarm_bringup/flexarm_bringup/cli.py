@@ -6,7 +6,7 @@ import os
 
 import click
 
-from flexarm_bringup.verbs import bags, checkout, graph, models
+from flexarm_bringup.verbs import bags, checkout, graph, models, remote
 from flexarm_bringup.verbs.verb import Verbs
 
 # The matrices here are small: more threads of BLAS would only wait for each other.
@@ -25,6 +25,11 @@ def main() -> None:
 for _verb in (
     graph.demo,
     graph.up,
+    remote.reference,
+    remote.set_,
+    remote.stop,
+    remote.deactivate,
+    remote.activate,
     graph.run,
     graph.execute,
     bags.import_,

@@ -60,7 +60,7 @@ def running_graph(
     LaunchError
         When another flexarm graph is running in this domain, or a node does not start.
     """
-    with interruptible(), _initialised():
+    with interruptible(), initialised():
         node = rclpy.create_node("operator", namespace=NAMESPACE)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -78,7 +78,8 @@ def running_graph(
 
 
 @contextmanager
-def _initialised() -> Iterator[None]:
+def initialised() -> Iterator[None]:
+    """Have rclpy for a while; signals stay Python's."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         yield

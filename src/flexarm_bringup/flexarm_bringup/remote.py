@@ -1,0 +1,162 @@
+"""A graph that is running already, operated from another terminal."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import rclpy
+import yaml
+from lifecycle_msgs.msg import State
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import parameter_value_to_python
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from flexarm_bringup import terminal
+from flexarm_bringup.graph import initialised
+from flexarm_bringup.interruption import interruptible
+from flexarm_bringup.operation import NAMESPACE, Operator
+from flexarm_bringup.processes import LaunchError
+from flexarm_control.references import TRAVEL_V
+from flexarm_node import qos
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from rclpy.node import Node
+
+# A discovery that misses the first announcements hears the next ones after 3 s.
+_DISCOVERY_S = 7.0
+_ACKNOWLEDGED = Duration(seconds=3)
+
+
+def emergency_stop() -> None:
+    """Take the drive to zero until the DAQ node is activated anew.
+
+    Raises
+    ------
+    LaunchError
+        When no DAQ node is there, or it does not answer.
+    """
+    with _attached("daq") as (operator, _):
+        response = operator.call(Trigger, "emergency_stop", Trigger.Request())
+    terminal.CONSOLE.print(response.message, markup=False)
+
+
+def set_reference(reference_v: float) -> None:
+    """Publish one set-point for the controller.
+
+    Raises
+    ------
+    LaunchError
+        When it is beyond the travel, no controller is there, or that has a reference of its own.
+    """
+    if not abs(reference_v) <= TRAVEL_V:
+        raise LaunchError(f"{reference_v:g} V is beyond the travel, +-{TRAVEL_V:.3f} V")
+    with _attached("controller") as (operator, node):
+        source = _values(operator, "controller", ("reference",))["reference"]
+        if source != "topic":
+            raise LaunchError(
+                f"the controller follows its own reference, {source}: "
+                "flexarm set controller reference=topic"
+            )
+        publisher = node.create_publisher(Float64, f"{NAMESPACE}/reference", qos.NEWEST)
+        operator.acquaint("controller")
+        operator.wait(lambda: publisher.get_subscription_count() > 0, "the controller")
+        publisher.publish(Float64(data=reference_v))
+        publisher.wait_for_all_acked(_ACKNOWLEDGED)
+    terminal.CONSOLE.print(f"set-point {reference_v:g} V")
+
+
+def set_parameters(name: str, assignments: Sequence[str]) -> None:
+    """Set parameters of a running node, all or none.
+
+    Parameters
+    ----------
+    name
+        Node below the namespace, such as `controller`.
+    assignments
+        Each as NAME=VALUE.
+
+    Raises
+    ------
+    LaunchError
+        When one cannot be understood, is unknown or is refused; the node's own words then.
+    """
+    wanted = dict(_parsed(each) for each in assignments)
+    with _attached(name) as (operator, _):
+        present = _values(operator, name, tuple(wanted))
+        changes = {key: _as_kind(value, present[key]) for key, value in wanted.items()}
+        operator.set_parameters(name, changes)
+    for key, value in changes.items():
+        terminal.CONSOLE.print(f"{name} {key}: {present[key]} -> {value}", markup=False)
+
+
+def change_state(name: str, *, active: bool) -> None:
+    """Activate a managed node, configuring it if need be, or deactivate it.
+
+    Raises
+    ------
+    LaunchError
+        When it is not there or refuses.
+    """
+    with _attached(name) as (operator, _):
+        if not active:
+            operator.deactivate(name)
+        else:
+            if operator.state(name).id == State.PRIMARY_STATE_UNCONFIGURED:
+                operator.configure(name)
+            operator.activate(name)
+        state = operator.state(name).label
+    terminal.CONSOLE.print(f"{name} is {state}", markup=False)
+
+
+@contextmanager
+def _attached(name: str) -> Iterator[tuple[Operator, Node]]:
+    with interruptible(), initialised():
+        node = rclpy.create_node("remote", namespace=NAMESPACE)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        operator = Operator(node, executor, lambda: None)
+        wanted = f"{NAMESPACE}/{name}"
+        try:
+            operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
+        except LaunchError:
+            domain = os.environ.get("ROS_DOMAIN_ID", "0")
+            raise LaunchError(f"no node {wanted} in ROS domain {domain}") from None
+        yield operator, node
+
+
+def _values(operator: Operator, name: str, parameters: tuple[str, ...]) -> Mapping[str, Any]:
+    request = GetParameters.Request(names=parameters)
+    response = operator.call(GetParameters, f"{name}/get_parameters", request)
+    unknown = [
+        parameter
+        for parameter, value in zip(parameters, response.values, strict=False)
+        if value.type == ParameterType.PARAMETER_NOT_SET
+    ]
+    if unknown or len(response.values) != len(parameters):
+        raise LaunchError(f"{name} has no parameter {', '.join(unknown or parameters)}")
+    values = map(parameter_value_to_python, response.values)
+    return dict(zip(parameters, values, strict=True))
+
+
+def _parsed(assignment: str) -> tuple[str, Any]:
+    name, sign, text = assignment.partition("=")
+    if not (name and sign):
+        raise LaunchError(f"{assignment!r}: write NAME=VALUE")
+    try:
+        return name, yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise LaunchError(f"{assignment!r}: the value is none") from None
+
+
+def _as_kind(value: object, present: object) -> object:
+    """Take a whole number for a float where a float is wanted: 2 for 2.0."""
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return float(value) if whole and isinstance(present, float) else value  # type: ignore[arg-type]

@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from system_graph import ROOT
+
+from flexarm_msgs.msg import ArmState
+from flexarm_node import qos
+
+if TYPE_CHECKING:
+    from system_graph import Graph
+
+pytestmark = pytest.mark.system
+
+
+def test_verbs___operate_a_running_graph(graph: Graph) -> None:
+    def flexarm(*arguments: str) -> tuple[int, str]:
+        process = graph.run([str(ROOT / "flexarm"), *arguments])
+        return process.exit_code(), process.printed.splitlines()[-1]
+
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.NEWEST)
+    graph.start("controller", {"law": "pd", "pd.compensation_v": 0.9})
+    graph.start("daq", {"rate_hz": 100.0})
+
+    assert flexarm("activate", "daq") == (0, "daq is active")
+    assert flexarm("activate", "controller") == (0, "controller is active")
+    assert flexarm("reference", "-1.5") == (0, "set-point -1.5 V")
+    graph.wait(lambda: bool(states) and states[-1].position_v < -1.0, "the motion")
+
+    code, said = flexarm("set", "controller", "pd.kp=2", "pd.kd=900")
+    assert code == 1
+    assert said.startswith("flexarm: controller refused: ")
+    assert flexarm("set", "controller", "pd.kp=2") == (0, "controller pd.kp: 1.0 -> 2.0")
+    assert flexarm("set", "controller", "pd.kq=2") == (
+        1,
+        "flexarm: controller has no parameter pd.kq",
+    )
+
+    code, said = flexarm("stop")
+    assert code == 0
+    assert said.startswith("the drive is held at zero")
+    graph.wait(lambda: states[-1].command_v == 0.0, "the drive at zero")
+    assert flexarm("reference", "7") == (1, "flexarm: 7 V is beyond the travel, +-6.857 V")
