@@ -10,6 +10,7 @@ from bag_samples import START_NS, Sent, arm_state, motor_command, reference, wri
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 from system_graph import States
 
@@ -278,6 +279,56 @@ def test_player___stopped_and_started___goes_on_where_it_was(graph: Graph, tmp_p
     assert player.exit_code() == 0
     graph.wait(lambda: len(states) == 1000, "the rest of the bag")
     assert states == list(range(1, 1001))
+
+
+def test_player___in_a_live_graph___ends_with_one_line_and_plays_nothing(
+    graph: Graph, tmp_path: Path
+) -> None:
+    played_bag(tmp_path / "played", 100)
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    graph.start("daq", {"autostart": True, "rate_hz": 100.0})
+    graph.wait(lambda: bool(states), "a sample")
+
+    player = graph.run_node("player", {"bag": str(tmp_path / "played"), "listeners": 1})
+
+    assert player.exit_code() == 1
+    refusal = "/flexarm/state is published by /flexarm/daq: stop it, then play"
+    assert [line for line in player.printed.splitlines() if "ERROR" in line] == [
+        line for line in player.printed.splitlines() if line.endswith(refusal)
+    ]
+    assert refusal in player.printed
+    assert "played" not in player.printed.replace(str(tmp_path), "")
+    # Those of the bag have the time at which it was written.
+    assert {state.header.stamp.sec for state in states}.isdisjoint({START_NS // 10**9})
+
+
+def test_player___to_be_started_beside_a_publisher___refuses_until_it_is_gone(
+    graph: Graph, tmp_path: Path
+) -> None:
+    messages = played_bag(tmp_path / "played", 100)
+    heard: list[float] = []
+    graph.node.create_subscription(
+        Float64, "reference", lambda reference: heard.append(reference.data), qos.EVERY
+    )
+    rival = graph.node.create_publisher(Float64, "reference", qos.SENT)
+    player = graph.run_node("player", {"bag": str(tmp_path / "played"), "stopped": True})
+    graph.wait(lambda: graph.node.count_publishers("reference") == 2, "the player")
+
+    def play() -> SetBool.Response:
+        return graph.call(SetBool, "player/play", SetBool.Request(data=True))
+
+    refused = play()
+    assert not refused.success
+    assert refused.message == (
+        "/flexarm/reference is published by /flexarm/tester: stop it, then play"
+    )
+
+    graph.node.destroy_publisher(rival)
+    graph.wait(lambda: play().success, "the start")
+    assert player.exit_code() == 0
+    assert f"played {len(messages)} messages" in player.printed
+    graph.wait(lambda: heard == [3.0], "the set-point of the bag")
 
 
 def test_payload___changed_while_active___leaves_the_arm_where_it_is(

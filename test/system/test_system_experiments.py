@@ -11,6 +11,7 @@ import pytest
 from system_graph import ROOT, States
 
 from flexarm_daq.excitation import BOUND_V
+from flexarm_ident.bag_check import check_bag
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -52,21 +53,54 @@ def test_experiments___are_recorded_as_the_tables_say_and_repeat_themselves(
     controlled = States(tmp_path / "first" / "R_dat7")
     assert controlled.volts[-300:, 0].mean() == pytest.approx(3.0, abs=0.06)
 
-    again = run(graph, tmp_path / "again", "R_dat7", "O_dat5")
-    for name in ("R_dat7", "O_dat5"):
-        assert again[name] == first[name]
+    sign_of_the_old_one = tmp_path / "first" / "R_dat7" / "notes.txt"
+    sign_of_the_old_one.touch()
+    again = run(graph, tmp_path / "first", "R_dat7", "O_dat5", "--overwrite")
+    assert again == first
+    assert not sign_of_the_old_one.exists()
+    left = {path.name for path in (tmp_path / "first").iterdir()}
+    assert left == {*first, "experiments.json", "nodes.log"}
+    assert not check_bag(tmp_path / "first" / "R_dat7").problems
 
 
-def test_experiment_interrupted___leaves_neither_process_nor_bag(
+def test_experiment_interrupted___keeps_its_part_and_the_old_bag_and_leaves_no_process(
     graph: Graph, tmp_path: Path
 ) -> None:
-    process = graph.run([*COMMAND, "C_dat3", "-o", str(tmp_path / "out")])
+    out = tmp_path / "out"
+    old = out / "C_dat3" / "metadata.yaml"
+    old.parent.mkdir(parents=True)
+    old.write_text("an old bag")
+
+    process = graph.run([*COMMAND, "C_dat3", "--overwrite", "-o", str(out)])
     process.wait_for("10 % sampling")
     process.send(signal.SIGINT)
 
     assert process.exit_code() == 130
-    assert not (tmp_path / "out" / "C_dat3").exists()
     assert graph.survivors() == []
+    assert {path.name for path in out.iterdir()} == {"C_dat3", "C_dat3.partial", "nodes.log"}
+    assert old.read_text() == "an old bag"
+    kept = f"what was recorded until then is kept in {out / 'C_dat3.partial'}"
+    assert process.printed.splitlines()[-2:] == [kept, "flexarm: interrupted"]
+    sequence = States(out / "C_dat3.partial").sequence
+    assert sequence.tolist() == list(range(1, len(sequence) + 1))
+    assert len(sequence) >= 1200
+
+
+def test_experiment_overwriting___when_no_node_can_start___leaves_the_old_bag(
+    graph: Graph, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    old = out / "O_dat5" / "metadata.yaml"
+    old.parent.mkdir(parents=True)
+    old.write_text("an old bag")
+    (out / "nodes.log").mkdir()
+
+    process = graph.run([*COMMAND, "O_dat5", "--fast", "--overwrite", "-o", str(out)])
+
+    assert process.exit_code() == 1
+    assert "nodes.log" in process.printed
+    assert old.read_text() == "an old bag"
+    assert {path.name for path in out.iterdir()} == {"O_dat5", "nodes.log"}
 
 
 @pytest.mark.parametrize(
@@ -74,12 +108,15 @@ def test_experiment_interrupted___leaves_neither_process_nor_bag(
     [
         (["X_dat1"], "no experiment 'X_dat1'; there are O_dat1 to O_dat14"),
         (["O_dat1"], "O_dat1 is there already: --overwrite replaces it"),
+        (["O_dat3", "O_dat2", "O_dat3"], "O_dat3 is named 2 times: name each experiment once"),
+        (["O_dat4", "--overwrite"], "O_dat4.new is there: another run records into it"),
     ],
 )
 def test_experiment_that_cannot_be___is_refused_in_one_line(
     graph: Graph, tmp_path: Path, arguments: list[str], complaint: str
 ) -> None:
-    (tmp_path / "O_dat1").mkdir()
+    for name in ("O_dat1", "O_dat4.new"):
+        (tmp_path / name).mkdir()
 
     process = graph.run([*COMMAND, *arguments, "-o", str(tmp_path)])
 

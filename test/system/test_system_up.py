@@ -4,6 +4,7 @@ import signal
 from typing import TYPE_CHECKING
 
 import pytest
+from std_msgs.msg import Float64
 from system_graph import ROOT, States
 
 from flexarm_msgs.msg import ArmState
@@ -30,9 +31,34 @@ def test_up___samples_and_records_until_ctrl_c(graph: Graph, tmp_path: Path) -> 
     process.send(signal.SIGINT)
 
     assert process.exit_code() == 0, process.printed
-    assert process.printed.splitlines()[-2:] == ["stopping", f"recorded in {bag}"]
+    lines = [line for line in process.printed.splitlines() if not line.startswith("[WARN]")]
+    assert lines[-3:] == [
+        "stopping",
+        f"recorded in {bag}",
+        f"what the nodes printed is in {bag}.log",
+    ]
+    assert f"recording to {bag}" in bag.with_name("bag.log").read_text()
     states = States(bag)
     assert states.sequence[0] == 1
     assert states.sequence[-1] >= last
     assert (states.sequence[1:] - states.sequence[:-1] == 1).all()
     assert states.command_v.any()
+
+
+def test_up___set_point_out_of_travel___is_refused_on_the_terminal(graph: Graph) -> None:
+    publisher = graph.node.create_publisher(Float64, "/flexarm/reference", qos.SENT)
+    process = graph.run([str(ROOT / "flexarm"), "up"])
+    process.wait_for("/flexarm is up")
+    refusal = "[flexarm.controller]: reference 9.5 V refused: the travel is"
+
+    def is_refused() -> bool:
+        publisher.publish(Float64(data=9.5))
+        return refusal in process.printed
+
+    graph.wait(is_refused, "the refusal")
+    process.send(signal.SIGINT)
+
+    assert process.exit_code() == 0, process.printed
+    (*_, last) = process.printed.splitlines()
+    assert last == "stopping" or last.startswith("[")
+    assert "[INFO]" not in process.printed

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
+from collections import Counter
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from rich.table import Table
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
 from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.records import new_record, put_in_place, workplace
 from flexarm_daq.catalogue import KINDS, catalogue
 from flexarm_daq.limiter import LimiterSettings
 from flexarm_ident.bags import read_bag_report
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
     from flexarm_bringup.operation import Operator
     from flexarm_daq.catalogue import Experiment
+    from flexarm_ident.alignment import BagReading
 
 MANIFEST = "experiments.json"
 _NODES = ("recorder", "controller", "experiment", "daq")
@@ -45,7 +48,7 @@ class ExperimentSettings:
     fast
         Virtual time instead of real time.
     overwrite
-        Replace bags that are there.
+        Replace bags that are there, each when its new record is complete.
     """
 
     folder: Path
@@ -58,10 +61,12 @@ class ExperimentSettings:
 def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings) -> None:
     """Run experiments one after the other and describe the bags in a manifest.
 
+    What was recorded of an experiment that does not come to its end is kept as `NAME.partial`.
+
     Raises
     ------
     LaunchError
-        When a bag is there already, or a node does not do its part.
+        When an experiment is named twice, a bag is there already, or a node does not do its part.
     """
     folder = settings.folder.absolute()
     _make_room(folder, entries, overwrite=settings.overwrite)
@@ -71,16 +76,20 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     time = "virtual" if settings.fast else "real"
     parameters = {"daq": {"time": time, "seed": settings.seed}}
     log = folder / "nodes.log"
-    with running_graph(parameters, log, nodes=_NODES, active=()) as (operator, _):
+    # A record is settled when the recorder has closed it: after the graph.
+    with (
+        ExitStack() as records,
+        running_graph(parameters, log, nodes=_NODES, active=()) as (operator, _),
+    ):
         for number, entry in enumerate(entries, start=1):
             terminal.step(f"{number} of {len(entries)}: {entry.name}, {_words(entry)}")
             bag = folder / entry.name
-            try:
-                _record(operator, entry, bag, settings)
-            except BaseException:
-                shutil.rmtree(bag, ignore_errors=True)
-                raise
-            _describe(folder, entry, bag, settings)
+            record = records.enter_context(new_record(bag))
+            said = _record(operator, entry, record, settings)
+            reading = read_bag_report(record)
+            put_in_place(record, bag)
+            terminal.CONSOLE.print(f"  recorded {said.replace(str(record), str(bag))}")
+            _describe(folder, entry, reading, settings)
     terminal.step(f"{len(entries)} bags in {settings.folder}, described in {MANIFEST}")
 
 
@@ -100,14 +109,24 @@ def show_catalogue() -> None:
 
 
 def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) -> None:
-    for bag in (folder / entry.name for entry in entries):
+    for name, times in Counter(entry.name for entry in entries).items():
+        bag = folder / name
+        if times > 1:
+            raise LaunchError(f"{name} is named {times} times: name each experiment once")
         if bag.exists() and not overwrite:
             raise LaunchError(f"{bag} is there already: --overwrite replaces it, -o names another")
-        shutil.rmtree(bag, ignore_errors=True)
+        if bag.is_file():
+            raise LaunchError(f"{bag} is a file: only a folder is replaced")
+        if workplace(bag).exists():
+            raise LaunchError(
+                f"{workplace(bag)} is there: another run records into it, or it was left by one "
+                "that was killed; move or remove it"
+            )
     folder.mkdir(parents=True, exist_ok=True)
 
 
-def _record(operator: Operator, entry: Experiment, bag: Path, settings: ExperimentSettings) -> None:
+def _record(operator: Operator, entry: Experiment, bag: Path, settings: ExperimentSettings) -> str:
+    """Record one experiment and return what the recorder says about it."""
     payload_kg = entry.payload_kg if settings.payload_kg is None else settings.payload_kg
     operator.set_parameters("daq", {"rate_hz": float(entry.rate_hz), "payload_kg": payload_kg})
     commander = "controller" if entry.closed_loop else "experiment"
@@ -117,7 +136,7 @@ def _record(operator: Operator, entry: Experiment, bag: Path, settings: Experime
     with terminal.progress_bar("sampling", entry.samples) as progress:
         operator.sample(entry.samples, progress)
     operator.deactivate(commander)
-    terminal.CONSOLE.print(f"  recorded {operator.record(None)}")
+    return operator.record(None)
 
 
 def commander_parameters(entry: Experiment, seed: int) -> dict[str, Any]:
@@ -140,9 +159,10 @@ def _words(entry: Experiment) -> str:
     return f"{entry.input_text}, {entry.samples} samples at {entry.rate_hz:g} Hz"
 
 
-def _describe(folder: Path, entry: Experiment, bag: Path, settings: ExperimentSettings) -> None:
+def _describe(
+    folder: Path, entry: Experiment, reading: BagReading, settings: ExperimentSettings
+) -> None:
     """Add what a bag holds to the manifest; the hash is over the samples, not over the file."""
-    reading = read_bag_report(bag)
     data = reading.data
     digest = hashlib.sha256(data.u.tobytes())
     digest.update(data.y.tobytes())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 _PATIENCE_S = 8.0
+_LOGGER = re.compile(r"\[flexarm\.(\w+)")
 
 
 class LaunchError(RuntimeError):
@@ -124,21 +126,26 @@ class NodeProcesses:
         Raises
         ------
         LaunchError
-            With the last line that was printed.
+            With the last line that was printed, unless another node logged it.
         """
         for process in self._processes:
             if process.poll() is not None:
-                ended = f"{_name(process)} ended with exit code {process.returncode}"
-                raise LaunchError(f"{ended}: {self.last_line()}")
+                name = _name(process)
+                reason = self._reason(name.removesuffix("_node"))
+                raise LaunchError(f"{name} ended with exit code {process.returncode}{reason}")
 
     def cpu_s(self) -> dict[str, float]:
         """Return the CPU time that each has used, by the name of its executable."""
         return {_name(each): _cpu_s(each.pid) for each in self._processes}
 
-    def last_line(self) -> str:
-        """Return the last line that any of them printed."""
+    def _reason(self, node: str) -> str:
+        """Return the end of the log, to be added to a sentence; empty when it is another's."""
         lines = self.log.read_text(errors="replace").strip().splitlines()
-        return lines[-1] if lines else f"it printed nothing ({self.log})"
+        if not lines:
+            return f": it printed nothing ({self.log})"
+        # The last line of a traceback names no node.
+        logger = _LOGGER.search(lines[-1])
+        return f": {lines[-1]}" if logger is None or logger[1] == node else ""
 
 
 def _name(process: subprocess.Popen[bytes]) -> str:

@@ -9,9 +9,11 @@ from typing import Any
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
 
+_COMPLAINTS = ("[WARN]", "[ERROR]", "[FATAL]")
+
 
 def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | None) -> None:
-    """Start daq, controller, recorder and ident; sample until Ctrl-C.
+    """Start daq, controller, recorder and ident; sample until Ctrl-C, show what they complain of.
 
     Parameters
     ----------
@@ -20,7 +22,7 @@ def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | 
     reference
         `topic`, or the name of a built-in profile.
     bag
-        Folder to record into; None records nothing.
+        Folder to record into, with what the nodes print beside it; None records nothing.
 
     Raises
     ------
@@ -32,19 +34,45 @@ def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | 
         "controller": {"law": "pdpc", "reference": reference},
         "recorder": {"bag": str(bag.absolute())} if bag else {},
     }
-    with (
-        TemporaryDirectory(prefix="flexarm_") as folder,
-        running_graph(parameters, Path(folder, "nodes.log")) as (operator, processes),
-    ):
-        operator.activate("daq")
-        terminal.CONSOLE.print(
-            f"/flexarm is up: PDPC at {rate_hz:g} Hz, reference: {reference}. Ctrl-C ends it."
-        )
+    with TemporaryDirectory(prefix="flexarm_") as folder:
+        log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
+        complaints = _Complaints(log)
         try:
-            operator.wait(lambda: False, "nothing", timeout_s=float("inf"))
-        except KeyboardInterrupt:
-            terminal.CONSOLE.print("stopping")
+            with running_graph(parameters, log.absolute()) as (operator, processes):
+                operator.activate("daq")
+                terminal.CONSOLE.print(
+                    f"/flexarm is up: PDPC at {rate_hz:g} Hz, reference: {reference}. "
+                    "Ctrl-C ends it."
+                )
+                try:
+                    operator.wait(complaints.shown, "nothing", timeout_s=float("inf"))
+                except KeyboardInterrupt:
+                    terminal.CONSOLE.print("stopping")
+                finally:
+                    processes.check()
         finally:
-            processes.check()
+            complaints.shown()
     if bag:
         terminal.CONSOLE.print(f"recorded in {bag}", markup=False)
+        terminal.CONSOLE.print(f"what the nodes printed is in {log}", markup=False)
+
+
+class _Complaints:
+    """The warnings and errors in a growing log, each shown once."""
+
+    def __init__(self, log: Path) -> None:
+        self._log = log
+        self._read = log.stat().st_size if log.is_file() else 0
+
+    def shown(self) -> bool:
+        """Show the new ones; return False, a condition to wait for that never holds."""
+        if self._log.is_file():
+            with self._log.open("rb") as log:
+                log.seek(self._read)
+                # A line that is being written is left to the next time.
+                new, newline, _ = log.read().rpartition(b"\n")
+            self._read += len(new + newline)
+            for line in new.decode(errors="replace").splitlines():
+                if any(level in line for level in _COMPLAINTS):
+                    terminal.CONSOLE.print(line, markup=False)
+        return False

@@ -1,5 +1,6 @@
 """The player: publishes the messages of a bag with their original timing, then ends.
 
+It plays no topic that another node publishes: two sources of samples would move the arm.
 The service `~/play` stops and starts it. It can stand in for the DAQ node: then it publishes the
 samples only, stamped and numbered as if they were taken now, so that a controller answers them and
 a recorder records both.
@@ -45,6 +46,8 @@ PARAMETERS = (
 
 _SAMPLES = frozenset({"flexarm_msgs/msg/ArmState", "flexarm_msgs/msg/IoSample"})
 _STANDS_IN = _SAMPLES | {"flexarm_msgs/msg/ChannelInfo"}
+# The middleware repeats after 3 s what a node did not hear at once: 0.1 s to 3.0 s were seen.
+_DISCOVERY_S = 4.0
 
 
 class PlayerNode(Node):
@@ -81,6 +84,8 @@ class PlayerNode(Node):
         self._stopping = threading.Event()
         self._listeners = max(1, values["listeners"])
         self._wanted = not values["stopped"]
+        self._ready = threading.Event()
+        self.failure = ""
         self.create_service(SetBool, "~/play", self._on_play)
         self._thread = threading.Thread(target=self._play, daemon=True, name="playing")
         self._thread.start()
@@ -92,8 +97,15 @@ class PlayerNode(Node):
         self._thread.join()
 
     def _play(self) -> None:
+        self._stopping.wait(_DISCOVERY_S)
         wait_until(lambda: self._stopping.is_set() or self._is_heard())
+        self._ready.set()
         if self._wanted:
+            self.failure = self._rivalry()
+            if self.failure:
+                self.get_logger().error(self.failure)
+                request_stop()
+                return
             self._pacer.start()
         stand_ins = {topic: StandIn(time.time_ns()) for topic in self._samples}
         count = 0
@@ -113,6 +125,11 @@ class PlayerNode(Node):
         request_stop()
 
     def _on_play(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if request.data and not self._pacer.running:
+            self._ready.wait()
+            response.message = self._rivalry()
+            if response.message:
+                return response
         self._wanted = request.data
         if request.data:
             self._pacer.start()
@@ -122,6 +139,20 @@ class PlayerNode(Node):
         word = "playing" if request.data else "stopped"
         response.message = f"{word} at {self._pacer.position_s:.3f} s"
         return response
+
+    def _rivalry(self) -> str:
+        """Return why nothing may be played: which topic others publish; empty when none."""
+        own = (self.get_namespace(), self.get_name())
+        for topic, publisher in self._publishers_of.items():
+            infos = self.get_publishers_info_by_topic(topic)
+            nodes = [(info.node_namespace, info.node_name) for info in infos]
+            # One of that name is this node; a second one is another player.
+            if own in nodes:
+                nodes.remove(own)
+            if nodes:
+                names = ", ".join(sorted({f"{space.rstrip('/')}/{name}" for space, name in nodes}))
+                return f"{publisher.topic_name} is published by {names}: stop it, then play"
+        return ""
 
     def _is_heard(self) -> bool:
         """Return whether enough listen to a topic, and everybody who does is matched."""
@@ -152,5 +183,11 @@ def _qos(topic: PlayedTopic) -> QoSProfile:
 
 
 def main() -> int:
-    """Run the node."""
-    return run(PlayerNode)
+    """Run the node; a play that was refused is an error of the process."""
+    nodes: list[PlayerNode] = []
+
+    def make_node() -> PlayerNode:
+        nodes.append(PlayerNode())
+        return nodes[0]
+
+    return run(make_node) or int(any(node.failure for node in nodes))

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
 import yaml
 
 from flexarm_bringup import processes
-from flexarm_bringup.processes import NodeProgram
+from flexarm_bringup.processes import LaunchError, NodeProcesses, NodeProgram
 
 
 @pytest.mark.parametrize(
@@ -29,3 +30,40 @@ def test_node_program___parameter___is_read_back_as_given(
     name, _, text = command[3].partition(":=")
     assert name == "bag"
     assert yaml.safe_load(text) == read
+
+
+def check_until_it_ends(nodes: NodeProcesses) -> None:
+    deadline_s = time.monotonic() + 60.0
+    while time.monotonic() < deadline_s:
+        nodes.check()
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("printed", "quoted"),
+    [
+        ([], "it printed nothing"),
+        (
+            ["[INFO] [1.5] [flexarm.daq]: ready", "[ERROR] [2.5] [flexarm.rig]: torn"],
+            "[ERROR] [2.5] [flexarm.rig]: torn",
+        ),
+        (["[INFO] [1.5] [flexarm.daq]: ready", "ValueError: torn"], "ValueError: torn"),
+        (["[ERROR] [1.5] [flexarm.rig]: torn", "[INFO] [2.5] [flexarm.daq]: at zero"], ""),
+    ],
+    ids=["nothing", "its_own", "a_traceback", "another_node"],
+)
+def test_node_that_ended___last_line___is_quoted_unless_another_node_logged_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, printed: list[str], quoted: str
+) -> None:
+    node = tmp_path / "rig_node"
+    node.write_text("\n".join(["#!/bin/sh", *(f"echo '{line}'" for line in printed), "exit 3"]))
+    node.chmod(0o755)
+    monkeypatch.setattr(processes, "find_executable", lambda *_: node)
+    with (
+        NodeProcesses([NodeProgram("any", "rig_node", {})], tmp_path / "nodes.log") as nodes,
+        pytest.raises(LaunchError) as error,
+    ):
+        check_until_it_ends(nodes)
+    said, ended = str(error.value), "rig_node ended with exit code 3"
+    assert said.startswith(f"{ended}: {quoted}" if quoted else ended)
+    assert quoted or said == ended

@@ -1,0 +1,74 @@
+"""A record beside the bag that it becomes: nothing is replaced before the new one is complete."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from flexarm_bringup import terminal
+from flexarm_ident.bag_check import check_bag
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+def workplace(bag: Path) -> Path:
+    """Return the folder in which the record of a bag is made."""
+    return bag.with_name(f"{bag.name}.new")
+
+
+@contextmanager
+def new_record(bag: Path) -> Iterator[Path]:
+    """Give the path to record a bag at; afterwards keep what was not put into its place.
+
+    Messages of a record that was not completed are kept as `BAG.partial`, instead of an older one.
+
+    Parameters
+    ----------
+    bag
+        Where the complete record belongs.
+
+    Raises
+    ------
+    FileExistsError
+        When its workplace is there already.
+    """
+    # The name of a bag is also that of the file in it.
+    record = workplace(bag) / bag.name
+    record.parent.mkdir()
+    try:
+        yield record
+    finally:
+        if _replaced(record).exists() and not bag.exists():
+            _replaced(record).rename(bag)
+        if record.exists() and check_bag(record).messages:
+            partial = bag.with_name(f"{bag.name}.partial")
+            shutil.rmtree(partial, ignore_errors=True)
+            record.rename(partial)
+            terminal.CONSOLE.print(
+                f"what was recorded until then is kept in {partial}", markup=False
+            )
+        shutil.rmtree(record.parent, ignore_errors=True)
+
+
+def put_in_place(record: Path, bag: Path) -> None:
+    """Put a complete record where it belongs; a bag that was there is removed after that.
+
+    Parameters
+    ----------
+    record
+        From `new_record`.
+    bag
+        Where it belongs.
+    """
+    if bag.exists():
+        bag.rename(_replaced(record))
+    record.rename(bag)
+    shutil.rmtree(record.parent)
+
+
+def _replaced(record: Path) -> Path:
+    """Return where the old bag is until the new one is in its place."""
+    return record.with_name(f"{record.name}.old")

@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+from bag_samples import START_NS, Sent, arm_state, recorded_topics, write_bag
+
+from flexarm_bringup.records import new_record, put_in_place, workplace
+from flexarm_daq.recording import BagWriter
+from flexarm_ident.bag_check import check_bag
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def samples(count: int) -> list[Sent]:
+    return [arm_state(k + 1, START_NS + k * 10_000_000) for k in range(count)]
+
+
+def messages_in(folder: Path) -> dict[str, int]:
+    """Return what is in each entry of a folder of bags; none of them has a problem."""
+    found = {path.name: check_bag(path) for path in folder.iterdir()}
+    assert not any(bag.problems for bag in found.values())
+    return {name: bag.messages for name, bag in found.items()}
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_new_record___complete___is_the_bag_and_nothing_else_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], *, old: bool
+) -> None:
+    bag = tmp_path / "run"
+    if old:
+        write_bag(bag, samples(5))
+    with new_record(bag) as record:
+        put_in_place(write_bag(record, samples(20)), bag)
+    assert messages_in(tmp_path) == {"run": 20}
+    assert [file.name for file in bag.glob("*.mcap")] == ["run_0.mcap"]
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_new_record___not_completed___is_kept_as_the_only_partial_beside_the_old_bag(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], error: type[BaseException]
+) -> None:
+    bag, partial = write_bag(tmp_path / "run", samples(5)), tmp_path / "run.partial"
+    write_bag(partial, samples(7))
+    with pytest.raises(error), new_record(bag) as record:  # noqa: PT012 - as in a run
+        write_bag(record, samples(20))
+        raise error
+    assert messages_in(tmp_path) == {"run": 5, "run.partial": 20}
+    said = capsys.readouterr().out
+    assert said == f"what was recorded until then is kept in {partial}\n"
+
+
+def test_new_record___its_recorder_was_killed___is_kept(tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    with new_record(bag) as record:
+        writer = BagWriter(record, recorded_topics(samples(1)))
+        for message in samples(20):
+            writer.write(message.topic, message.raw, message.time_ns, message.time_ns)
+        writer.flush()
+    assert check_bag(tmp_path / "run.partial").messages == 20
+
+
+@pytest.mark.parametrize("opened", [False, True])
+def test_new_record___without_a_message___leaves_everything_as_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], *, opened: bool
+) -> None:
+    bag = write_bag(tmp_path / "run", samples(5))
+    write_bag(tmp_path / "run.partial", samples(7))
+    with new_record(bag) as record:
+        if opened:
+            BagWriter(record, recorded_topics(samples(1))).close()
+    assert messages_in(tmp_path) == {"run": 5, "run.partial": 7}
+    assert capsys.readouterr().out == ""
+
+
+def test_new_record___interrupted_between_the_two_renames___loses_neither_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = write_bag(tmp_path / "run", samples(5))
+    path_type = type(bag)
+    rename = path_type.rename
+
+    def interrupted(self: Path, target: Path) -> Path:
+        moved = rename(self, target)
+        if self == bag:
+            raise KeyboardInterrupt
+        return moved
+
+    with pytest.raises(KeyboardInterrupt), new_record(bag) as record:  # noqa: PT012 - as in a run
+        write_bag(record, samples(20))
+        monkeypatch.setattr(path_type, "rename", interrupted)
+        put_in_place(record, bag)
+    assert messages_in(tmp_path) == {"run": 5, "run.partial": 20}
+
+
+def test_new_record___interrupted_while_the_old_bag_is_removed___is_the_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = write_bag(tmp_path / "run", samples(5))
+
+    def interrupted(_: Path) -> None:
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), new_record(bag) as record:  # noqa: PT012 - as in a run
+        write_bag(record, samples(20))
+        monkeypatch.setattr(shutil, "rmtree", interrupted)
+        put_in_place(record, bag)
+    assert messages_in(tmp_path) == {"run": 20}
+
+
+def test_new_record___workplace_of_another_run___is_left_alone(tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    write_bag(workplace(bag), samples(5))
+    with pytest.raises(FileExistsError), new_record(bag):
+        pass
+    assert messages_in(tmp_path) == {"run.new": 5}
