@@ -11,7 +11,10 @@ pytestmark = pytest.mark.system
 SOURCES = Path(__file__).parents[2] / "src"
 COMPUTING_PACKAGES = ("flexarm_node", "flexarm_daq", "flexarm_ident", "flexarm_control")
 CONNECTING = {
-    *(f"flexarm_node.{name}" for name in ("waiting", "qos", "parameters", "process", "loop_node")),
+    *(
+        f"flexarm_node.{name}"
+        for name in ("waiting", "qos", "parameters", "process", "loop_node", "transport")
+    ),
     "flexarm_daq.rigs",
 }
 """What talks to ROS beside the nodes themselves."""

@@ -14,9 +14,9 @@ _CHECKS = (
     ("lint", ["ruff", "check"]),
     ("format", ["ruff", "format", "--check"]),
     ("types", ["mypy"]),
-    # Nodes of system tests keep the time: they have the machine to themselves.
     ("unit tests", ["pytest", "--numprocesses", "auto", "--ignore", "test/system"]),
-    ("system tests", ["pytest", "test/system"]),
+    # Their nodes wait more than they work, and some keep the time: two at once, on any machine.
+    ("system tests", ["pytest", "--numprocesses", "2", "--dist", "loadfile", "test/system"]),
 )
 # A file control.py would hide the package of that name.
 _FILES = {"control": "control_laws"}

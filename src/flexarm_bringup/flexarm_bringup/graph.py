@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import time
 from contextlib import contextmanager
+from pathlib import Path
+from tempfile import gettempdir
 from typing import TYPE_CHECKING
 
 import rclpy
@@ -18,7 +21,6 @@ from flexarm_bringup.processes import LaunchError, NodeProcesses, NodeProgram
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
     from typing import Any
 
 _DISCOVERY_S = 0.7
@@ -60,7 +62,7 @@ def running_graph(
     LaunchError
         When another flexarm graph is running in this domain, or a node does not start.
     """
-    with interruptible(), initialised():
+    with interruptible(), _claimed_domain(), initialised():
         node = rclpy.create_node("operator", namespace=NAMESPACE)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -87,12 +89,40 @@ def initialised() -> Iterator[None]:
         try_shutdown()
 
 
+@contextmanager
+def _claimed_domain() -> Iterator[None]:
+    """Keep a second graph of this machine out of the domain: discovery may take seconds to see it.
+
+    Graphs of other users and nodes that were started by hand are left to discovery.
+    """
+    try:
+        claim = os.open(Path(gettempdir(), f"flexarm_domain_{_domain()}"), os.O_RDWR | os.O_CREAT)
+    except PermissionError:
+        yield
+        return
+    try:
+        fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise LaunchError(_taken("a graph")) from None
+    else:
+        yield
+    finally:
+        os.close(claim)
+
+
 def _require_free_domain(operator: Operator) -> None:
     time.sleep(_DISCOVERY_S)
     others = operator.nodes() & {f"{NAMESPACE}/{name}" for name in _NODES}
     if others:
-        domain = os.environ.get("ROS_DOMAIN_ID", "0")
-        raise LaunchError(
-            f"{', '.join(sorted(others))} runs already in ROS domain {domain}: "
-            "stop it, or set ROS_DOMAIN_ID to another number"
-        )
+        raise LaunchError(_taken(", ".join(sorted(others))))
+
+
+def _taken(by: str) -> str:
+    return (
+        f"{by} runs already in ROS domain {_domain()}: "
+        "stop it, or set ROS_DOMAIN_ID to another number"
+    )
+
+
+def _domain() -> str:
+    return os.environ.get("ROS_DOMAIN_ID", "0")

@@ -9,7 +9,8 @@ from typing import Any
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
 
-_COMPLAINTS = ("[WARN]", "[ERROR]", "[FATAL]")
+_ERRORS = ("[ERROR]", "[FATAL]")
+_COMPLAINTS = ("[WARN]", *_ERRORS)
 
 
 def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | None) -> None:
@@ -51,7 +52,8 @@ def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | 
                 finally:
                     processes.check()
         finally:
-            complaints.shown()
+            # A node that stops before another one makes that warn.
+            complaints.show(_ERRORS)
     if bag:
         terminal.CONSOLE.print(f"recorded in {bag}", markup=False)
         terminal.CONSOLE.print(f"what the nodes printed is in {log}", markup=False)
@@ -66,13 +68,18 @@ class _Complaints:
 
     def shown(self) -> bool:
         """Show the new ones; return False, a condition to wait for that never holds."""
-        if self._log.is_file():
-            with self._log.open("rb") as log:
-                log.seek(self._read)
-                # A line that is being written is left to the next time.
-                new, newline, _ = log.read().rpartition(b"\n")
-            self._read += len(new + newline)
-            for line in new.decode(errors="replace").splitlines():
-                if any(level in line for level in _COMPLAINTS):
-                    terminal.CONSOLE.print(line, markup=False)
+        self.show(_COMPLAINTS)
         return False
+
+    def show(self, levels: tuple[str, ...]) -> None:
+        """Show the new ones of these levels."""
+        if not self._log.is_file():
+            return
+        with self._log.open("rb") as log:
+            log.seek(self._read)
+            # A line that is being written is left to the next time.
+            new, newline, _ = log.read().rpartition(b"\n")
+        self._read += len(new + newline)
+        for line in new.decode(errors="replace").splitlines():
+            if any(level in line for level in levels):
+                terminal.CONSOLE.print(line, markup=False)
