@@ -4,9 +4,11 @@ import signal
 from typing import TYPE_CHECKING
 
 import pytest
+from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Float64
 from system_graph import ROOT, States
 
+from flexarm_ident.model_io import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 
@@ -22,9 +24,15 @@ def test_up___samples_and_records_until_ctrl_c(graph: Graph, tmp_path: Path) -> 
     bag = tmp_path / "new" / "bag"
     heard: list[ArmState] = []
     graph.node.create_subscription(ArmState, "/flexarm/state", heard.append, qos.NEWEST)
-    arguments = ("--rate", "100", "--payload", "0.2", "--reference", "square", "--bag", str(bag))
-    process = graph.run([str(ROOT / "flexarm"), "up", *arguments])
-    process.wait_for("/flexarm is up: PDPC at 100 Hz, reference: square. Ctrl-C ends it.")
+    gains = tmp_path / "gains.yaml"
+    write_parameter_file(gains, {"pdp.kp": 0.75}, node="/flexarm/controller")
+    options = ("--rate", "100", "--payload", "0.2", "--reference", "square", "--bag", str(bag))
+    control = ("--law", "pdp", "--params-file", str(gains))
+    process = graph.run([str(ROOT / "flexarm"), "up", *options, *control])
+    process.wait_for("/flexarm is up: pdp at 100 Hz, reference: square. Ctrl-C ends it.")
+    request = GetParameters.Request(names=["pdp.kp"])
+    response = graph.call(GetParameters, "controller/get_parameters", request)
+    assert response.values[0].double_value == 0.75
     graph.wait(lambda: any(state.command_v for state in heard), "a driven sample")
     second = graph.run([str(ROOT / "flexarm"), "up"])
     assert second.exit_code() == 1

@@ -43,6 +43,7 @@ def running_graph(
     *,
     nodes: Sequence[str] = LABORATORY,
     active: Sequence[str] = ("controller",),
+    files: tuple[Path, ...] = (),
 ) -> Iterator[tuple[Operator, NodeProcesses]]:
     """Start nodes, configure the managed ones, and stop all of them at the end.
 
@@ -56,6 +57,8 @@ def running_graph(
         Which ones, in this order.
     active
         Which of them to activate.
+    files
+        Parameter files for all of them; a node takes what is under its name.
 
     Raises
     ------
@@ -66,7 +69,7 @@ def running_graph(
         node = rclpy.create_node("operator", namespace=NAMESPACE)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        programs = [NodeProgram(*_NODES[name], parameters.get(name, {})) for name in nodes]
+        programs = [NodeProgram(*_NODES[name], parameters.get(name, {}), files) for name in nodes]
         processes = NodeProcesses(programs, log)
         operator = Operator(node, executor, processes.check)
         _require_free_domain(operator)

@@ -36,17 +36,22 @@ class NodeProgram:
         As for `ros2 run`.
     parameters
         Values to start with.
+    files
+        Parameter files to start with; `parameters` come after them.
     """
 
     package: str
     executable: str
     parameters: Mapping[str, Any]
+    files: tuple[Path, ...] = ()
 
     def command(self) -> list[str]:
         """Return the command line that starts it."""
         line = [str(find_executable(self.package, self.executable))]
-        if self.parameters:
+        if self.parameters or self.files:
             line.append("--ros-args")
+        for file in self.files:
+            line += ["--params-file", str(file)]
         for name, value in self.parameters.items():
             line += ["-p", f"{name}:={_as_yaml(value)}"]
         return line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,37 +14,58 @@ _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
 
 
-def run_graph(*, payload_kg: float, rate_hz: float, reference: str, bag: Path | None) -> None:
-    """Start daq, controller, recorder and ident; sample until Ctrl-C, show what they complain of.
+@dataclass(frozen=True)
+class UpSettings:
+    """What a graph starts with.
 
-    Parameters
+    Attributes
     ----------
     payload_kg, rate_hz
         Of the simulated rig.
+    law
+        Law of the controller, by its name.
     reference
         `topic`, or the name of a built-in profile.
     bag
         Folder to record into, with what the nodes print beside it; None records nothing.
+    parameter_files
+        As for `--params-file` of ROS 2, such as the gains from `tune`.
+    """
+
+    payload_kg: float
+    rate_hz: float
+    law: str
+    reference: str
+    bag: Path | None
+    parameter_files: tuple[Path, ...]
+
+
+def run_graph(settings: UpSettings) -> None:
+    """Start daq, controller, recorder and ident; sample until Ctrl-C, show what they complain of.
 
     Raises
     ------
     LaunchError
         When a node does not start or ends by itself.
     """
+    bag = settings.bag
     parameters: dict[str, dict[str, Any]] = {
-        "daq": {"payload_kg": payload_kg, "rate_hz": rate_hz},
-        "controller": {"law": "pdpc", "reference": reference},
+        "daq": {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz},
+        "controller": {"law": settings.law, "reference": settings.reference},
         "recorder": {"bag": str(bag.absolute())} if bag else {},
     }
     with TemporaryDirectory(prefix="flexarm_") as folder:
         log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
         complaints = _Complaints(log)
         try:
-            with running_graph(parameters, log.absolute()) as (operator, processes):
+            with running_graph(parameters, log.absolute(), files=settings.parameter_files) as (
+                operator,
+                processes,
+            ):
                 operator.activate("daq")
                 terminal.CONSOLE.print(
-                    f"/flexarm is up: PDPC at {rate_hz:g} Hz, reference: {reference}. "
-                    "Ctrl-C ends it."
+                    f"/flexarm is up: {settings.law} at {settings.rate_hz:g} Hz, "
+                    f"reference: {settings.reference}. Ctrl-C ends it."
                 )
                 try:
                     operator.wait(complaints.shown, "nothing", timeout_s=float("inf"))

@@ -47,12 +47,24 @@ def demo(payload: float, seed: int, out: Path, *, fast: bool, keep_bag: bool) ->
     help="Set-points from /flexarm/reference, or a built-in profile.",
 )
 @click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
-@examples("up", "up --rate 500 --payload 0.2 --reference square", "up --bag out/run1")
-def up(payload: float, rate: float, reference: str, bag: Path | None) -> None:
+@click.option("--law", default="pdpc", show_default=True, help="Law of the controller.")
+@click.option(
+    "--params-file",
+    "parameter_files",
+    multiple=True,
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Parameters of the nodes, such as the gains from tune; repeat.",
+)
+@examples(
+    "up",
+    "up --rate 500 --payload 0.2 --reference square",
+    "up --bag out/run1 --law pdpc_plus --params-file out/gains.yaml",
+)
+def up(payload: float, rate: float, **settings: Any) -> None:  # noqa: ANN401
     """Start daq, controller, recorder and ident, and keep them until Ctrl-C."""
-    from flexarm_bringup.up import run_graph  # noqa: PLC0415
+    from flexarm_bringup.up import UpSettings, run_graph  # noqa: PLC0415
 
-    run_graph(payload_kg=payload, rate_hz=rate, reference=reference, bag=bag)
+    run_graph(UpSettings(payload_kg=payload, rate_hz=rate, **settings))
 
 
 @click.command(context_settings=RUN_ON)
