@@ -26,8 +26,6 @@ _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SPIN_S = 1.0
 _PR_SET_PDEATHSIG = 1
 _MCL_CURRENT_AND_FUTURE = 3
-# The loop's thread shall not wait for the executor's: by default it would for up to 5 ms.
-_SWITCH_S = 1e-4
 PRIORITY = "FLEXARM_PRIORITY"
 """Environment variable: SCHED_FIFO priority of the nodes with a loop; 0 asks for none."""
 _DEFAULT_PRIORITY = "20"
@@ -66,7 +64,6 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         prefer_realtime()
         _lock_memory()
         leave_shared_memory()
-        sys.setswitchinterval(_SWITCH_S)
     if not _follows_parent():
         return 1
     signals, wakeup = os.pipe()
