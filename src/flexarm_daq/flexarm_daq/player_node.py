@@ -184,10 +184,4 @@ def _qos(topic: PlayedTopic) -> QoSProfile:
 
 def main() -> int:
     """Run the node; a play that was refused is an error of the process."""
-    nodes: list[PlayerNode] = []
-
-    def make_node() -> PlayerNode:
-        nodes.append(PlayerNode())
-        return nodes[0]
-
-    return run(make_node) or int(any(node.failure for node in nodes))
+    return run(PlayerNode)

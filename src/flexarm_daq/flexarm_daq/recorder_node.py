@@ -210,10 +210,4 @@ def _known_topics(values: Mapping[str, Any]) -> list[str]:
 
 def main() -> int:
     """Run the node; a recording that was not finished is an error of the process."""
-    nodes: list[RecorderNode] = []
-
-    def make_node() -> RecorderNode:
-        nodes.append(RecorderNode())
-        return nodes[0]
-
-    return run(make_node) or int(any(node.failure for node in nodes))
+    return run(RecorderNode)

@@ -34,7 +34,11 @@ DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
 
 
 class StoppableNode(Protocol):
-    """A node that can be told to stop what it does."""
+    """A node that can be told to stop what it does.
+
+    One that can fail by itself says so in an attribute `failure`, a text that is empty when all is
+    well.
+    """
 
     def stop(self) -> None:
         """Leave everything safe: called once, before the node is destroyed."""
@@ -46,7 +50,7 @@ def request_stop() -> None:
 
 
 def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> int:
-    """Run one node until SIGINT or SIGTERM and return the process's exit code.
+    """Run one node until SIGINT or SIGTERM; return the process's exit code, 1 after its failure.
 
     A signal ends the spinning at once although the main thread is waiting inside the middleware,
     and a second one (a launcher and a terminal both send it) cannot break the shutdown.
@@ -103,7 +107,7 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         executor.shutdown(timeout_sec=_SPIN_S)
         node.destroy_node()  # type: ignore[attr-defined]
         try_shutdown()
-    return 0
+    return 1 if getattr(node, "failure", "") else 0
 
 
 def _follows_parent() -> bool:
