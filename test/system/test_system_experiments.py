@@ -63,13 +63,19 @@ def test_experiments___are_recorded_as_the_tables_say_and_repeat_themselves(
     assert not check_bag(tmp_path / "first" / "R_dat7").problems
 
 
+def an_old_bag(folder: Path) -> Path:
+    """Make a folder that is not to be lost, and return the file in it."""
+    folder.mkdir(parents=True)
+    file = folder / "metadata.yaml"
+    file.write_text("an old bag")
+    return file
+
+
 def test_experiment_interrupted___keeps_its_part_and_the_old_bag_and_leaves_no_process(
     graph: Graph, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    old = out / "C_dat3" / "metadata.yaml"
-    old.parent.mkdir(parents=True)
-    old.write_text("an old bag")
+    old = an_old_bag(out / "C_dat3")
 
     process = graph.run([*COMMAND, "C_dat3", "--overwrite", "-o", str(out)])
     process.wait_for("10 % sampling")
@@ -90,9 +96,7 @@ def test_experiment_overwriting___when_no_node_can_start___leaves_the_old_bag(
     graph: Graph, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    old = out / "O_dat5" / "metadata.yaml"
-    old.parent.mkdir(parents=True)
-    old.write_text("an old bag")
+    old = an_old_bag(out / "O_dat5")
     (out / "nodes.log").mkdir()
 
     process = graph.run([*COMMAND, "O_dat5", "--fast", "--overwrite", "-o", str(out)])

@@ -99,7 +99,9 @@ def _claimed_domain() -> Iterator[None]:
     Graphs of other users and nodes that were started by hand are left to discovery.
     """
     try:
-        claim = os.open(Path(gettempdir(), f"flexarm_domain_{_domain()}"), os.O_RDWR | os.O_CREAT)
+        claim = os.open(
+            Path(gettempdir(), f"flexarm_domain_{ros_domain()}"), os.O_RDWR | os.O_CREAT
+        )
     except PermissionError:
         yield
         return
@@ -122,10 +124,11 @@ def _require_free_domain(operator: Operator) -> None:
 
 def _taken(by: str) -> str:
     return (
-        f"{by} runs already in ROS domain {_domain()}: "
+        f"{by} runs already in ROS domain {ros_domain()}: "
         "stop it, or set ROS_DOMAIN_ID to another number"
     )
 
 
-def _domain() -> str:
+def ros_domain() -> str:
+    """Return the ROS domain of this process."""
     return os.environ.get("ROS_DOMAIN_ID", "0")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from flexarm_bringup import terminal
-from flexarm_bringup.graph import initialised
+from flexarm_bringup.graph import initialised, ros_domain
 from flexarm_bringup.interruption import interruptible
 from flexarm_bringup.operation import NAMESPACE, Operator
 from flexarm_bringup.processes import LaunchError
@@ -127,8 +126,7 @@ def _attached(name: str) -> Iterator[tuple[Operator, Node]]:
         try:
             operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
         except LaunchError:
-            domain = os.environ.get("ROS_DOMAIN_ID", "0")
-            raise LaunchError(f"no node {wanted} in ROS domain {domain}") from None
+            raise LaunchError(f"no node {wanted} in ROS domain {ros_domain()}") from None
         yield operator, node
 
 
