@@ -120,8 +120,9 @@ def test_first_activation___stamps_are_the_instants_of_sampling(graph: Graph) ->
     graph.node.create_subscription(ArmState, "state", heard, qos.EVERY)
     graph.start("daq", {"autostart": True, "rate_hz": 100.0})
     graph.wait(lambda: len(ages_s) >= 200, "samples")
-    # A busy machine makes samples arrive late; none arrives before it was taken.
-    assert 0.0 <= min(ages_s) < 0.05
+    # A busy machine makes samples arrive late; none arrives before it was taken, but the wall clock
+    # may be slewed meanwhile, and the node be interrupted between the two clocks that it compares.
+    assert -0.01 < min(ages_s) < 0.05
 
 
 @pytest.mark.parametrize(

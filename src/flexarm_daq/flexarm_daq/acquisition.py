@@ -49,10 +49,14 @@ class Applied(NamedTuple):
 
 
 class Record(NamedTuple):
-    """One sample with the command in force while it was taken."""
+    """One sample with the command in force while it was taken.
+
+    `time_s` is the rig's time, `taken_s` the monotonic clock's.
+    """
 
     sequence: int
     time_s: float
+    taken_s: float
     volts: NDArray[np.float64]
     command_v: float
     compensation_v: float
@@ -216,7 +220,9 @@ class Acquisition:
         self.sequence += 1
         self._position_v = float(sample.volts[0])
         self._sample_time_s = sample.time_s
-        self._link.publish(Record(self.sequence, sample.time_s, sample.volts, *in_force))
+        self._link.publish(
+            Record(self.sequence, sample.time_s, self._tick_s, sample.volts, *in_force)
+        )
 
     def _require_whole(self, sample: RigSample) -> None:
         if len(sample.volts) != len(CHANNELS):

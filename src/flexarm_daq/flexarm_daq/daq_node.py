@@ -269,9 +269,11 @@ class _TopicLink:
     def publish(self, record: Record) -> None:
         """Publish one sample, and the SI view of some when somebody listens."""
         if record.sequence == 1:
-            # The rig's clock began when it was opened, which may have taken its time.
+            # The rig's clock began when it was opened, which may have taken its time; and the
+            # first sample takes its own until it is here.
             now_ns = self._node.get_clock().now().nanoseconds
-            self._start_ns = now_ns - round(record.time_s * 1e9)
+            since_s = time.monotonic() - record.taken_s + record.time_s
+            self._start_ns = now_ns - round(since_s * 1e9)
         stamp = Time(nanoseconds=self._start_ns + round(record.time_s * 1e9)).to_msg()
         state = self._state
         state.header.stamp = stamp
