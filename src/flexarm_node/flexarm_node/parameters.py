@@ -115,7 +115,8 @@ class Parameters:
         self._apply = apply
         for spec in specs:
             self._declare(spec)
-        reason = self._refusal(self.values())
+        self._values = self._read()
+        reason = self._refusal(self._values)
         if reason:
             raise ParameterError(reason)
         self._warn_of_unknown((*later, _MIDDLEWARE))
@@ -123,7 +124,10 @@ class Parameters:
         node.add_post_set_parameters_callback(self._on_changed)
 
     def values(self) -> Values:
-        """Return all values by name."""
+        """Return all values by name; a change replaces them as a whole."""
+        return self._values
+
+    def _read(self) -> Values:
         return {name: self._node.get_parameter(name).value for name in self._specs}
 
     def _declare(self, spec: ParameterSpec) -> None:
@@ -163,9 +167,13 @@ class Parameters:
 
     def _on_set(self, changes: Sequence[Parameter]) -> SetParametersResult:
         ours = {change.name: change.value for change in changes if change.name in self._specs}
-        reason = self._refusal(self.values() | ours) if ours else None
+        reason = self._refusal({**self._values, **ours}) if ours else None
         return SetParametersResult(successful=reason is None, reason=reason or "")
 
     def _on_changed(self, changes: Sequence[Parameter]) -> None:
-        if self._apply is not None and any(change.name in self._specs for change in changes):
-            self._apply(self.values())
+        if not any(change.name in self._specs for change in changes):
+            return
+        # Read once and kept: rclpy takes milliseconds for it, at the cost of a loop beside it.
+        self._values = self._read()
+        if self._apply is not None:
+            self._apply(self._values)
