@@ -90,7 +90,9 @@ class ScriptedLink:
         self, clock: Clock, answer: Callable[[Record], Sequence[tuple[float, Command]]]
     ) -> None:
         self.records: list[Record] = []
+        self.spare_times_s: list[float] = []
         self._clock = clock
+        self._start_s = clock.now_s
         self._answer = answer
         self._coming: list[tuple[float, Command]] = []
 
@@ -107,6 +109,9 @@ class ScriptedLink:
             return command
         self._clock.now_s = until_s + WAKE_UP_S
         return None
+
+    def spare_time(self) -> None:
+        self.spare_times_s.append(self._clock.now_s - self._start_s)
 
 
 class Bench:

@@ -102,6 +102,9 @@ class RestlessController:
         answer, self._answer = self._answer, None
         return answer
 
+    def spare_time(self) -> None:
+        """Do nothing."""
+
 
 def inject(fault: Fault, channel: str, seed: int) -> Injection:
     """Let one fault set in at a random moment of a run."""

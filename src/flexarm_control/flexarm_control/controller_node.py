@@ -31,7 +31,7 @@ from flexarm_node.waiting import TopicWaiter
 
 if TYPE_CHECKING:
     import threading
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from builtin_interfaces.msg import Time
 
@@ -188,6 +188,7 @@ class ControllerNode(LoopNode):
         while not stopping.is_set():
             state = self._states.wait_newest(_WAIT_S)
             if state is None:
+                self.spare_time()
                 continue
             received_s = self._heard_s = time.monotonic()
             setup = self._setup
@@ -222,6 +223,7 @@ class ControllerNode(LoopNode):
                 weighed_ns = stamp_ns
                 self._tell_payload(setup.law, stamp)
             self._answer_s.add(time.monotonic() - received_s)
+            self.spare_time()
         self._commands.wait_for_all_acked(_ACKNOWLEDGED)
 
     def _tell_payload(self, law: ScheduledPdpc, stamp: Time) -> None:
@@ -251,11 +253,11 @@ class ControllerNode(LoopNode):
             return ""
         return "no samples any more: is the DAQ node active?"
 
-    def figures(self) -> Mapping[str, object]:
-        """Return the figures of the loop."""
+    def figures(self) -> Iterator[Mapping[str, object]]:
+        """Yield the figures of the loop."""
         answer = self._answer_s.percentiles()
-        return {
-            "law": self.parameters.values()["law"],
+        yield {
+            "law": self._setup.name,
             "answered samples": self._answered,
             "skipped samples": self._skipped,
             "answer p50 ms": f"{answer.p50 * 1e3:.3f}",

@@ -75,6 +75,9 @@ class Link(Protocol):
     def wait(self, timeout_s: float) -> Command | None:
         """Return the newest command, or None when none came in time."""
 
+    def spare_time(self) -> None:
+        """Do what is short and can wait: no command is expected until the next sample."""
+
 
 class Acquisition:
     """One run of the sampling loop.
@@ -251,6 +254,8 @@ class Acquisition:
         return deadline_s + (1 + skipped) * self._period_s
 
     def _serve_until(self, deadline_s: float) -> None:
+        if self.commander.answered < self.sequence - 1:
+            self._link.spare_time()
         while True:
             left_s = deadline_s - time.monotonic()
             if left_s <= _WAKE_MARGIN_S:
@@ -259,10 +264,12 @@ class Acquisition:
             command = self._link.wait(left_s - _WAKE_MARGIN_S)
             if command is not None:
                 self._act(command)
+                self._link.spare_time()
 
     def _await_answer(self, timeout_s: float, stop: threading.Event) -> None:
         until_s = time.monotonic() + timeout_s
         while self.commander.answered != self.sequence and not stop.is_set():
+            self._link.spare_time()
             left_s = until_s - time.monotonic()
             command = self._link.wait(min(left_s, _STOP_POLL_S))
             if command is not None:

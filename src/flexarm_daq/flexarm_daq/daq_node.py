@@ -38,9 +38,7 @@ from flexarm_node.waiting import TopicWaiter
 
 if TYPE_CHECKING:
     import threading
-    from collections.abc import Mapping
-
-    from rclpy.node import Node
+    from collections.abc import Iterator, Mapping
 
 _NO_FAULT = "none"
 
@@ -174,20 +172,18 @@ class DaqNode(LoopNode):
             return ""
         return f"no command since the one for sample {answered}: the drive is at zero"
 
-    def figures(self) -> Mapping[str, object]:
-        """Return the figures of the loop."""
+    def figures(self) -> Iterator[Mapping[str, object]]:
+        """Yield the figures of the loop."""
         acquisition = self._acquisition
         assert acquisition is not None  # noqa: S101 - asked only while the loop runs
-        late, reply = acquisition.late_s.percentiles(), acquisition.reply_s.percentiles()
         rate_hz = self._rate.update(acquisition.sequence, time.monotonic())
         safety, verdicts = acquisition.safety, acquisition.commander.verdicts
-        return {
+        yield {
             "drive": safety.state.value,
             "samples": acquisition.sequence,
             "rate Hz": f"{rate_hz:.1f}",
             "missed periods": acquisition.missed,
             "unanswered samples": acquisition.unanswered,
-            "commanders": ", ".join(self._link.commanders()),
             "refused commands": acquisition.refused,
             **{
                 f"refused commands: {verdict.value}": verdicts[verdict]
@@ -197,15 +193,16 @@ class DaqNode(LoopNode):
             "limited commands": acquisition.limited,
             **{f"limited commands: {name}": acquisition.limited_by[name] for name in LIMITS},
             **{f"events: {event.value}": safety.counts[event] for event in COUNTED},
-            "late p50 ms": f"{late.p50 * 1e3:.3f}",
-            "late p99 ms": f"{late.p99 * 1e3:.3f}",
-            "late p999 ms": f"{late.p999 * 1e3:.3f}",
-            "late max ms": f"{late.maximum * 1e3:.3f}",
-            "reply p50 ms": f"{reply.p50 * 1e3:.3f}",
-            "reply p99 ms": f"{reply.p99 * 1e3:.3f}",
-            "reply p999 ms": f"{reply.p999 * 1e3:.3f}",
-            "reply max ms": f"{reply.maximum * 1e3:.3f}",
         }
+        yield {"commanders": ", ".join(self._link.commanders())}
+        for name, window in (("late", acquisition.late_s), ("reply", acquisition.reply_s)):
+            figures = window.percentiles()
+            yield {
+                f"{name} p50 ms": f"{figures.p50 * 1e3:.3f}",
+                f"{name} p99 ms": f"{figures.p99 * 1e3:.3f}",
+                f"{name} p999 ms": f"{figures.p999 * 1e3:.3f}",
+                f"{name} max ms": f"{figures.maximum * 1e3:.3f}",
+            }
 
     def _accept(self, values: Mapping[str, Any]) -> None:
         """Raise when the values do not fit together, or cannot change while the loop runs."""
@@ -240,7 +237,7 @@ class DaqNode(LoopNode):
 class _TopicLink:
     """The loop's two topics, used by the sampling thread alone."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: LoopNode) -> None:
         self._node = node
         self._publisher = node.create_publisher(ArmState, "state", qos.SENT)
         self._joint_states = node.create_publisher(JointState, "joint_states", qos.SENT)
@@ -304,6 +301,10 @@ class _TopicLink:
             message.compensation_v,
             stamp.sec * 1_000_000_000 + stamp.nanosec,
         )
+
+    def spare_time(self) -> None:
+        """Have the node report on itself."""
+        self._node.spare_time()
 
     def commanders(self) -> list[str]:
         """Return the nodes that could send commands; one that was killed is seen for a while."""

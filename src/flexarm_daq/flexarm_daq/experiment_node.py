@@ -20,7 +20,7 @@ from flexarm_node.waiting import TopicWaiter
 
 if TYPE_CHECKING:
     import threading
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
 _WAIT_S = 0.1
 # A recorder on a busy machine shall have every command before the run counts as ended.
@@ -70,6 +70,7 @@ class ExperimentNode(LoopNode):
         while not stopping.is_set():
             state = self._states.wait_newest(_WAIT_S)
             if state is None:
+                self.spare_time()
                 continue
             stamp = state.header.stamp
             # In whole nanoseconds: seconds since 1970 have no room for them in a float.
@@ -84,11 +85,12 @@ class ExperimentNode(LoopNode):
             command.effort_v = self._excitation.step((stamp_ns - start_ns) * 1e-9, state.position_v)
             self._commands.publish(command)
             self._answered += 1
+            self.spare_time()
         self._commands.wait_for_all_acked(_ACKNOWLEDGED)
 
-    def figures(self) -> Mapping[str, object]:
-        """Return the figures of the loop."""
-        return {
+    def figures(self) -> Iterator[Mapping[str, object]]:
+        """Yield the figures of the loop."""
+        yield {
             "waveform": self.parameters.values()["waveform"],
             "bound V": BOUND_V,
             "answered samples": self._answered,

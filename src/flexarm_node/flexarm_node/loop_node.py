@@ -17,7 +17,7 @@ from flexarm_node import qos
 from flexarm_node.parameters import Parameters, ParameterSpec
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lifecycle_msgs.srv import ChangeState
 
@@ -39,7 +39,10 @@ class LoopNode(LifecycleNode):
     """Base of the nodes that sample and control.
 
     Configuring makes the topics, activating starts the thread, deactivating ends it, cleaning
-    up gives the topics back. Once a second the node reports its figures on `/diagnostics`.
+    up gives the topics back. Once a second the node reports on `/diagnostics`.
+
+    While the loop runs the report is its own, made in pieces in its `spare_time`: another thread
+    that made it would hold the interpreter when the next sample comes. The executor sleeps.
 
     An error never leaves the node active without a loop: it is logged in one line, reported on
     `/diagnostics`, and the node ends in the state it came from, inactive when it was the loop's.
@@ -74,7 +77,9 @@ class LoopNode(LifecycleNode):
         self._ended = self.create_guard_condition(self._deactivate_ended)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.SENT)
         # On the node's own clock a wall clock set back would silence the reports.
-        self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._idle_reports = self.create_timer(
+            _REPORT_S, self._report_idle, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         # rclpy's own answer to a transition that the present state does not have is an exception.
         self._answer_transition = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
@@ -96,8 +101,11 @@ class LoopNode(LifecycleNode):
         """Work until told to stop, or until there is nothing left to do."""
 
     @abstractmethod
-    def figures(self) -> Figures:
-        """Return what diagnostics shall show of the loop that runs."""
+    def figures(self) -> Iterator[Figures]:
+        """Yield what diagnostics shall show of the loop that runs, a piece at a time.
+
+        Between two pieces the loop goes on.
+        """
 
     def alarm(self) -> str:
         """Return what the loop complains of, while it runs and when it has ended; else nothing."""
@@ -112,6 +120,14 @@ class LoopNode(LifecycleNode):
         """True while the loop's thread exists."""
         return self._thread is not None
 
+    def spare_time(self) -> None:
+        """Do a piece of the report, when one is due.
+
+        To be called by the loop, in its thread, whenever nothing is left to do until the next
+        sample.
+        """
+        next(self._reports)
+
     def start_if_asked(self) -> None:
         """Configure and activate when the parameter `autostart` says so."""
         if self.parameters.values()[_AUTOSTART.name]:
@@ -124,6 +140,7 @@ class LoopNode(LifecycleNode):
         if self._thread is not None:
             self._thread.join()
             self._thread = None
+            self._idle_reports.reset()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
         """Make the topics."""
@@ -143,6 +160,8 @@ class LoopNode(LifecycleNode):
             self._tell(f"not activated: {self._reason(error)}")
             return TransitionCallbackReturn.FAILURE
         self._stopping.clear()
+        self._idle_reports.cancel()
+        self._reports = self._report_now_and_then()
         self._thread = threading.Thread(target=self._run, daemon=True, name=self.get_name())
         self._thread.start()
         return super().on_activate(state)
@@ -198,19 +217,34 @@ class LoopNode(LifecycleNode):
         if self.running:
             self.trigger_deactivate()
 
-    def _report(self) -> None:
-        status = DiagnosticStatus(name=f"flexarm: {self.get_name()}", message="not active")
-        if self.running:
+    def _report_idle(self) -> None:
+        self._report(DiagnosticStatus(message="not active"))
+
+    def _report_now_and_then(self) -> Iterator[None]:
+        """Report once a second; every step is short."""
+        while True:
+            due_s = time.monotonic() + _REPORT_S
+            while time.monotonic() < due_s:
+                yield
             self._tell(self.alarm())
             warning = self.warning()
             if warning and warning != self._warning:
                 self.get_logger().warning(warning)
             self._warning = warning
-            status.message = f"active: {warning}" if warning else "active"
-            status.level = DiagnosticStatus.WARN if warning else DiagnosticStatus.OK
-            status.values = [
-                KeyValue(key=key, value=str(value)) for key, value in self.figures().items()
-            ]
+            values: list[KeyValue] = []
+            for figures in self.figures():
+                values += [KeyValue(key=key, value=str(value)) for key, value in figures.items()]
+                yield
+            self._report(
+                DiagnosticStatus(
+                    level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
+                    message=f"active: {warning}" if warning else "active",
+                    values=values,
+                )
+            )
+
+    def _report(self, status: DiagnosticStatus) -> None:
+        status.name = f"flexarm: {self.get_name()}"
         if self._trouble:
             status.level = DiagnosticStatus.ERROR
             status.message += f": {self._trouble}"

@@ -22,8 +22,10 @@ from flexarm_node.transport import leave_shared_memory
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rclpy.guard_condition import GuardCondition
+
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_SPIN_S = 1.0
+_SHUTDOWN_S = 1.0
 _PR_SET_PDEATHSIG = 1
 _MCL_CURRENT_AND_FUTURE = 3
 PRIORITY = "FLEXARM_PRIORITY"
@@ -34,7 +36,7 @@ DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
 
 
 class StoppableNode(Protocol):
-    """A node that can be told to stop what it does.
+    """An rclpy node that can be told to stop what it does.
 
     One that can fail by itself says so in an attribute `failure`, a text that is empty when all is
     well.
@@ -42,6 +44,12 @@ class StoppableNode(Protocol):
 
     def stop(self) -> None:
         """Leave everything safe: called once, before the node is destroyed."""
+
+    def create_guard_condition(self, callback: Callable[[], None]) -> GuardCondition:
+        """As rclpy's nodes do."""
+
+    def destroy_node(self) -> None:
+        """As rclpy's nodes do."""
 
 
 def request_stop() -> None:
@@ -80,20 +88,21 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     except RuntimeError as error:
         sys.stderr.write(f"wrong ROS arguments: {' '.join(str(error).split())}\n")
         return 2
-    executor = SingleThreadedExecutor()
-    stopped = threading.Event()
-
-    def wait_for_signal() -> None:
-        os.read(signals, 1)
-        stopped.set()
-        executor.wake()
-
     try:
         node = make_node()
     except ParameterError as error:
         sys.stderr.write(f"{error}\n")
         try_shutdown()
         return 2
+    executor = SingleThreadedExecutor()
+    stopped = threading.Event()
+    # Its callback ends `spin_once`; the executor's own wake-up would not.
+    stop = node.create_guard_condition(stopped.set)
+
+    def wait_for_signal() -> None:
+        os.read(signals, 1)
+        stop.trigger()
+
     # What lives now lives to the end: the collector need not look through it in the loop's time.
     gc.collect()
     gc.freeze()
@@ -101,11 +110,11 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     executor.add_node(node)
     try:
         while not stopped.is_set():
-            executor.spin_once(timeout_sec=_SPIN_S)
+            executor.spin_once()
     finally:
         node.stop()
-        executor.shutdown(timeout_sec=_SPIN_S)
-        node.destroy_node()  # type: ignore[attr-defined]
+        executor.shutdown(timeout_sec=_SHUTDOWN_S)
+        node.destroy_node()
         try_shutdown()
     return 1 if getattr(node, "failure", "") else 0
 

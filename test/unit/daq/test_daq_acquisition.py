@@ -21,7 +21,11 @@ from flexarm_daq.rig import RigError, RigSample
 from flexarm_daq.safety import DriveState
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from flexarm_daq.acquisition import Record
+
+    Answer = Callable[[Record], list[tuple[float, Command]]]
 
 
 @pytest.fixture
@@ -240,7 +244,26 @@ def test_real_time___command_acts_when_it_arrives(clock: Clock) -> None:
     np.testing.assert_allclose(bench.rig.read_times_s, np.arange(4) * PERIOD_S)
     np.testing.assert_allclose(bench.rig.write_times_s, np.arange(3) * PERIOD_S + delay_s)
     assert bench.acquisition.missed == 0
-    assert bench.acquisition.reply_s.percentiles().maximum == pytest.approx(delay_s)
+    assert bench.acquisition.reply_s.percentiles().maximum == pytest.approx(delay_s, rel=0.01)
+
+
+def test_real_time___spare_time_begins_with_the_answer(clock: Clock) -> None:
+    delay_s = PERIOD_S / 8
+    bench = Bench(
+        clock, lambda record: [(delay_s, reply(record, 1.0))], virtual=False, samples=4
+    ).run()
+    np.testing.assert_allclose(bench.link.spare_times_s, np.arange(3) * PERIOD_S + delay_s)
+
+
+def test_real_time___nobody_answers___spare_time_begins_with_the_sample(clock: Clock) -> None:
+    bench = Bench(clock, never, virtual=False, samples=5).run()
+    np.testing.assert_allclose(bench.link.spare_times_s, np.arange(1, 4) * PERIOD_S)
+
+
+@pytest.mark.parametrize("answer", [at_once(lambda _: 1.0), never])
+def test_lock_step___every_sample_has_spare_time(clock: Clock, answer: Answer) -> None:
+    bench = Bench(clock, answer, virtual=True, samples=5).run()
+    assert len(bench.link.spare_times_s) >= 4
 
 
 def test_real_time___late_answer_that_no_newer_one_overtook___still_acts(clock: Clock) -> None:

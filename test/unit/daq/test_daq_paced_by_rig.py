@@ -79,6 +79,9 @@ class Controller:
         self._machine.sleep(REPLY_S)
         return Command(sequence, sequence, 0.5, 0.0, 1)
 
+    def spare_time(self) -> None:
+        """Do nothing."""
+
 
 def run(monkeypatch: pytest.MonkeyPatch, drift: float, stall_at: int = 0) -> Acquisition:
     machine = MachineClock()
