@@ -52,6 +52,28 @@ class Failing(LoopNode):
 run(Failing)
 """
 
+WORKING_NODE = """
+import threading
+import numpy as np
+import scipy.fft
+from rclpy.node import Node
+from flexarm_node.process import run
+
+class Working(Node):
+    def __init__(self):
+        super().__init__("working", namespace="/flexarm")
+        threading.Thread(target=self.work, daemon=True).start()
+
+    def work(self):
+        print("at work", flush=True)
+        while True:
+            scipy.fft.rfft(np.zeros(1 << 18))
+
+    def stop(self): ...
+
+raise SystemExit(run(Working))
+"""
+
 
 @pytest.fixture
 def campaign(graph: Graph, tmp_path: Path) -> Campaign:
@@ -215,3 +237,17 @@ def test_clock_that_jumps___moves_the_stamps_of_commands_and_nothing_else(
     assert steps_s.min() > 0.0
     assert steps_s.max() < 60.0
     assert run.stamp_s[-1] - run.stamp_s[0] < 60.0
+
+
+def test_signal_while_a_thread_is_in_compiled_code___ends_the_node_in_order(
+    graph: Graph, tmp_path: Path
+) -> None:
+    script = tmp_path / "working_node.py"
+    script.write_text(WORKING_NODE, "utf-8")
+    process = graph.run([sys.executable, str(script)])
+    eventually(lambda: "at work" in process.printed, "the thread")
+
+    process.send(signal.SIGTERM)
+
+    assert process.exit_code() == 0
+    assert process.printed == "at work\n"

@@ -116,7 +116,21 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         executor.shutdown(timeout_sec=_SHUTDOWN_S)
         node.destroy_node()
         try_shutdown()
-    return 1 if getattr(node, "failure", "") else 0
+    code = 1 if getattr(node, "failure", "") else 0
+    if threading.active_count() > 1:
+        _leave(code)
+    return code
+
+
+def _leave(code: int) -> None:
+    """End the process without the interpreter's own end.
+
+    That one unwinds threads still at work in compiled code, which may then use the interpreter
+    without its lock and crash.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 def _follows_parent() -> bool:
