@@ -30,6 +30,7 @@ _AUTOSTART = ParameterSpec(
     read_only=True,
 )
 _REPORT_S = 1.0
+_STEP_S = 0.05
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _MATCH_TIMEOUT_S = 7.0
 _MATCH_POLL_S = 0.01
@@ -221,11 +222,11 @@ class LoopNode(LifecycleNode):
         self._report(DiagnosticStatus(message="not active"))
 
     def _report_now_and_then(self) -> Iterator[None]:
-        """Report once a second; every step is short."""
+        """Report once a second, in short steps; one that is late shall not meet the next one."""
+        due_s = time.monotonic()
         while True:
-            due_s = time.monotonic() + _REPORT_S
-            while time.monotonic() < due_s:
-                yield
+            due_s = max(due_s + _REPORT_S, time.monotonic())
+            yield from _until(due_s)
             self._tell(self.alarm())
             warning = self.warning()
             if warning and warning != self._warning:
@@ -234,7 +235,7 @@ class LoopNode(LifecycleNode):
             values: list[KeyValue] = []
             for figures in self.figures():
                 values += [KeyValue(key=key, value=str(value)) for key, value in figures.items()]
-                yield
+                yield from _until(time.monotonic() + _STEP_S)
             self._report(
                 DiagnosticStatus(
                     level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
@@ -251,6 +252,11 @@ class LoopNode(LifecycleNode):
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+
+def _until(due_s: float) -> Iterator[None]:
+    while time.monotonic() < due_s:
+        yield
 
 
 def wait_until(condition: Callable[[], bool]) -> bool:
