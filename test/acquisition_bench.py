@@ -107,7 +107,8 @@ class ScriptedLink:
             arrival_s, command = self._coming.pop(0)
             self._clock.now_s = max(self._clock.now_s, arrival_s)
             return command
-        self._clock.now_s = until_s + WAKE_UP_S
+        if timeout_s > 0.0:
+            self._clock.now_s = until_s + WAKE_UP_S
         return None
 
     def spare_time(self) -> None:

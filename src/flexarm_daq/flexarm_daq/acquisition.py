@@ -260,11 +260,20 @@ class Acquisition:
             left_s = deadline_s - time.monotonic()
             if left_s <= _WAKE_MARGIN_S:
                 time.sleep(max(0.0, left_s))
+                self._serve_the_last()
                 return
             command = self._link.wait(left_s - _WAKE_MARGIN_S)
             if command is not None:
                 self._act(command)
                 self._link.spare_time()
+
+    def _serve_the_last(self) -> None:
+        """Let an answer act that came in the sleep before the next sample."""
+        if self.commander.answered == self.sequence:
+            return
+        command = self._link.wait(0.0)
+        if command is not None:
+            self._act(command)
 
     def _await_answer(self, timeout_s: float, stop: threading.Event) -> None:
         until_s = time.monotonic() + timeout_s

@@ -247,6 +247,23 @@ def test_real_time___command_acts_when_it_arrives(clock: Clock) -> None:
     assert bench.acquisition.reply_s.percentiles().maximum == pytest.approx(delay_s, rel=0.01)
 
 
+def test_real_time___command_that_comes_just_before_the_next_sample___acts_before_it(
+    clock: Clock,
+) -> None:
+    delay_s = PERIOD_S - 1e-4
+    bench = Bench(
+        clock, lambda record: [(delay_s, reply(record, 1.0))], virtual=False, samples=4
+    ).run()
+    np.testing.assert_allclose(bench.rig.write_times_s, np.arange(1, 4) * PERIOD_S)
+    assert [kind for kind, _ in bench.rig.calls[1:]] == [
+        *["read", "write"] * 3,
+        "read",
+        "safe_stop",
+        "close",
+    ]
+    assert bench.acquisition.unanswered == 0
+
+
 def test_real_time___spare_time_begins_with_the_answer(clock: Clock) -> None:
     delay_s = PERIOD_S / 8
     bench = Bench(
