@@ -26,6 +26,7 @@ from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode, wait_until
 from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
+from flexarm_node.stamps import set_stamp, stamp_ns
 from flexarm_node.statistics import Window
 from flexarm_node.waiting import TopicWaiter
 
@@ -193,18 +194,16 @@ class ControllerNode(LoopNode):
             received_s = self._heard_s = time.monotonic()
             setup = self._setup
             handover.replace(setup.law)
-            stamp = state.header.stamp
-            # In whole nanoseconds: seconds since 1970 have no room for them in a float.
-            stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+            taken_ns = stamp_ns(state.header.stamp)
             if state.sequence <= last_sequence or last_sequence == 0:
-                start_ns, last_sequence, told_v = stamp_ns, state.sequence - 1, None
+                start_ns, last_sequence, told_v = taken_ns, state.sequence - 1, None
                 handover.reset()
                 rate.reset()
             self._skipped += state.sequence - last_sequence - 1
             last_sequence = state.sequence
-            setup.check_rate(rate.add(stamp_ns))
+            setup.check_rate(rate.add(taken_ns))
             if setup.profile is not None:
-                time_s = (stamp_ns - start_ns) * 1e-9
+                time_s = (taken_ns - start_ns) * 1e-9
                 self._reference_v = setup.profile(time_s)
                 if self._reference_v != told_v or time_s - told_s >= _TELL_AGAIN_S:
                     told_v, told_s = self._reference_v, time_s
@@ -213,15 +212,15 @@ class ControllerNode(LoopNode):
                 (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v),
                 self._reference_v,
             )
-            command.header.stamp = self.get_clock().now().to_msg()
+            set_stamp(command.header.stamp, time.time_ns())
             command.sequence += 1
             command.state_sequence = state.sequence
             command.effort_v, command.compensation_v = effort
             self._commands.publish(command)
             self._answered += 1
-            if isinstance(setup.law, ScheduledPdpc) and stamp_ns - weighed_ns >= _PAYLOAD_S * 1e9:
-                weighed_ns = stamp_ns
-                self._tell_payload(setup.law, stamp)
+            if isinstance(setup.law, ScheduledPdpc) and taken_ns - weighed_ns >= _PAYLOAD_S * 1e9:
+                weighed_ns = taken_ns
+                self._tell_payload(setup.law, state.header.stamp)
             self._answer_s.add(time.monotonic() - received_s)
             self.spare_time()
         self._commands.wait_for_all_acked(_ACKNOWLEDGED)

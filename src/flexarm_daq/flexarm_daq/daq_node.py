@@ -11,7 +11,6 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from rclpy.duration import Duration
-from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -33,6 +32,7 @@ from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode, wait_until
 from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
+from flexarm_node.stamps import set_stamp, stamp_ns
 from flexarm_node.statistics import Rate
 from flexarm_node.waiting import TopicWaiter
 
@@ -268,12 +268,10 @@ class _TopicLink:
         if record.sequence == 1:
             # The rig's clock began when it was opened, which may have taken its time; and the
             # first sample takes its own until it is here.
-            now_ns = self._node.get_clock().now().nanoseconds
             since_s = time.monotonic() - record.taken_s + record.time_s
-            self._start_ns = now_ns - round(since_s * 1e9)
-        stamp = Time(nanoseconds=self._start_ns + round(record.time_s * 1e9)).to_msg()
+            self._start_ns = time.time_ns() - round(since_s * 1e9)
         state = self._state
-        state.header.stamp = stamp
+        set_stamp(state.header.stamp, self._start_ns + round(record.time_s * 1e9))
         state.sequence = record.sequence
         (
             state.position_v,
@@ -293,13 +291,12 @@ class _TopicLink:
         message = self._commands.wait_newest(timeout_s)
         if message is None:
             return None
-        stamp = message.header.stamp
         return Command(
             message.sequence,
             message.state_sequence,
             message.effort_v,
             message.compensation_v,
-            stamp.sec * 1_000_000_000 + stamp.nanosec,
+            stamp_ns(message.header.stamp),
         )
 
     def spare_time(self) -> None:

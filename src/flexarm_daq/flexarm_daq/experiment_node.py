@@ -6,6 +6,7 @@ sent is the whole command (2.4.1, 2.4.2).
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Any
 
 from rclpy.duration import Duration
@@ -16,6 +17,7 @@ from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode, wait_until
 from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
+from flexarm_node.stamps import set_stamp, stamp_ns
 from flexarm_node.waiting import TopicWaiter
 
 if TYPE_CHECKING:
@@ -72,17 +74,15 @@ class ExperimentNode(LoopNode):
             if state is None:
                 self.spare_time()
                 continue
-            stamp = state.header.stamp
-            # In whole nanoseconds: seconds since 1970 have no room for them in a float.
-            stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+            taken_ns = stamp_ns(state.header.stamp)
             if state.sequence <= last_sequence or last_sequence == 0:
-                start_ns = stamp_ns
+                start_ns = taken_ns
                 self._excitation.reset()
             last_sequence = state.sequence
-            command.header.stamp = self.get_clock().now().to_msg()
+            set_stamp(command.header.stamp, time.time_ns())
             command.sequence += 1
             command.state_sequence = state.sequence
-            command.effort_v = self._excitation.step((stamp_ns - start_ns) * 1e-9, state.position_v)
+            command.effort_v = self._excitation.step((taken_ns - start_ns) * 1e-9, state.position_v)
             self._commands.publish(command)
             self._answered += 1
             self.spare_time()

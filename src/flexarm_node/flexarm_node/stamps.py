@@ -1,0 +1,23 @@
+"""Stamps of messages in whole nanoseconds: seconds since 1970 have no room for them in a float.
+
+By plain numbers, because rclpy's time objects take tens of microseconds of a loop's answer.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time
+
+_NS = 1_000_000_000
+
+
+def stamp_ns(stamp: Time) -> int:
+    """Return a stamp as nanoseconds since the epoch."""
+    return int(stamp.sec) * _NS + int(stamp.nanosec)
+
+
+def set_stamp(stamp: Time, time_ns: int) -> None:
+    """Set a stamp to an instant in nanoseconds since the epoch."""
+    stamp.sec, stamp.nanosec = divmod(time_ns, _NS)
