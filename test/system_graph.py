@@ -28,6 +28,7 @@ try:
 
     import flexarm_msgs.msg  # noqa: F401 - the workspace is built and sourced
     from flexarm_bringup.operation import NAMESPACE, Operator
+    from flexarm_node.process import DIE_WITH_PARENT
 
     INSTALL = Path(os.environ["FLEXARM_INSTALL"])
     ROOT = Path(os.environ["FLEXARM_ROOT"])
@@ -209,12 +210,17 @@ class Graph:
 
     def run_node(self, name: str, parameters: Mapping[str, Any], *more: str) -> Process:
         """Start a node that ends by itself."""
-        return self.run([str(executable(name)), *ros_arguments(parameters, *more)])
+        # A test run that is killed shall leave no node in a domain that the next one takes.
+        environment = self.environment | {DIE_WITH_PARENT: str(os.getpid())}
+        return self._run([str(executable(name)), *ros_arguments(parameters, *more)], environment)
 
     def run(self, command: list[str]) -> Process:
         """Start any program in the domain."""
+        return self._run(command, self.environment)
+
+    def _run(self, command: list[str], environment: Mapping[str, str]) -> Process:
         log = self.folder / f"{len(self._processes)}_{Path(command[0]).name}.log"
-        process = Process(command, log, self.environment)
+        process = Process(command, log, environment)
         self._processes.append(process)
         return process
 

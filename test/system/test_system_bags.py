@@ -4,6 +4,7 @@ import resource
 import signal
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 import yaml
 from bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
@@ -349,7 +350,8 @@ def test_payload___changed_while_active___leaves_the_arm_where_it_is(
     assert graph.transition("daq", "deactivate")
     assert graph.stop(recorder) == 0
 
-    position_v = States(tmp_path / "run").volts[:, 0]
+    run = States(tmp_path / "run")
+    position_v = run.volts[:, 0]
     assert position_v.max() > 1.0
-    # At the speed that 3 V of position are reached with, and a machine that pauses now and then.
-    assert abs(position_v[1:] - position_v[:-1]).max() < 0.5
+    # An arm that was set back to its start would be there at once, from one sample to the next.
+    assert np.all(abs(np.diff(position_v)) < 0.05 + 50.0 * np.diff(run.stamp_s))

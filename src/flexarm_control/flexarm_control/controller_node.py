@@ -212,7 +212,7 @@ class ControllerNode(LoopNode):
                 (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v),
                 self._reference_v,
             )
-            set_stamp(command.header.stamp, time.time_ns())
+            set_stamp(command.header.stamp, self.get_clock().now().nanoseconds)
             command.sequence += 1
             command.state_sequence = state.sequence
             command.effort_v, command.compensation_v = effort

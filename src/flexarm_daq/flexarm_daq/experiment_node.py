@@ -6,7 +6,6 @@ sent is the whole command (2.4.1, 2.4.2).
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING, Any
 
 from rclpy.duration import Duration
@@ -79,7 +78,7 @@ class ExperimentNode(LoopNode):
                 start_ns = taken_ns
                 self._excitation.reset()
             last_sequence = state.sequence
-            set_stamp(command.header.stamp, time.time_ns())
+            set_stamp(command.header.stamp, self.get_clock().now().nanoseconds)
             command.sequence += 1
             command.state_sequence = state.sequence
             command.effort_v = self._excitation.step((taken_ns - start_ns) * 1e-9, state.position_v)

@@ -1,7 +1,4 @@
-"""Stamps of messages in whole nanoseconds: seconds since 1970 have no room for them in a float.
-
-By plain numbers, because rclpy's time objects take tens of microseconds of a loop's answer.
-"""
+"""Stamps of messages in whole nanoseconds: seconds since 1970 have no room for them in a float."""
 
 from __future__ import annotations
 
