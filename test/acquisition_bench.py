@@ -91,6 +91,7 @@ class ScriptedLink:
     ) -> None:
         self.records: list[Record] = []
         self.spare_times_s: list[float] = []
+        self.spared: list[int] = []
         self._clock = clock
         self._start_s = clock.now_s
         self._answer = answer
@@ -113,6 +114,7 @@ class ScriptedLink:
 
     def spare_time(self) -> None:
         self.spare_times_s.append(self._clock.now_s - self._start_s)
+        self.spared.append(self.records[-1].sequence)
 
 
 class Bench:

@@ -44,10 +44,11 @@ class Failing(LoopNode):
 
     def loop(self, stopping):
         self.fail("loop")
-        stopping.wait()
+        while not stopping.wait(0.1):
+            self.spare_time()
 
     def figures(self):
-        return {}
+        yield {}
 
 run(Failing)
 """

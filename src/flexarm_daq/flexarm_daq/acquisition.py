@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 # The middleware's timed wait wakes up late; the rest of the period is slept.
 _WAKE_MARGIN_S = 2e-4
+# What is done in spare time usually takes less.
+_SPARE_S = 3e-4
 # In virtual time a sample may wait long for its answer; being told to stop must not.
 _STOP_POLL_S = 0.05
 
@@ -62,6 +64,18 @@ class Record(NamedTuple):
     compensation_v: float
     command_sequence: int
 
+    def start_ns(self, now_ns: int, now_s: float) -> int:
+        """Return when the rig's time began, on another clock.
+
+        Parameters
+        ----------
+        now_ns : int
+            What the other clock shows.
+        now_s : float
+            What the monotonic clock shows at the same instant.
+        """
+        return now_ns - round((now_s - self.taken_s + self.time_s) * 1e9)
+
 
 _NOTHING = Applied(0.0, 0.0, 0)
 
@@ -76,7 +90,11 @@ class Link(Protocol):
         """Return the newest command, or None when none came in time."""
 
     def spare_time(self) -> None:
-        """Do what is short and can wait: no command is expected until the next sample."""
+        """Do what is short and can wait.
+
+        Called after the answer to a sample, or else in the wait for it, at the latest in every
+        second period.
+        """
 
 
 class Acquisition:
@@ -140,6 +158,7 @@ class Acquisition:
         self._paced_by_rig = paced_by_rig
         self._answer_timeout_s = answer_timeout_s
         self._emergency = False
+        self._spared = 0
         self._position_v = 0.0
         self._applied = _NOTHING
         self._tick_s = 0.0
@@ -254,8 +273,8 @@ class Acquisition:
         return deadline_s + (1 + skipped) * self._period_s
 
     def _serve_until(self, deadline_s: float) -> None:
-        if self.commander.answered < self.sequence - 1:
-            self._link.spare_time()
+        if self._spared < self.sequence - 1:
+            self._spare()
         while True:
             left_s = deadline_s - time.monotonic()
             if left_s <= _WAKE_MARGIN_S:
@@ -265,7 +284,13 @@ class Acquisition:
             command = self._link.wait(left_s - _WAKE_MARGIN_S)
             if command is not None:
                 self._act(command)
-                self._link.spare_time()
+                left_s = deadline_s - time.monotonic()
+                if self.commander.answered == self.sequence and left_s > _SPARE_S:
+                    self._spare()
+
+    def _spare(self) -> None:
+        self._spared = self.sequence
+        self._link.spare_time()
 
     def _serve_the_last(self) -> None:
         """Let an answer act that came in the sleep before the next sample."""

@@ -268,9 +268,8 @@ class _TopicLink:
         if record.sequence == 1:
             # The rig's clock began when it was opened, which may have taken its time; and the
             # first sample takes its own until it is here.
-            since_s = time.monotonic() - record.taken_s + record.time_s
             now_ns = self._node.get_clock().now().nanoseconds
-            self._start_ns = now_ns - round(since_s * 1e9)
+            self._start_ns = record.start_ns(now_ns, time.monotonic())
         state = self._state
         set_stamp(state.header.stamp, self._start_ns + round(record.time_s * 1e9))
         state.sequence = record.sequence

@@ -48,6 +48,12 @@ def test_longer_than_any_bin___counts_as_the_longest() -> None:
     assert filled(3, [1e9, math.inf]).percentiles().p50 == pytest.approx(1e3, rel=0.01)
 
 
+def test_two_thousand_durations___have_four_different_percentiles() -> None:
+    percentiles = filled(2000, [1e-4 * k for k in range(1, 2001)]).percentiles()
+    expected = [0.1, 0.198, 0.1998, 0.2]
+    np.testing.assert_allclose(list(vars(percentiles).values()), expected, rtol=TOLERANCE)
+
+
 @given(st.integers(1, 30), st.lists(st.floats(1e-6, 900.0), min_size=1, max_size=60))
 def test_any_durations___percentiles_of_the_last_ones(size: int, values: list[float]) -> None:
     percentiles = filled(size, values).percentiles()
