@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from system_graph import Process
+
 pytestmark = pytest.mark.system
 
 DAQ = {"rate_hz": 300.0}
@@ -74,6 +76,12 @@ class Working(Node):
 
 raise SystemExit(run(Working))
 """
+
+
+def run_script(graph: Graph, file: Path, source: str) -> Process:
+    """Write a node and start it."""
+    file.write_text(source, "utf-8")
+    return graph.run([sys.executable, str(file)])
 
 
 @pytest.fixture
@@ -172,9 +180,7 @@ def test_daq_ended_by_signals___drive_at_zero___and_killed___bag_readable_and_ot
 def test_node_that_raises_anywhere___says_so_in_one_line_and_shows_it_in_its_state(
     graph: Graph, tmp_path: Path
 ) -> None:
-    script = tmp_path / "failing_node.py"
-    script.write_text(FAILING_NODE, "utf-8")
-    process = graph.run([sys.executable, str(script)])
+    process = run_script(graph, tmp_path / "failing_node.py", FAILING_NODE)
 
     def fail(where: str) -> None:
         graph.operator.set_parameters("failing", {"where": where})
@@ -243,9 +249,7 @@ def test_clock_that_jumps___moves_the_stamps_of_commands_and_nothing_else(
 def test_signal_while_a_thread_is_in_compiled_code___ends_the_node_in_order(
     graph: Graph, tmp_path: Path
 ) -> None:
-    script = tmp_path / "working_node.py"
-    script.write_text(WORKING_NODE, "utf-8")
-    process = graph.run([sys.executable, str(script)])
+    process = run_script(graph, tmp_path / "working_node.py", WORKING_NODE)
     eventually(lambda: "at work" in process.printed, "the thread")
 
     process.send(signal.SIGTERM)

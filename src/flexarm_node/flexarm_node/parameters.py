@@ -167,7 +167,7 @@ class Parameters:
 
     def _on_set(self, changes: Sequence[Parameter]) -> SetParametersResult:
         ours = {change.name: change.value for change in changes if change.name in self._specs}
-        reason = self._refusal({**self._values, **ours}) if ours else None
+        reason = self._refusal(self._values | ours) if ours else None
         return SetParametersResult(successful=reason is None, reason=reason or "")
 
     def _on_changed(self, changes: Sequence[Parameter]) -> None:

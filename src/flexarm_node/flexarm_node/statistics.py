@@ -53,7 +53,10 @@ class Window:
         self._added = 0
 
     def add(self, duration_s: float) -> None:
-        """Add one duration, from 1 us to some minutes; the oldest one leaves a full window."""
+        """Add one duration in s; the oldest one leaves a full window.
+
+        Less than 1 us counts as 1 us, more than 1000 s as 1000 s.
+        """
         place = self._added % len(self._bins)
         if self._added >= len(self._bins):
             self._counts[self._bins[place]] -= 1
