@@ -52,8 +52,9 @@ PARAMETERS = (
     ParameterSpec(
         "listeners", 0, "readers of the samples that activating waits for, some seconds", 0, 1000
     ),
+    # The middleware may repeat a lost message only after its heartbeat of 3 s.
     ParameterSpec(
-        "answer_timeout_s", 1.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
+        "answer_timeout_s", 10.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
     ),
     ParameterSpec("max_command_v", 10.0, "limiter: largest command", 0.1, 10.0, "V"),
     ParameterSpec(
