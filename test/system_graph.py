@@ -28,6 +28,7 @@ try:
 
     import flexarm_msgs.msg  # noqa: F401 - the workspace is built and sourced
     from flexarm_bringup.operation import NAMESPACE, Operator
+    from flexarm_bringup.processes import LaunchError
     from flexarm_node.process import DIE_WITH_PARENT
 
     INSTALL = Path(os.environ["FLEXARM_INSTALL"])
@@ -236,21 +237,26 @@ class Graph:
             if process.popen.poll() is not None:
                 pytest.fail(f"{process.log.name}: {process.popen.returncode}: {process.printed}")
 
-    def survivors(self) -> list[int]:
-        """Return the processes of this graph that are alive, whoever started them."""
+    def survivors(self, program: str = "") -> list[int]:
+        """Return the processes of this graph that are alive, or those of a program."""
         mark = f"{_MARK}={self.folder}".encode()
         found = []
-        for path in Path("/proc").glob("[0-9]*/environ"):
+        for path in Path("/proc").glob("[0-9]*"):
             with suppress(OSError):
-                if mark in path.read_bytes().split(b"\0"):
-                    found.append(int(path.parent.name))
+                is_ours = mark in (path / "environ").read_bytes().split(b"\0")
+                if is_ours and program.encode() in (path / "cmdline").read_bytes():
+                    found.append(int(path.name))
         return found
 
     def wait(
         self, condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S
     ) -> None:
-        """Spin until a condition holds; fail when it does not in time."""
-        self.operator.wait(condition, what, patience_s)
+        """Spin until a condition holds; fail when it does not in time, with what was printed."""
+        try:
+            self.operator.wait(condition, what, patience_s)
+        except LaunchError as error:
+            printed = "\n".join(f"{each.log.name}: {each.printed}" for each in self._processes)
+            pytest.fail(f"{error}; the nodes printed:\n{printed}")
 
     def call(
         self, service: type, name: str, request: object, patience_s: float = PATIENCE_S

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import signal
+import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +15,8 @@ from system_graph import ROOT, States
 
 from flexarm_daq.excitation import BOUND_V
 from flexarm_ident.bag_check import check_bag
+from flexarm_msgs.msg import ArmState
+from flexarm_node import qos
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -90,6 +95,31 @@ def test_experiment_interrupted___keeps_its_part_and_the_old_bag_and_leaves_no_p
     sequence = States(out / "C_dat3.partial").sequence
     assert sequence.tolist() == list(range(1, len(sequence) + 1))
     assert len(sequence) >= 1200
+
+
+def test_experiment_with_a_sample_unanswered___is_refused_and_kept_apart(
+    graph: Graph, tmp_path: Path
+) -> None:
+    heard_s: list[float] = []
+    graph.node.create_subscription(
+        ArmState, "state", lambda _: heard_s.append(time.monotonic()), qos.EVERY
+    )
+    process = graph.run([*COMMAND, "O_dat5", "--fast", "-o", str(tmp_path)])
+    graph.wait(lambda: len(heard_s) > 300, "samples")
+    (experiment,) = graph.survivors("experiment_node")
+    os.kill(experiment, signal.SIGSTOP)
+    try:
+        graph.wait(lambda: time.monotonic() - heard_s[-1] > 3.0, "the wait for an answer")
+        waiting = len(heard_s)
+        graph.wait(lambda: len(heard_s) > waiting, "the next sample")
+    finally:
+        os.kill(experiment, signal.SIGCONT)
+
+    assert process.exit_code() == 1
+    refusal = r"^flexarm: \d+ of 3000 samples were not answered, so the numbers are not those"
+    assert re.search(refusal, process.printed, re.MULTILINE), process.printed
+    assert {path.name for path in tmp_path.iterdir()} >= {"O_dat5.partial", "nodes.log"}
+    assert not (tmp_path / "O_dat5").exists()
 
 
 def test_experiment_overwriting___when_no_node_can_start___leaves_the_old_bag(

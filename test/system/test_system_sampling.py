@@ -163,7 +163,7 @@ def test_killed_controller___drive_goes_to_zero_and_stays(graph: Graph, tmp_path
     controller = start_loop(graph, {"rate_hz": 300.0})
     graph.operator.record(str(tmp_path / "run"))
     assert graph.transition("daq", "activate")
-    graph.wait(lambda: len(states) >= 150, "samples")
+    graph.wait(lambda: len(states) >= 150 and states[-1].command_v != 0.0, "a driven arm")
 
     assert graph.stop(controller, signal.SIGKILL) == -signal.SIGKILL
     graph.wait(lambda: bool(warnings), "a warning")

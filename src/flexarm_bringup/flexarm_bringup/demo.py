@@ -22,6 +22,7 @@ from rclpy.parameter import Parameter
 
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
+from flexarm_bringup.records import require_whole
 from flexarm_control.criteria import step_figures
 from flexarm_daq.beam import natural_frequencies_hz
 from flexarm_daq.parameters import RigParameters
@@ -107,6 +108,8 @@ def run_demo(settings: DemoSettings) -> dict[str, Any]:
             )
             _record(operator, bags / "step", STEP_SAMPLES, "stepping")
         experiment, step = read_bag_report(bags / "experiment"), read_bag_report(bags / "step")
+    require_whole(experiment, EXPERIMENT_SAMPLES, lockstep=settings.fast)
+    require_whole(step, STEP_SAMPLES, lockstep=settings.fast)
     summary = _summary(settings, response, experiment, step, true_modes_hz)
     _write_report(out, response, step)
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")

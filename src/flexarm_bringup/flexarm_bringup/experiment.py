@@ -15,7 +15,7 @@ from rich.table import Table
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
 from flexarm_bringup.processes import LaunchError
-from flexarm_bringup.records import new_record, put_in_place, workplace
+from flexarm_bringup.records import new_record, put_in_place, require_whole, workplace
 from flexarm_daq.catalogue import KINDS, catalogue
 from flexarm_daq.limiter import LimiterSettings
 from flexarm_ident.bags import read_bag_report
@@ -87,6 +87,7 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
             record = records.enter_context(new_record(bag))
             said = _record(operator, entry, record, settings)
             reading = read_bag_report(record)
+            require_whole(reading, entry.samples, lockstep=settings.fast)
             put_in_place(record, bag)
             terminal.CONSOLE.print(f"  recorded {said.replace(str(record), str(bag))}")
             _describe(folder, entry, reading, settings)
@@ -171,6 +172,7 @@ def _describe(
     known[entry.name] = {
         "samples": reading.samples,
         "lost": reading.lost,
+        "unanswered": reading.unanswered,
         "rate_hz": entry.rate_hz,
         "payload_kg": entry.payload_kg if settings.payload_kg is None else settings.payload_kg,
         "seed": settings.seed,

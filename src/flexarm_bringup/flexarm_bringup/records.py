@@ -7,11 +7,14 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from flexarm_bringup import terminal
+from flexarm_bringup.processes import LaunchError
 from flexarm_ident.bag_check import check_bag
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+    from flexarm_ident.alignment import BagReading
 
 
 def workplace(bag: Path) -> Path:
@@ -67,6 +70,35 @@ def put_in_place(record: Path, bag: Path) -> None:
         bag.rename(_replaced(record))
     record.rename(bag)
     shutil.rmtree(record.parent)
+
+
+def require_whole(reading: BagReading, samples: int, *, lockstep: bool) -> None:
+    """Refuse a record that is not what was asked for.
+
+    Parameters
+    ----------
+    reading
+        The record.
+    samples
+        How many samples were to be taken.
+    lockstep
+        Taken in virtual time, where every sample waits for its answer: one that went without makes
+        the numbers others than those of the seed.
+
+    Raises
+    ------
+    LaunchError
+        When the record ends too early, or when samples were not answered in virtual time.
+    """
+    if reading.samples + reading.lost < samples:
+        raise LaunchError(
+            f"the record ends after {reading.samples} of {samples} samples: nodes.log tells why"
+        )
+    if lockstep and reading.unanswered:
+        raise LaunchError(
+            f"{reading.unanswered} of {samples} samples were not answered, so the numbers are not "
+            "those of the seed: run it again, with less beside it"
+        )
 
 
 def _replaced(record: Path) -> Path:

@@ -98,12 +98,16 @@ class BagReading:
         Samples missing by their sequence numbers.
     duration_s
         From the first to the last stamp on the topic.
+    unanswered
+        Samples of the record whose own command was not in force at the next one; 0 where the
+        messages tell nothing of commands.
     """
 
     data: IoData
     samples: int
     lost: int
     duration_s: float
+    unanswered: int = 0
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -155,7 +159,8 @@ def arm_reading(
     if reference is not None and len(reference):
         followed, odd = _references(reference, state.log_times_ns[behind])
         notices += odd
-    answered = commanded or followed is not None or bool(np.any(state.integer("command_sequence")))
+    in_force = state.integer("command_sequence")
+    answered = commanded or followed is not None or bool(np.any(in_force))
     data = IoData(
         state.real("command_v")[behind],
         np.column_stack([state.real(name)[now] for name in ARM_OUTPUTS]),
@@ -168,7 +173,13 @@ def arm_reading(
         reference=followed,
         notices=tuple(notices),
     )
-    return BagReading(data, len(state), run.lost, _duration_s(stamps_ns))
+    return BagReading(
+        data,
+        len(state),
+        run.lost,
+        _duration_s(stamps_ns),
+        unanswered=int(np.sum(np.diff(in_force[run.rows]) < 1)),
+    )
 
 
 def io_reading(samples: Recorded, channels: Channels | None, *, source: str) -> BagReading:

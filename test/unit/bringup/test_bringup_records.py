@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING
 import pytest
 from bag_samples import START_NS, Sent, arm_state, recorded_topics, write_bag
 
-from flexarm_bringup.records import new_record, put_in_place, workplace
+from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.records import new_record, put_in_place, require_whole, workplace
 from flexarm_daq.recording import BagWriter
 from flexarm_ident.bag_check import check_bag
+from flexarm_ident.bags import read_bag_report
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from flexarm_ident.alignment import BagReading
 
 
 def samples(count: int) -> list[Sent]:
@@ -118,3 +122,28 @@ def test_new_record___workplace_of_another_run___is_left_alone(tmp_path: Path) -
     with pytest.raises(FileExistsError), new_record(bag):
         pass
     assert messages_in(tmp_path) == {"run.new": 5}
+
+
+def reading(tmp_path: Path, in_force: list[int]) -> BagReading:
+    """Return what a bag holds whose samples were taken under these commands."""
+    states = [
+        arm_state(k, START_NS + k * 10_000_000, command_sequence=command)
+        for k, command in enumerate(in_force, start=1)
+    ]
+    return read_bag_report(write_bag(tmp_path / "run", states))
+
+
+def test_require_whole___answered_or_in_real_time___passes(tmp_path: Path) -> None:
+    require_whole(reading(tmp_path, [0, 1, 2, 3]), 4, lockstep=True)
+    require_whole(reading(tmp_path / "real", [0, 1, 1, 2]), 4, lockstep=False)
+
+
+def test_require_whole___unanswered_in_virtual_time___is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LaunchError, match=r"^1 of 4 samples were not answered, so the numbers"):
+        require_whole(reading(tmp_path, [0, 1, 1, 2]), 4, lockstep=True)
+
+
+@pytest.mark.parametrize("lockstep", [False, True])
+def test_require_whole___ends_too_early___is_refused(tmp_path: Path, *, lockstep: bool) -> None:
+    with pytest.raises(LaunchError, match=r"^the record ends after 4 of 5 samples: nodes\.log"):
+        require_whole(reading(tmp_path, [0, 1, 2, 3]), 5, lockstep=lockstep)

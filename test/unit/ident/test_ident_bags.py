@@ -84,6 +84,30 @@ def test_read___own_rig___takes_the_input_from_the_sample_that_follows(tmp_path:
     assert reading.duration_s == pytest.approx(0.006)
 
 
+@pytest.mark.parametrize(
+    ("in_force", "unanswered"),
+    [
+        ([0, 1, 2, 3, 4], 0),
+        ([0, 0, 0, 0, 0], 4),
+        # The second sample got no answer: what answered the first one stayed.
+        ([0, 7, 7, 8, 9], 1),
+        # The watchdog let go; the answer to the fourth sample is a new commander's.
+        ([5, 6, 6, 0, 1], 2),
+        # A newer answer has overtaken the third command: each sample has one of its own.
+        ([0, 1, 2, 4, 5], 0),
+    ],
+)
+def test_read___unanswered___are_the_samples_without_a_command_of_their_own(
+    tmp_path: Path, in_force: list[int], unanswered: int
+) -> None:
+    states = [
+        arm_state(k, START_NS + k * STEP_NS, outputs(k), command_sequence=command)
+        for k, command in enumerate(in_force, start=1)
+    ]
+
+    assert read_bag_report(write_bag(tmp_path / "run", states)).unanswered == unanswered
+
+
 def test_read___reference___is_the_last_one_sent_before_the_next_sample(tmp_path: Path) -> None:
     states = open_loop([1, 2, 3, 4, 5])
     first, _, third, fourth, _ = (state.time_ns for state in states)
