@@ -144,6 +144,7 @@ def test_experiment_overwriting___when_no_node_can_start___leaves_the_old_bag(
         (["O_dat1"], "O_dat1 is there already: --overwrite replaces it"),
         (["O_dat3", "O_dat2", "O_dat3"], "O_dat3 is named 2 times: name each experiment once"),
         (["O_dat4", "--overwrite"], "O_dat4.new is there: another run records into it"),
+        (["O_dat5"], "experiments.json cannot be read (Unterminated string"),
     ],
 )
 def test_experiment_that_cannot_be___is_refused_in_one_line(
@@ -151,6 +152,7 @@ def test_experiment_that_cannot_be___is_refused_in_one_line(
 ) -> None:
     for name in ("O_dat1", "O_dat4.new"):
         (tmp_path / name).mkdir()
+    (tmp_path / "experiments.json").write_text('{"O_dat1": {"sam')
 
     process = graph.run([*COMMAND, *arguments, "-o", str(tmp_path)])
 

@@ -66,7 +66,8 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     Raises
     ------
     LaunchError
-        When an experiment is named twice, a bag is there already, or a node does not do its part.
+        When an experiment is named twice, a bag is there already, the manifest cannot be read, or a
+        node does not do its part.
     """
     folder = settings.folder.absolute()
     _make_room(folder, entries, overwrite=settings.overwrite)
@@ -124,6 +125,7 @@ def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) 
                 "that was killed; move or remove it"
             )
     folder.mkdir(parents=True, exist_ok=True)
+    _described(folder)
 
 
 def _record(operator: Operator, entry: Experiment, bag: Path, settings: ExperimentSettings) -> str:
@@ -160,6 +162,20 @@ def _words(entry: Experiment) -> str:
     return f"{entry.input_text}, {entry.samples} samples at {entry.rate_hz:g} Hz"
 
 
+def _described(folder: Path) -> dict[str, Any]:
+    """Return what the manifest of a folder says so far."""
+    manifest = folder / MANIFEST
+    try:
+        known = json.loads(manifest.read_text())
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise LaunchError(f"{manifest} cannot be read ({error}): move or remove it") from error
+    if not isinstance(known, dict):
+        raise LaunchError(f"{manifest} describes no experiments: move or remove it")
+    return known
+
+
 def _describe(
     folder: Path, entry: Experiment, reading: BagReading, settings: ExperimentSettings
 ) -> None:
@@ -167,8 +183,7 @@ def _describe(
     data = reading.data
     digest = hashlib.sha256(data.u.tobytes())
     digest.update(data.y.tobytes())
-    manifest = folder / MANIFEST
-    known: dict[str, Any] = json.loads(manifest.read_text()) if manifest.is_file() else {}
+    known = _described(folder)
     known[entry.name] = {
         "samples": reading.samples,
         "lost": reading.lost,
@@ -179,7 +194,9 @@ def _describe(
         "time": "virtual" if settings.fast else "real",
         "sha256_of_samples": digest.hexdigest(),
     }
-    manifest.write_text(json.dumps(known, indent=1) + "\n")
+    draft = folder / f".{MANIFEST}"
+    draft.write_text(json.dumps(known, indent=1) + "\n")
+    draft.replace(folder / MANIFEST)
     largest_v = abs(data.y[:, 0]).max()
     terminal.CONSOLE.print(
         f"  position within {largest_v:.2f} V, command {abs(data.u).max():.2f} V"
