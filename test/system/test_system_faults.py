@@ -77,6 +77,33 @@ class Working(Node):
 raise SystemExit(run(Working))
 """
 
+ASKING_NODE = """
+import sys
+from rclpy.duration import Duration
+from rclpy.node import Node
+from flexarm_msgs.msg import ArmState
+from flexarm_node import qos
+from flexarm_node.loop_node import wait_until
+from flexarm_node.process import request_stop, run
+
+class Asking(Node):
+    def __init__(self):
+        super().__init__("asking", namespace="/flexarm")
+        self.states = self.create_publisher(ArmState, "state", qos.SENT)
+        self.create_timer(0.1, self.ask)
+
+    def ask(self):
+        if wait_until(lambda: self.states.get_subscription_count() == 1):
+            self.states.publish(ArmState())
+            if self.states.wait_for_all_acked(Duration(seconds=1.0)):
+                print("acknowledged at once", flush=True)
+        request_stop()
+
+    def stop(self): ...
+
+raise SystemExit(run(Asking, realtime=True))
+"""
+
 
 def run_script(graph: Graph, file: Path, source: str) -> Process:
     """Write a node and start it."""
@@ -256,3 +283,16 @@ def test_signal_while_a_thread_is_in_compiled_code___ends_the_node_in_order(
 
     assert process.exit_code() == 0
     assert process.printed == "at work\n"
+
+
+def test_loop___asks_its_readers_soon_what_they_have___so_what_is_lost_is_soon_repeated(
+    graph: Graph, tmp_path: Path
+) -> None:
+    graph.start("controller")
+    assert graph.transition("controller", "configure")
+    for attempt in range(3):
+        process = run_script(graph, tmp_path / f"asking_node_{attempt}.py", ASKING_NODE)
+        assert process.exit_code() == 0, process.printed
+        if "acknowledged at once" in process.printed:
+            return
+    pytest.fail("without the profile of the nodes with a loop an answer takes 3 s")

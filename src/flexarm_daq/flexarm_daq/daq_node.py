@@ -52,7 +52,7 @@ PARAMETERS = (
     ParameterSpec(
         "listeners", 0, "readers of the samples that activating waits for, some seconds", 0, 1000
     ),
-    # The middleware may repeat a lost message only after its heartbeat of 3 s.
+    # Under settings of the user's own the middleware may repeat a lost message only after 3 s.
     ParameterSpec(
         "answer_timeout_s", 10.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
     ),
@@ -93,7 +93,7 @@ _POSITION, _, _, _SPEED = CHANNELS
 _TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V
 _JOINT_STATES_HZ = 50.0
 _SILENT_S = 1.0
-# The middleware asks its readers every 3 s what they have.
+# Under settings of the user's own the middleware may ask its readers only every 3 s.
 _ACKNOWLEDGED = Duration(seconds=7)
 
 

@@ -9,6 +9,7 @@ import resource
 import signal
 import sys
 import threading
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Protocol
 
 import rclpy
@@ -17,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from flexarm_node.parameters import ParameterError
-from flexarm_node.transport import leave_shared_memory
+from flexarm_node.transport import loop_transport
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -69,13 +70,12 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         Builds the node. A `ParameterError` from it is printed as one line, exit code 2.
     realtime
         Ask for real-time priority and locked memory, so that the node's loop is on time on a busy
-        machine; where that is not permitted, one line says so. And leave the middleware's shared
-        memory, which would stop the loop whenever a node joins.
+        machine; where that is not permitted, one line says so. And set up the middleware so that a
+        node that joins or a message that gets lost does not stop the loop.
     """
     if realtime:
         prefer_realtime()
         _lock_memory()
-        leave_shared_memory()
     if not _follows_parent():
         return 1
     signals, wakeup = os.pipe()
@@ -83,17 +83,18 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
     for stop_signal in _STOP_SIGNALS:
         signal.signal(stop_signal, _leave_to_wakeup)
-    try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        sys.stderr.write(f"wrong ROS arguments: {' '.join(str(error).split())}\n")
-        return 2
-    try:
-        node = make_node()
-    except ParameterError as error:
-        sys.stderr.write(f"{error}\n")
-        try_shutdown()
-        return 2
+    with loop_transport() if realtime else nullcontext():
+        try:
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        except RuntimeError as error:
+            sys.stderr.write(f"wrong ROS arguments: {' '.join(str(error).split())}\n")
+            return 2
+        try:
+            node = make_node()
+        except ParameterError as error:
+            sys.stderr.write(f"{error}\n")
+            try_shutdown()
+            return 2
     executor = SingleThreadedExecutor()
     stopped = threading.Event()
     # Its callback ends `spin_once`; the executor's own wake-up would not.
