@@ -238,25 +238,29 @@ class Graph:
                 pytest.fail(f"{process.log.name}: {process.popen.returncode}: {process.printed}")
 
     def survivors(self, program: str = "") -> list[int]:
-        """Return the processes of this graph that are alive, or those of a program."""
+        """Return the processes of this graph that are alive, all or those of one program."""
         mark = f"{_MARK}={self.folder}".encode()
         found = []
         for path in Path("/proc").glob("[0-9]*"):
             with suppress(OSError):
                 is_ours = mark in (path / "environ").read_bytes().split(b"\0")
-                if is_ours and program.encode() in (path / "cmdline").read_bytes():
+                words = (path / "cmdline").read_text().split("\0")[:2]
+                if is_ours and (not program or program in {Path(word).name for word in words}):
                     found.append(int(path.name))
         return found
 
     def wait(
         self, condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S
     ) -> None:
-        """Spin until a condition holds; fail when it does not in time, with what was printed."""
+        """Spin until a condition holds; LaunchError when it does not in time.
+
+        It tells what the nodes have printed.
+        """
         try:
             self.operator.wait(condition, what, patience_s)
         except LaunchError as error:
             printed = "\n".join(f"{each.log.name}: {each.printed}" for each in self._processes)
-            pytest.fail(f"{error}; the nodes printed:\n{printed}")
+            raise LaunchError(f"{error}; the nodes printed:\n{printed}") from None
 
     def call(
         self, service: type, name: str, request: object, patience_s: float = PATIENCE_S

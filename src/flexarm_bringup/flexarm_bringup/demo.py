@@ -81,7 +81,7 @@ def run_demo(settings: DemoSettings) -> dict[str, Any]:
     Raises
     ------
     LaunchError
-        When a node does not do its part.
+        When a node does not do its part, or a record is not whole.
     """
     out = settings.out
     out.mkdir(parents=True, exist_ok=True)
@@ -95,7 +95,9 @@ def run_demo(settings: DemoSettings) -> dict[str, Any]:
         terminal.step("Starting the nodes: daq, controller, recorder, ident")
         with running_graph(_start_parameters(settings), log) as (operator, _):
             terminal.step(_experiment_text(settings))
-            _record(operator, bags / "experiment", EXPERIMENT_SAMPLES, "exciting the arm")
+            experiment = _record(
+                operator, bags / "experiment", EXPERIMENT_SAMPLES, "exciting the arm", settings
+            )
             terminal.step("Identifying, reducing and validating a model")
             with terminal.busy("subspace identification of the recorded bag"):
                 response = operator.identify(_request(bags / "experiment", true_modes_hz))
@@ -106,10 +108,7 @@ def run_demo(settings: DemoSettings) -> dict[str, Any]:
                 "controller",
                 {"law": "pdpc", "reference": "step", "step.amplitude_v": SET_POINT_V},
             )
-            _record(operator, bags / "step", STEP_SAMPLES, "stepping")
-        experiment, step = read_bag_report(bags / "experiment"), read_bag_report(bags / "step")
-    require_whole(experiment, EXPERIMENT_SAMPLES, lockstep=settings.fast)
-    require_whole(step, STEP_SAMPLES, lockstep=settings.fast)
+            step = _record(operator, bags / "step", STEP_SAMPLES, "stepping", settings)
     summary = _summary(settings, response, experiment, step, true_modes_hz)
     _write_report(out, response, step)
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
@@ -159,11 +158,16 @@ def _experiment_text(settings: DemoSettings) -> str:
     )
 
 
-def _record(operator: Operator, bag: Path, samples: int, text: str) -> None:
+def _record(
+    operator: Operator, bag: Path, samples: int, text: str, settings: DemoSettings
+) -> BagReading:
     operator.record(str(bag))
     with terminal.progress_bar(text, samples) as progress:
         operator.sample(samples, progress)
     terminal.CONSOLE.print(f"  recorded {operator.record(None)}")
+    reading = read_bag_report(bag)
+    require_whole(reading, samples, lockstep=settings.fast)
+    return reading
 
 
 def _request(bag: Path, known_modes_hz: np.ndarray) -> Identify.Request:

@@ -61,13 +61,14 @@ class ExperimentSettings:
 def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings) -> None:
     """Run experiments one after the other and describe the bags in a manifest.
 
-    What was recorded of an experiment that does not come to its end is kept as `NAME.partial`.
+    What was recorded of an experiment that does not come to its end, or of one that is refused, is
+    kept as `NAME.partial`.
 
     Raises
     ------
     LaunchError
-        When an experiment is named twice, a bag is there already, the manifest cannot be read, or a
-        node does not do its part.
+        When an experiment is named twice, a bag is there already, the manifest cannot be read, a
+        node does not do its part, or a record is not whole.
     """
     folder = settings.folder.absolute()
     _make_room(folder, entries, overwrite=settings.overwrite)
@@ -125,6 +126,7 @@ def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) 
                 "that was killed; move or remove it"
             )
     folder.mkdir(parents=True, exist_ok=True)
+    # One that cannot be read shall show before anything runs.
     _described(folder)
 
 

@@ -26,7 +26,7 @@ def workplace(bag: Path) -> Path:
 def new_record(bag: Path) -> Iterator[Path]:
     """Give the path to record a bag at; afterwards keep what was not put into its place.
 
-    Messages of a record that was not completed are kept as `BAG.partial`, instead of an older one.
+    A record that was not completed, or refused, is kept as `BAG.partial` instead of an older one.
 
     Parameters
     ----------
@@ -50,9 +50,7 @@ def new_record(bag: Path) -> Iterator[Path]:
             partial = bag.with_name(f"{bag.name}.partial")
             shutil.rmtree(partial, ignore_errors=True)
             record.rename(partial)
-            terminal.CONSOLE.print(
-                f"what was recorded until then is kept in {partial}", markup=False
-            )
+            terminal.CONSOLE.print(f"what was recorded is kept in {partial}", markup=False)
         shutil.rmtree(record.parent, ignore_errors=True)
 
 
@@ -82,22 +80,24 @@ def require_whole(reading: BagReading, samples: int, *, lockstep: bool) -> None:
     samples
         How many samples were to be taken.
     lockstep
-        Taken in virtual time, where every sample waits for its answer: one that went without makes
-        the numbers others than those of the seed.
+        Taken in virtual time, where every sample waits for its answer and for nothing else: with
+        one that is missing the numbers are not those of the seed.
 
     Raises
     ------
     LaunchError
-        When the record ends too early, or when samples were not answered in virtual time.
+        When the record lacks samples at its start or end, or in virtual time anywhere, or when a
+        command is missing in virtual time.
     """
-    if reading.samples + reading.lost < samples:
+    missing = samples - reading.samples
+    if missing > (0 if lockstep else reading.lost):
         raise LaunchError(
-            f"the record ends after {reading.samples} of {samples} samples: nodes.log tells why"
+            f"{missing} of {samples} samples are not in the record: nodes.log tells more"
         )
     if lockstep and reading.unanswered:
         raise LaunchError(
-            f"{reading.unanswered} of {samples} samples were not answered, so the numbers are not "
-            "those of the seed: run it again, with less beside it"
+            f"{reading.unanswered} of {samples} samples had no command of their own: the drive was "
+            "held at zero, or answers did not come; nodes.log tells more"
         )
 
 

@@ -154,7 +154,7 @@ class DaqNode(LoopNode):
             self._acquisition.run(stopping)
             self.get_logger().info(f"{self._acquisition.sequence} samples, the drive is at zero")
         finally:
-            if self.parameters.values()["time"] == "virtual" and not stopping.is_set():
+            if not stopping.is_set():
                 self._link.await_readers()
 
     def alarm(self) -> str:
@@ -255,12 +255,16 @@ class _TopicLink:
         if await_controller:
             wait_until(lambda: self._commands.publishers() > 0)
         topic = self._publisher.topic_name
-        wait_until(
+        has_readers = wait_until(
             lambda: (
                 self._publisher.get_subscription_count()
                 >= max(listeners, self._node.count_subscribers(topic))
             )
         )
+        if not has_readers:
+            self._node.get_logger().warning(
+                "not every reader of the samples is there: it may miss the first ones"
+            )
         self._commands.wait_newest(0.0)
         self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))
 
@@ -310,7 +314,7 @@ class _TopicLink:
         return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found)
 
     def await_readers(self) -> None:
-        """Wait until every reader has every sample: virtual time may have outrun them."""
+        """Wait until every reader has every sample: one may have been held up."""
         self._publisher.wait_for_all_acked(_ACKNOWLEDGED)
 
     def close(self) -> None:

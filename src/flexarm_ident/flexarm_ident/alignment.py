@@ -99,8 +99,8 @@ class BagReading:
     duration_s
         From the first to the last stamp on the topic.
     unanswered
-        Samples of the record whose own command was not in force at the next one; 0 where the
-        messages tell nothing of commands.
+        Samples whose own command was not in force at the next one; 0 for ``IoSample``, which
+        tells nothing of commands.
     """
 
     data: IoData
@@ -146,7 +146,8 @@ def arm_reading(
         If fewer than three samples follow each other or a value is not finite.
     """
     _require(state, source)
-    run = longest_run(state.integer("sequence"))
+    sequence = state.integer("sequence")
+    run = longest_run(sequence)
     notices = list(lost_samples(run, len(state)))
     rows = range(len(state))[run.rows]
     if len(rows) < 3:  # noqa: PLR2004 - two rows of data and the message behind them
@@ -178,7 +179,7 @@ def arm_reading(
         len(state),
         run.lost,
         _duration_s(stamps_ns),
-        unanswered=int(np.sum(np.diff(in_force[run.rows]) < 1)),
+        unanswered=int(np.sum((np.diff(sequence) == 1) & (np.diff(in_force) < 1))),
     )
 
 

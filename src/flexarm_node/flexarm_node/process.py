@@ -9,7 +9,6 @@ import resource
 import signal
 import sys
 import threading
-from contextlib import nullcontext
 from typing import TYPE_CHECKING, Protocol
 
 import rclpy
@@ -18,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from flexarm_node.parameters import ParameterError
-from flexarm_node.transport import loop_transport
+from flexarm_node.transport import set_up_for_a_loop
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -70,12 +69,13 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         Builds the node. A `ParameterError` from it is printed as one line, exit code 2.
     realtime
         Ask for real-time priority and locked memory, so that the node's loop is on time on a busy
-        machine; where that is not permitted, one line says so. And set up the middleware so that a
-        node that joins or a message that gets lost does not stop the loop.
+        machine; where that is not permitted, one line says so. And set up the middleware so that
+        the loop waits neither for a node that joins nor long for a message that got lost.
     """
     if realtime:
         prefer_realtime()
         _lock_memory()
+        set_up_for_a_loop()
     if not _follows_parent():
         return 1
     signals, wakeup = os.pipe()
@@ -83,18 +83,17 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
     for stop_signal in _STOP_SIGNALS:
         signal.signal(stop_signal, _leave_to_wakeup)
-    with loop_transport() if realtime else nullcontext():
-        try:
-            rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        except RuntimeError as error:
-            sys.stderr.write(f"wrong ROS arguments: {' '.join(str(error).split())}\n")
-            return 2
-        try:
-            node = make_node()
-        except ParameterError as error:
-            sys.stderr.write(f"{error}\n")
-            try_shutdown()
-            return 2
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        sys.stderr.write(f"wrong ROS arguments: {' '.join(str(error).split())}\n")
+        return 2
+    try:
+        node = make_node()
+    except ParameterError as error:
+        sys.stderr.write(f"{error}\n")
+        try_shutdown()
+        return 2
     executor = SingleThreadedExecutor()
     stopped = threading.Event()
     # Its callback ends `spin_once`; the executor's own wake-up would not.

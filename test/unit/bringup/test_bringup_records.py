@@ -54,7 +54,7 @@ def test_new_record___not_completed___is_kept_as_the_only_partial_beside_the_old
         raise error
     assert messages_in(tmp_path) == {"run": 5, "run.partial": 20}
     said = capsys.readouterr().out
-    assert said == f"what was recorded until then is kept in {partial}\n"
+    assert said == f"what was recorded is kept in {partial}\n"
 
 
 def test_new_record___its_recorder_was_killed___is_kept(tmp_path: Path) -> None:
@@ -124,11 +124,12 @@ def test_new_record___workplace_of_another_run___is_left_alone(tmp_path: Path) -
     assert messages_in(tmp_path) == {"run.new": 5}
 
 
-def reading(tmp_path: Path, in_force: list[int]) -> BagReading:
+def reading(tmp_path: Path, in_force: list[int], *, without: int | None = None) -> BagReading:
     """Return what a bag holds whose samples were taken under these commands."""
     states = [
         arm_state(k, START_NS + k * 10_000_000, command_sequence=command)
         for k, command in enumerate(in_force, start=1)
+        if k != without
     ]
     return read_bag_report(write_bag(tmp_path / "run", states))
 
@@ -139,11 +140,20 @@ def test_require_whole___answered_or_in_real_time___passes(tmp_path: Path) -> No
 
 
 def test_require_whole___unanswered_in_virtual_time___is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LaunchError, match=r"^1 of 4 samples were not answered, so the numbers"):
+    with pytest.raises(LaunchError, match=r"^1 of 4 samples had no command of their own: "):
         require_whole(reading(tmp_path, [0, 1, 1, 2]), 4, lockstep=True)
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
 def test_require_whole___ends_too_early___is_refused(tmp_path: Path, *, lockstep: bool) -> None:
-    with pytest.raises(LaunchError, match=r"^the record ends after 4 of 5 samples: nodes\.log"):
+    with pytest.raises(LaunchError, match=r"^1 of 5 samples are not in the record: nodes\.log"):
         require_whole(reading(tmp_path, [0, 1, 2, 3]), 5, lockstep=lockstep)
+
+
+def test_require_whole___gap___is_a_warning_in_real_time_and_refused_in_virtual_time(
+    tmp_path: Path,
+) -> None:
+    with_gap = reading(tmp_path, [0, 1, 2, 3, 4, 5], without=3)
+    require_whole(with_gap, 6, lockstep=False)
+    with pytest.raises(LaunchError, match=r"^1 of 6 samples are not in the record"):
+        require_whole(with_gap, 6, lockstep=True)
