@@ -18,6 +18,7 @@ from flexarm_bringup.processes import LaunchError
 from flexarm_bringup.records import new_record, put_in_place, require_whole, workplace
 from flexarm_daq.catalogue import KINDS, catalogue
 from flexarm_daq.limiter import LimiterSettings
+from flexarm_ident.bag_check import check_bag
 from flexarm_ident.bags import read_bag_report
 from flexarm_node.process import PRIORITY
 
@@ -49,6 +50,9 @@ class ExperimentSettings:
         Virtual time instead of real time.
     overwrite
         Replace bags that are there, each when its new record is complete.
+    parameter_files
+        As for `--params-file` of ROS 2, such as the wiring of a board; what an experiment says
+        itself comes after them.
     """
 
     folder: Path
@@ -56,6 +60,7 @@ class ExperimentSettings:
     seed: int = 1
     fast: bool = False
     overwrite: bool = False
+    parameter_files: tuple[Path, ...] = ()
 
 
 def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings) -> None:
@@ -77,11 +82,12 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
         os.environ[PRIORITY] = "0"
     time = "virtual" if settings.fast else "real"
     parameters = {"daq": {"time": time, "seed": settings.seed}}
+    files = settings.parameter_files
     log = folder / "nodes.log"
     # A record is settled when the recorder has closed it: after the graph.
     with (
         ExitStack() as records,
-        running_graph(parameters, log, nodes=_NODES, active=()) as (operator, _),
+        running_graph(parameters, log, nodes=_NODES, active=(), files=files) as (operator, _),
     ):
         for number, entry in enumerate(entries, start=1):
             terminal.step(f"{number} of {len(entries)}: {entry.name}, {_words(entry)}")
@@ -92,7 +98,10 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
             require_whole(reading, entry.samples, lockstep=settings.fast)
             put_in_place(record, bag)
             terminal.CONSOLE.print(f"  recorded {said.replace(str(record), str(bag))}")
-            _describe(folder, entry, reading, settings)
+            problems = check_bag(bag).problems
+            for problem in problems:
+                terminal.CONSOLE.print(f"  problem: {problem}", markup=False)
+            _describe(folder, entry, reading, problems, settings)
     terminal.step(f"{len(entries)} bags in {settings.folder}, described in {MANIFEST}")
 
 
@@ -123,7 +132,7 @@ def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) 
         if workplace(bag).exists():
             raise LaunchError(
                 f"{workplace(bag)} is there: another run records into it, or it was left by one "
-                "that was killed; move or remove it"
+                "that was killed; check the bag in it, move or remove it"
             )
     folder.mkdir(parents=True, exist_ok=True)
     # One that cannot be read shall show before anything runs.
@@ -179,7 +188,11 @@ def _described(folder: Path) -> dict[str, Any]:
 
 
 def _describe(
-    folder: Path, entry: Experiment, reading: BagReading, settings: ExperimentSettings
+    folder: Path,
+    entry: Experiment,
+    reading: BagReading,
+    problems: Sequence[str],
+    settings: ExperimentSettings,
 ) -> None:
     """Add what a bag holds to the manifest; the hash is over the samples, not over the file."""
     data = reading.data
@@ -190,6 +203,7 @@ def _describe(
         "samples": reading.samples,
         "lost": reading.lost,
         "unanswered": reading.unanswered,
+        "problems": problems,
         "rate_hz": entry.rate_hz,
         "payload_kg": entry.payload_kg if settings.payload_kg is None else settings.payload_kg,
         "seed": settings.seed,

@@ -68,5 +68,5 @@ def _has_bag_files(folder: Path) -> bool:
 def repair_bag(damaged: Path, output: Path) -> str:
     """Copy what is whole and say how much it is."""
     summary = repair.repair_bag(damaged, output)
-    damage = f" ({summary.damage})" if summary.damage else " (nothing was damaged)"
+    damage = f" ({summary.damage})" if summary.damage else " (every message was whole)"
     return f"{summary.bag}: {summary.messages} messages{damage}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from contextlib import contextmanager
+from itertools import count
 from typing import TYPE_CHECKING
 
 from flexarm_bringup import terminal
@@ -26,7 +27,8 @@ def workplace(bag: Path) -> Path:
 def new_record(bag: Path) -> Iterator[Path]:
     """Give the path to record a bag at; afterwards keep what was not put into its place.
 
-    A record that was not completed, or refused, is kept as `BAG.partial` instead of an older one.
+    A record that was not completed, or refused, is kept as `BAG.partial`, or `BAG.partial2` and so
+    on beside older ones.
 
     Parameters
     ----------
@@ -47,11 +49,16 @@ def new_record(bag: Path) -> Iterator[Path]:
         if _replaced(record).exists() and not bag.exists():
             _replaced(record).rename(bag)
         if record.exists() and check_bag(record).messages:
-            partial = bag.with_name(f"{bag.name}.partial")
-            shutil.rmtree(partial, ignore_errors=True)
+            partial = next(path for path in _partials(bag) if not path.exists())
             record.rename(partial)
             terminal.CONSOLE.print(f"what was recorded is kept in {partial}", markup=False)
         shutil.rmtree(record.parent, ignore_errors=True)
+
+
+def _partials(bag: Path) -> Iterator[Path]:
+    """Yield the names of records that were not completed."""
+    yield bag.with_name(f"{bag.name}.partial")
+    yield from (bag.with_name(f"{bag.name}.partial{number}") for number in count(2))
 
 
 def put_in_place(record: Path, bag: Path) -> None:

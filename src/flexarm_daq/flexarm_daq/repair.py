@@ -1,16 +1,23 @@
 """Repair of a damaged bag: every whole message is copied into a new one.
 
-An MCAP file that was cut has no index, so readers refuse it; what it holds is in whole chunks, each
-with a checksum, and these can be read one after the other until the damage.
+What an MCAP file of ours holds is in chunks, each with a checksum. Where the index at the end of
+the file is whole, each chunk is read by itself, and a damaged one costs its own messages only. A
+file that was cut has no index; its chunks are read one after the other, as far as they go.
 """
 
 from __future__ import annotations
 
+import struct
+import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from io import SEEK_END, BytesIO
+from itertools import chain
+from typing import TYPE_CHECKING, BinaryIO
 
-from mcap.records import Channel, Message, Schema, Statistics
-from mcap.stream_reader import StreamReader
+from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, ChunkIndex, McapRecord, Message, Schema, Statistics
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from flexarm_daq.bag_metadata import RecordedTopic, TopicQos
 from flexarm_daq.definitions import MessageDefinition
@@ -19,6 +26,11 @@ from flexarm_daq.recording import BagWriter, RecordingError
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+# Opcode, length, two offsets and a checksum, and the magic that ends the file.
+_FOOTER = struct.Struct("<BQQQI8s")
+_MAGIC = b"\x89MCAP0\r\n"
+_CHECKSUM_BYTES = 4
 
 
 @dataclass(frozen=True)
@@ -32,7 +44,7 @@ class RepairSummary:
     messages
         Messages in it.
     damage
-        What ended the reading; empty when the file was whole.
+        What could not be read; empty when every message was whole.
     """
 
     bag: Path
@@ -81,36 +93,109 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
 def _whole(
     files: list[Path], damage: list[str] | None = None
 ) -> Iterator[tuple[RecordedTopic, Message]]:
-    """Yield the messages of each file up to its damage, which is noted."""
+    """Yield the whole messages of each file; what is not whole is noted."""
     for file in files:
-        yield from _up_to_damage(file, [] if damage is None else damage)
+        yield from _FileRepair(file, [] if damage is None else damage).messages()
 
 
-def _up_to_damage(file: Path, damage: list[str]) -> Iterator[tuple[RecordedTopic, Message]]:
+class _FileRepair:
+    """One file, and what is wrong with it."""
+
+    def __init__(self, file: Path, damage: list[str]) -> None:
+        self._file = file
+        self._damage = damage
+        self._schemas: dict[int, Schema] = {}
+        self._topics: dict[int, RecordedTopic] = {}
+        self._announced: int | None = None
+
+    def messages(self) -> Iterator[tuple[RecordedTopic, Message]]:
+        count = 0
+        with self._file.open("rb") as stream:
+            for record in self._contents(stream):
+                if isinstance(record, Schema):
+                    self._schemas[record.id] = record
+                elif isinstance(record, Channel) and record.schema_id in self._schemas:
+                    self._topics[record.id] = _topic(record, self._schemas[record.schema_id])
+                elif isinstance(record, Message) and record.channel_id in self._topics:
+                    yield self._topics[record.channel_id], record
+                    count += 1
+                elif isinstance(record, Statistics):
+                    self._announced = record.message_count
+        if self._announced is not None and self._announced != count:
+            self._note(f"{self._announced - count} of {self._announced} messages are lost")
+
+    def _contents(self, stream: BinaryIO) -> Iterator[McapRecord]:
+        """Yield the records, those in chunks among them.
+
+        The definitions are repeated in the summary: the first chunk may be damaged.
+        """
+        summary = _summary(stream)
+        chunks = [record for record in summary if isinstance(record, ChunkIndex)]
+        records = chain(summary, self._indexed(stream, chunks)) if chunks else self._all(stream)
+        for record in records:
+            if not isinstance(record, Chunk):
+                yield record
+                continue
+            try:
+                inner = breakup_chunk(record, validate_crc=True)
+            except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+                self._note(f"a chunk is damaged: {_cause(error)}")
+            else:
+                yield from inner
+
+    def _indexed(self, stream: BinaryIO, chunks: list[ChunkIndex]) -> Iterator[McapRecord]:
+        for index in chunks:
+            stream.seek(index.chunk_start_offset)
+            reader = StreamReader(
+                stream, skip_magic=True, emit_chunks=True, record_size_limit=index.chunk_length
+            )
+            try:
+                record = next(reader.records)
+            except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+                self._note(f"a chunk is damaged: {_cause(error)}")
+                continue
+            if isinstance(record, Chunk):
+                yield record
+            else:
+                self._note("a chunk is damaged: its kind is overwritten")
+
+    def _all(self, stream: BinaryIO) -> Iterator[McapRecord]:
+        """Yield the records one after the other, as far as they can be told apart."""
+        stream.seek(len(_MAGIC))
+        limit = self._file.stat().st_size
+        reader = StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=limit)
+        try:
+            yield from reader.records
+        except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+            self._note(_cause(error))
+
+    def _note(self, text: str) -> None:
+        self._damage.append(f"{self._file.name}: {text}")
+
+
+def _cause(error: Exception) -> str:
+    if isinstance(error, (EndOfFile, struct.error)):
+        return "it ends in the middle"
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _summary(stream: BinaryIO) -> list[McapRecord]:
+    """Return the records behind the data; nothing when they are not there or damaged."""
+    size = stream.seek(0, SEEK_END)
+    if size < _FOOTER.size:
+        return []
+    stream.seek(-_FOOTER.size, SEEK_END)
+    kind, _, start, _, checksum, magic = _FOOTER.unpack(stream.read(_FOOTER.size))
+    if kind != Opcode.FOOTER or magic != _MAGIC or not 0 < start < size:
+        return []
+    stream.seek(start)
+    raw = stream.read()
+    if checksum and zlib.crc32(raw[: -_CHECKSUM_BYTES - len(_MAGIC)]) != checksum:
+        return []
     try:
-        yield from _messages(file)
-    except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
-        cause = " ".join(str(error).split()) or type(error).__name__
-        damage.append(f"{file.name}: {cause}")
-
-
-def _messages(file: Path) -> Iterator[tuple[RecordedTopic, Message]]:
-    topics: dict[int, RecordedTopic] = {}
-    schemas: dict[int, Schema] = {}
-    count = 0
-    with file.open("rb") as stream:
-        limit = file.stat().st_size
-        for record in StreamReader(stream, validate_crcs=True, record_size_limit=limit).records:
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                topics[record.id] = _topic(record, schemas[record.schema_id])
-            elif isinstance(record, Message):
-                yield topics[record.channel_id], record
-                count += 1
-            elif isinstance(record, Statistics) and record.message_count != count:
-                # A chunk whose kind was overwritten is passed over without an error.
-                raise RecordingError(f"{count} of {record.message_count} messages found")
+        return list(StreamReader(BytesIO(raw), skip_magic=True).records)
+    except Exception:  # noqa: BLE001 - parsers raise anything on damaged bytes
+        return []
 
 
 def _topic(channel: Channel, schema: Schema) -> RecordedTopic:

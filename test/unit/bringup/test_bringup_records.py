@@ -44,17 +44,17 @@ def test_new_record___complete___is_the_bag_and_nothing_else_is_left(
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
-def test_new_record___not_completed___is_kept_as_the_only_partial_beside_the_old_bag(
+def test_new_record___not_completed___is_kept_beside_the_old_bag_and_older_partials(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], error: type[BaseException]
 ) -> None:
-    bag, partial = write_bag(tmp_path / "run", samples(5)), tmp_path / "run.partial"
-    write_bag(partial, samples(7))
-    with pytest.raises(error), new_record(bag) as record:  # noqa: PT012 - as in a run
-        write_bag(record, samples(20))
-        raise error
-    assert messages_in(tmp_path) == {"run": 5, "run.partial": 20}
-    said = capsys.readouterr().out
-    assert said == f"what was recorded is kept in {partial}\n"
+    bag = write_bag(tmp_path / "run", samples(5))
+    for count, kept in ((20, "run.partial"), (30, "run.partial2"), (40, "run.partial3")):
+        with pytest.raises(error), new_record(bag) as record:  # noqa: PT012 - as in a run
+            write_bag(record, samples(count))
+            raise error
+        assert capsys.readouterr().out == f"what was recorded is kept in {tmp_path / kept}\n"
+    parts = {"run.partial": 20, "run.partial2": 30, "run.partial3": 40}
+    assert messages_in(tmp_path) == {"run": 5} | parts
 
 
 def test_new_record___its_recorder_was_killed___is_kept(tmp_path: Path) -> None:

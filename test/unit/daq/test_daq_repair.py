@@ -171,23 +171,31 @@ def test_file_cut_anywhere___every_whole_chunk_is_saved(
         assert content(folder / "copy") == recording.messages[:whole]
 
 
-@settings(max_examples=100)
-@given(st.data())
-def test_one_wrong_byte_in_a_chunk___what_is_saved_is_a_prefix(
-    tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
+@pytest.mark.parametrize("indexed", [True, False])
+@settings(max_examples=60)
+@given(data=st.data())
+def test_one_wrong_byte_in_a_chunk___costs_the_messages_of_that_chunk(
+    tmp_path_factory: pytest.TempPathFactory,
+    recording: Recording,
+    data: st.DataObject,
+    *,
+    indexed: bool,
 ) -> None:
     raw = bytearray(recording.file.read_bytes())
-    start, end = data.draw(st.sampled_from(recording.chunks))
+    start, end = data.draw(st.sampled_from(recording.chunks[1:]))
     # The content: behind times, size, checksum and name of the compression.
     position = data.draw(st.integers(start + 9 + 28 + 4 + len("zstd") + 8, end - 1))
     raw[position] ^= data.draw(st.integers(1, 255))
     folder = tmp_path_factory.mktemp("flip")
-    damaged = damaged_copy(recording, folder / "run", bytes(raw))
+    damaged = damaged_copy(recording, folder / "run", bytes(raw if indexed else raw[:-1]))
 
     saved, damage = repaired(damaged, folder / "copy")
 
+    first = recording.whole_at(start)
     # Rarely the wrong byte does not matter: a bit of the compression that nobody reads.
-    assert saved == recording.messages[: recording.whole_at(start) if damage else None]
+    lost = len(recording.messages[first:][:CHUNK]) if "chunk is damaged" in damage else 0
+    assert saved == [*recording.messages[:first], *recording.messages[first + lost :]]
+    assert f"{lost} of {len(recording.messages)} messages are lost" in damage or not lost
 
 
 @settings(max_examples=100)
@@ -206,7 +214,7 @@ def test_one_wrong_byte_anywhere___no_message_is_changed(
     in_order = iter(recording.messages)
     assert all(message in in_order for message in saved)
     assert len(saved) == len(recording.messages) or damage
-    assert len(saved) >= recording.whole_at(position)
+    assert len(saved) >= len(recording.messages) - CHUNK
 
 
 def test_chunk_of_another_kind___is_missed(recording: Recording, tmp_path: Path) -> None:
@@ -215,7 +223,10 @@ def test_chunk_of_another_kind___is_missed(recording: Recording, tmp_path: Path)
     damaged = damaged_copy(recording, tmp_path / "run", bytes(raw))
     summary = repair_bag(damaged, tmp_path / "copy")
     assert summary.messages == 105
-    assert "crc validation failed in DataEnd" in summary.damage
+    assert summary.damage == (
+        f"{recording.file.name}: a chunk is damaged: its kind is overwritten; "
+        f"{recording.file.name}: 16 of 121 messages are lost"
+    )
     assert content(tmp_path / "copy") == [*recording.messages[:16], *recording.messages[32:]]
 
 
@@ -224,6 +235,15 @@ def test_damaged_index___costs_no_message(recording: Recording, tmp_path: Path) 
     raw[-20] ^= 0xFF
     summary = repair_bag(damaged_copy(recording, tmp_path / "run", bytes(raw)), tmp_path / "copy")
     assert content(summary.bag) == recording.messages
+
+
+def test_definitions_in_a_damaged_chunk___are_those_of_the_index(
+    recording: Recording, tmp_path: Path
+) -> None:
+    raw = bytearray(recording.file.read_bytes())
+    raw[recording.chunks[0][1] - 3] ^= 0xFF
+    summary = repair_bag(damaged_copy(recording, tmp_path / "run", bytes(raw)), tmp_path / "copy")
+    assert content(summary.bag) == recording.messages[CHUNK:]
 
 
 def test_split_bag___damage_in_one_file_spares_the_other(

@@ -11,6 +11,13 @@ import click
 
 from flexarm_bringup.verbs.verb import RUN_ON, examples
 
+_PARAMETERS = click.option(
+    "--params-file",
+    "parameter_files",
+    multiple=True,
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Parameters of the nodes, such as gains or a board's wiring; repeat.",
+)
 _FAST = click.option("--fast", is_flag=True, help="Virtual time: as fast as the machine can.")
 
 
@@ -48,13 +55,7 @@ def demo(payload: float, seed: int, out: Path, *, fast: bool, keep_bag: bool) ->
 )
 @click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
 @click.option("--law", default="pdpc", show_default=True, help="Law of the controller.")
-@click.option(
-    "--params-file",
-    "parameter_files",
-    multiple=True,
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Parameters of the nodes, such as the gains from tune; repeat.",
-)
+@_PARAMETERS
 @examples(
     "up",
     "up --rate 500 --payload 0.2 --reference square",
@@ -110,29 +111,27 @@ _BAGS = click.option(
 
 @click.command()
 @click.argument("names", nargs=-1, required=True)
-@click.option("--payload", type=click.FloatRange(0.0, 1.0), help="Instead of its own, kg.")
+@click.option(
+    "--payload", "payload_kg", type=click.FloatRange(0.0, 1.0), help="Instead of its own, kg."
+)
 @_FAST
 @_SEED
 @_BAGS
 @_OVERWRITE
+@_PARAMETERS
 @examples(
-    "experiment C_dat3", "experiment B_dat9 --fast --seed 7", "experiment C_dat3 --payload 0.2"
+    "experiment C_dat3",
+    "experiment B_dat9 --fast --seed 7",
+    "experiment C_dat3 --payload 0.2",
+    "experiment O_dat2 --params-file rig.yaml",
 )
-def experiment(
-    names: tuple[str, ...],
-    payload: float | None,
-    seed: int,
-    out: Path,
-    *,
-    fast: bool,
-    overwrite: bool,
-) -> None:
+def experiment(names: tuple[str, ...], out: Path, **settings: Any) -> None:  # noqa: ANN401
     """Run experiments of the thesis by their names and record each to a bag."""
     from flexarm_bringup.experiment import ExperimentSettings, run_experiments  # noqa: PLC0415
     from flexarm_daq import catalogue as experiments  # noqa: PLC0415
 
     entries = [experiments.experiment(name) for name in names]
-    run_experiments(entries, ExperimentSettings(out, payload, seed, fast, overwrite))
+    run_experiments(entries, ExperimentSettings(out, **settings))
 
 
 @click.command()
@@ -141,8 +140,9 @@ def experiment(
 @_SEED
 @_BAGS
 @_OVERWRITE
+@_PARAMETERS
 @examples("catalogue", "catalogue --all --fast -o out/experiments")
-def catalogue(*, everything: bool, seed: int, out: Path, fast: bool, overwrite: bool) -> None:
+def catalogue(*, everything: bool, out: Path, **settings: Any) -> None:  # noqa: ANN401
     """List the experiments of the thesis, or run all of them."""
     from flexarm_bringup.experiment import (  # noqa: PLC0415
         ExperimentSettings,
@@ -155,7 +155,7 @@ def catalogue(*, everything: bool, seed: int, out: Path, fast: bool, overwrite: 
         show_catalogue()
         return
     entries = list(experiments.catalogue().values())
-    run_experiments(entries, ExperimentSettings(out, None, seed, fast, overwrite))
+    run_experiments(entries, ExperimentSettings(out, **settings))
 
 
 @click.command()
