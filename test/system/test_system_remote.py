@@ -25,6 +25,10 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
     graph.start("daq", {"rate_hz": 100.0})
 
     assert flexarm("activate", "daq") == (0, "daq is active")
+    assert flexarm("deactivate", "controller") == (
+        1,
+        "flexarm: controller is not active but unconfigured",
+    )
     assert flexarm("activate", "controller") == (0, "controller is active")
     assert flexarm("reference", "-1.5") == (0, "set-point -1.5 V")
     graph.wait(lambda: bool(states) and states[-1].position_v < -1.0, "the motion")
@@ -41,5 +45,9 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
     code, said = flexarm("stop")
     assert code == 0
     assert said.startswith("the drive is held at zero")
+    assert flexarm("activate", "daq") == (
+        1,
+        "flexarm: daq is active already; what holds it ends with: deactivate daq",
+    )
     graph.wait(lambda: states[-1].command_v == 0.0, "the drive at zero")
     assert flexarm("reference", "7") == (1, "flexarm: 7 V is beyond the travel, +-6.857 V")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import signal
 from typing import TYPE_CHECKING
 
@@ -8,6 +9,7 @@ from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Float64
 from system_graph import ROOT, States
 
+from flexarm_ident.bag_check import check_bag
 from flexarm_ident.model_io import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
@@ -37,6 +39,9 @@ def test_up___samples_and_records_until_ctrl_c(graph: Graph, tmp_path: Path) -> 
     second = graph.run([str(ROOT / "flexarm"), "up"])
     assert second.exit_code() == 1
     assert f"a graph runs already in ROS domain {graph.domain}: stop it" in second.printed
+    again = graph.run([str(ROOT / "flexarm"), "up", "--bag", str(bag)])
+    assert again.exit_code() == 1
+    assert f"{bag} is there already and is not overwritten" in again.printed
     last = heard[-1].sequence
 
     process.send(signal.SIGINT)
@@ -72,3 +77,33 @@ def test_up___set_point_out_of_travel___is_refused_on_the_terminal(graph: Graph)
     (*_, last) = process.printed.splitlines()
     assert last == "stopping" or last.startswith("[")
     assert "[INFO]" not in process.printed
+
+
+def test_up___law_unknown___is_refused_without_a_bag_in_the_way(
+    graph: Graph, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    process = graph.run([str(ROOT / "flexarm"), "up", "--law", "pid", "--bag", str(bag)])
+    assert process.exit_code() == 1
+    assert "pid" in process.printed
+    assert not bag.exists()
+
+
+def test_up___controller_killed___says_so_and_keeps_the_record(
+    graph: Graph, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    heard: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "/flexarm/state", heard.append, qos.NEWEST)
+    process = graph.run([str(ROOT / "flexarm"), "up", "--rate", "100", "--bag", str(bag)])
+    graph.wait(lambda: len(heard) > 10, "samples")
+    (controller,) = graph.survivors("controller_node")
+    os.kill(controller, signal.SIGKILL)
+
+    assert process.exit_code() == 1
+    assert process.printed.splitlines()[-3:] == [
+        f"recorded in {bag}",
+        f"what the nodes printed is in {bag}.log",
+        "flexarm: controller_node was ended by SIGKILL",
+    ]
+    assert not check_bag(bag).problems

@@ -57,7 +57,9 @@ def _bags_of(path: Path) -> list[Path]:
     """Return the bags in a folder of bags; else the path itself."""
     if _has_bag_files(path):
         return [path]
-    return sorted(folder for folder in path.glob("*") if _has_bag_files(folder)) or [path]
+    # A run that was killed leaves its record in a workplace.
+    found = (folder for pattern in ("*", "*.new/*") for folder in path.glob(pattern))
+    return sorted(folder for folder in found if _has_bag_files(folder)) or [path]
 
 
 def _has_bag_files(folder: Path) -> bool:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 _PATIENCE_S = 8.0
+_AFTER = {"daq_node": ": a board keeps its last voltage, so at a real rig press the emergency stop"}
+"""What to do when the process of a node was killed."""
 _LOGGER = re.compile(r"\[flexarm\.(\w+)")
 
 
@@ -131,13 +133,24 @@ class NodeProcesses:
         Raises
         ------
         LaunchError
-            With the last line that was printed, unless another node logged it.
+            With the last line that was printed, unless another node logged it or a signal was the
+            reason.
         """
         for process in self._processes:
-            if process.poll() is not None:
-                name = _name(process)
-                reason = self._reason(name.removesuffix("_node"))
-                raise LaunchError(f"{name} ended with exit code {process.returncode}{reason}")
+            code = process.poll()
+            if code is None:
+                continue
+            name = _name(process)
+            if code < 0:
+                raise LaunchError(
+                    f"{name} was ended by {_signal_name(-code)}{_AFTER.get(name, '')}"
+                )
+            reason = self._reason(name.removesuffix("_node"))
+            raise LaunchError(f"{name} ended with exit code {code}{reason}")
+
+    def exit_codes(self) -> dict[str, int | None]:
+        """Return how each has ended, None while it runs, by the name of its executable."""
+        return {_name(each): each.poll() for each in self._processes}
 
     def cpu_s(self) -> dict[str, float]:
         """Return the CPU time that each has used, by the name of its executable."""
@@ -155,6 +168,13 @@ class NodeProcesses:
 
 def _name(process: subprocess.Popen[bytes]) -> str:
     return Path(str(process.args[0])).name  # type: ignore[index]
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
 
 
 def _cpu_s(pid: int) -> float:

@@ -102,13 +102,20 @@ def change_state(name: str, *, active: bool) -> None:
     Raises
     ------
     LaunchError
-        When it is not there or refuses.
+        When it is not there, is in that state already, or refuses.
     """
     with _attached(name) as (operator, _):
+        before = operator.state(name)
+        if active and before.id == State.PRIMARY_STATE_ACTIVE:
+            raise LaunchError(
+                f"{name} is active already; what holds it ends with: deactivate {name}"
+            )
+        if not active and before.id != State.PRIMARY_STATE_ACTIVE:
+            raise LaunchError(f"{name} is not active but {before.label}")
         if not active:
             operator.deactivate(name)
         else:
-            if operator.state(name).id == State.PRIMARY_STATE_UNCONFIGURED:
+            if before.id == State.PRIMARY_STATE_UNCONFIGURED:
                 operator.configure(name)
             operator.activate(name)
         state = operator.state(name).label

@@ -9,6 +9,7 @@ from typing import Any
 
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
+from flexarm_bringup.processes import LaunchError
 
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
@@ -46,13 +47,15 @@ def run_graph(settings: UpSettings) -> None:
     Raises
     ------
     LaunchError
-        When a node does not start or ends by itself.
+        When the bag is there already, a node does not start or ends by itself, or the recording
+        does.
     """
     bag = settings.bag
+    if bag and bag.exists():
+        raise LaunchError(f"{bag} is there already and is not overwritten: choose another name")
     parameters: dict[str, dict[str, Any]] = {
         "daq": {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz},
         "controller": {"law": settings.law, "reference": settings.reference},
-        "recorder": {"bag": str(bag.absolute())} if bag else {},
     }
     with TemporaryDirectory(prefix="flexarm_") as folder:
         log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
@@ -62,6 +65,10 @@ def run_graph(settings: UpSettings) -> None:
                 operator,
                 processes,
             ):
+                if bag:
+                    # Not before all nodes have taken their parameters: a refused start shall not
+                    # leave an empty bag in the way of the next one.
+                    operator.record(str(bag.absolute()))
                 operator.activate("daq")
                 terminal.CONSOLE.print(
                     f"/flexarm is up: {settings.law} at {settings.rate_hz:g} Hz, "
@@ -76,9 +83,11 @@ def run_graph(settings: UpSettings) -> None:
         finally:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
-    if bag:
-        terminal.CONSOLE.print(f"recorded in {bag}", markup=False)
-        terminal.CONSOLE.print(f"what the nodes printed is in {log}", markup=False)
+            if bag and bag.exists():
+                terminal.CONSOLE.print(f"recorded in {bag}", markup=False)
+                terminal.CONSOLE.print(f"what the nodes printed is in {log}", markup=False)
+        if processes.exit_codes()["recorder_node"]:
+            raise LaunchError(f"the recording is not complete: flexarm bag repair {bag} -o OTHER")
 
 
 class _Complaints:

@@ -146,6 +146,8 @@ class RecorderNode(Node):
 
     def _close(self) -> str:
         if self._writer is None:
+            if self.failure:
+                raise RecordingError(self.failure)
             return "was not recording"
         try:
             self._write_what_is_on_its_way()

@@ -80,9 +80,10 @@ def lost_samples(run: Run, samples: int) -> tuple[DataWarning, ...]:
     if run.breaks == 0:
         return ()
     first, last = run.rows.start, run.rows.stop - 1
+    what = f"{run.lost} samples lost" if run.lost else "the numbering starts again"
     text = (
-        f"{run.lost} samples lost at {run.breaks} places: used rows {first} to {last} of {samples},"
-        " the longest part without a gap"
+        f"{what} at {run.breaks} places: used rows {first} to {last} of {samples}, the longest part"
+        " without a gap"
     )
     counts = (run.lost, run.breaks, first, last, samples)
     names = ("lost", "places", "first_row", "last_row", "samples")
