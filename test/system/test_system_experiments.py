@@ -15,6 +15,7 @@ from system_graph import ROOT, States
 
 from flexarm_daq.excitation import BOUND_V
 from flexarm_ident.bag_check import check_bag
+from flexarm_ident.model_io import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 
@@ -66,6 +67,23 @@ def test_experiments___are_recorded_as_the_tables_say_and_repeat_themselves(
     left = {path.name for path in (tmp_path / "first").iterdir()}
     assert left == {*first, "experiments.json", "nodes.log"}
     assert not check_bag(tmp_path / "first" / "R_dat7").problems
+
+
+def test_experiment_on_a_board_that_is_not_there___tells_what_the_node_said(
+    graph: Graph, tmp_path: Path
+) -> None:
+    rig = tmp_path / "rig.yaml"
+    write_parameter_file(rig, {"rig": "nidaq", "nidaq.device": "Dev7"}, node="/flexarm/daq")
+
+    process = graph.run(
+        [*COMMAND, "O_dat5", "--params-file", str(rig), "-o", str(tmp_path / "out")]
+    )
+
+    assert process.exit_code() == 1
+    last = process.printed.splitlines()[-1]
+    assert last.startswith("flexarm: daq refused to activate: not activated: ")
+    assert "nidaqmx" in last
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"nodes.log"}
 
 
 def an_old_bag(folder: Path) -> Path:

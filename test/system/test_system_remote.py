@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import pytest
@@ -12,6 +13,28 @@ if TYPE_CHECKING:
     from system_graph import Graph
 
 pytestmark = pytest.mark.system
+
+
+def test_status___shows_what_each_node_reports(graph: Graph) -> None:
+    graph.start("recorder")
+    graph.start("controller", {"law": "pd"})
+    graph.start("daq", {"rate_hz": 100.0})
+    graph.activate_loop()
+    assert graph.transition("daq", "activate")
+
+    process = graph.run([str(ROOT / "flexarm"), "status"])
+
+    assert process.exit_code() == 0, process.printed
+    lines = process.printed.splitlines()
+    assert "recorder: not recording" in lines
+    assert any(line.startswith("controller: active") for line in lines)
+    assert re.search(r"^daq: active\n    drive +driving\n", process.printed, re.MULTILINE)
+
+
+def test_status___without_a_graph___says_so(graph: Graph) -> None:
+    process = graph.run([str(ROOT / "flexarm"), "status"])
+    assert process.exit_code() == 1
+    assert process.printed == f"flexarm: no node reports in ROS domain {graph.domain}\n"
 
 
 def test_verbs___operate_a_running_graph(graph: Graph) -> None:

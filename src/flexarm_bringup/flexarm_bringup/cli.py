@@ -25,6 +25,7 @@ def main() -> None:
 for _verb in (
     graph.demo,
     graph.up,
+    remote.status,
     remote.reference,
     remote.set_,
     remote.stop,

@@ -15,8 +15,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
+from flexarm_bringup import terminal
 from flexarm_bringup.interruption import interruptible
 from flexarm_bringup.operation import NAMESPACE, Operator
+from flexarm_bringup.parameter_files import unknown_nodes
 from flexarm_bringup.processes import LaunchError, NodeProcesses, NodeProgram
 
 if TYPE_CHECKING:
@@ -31,6 +33,7 @@ _NODES = {
     "experiment": ("flexarm_daq", "experiment_node"),
     "daq": ("flexarm_daq", "daq_node"),
 }
+_KNOWN = {f"{NAMESPACE}/{name}" for name in (*_NODES, "tuner", "player")}
 _MANAGED = ("daq", "controller", "experiment")
 LABORATORY = ("recorder", "ident", "controller", "daq")
 """The nodes of a running laboratory, in the order in which they start."""
@@ -65,13 +68,16 @@ def running_graph(
     LaunchError
         When another flexarm graph is running in this domain, or a node does not start.
     """
+    for file in files:
+        for name in unknown_nodes(file, _KNOWN):
+            terminal.CONSOLE.print(f"note: {file} is also for {name}, no node here", markup=False)
     with interruptible(), _claimed_domain(), initialised():
         node = rclpy.create_node("operator", namespace=NAMESPACE)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         programs = [NodeProgram(*_NODES[name], parameters.get(name, {}), files) for name in nodes]
         processes = NodeProcesses(programs, log)
-        operator = Operator(node, executor, processes.check)
+        operator = Operator(node, executor, processes.check, processes.complaint)
         _require_free_domain(operator)
         with processes:
             for name in _MANAGED:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
 NAMESPACE = "/flexarm"
+_STATE = f"{NAMESPACE}/state"
 _SERVICE_S = 30.0
 _UNHEARD_S = 3.0
 _ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
@@ -54,26 +55,33 @@ class Operator:
         A node for the clients and the executor that spins it.
     check
         Called while waiting; raises when a process has ended.
+    complaint
+        Returns what a node, by its name, has last complained of, or nothing.
     """
 
     def __init__(
-        self, node: Node, executor: SingleThreadedExecutor, check: Callable[[], None]
+        self,
+        node: Node,
+        executor: SingleThreadedExecutor,
+        check: Callable[[], None],
+        complaint: Callable[[str], str] = lambda _: "",
     ) -> None:
         self._node = node
         self._executor = executor
         self._check = check
+        self._complaint = complaint
         self._clients: dict[tuple[type, str], Client] = {}
         self._sequence = 0
 
     def configure(self, name: str) -> None:
         """Take a managed node from unconfigured to inactive."""
         if not self.transition(name, Transition.TRANSITION_CONFIGURE):
-            raise LaunchError(f"{name} refused to configure")
+            raise LaunchError(f"{name} refused to configure{self._why(name)}")
 
     def activate(self, name: str) -> None:
         """Take a managed node from inactive to active."""
         if not self.transition(name, Transition.TRANSITION_ACTIVATE):
-            raise LaunchError(f"{name} refused to activate")
+            raise LaunchError(f"{name} refused to activate{self._why(name)}")
 
     def deactivate(self, name: str) -> None:
         """Take a managed node from active to inactive."""
@@ -129,6 +137,19 @@ class Operator:
             raise LaunchError(f"identify: {response.message}")
         return response
 
+    def start_sampling(self, samples: int = 0) -> None:
+        """Activate the DAQ node such that everybody who listens gets the first sample.
+
+        Parameters
+        ----------
+        samples
+            Have it stop by itself after that many; 0: never.
+        """
+        # The DAQ node may not have heard of all the readers that are known here.
+        listeners = self._node.count_subscribers(_STATE)
+        self.set_parameters("daq", {"samples": samples, "listeners": listeners})
+        self.activate("daq")
+
     def sample(self, samples: int, progress: Callable[[int], None]) -> None:
         """Let the DAQ node take that many samples and wait until it has stopped by itself.
 
@@ -138,13 +159,9 @@ class Operator:
             When hardly a new sample comes for a long time.
         """
         self._sequence = 0
-        topic = f"{NAMESPACE}/state"
-        subscription = self._node.create_subscription(ArmState, topic, self._on_state, qos.NEWEST)
+        subscription = self._node.create_subscription(ArmState, _STATE, self._on_state, qos.NEWEST)
         try:
-            # The DAQ node may not have heard of all the readers that are known here.
-            listeners = self._node.count_subscribers(topic)
-            self.set_parameters("daq", {"samples": samples, "listeners": listeners})
-            self.activate("daq")
+            self.start_sampling(samples)
             seen, seen_s = 0, time.monotonic()
             while self._sequence < samples:
                 self._spin()
@@ -275,6 +292,10 @@ class Operator:
         if key not in self._clients:
             self._clients[key] = self._node.create_client(service, f"{NAMESPACE}/{name}")
         return self._clients[key]
+
+    def _why(self, name: str) -> str:
+        complaint = self._complaint(name)
+        return f": {complaint}" if complaint else ""
 
     def _spin(self) -> None:
         self._check()

@@ -148,6 +148,13 @@ class NodeProcesses:
             reason = self._reason(name.removesuffix("_node"))
             raise LaunchError(f"{name} ended with exit code {code}{reason}")
 
+    def complaint(self, node: str) -> str:
+        """Return the last error that a node has logged, or nothing."""
+        marks = "[ERROR]", f"[flexarm.{node}]: "
+        lines = self.log.read_text(errors="replace").splitlines()
+        logged = (line for line in reversed(lines) if all(mark in line for mark in marks))
+        return next(logged, "").rpartition(marks[1])[2]
+
     def exit_codes(self) -> dict[str, int | None]:
         """Return how each has ended, None while it runs, by the name of its executable."""
         return {_name(each): each.poll() for each in self._processes}

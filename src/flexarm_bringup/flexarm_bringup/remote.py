@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import rclpy
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _DISCOVERY_S = 7.0
 _ACKNOWLEDGED = Duration(seconds=3)
+_OURS = "flexarm: "
+# Each node reports once a second: when one has reported so often, all have reported.
+_REPORTS = 3
 
 
 def emergency_stop() -> None:
@@ -45,6 +50,38 @@ def emergency_stop() -> None:
     with _attached("daq") as (operator, _):
         response = operator.call(Trigger, "emergency_stop", Trigger.Request())
     terminal.CONSOLE.print(response.message, markup=False)
+
+
+def show_status() -> None:
+    """Print what every node of the graph reports of itself on `/diagnostics`.
+
+    Raises
+    ------
+    LaunchError
+        When none reports.
+    """
+    newest: dict[str, DiagnosticStatus] = {}
+    reports: Counter[str] = Counter()
+
+    def hear(message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name.startswith(_OURS):
+                newest[status.name] = status
+                reports[status.name] += 1
+
+    with _operator() as (operator, _):
+        operator.listen(DiagnosticArray, "/diagnostics", qos.EVERY, hear)
+        try:
+            operator.wait(
+                lambda: max(reports.values(), default=0) >= _REPORTS, "reports", _DISCOVERY_S
+            )
+        except LaunchError:
+            if not newest:
+                raise LaunchError(f"no node reports in ROS domain {ros_domain()}") from None
+    for name, status in sorted(newest.items()):
+        terminal.CONSOLE.print(f"{name.removeprefix(_OURS)}: {status.message}", markup=False)
+        for each in status.values:
+            terminal.CONSOLE.print(f"    {each.key:36s} {each.value}", markup=False)
 
 
 def set_reference(reference_v: float) -> None:
@@ -123,12 +160,17 @@ def change_state(name: str, *, active: bool) -> None:
 
 
 @contextmanager
-def _attached(name: str) -> Iterator[tuple[Operator, Node]]:
+def _operator() -> Iterator[tuple[Operator, Node]]:
     with interruptible(), initialised():
         node = rclpy.create_node("remote", namespace=NAMESPACE)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        operator = Operator(node, executor, lambda: None)
+        yield Operator(node, executor, lambda: None), node
+
+
+@contextmanager
+def _attached(name: str) -> Iterator[tuple[Operator, Node]]:
+    with _operator() as (operator, node):
         wanted = f"{NAMESPACE}/{name}"
         try:
             operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)

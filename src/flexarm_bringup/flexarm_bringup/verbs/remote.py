@@ -19,6 +19,15 @@ def stop() -> None:
     emergency_stop()
 
 
+@click.command()
+@examples("status")
+def status() -> None:
+    """Show what every running node reports: state, reasons, rates, percentiles, counts."""
+    from flexarm_bringup.remote import show_status  # noqa: PLC0415
+
+    show_status()
+
+
 @click.command(context_settings={"ignore_unknown_options": True})
 @click.argument("volts", type=float)
 @examples("reference 1.5", "reference -3")
