@@ -133,7 +133,7 @@ def test_experiment_with_a_sample_unanswered___is_refused_and_kept_apart(
     finally:
         os.kill(experiment, signal.SIGCONT)
 
-    assert process.exit_code() == 1
+    assert process.exit_code(240.0) == 1
     refusal = r"^flexarm: \d+ of 12000 samples had no command of their own"
     assert re.search(refusal, process.printed, re.MULTILINE), process.printed
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"B_dat8.partial", "nodes.log"}

@@ -21,14 +21,21 @@ def test_status___shows_what_each_node_reports(graph: Graph) -> None:
     graph.start("daq", {"rate_hz": 100.0})
     graph.activate_loop()
     assert graph.transition("daq", "activate")
+    wanted = (
+        "^recorder: not recording$",
+        r"^controller: active$\n    law +pd$",
+        r"^daq: active$\n    drive +driving$",
+    )
 
-    process = graph.run([str(ROOT / "flexarm"), "status"])
-
-    assert process.exit_code() == 0, process.printed
-    lines = process.printed.splitlines()
-    assert "recorder: not recording" in lines
-    assert any(line.startswith("controller: active") for line in lines)
-    assert re.search(r"^daq: active\n    drive +driving\n", process.printed, re.MULTILINE)
+    # On a busy machine discovery may miss a node for longer than the verb waits.
+    printed = ""
+    for _ in range(3):
+        process = graph.run([str(ROOT / "flexarm"), "status"])
+        assert process.exit_code() == 0, process.printed
+        printed = process.printed
+        if all(re.search(line, printed, re.MULTILINE) for line in wanted):
+            return
+    pytest.fail(printed)
 
 
 def test_status___without_a_graph___says_so(graph: Graph) -> None:

@@ -34,9 +34,11 @@ if TYPE_CHECKING:
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _DISCOVERY_S = 7.0
 _ACKNOWLEDGED = Duration(seconds=3)
+_DIAGNOSTICS = "/diagnostics"
 _OURS = "flexarm: "
-# Each node reports once a second: when one has reported so often, all have reported.
-_REPORTS = 3
+# Each node reports once a second, and one whose first announcement was missed is heard of after
+# 3 s: when one has reported so often, all have.
+_REPORTS = 5
 
 
 def emergency_stop() -> None:
@@ -69,12 +71,15 @@ def show_status() -> None:
                 newest[status.name] = status
                 reports[status.name] += 1
 
-    with _operator() as (operator, _):
-        operator.listen(DiagnosticArray, "/diagnostics", qos.EVERY, hear)
+    with _operator() as (operator, node):
+        operator.listen(DiagnosticArray, _DIAGNOSTICS, qos.EVERY, hear)
+
+        def complete() -> bool:
+            all_known = len(newest) >= node.count_publishers(_DIAGNOSTICS)
+            return all_known and max(reports.values(), default=0) >= _REPORTS
+
         try:
-            operator.wait(
-                lambda: max(reports.values(), default=0) >= _REPORTS, "reports", _DISCOVERY_S
-            )
+            operator.wait(complete, "reports", _DISCOVERY_S)
         except LaunchError:
             if not newest:
                 raise LaunchError(f"no node reports in ROS domain {ros_domain()}") from None
