@@ -63,7 +63,7 @@ def recorded(bag: Path, rate_hz: float, length_s: float, *, busy: bool) -> int:
     """Record a run of the DAQ node, which ends by itself; return how many samples it took."""
     samples = round(length_s * rate_hz)
     parameters: dict[str, dict[str, Any]] = {
-        "daq": {"rate_hz": rate_hz, "samples": samples, "listeners": 2},
+        "daq": {"rate_hz": rate_hz},
         "controller": {"law": "pdpc", "reference": "varying_square"},
         "recorder": {"bag": str(bag)},
     }
@@ -74,7 +74,7 @@ def recorded(bag: Path, rate_hz: float, length_s: float, *, busy: bool) -> int:
             burner.start()
         log = bag.with_name("nodes.log")
         with running_graph(parameters, log, nodes=nodes) as (operator, processes):
-            operator.activate("daq")
+            operator.start_sampling(samples)
             for _ in track(range(round(length_s)), "recording", disable=not sys.stdout.isatty()):
                 until_s = time.monotonic() + 1.0
                 operator.wait(lambda until=until_s: time.monotonic() >= until, "time")  # type: ignore[misc]

@@ -95,11 +95,13 @@ class NodeProcesses:
     def __init__(self, programs: Sequence[NodeProgram], log: Path) -> None:
         self._commands = [program.command() for program in programs]
         self.log = log
+        self._log_start = 0
         self._processes: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> NodeProcesses:  # noqa: PYI034 - Self needs Python 3.11
         self.log.parent.mkdir(parents=True, exist_ok=True)
         with self.log.open("ab") as output:
+            self._log_start = output.tell()
             for command in self._commands:
                 self._processes.append(
                     subprocess.Popen(  # noqa: S603 - our own nodes
@@ -151,8 +153,7 @@ class NodeProcesses:
     def complaint(self, node: str) -> str:
         """Return the last error that a node has logged, or nothing."""
         marks = "[ERROR]", f"[flexarm.{node}]: "
-        lines = self.log.read_text(errors="replace").splitlines()
-        logged = (line for line in reversed(lines) if all(mark in line for mark in marks))
+        logged = (line for line in reversed(self._printed()) if all(mark in line for mark in marks))
         return next(logged, "").rpartition(marks[1])[2]
 
     def exit_codes(self) -> dict[str, int | None]:
@@ -163,9 +164,15 @@ class NodeProcesses:
         """Return the CPU time that each has used, by the name of its executable."""
         return {_name(each): _cpu_s(each.pid) for each in self._processes}
 
+    def _printed(self) -> list[str]:
+        """Return what these processes have printed: the log may have older lines before."""
+        return (
+            self.log.read_bytes()[self._log_start :].decode(errors="replace").strip().splitlines()
+        )
+
     def _reason(self, node: str) -> str:
         """Return the end of the log, to be added to a sentence; empty when it is another's."""
-        lines = self.log.read_text(errors="replace").strip().splitlines()
+        lines = self._printed()
         if not lines:
             return f": it printed nothing ({self.log})"
         # The last line of a traceback names no node.

@@ -104,25 +104,24 @@ class _FileRepair:
     def __init__(self, file: Path, damage: list[str]) -> None:
         self._file = file
         self._damage = damage
-        self._schemas: dict[int, Schema] = {}
-        self._topics: dict[int, RecordedTopic] = {}
-        self._announced: int | None = None
 
     def messages(self) -> Iterator[tuple[RecordedTopic, Message]]:
-        count = 0
+        schemas: dict[int, Schema] = {}
+        topics: dict[int, RecordedTopic] = {}
+        count, announced = 0, None
         with self._file.open("rb") as stream:
             for record in self._contents(stream):
                 if isinstance(record, Schema):
-                    self._schemas[record.id] = record
-                elif isinstance(record, Channel) and record.schema_id in self._schemas:
-                    self._topics[record.id] = _topic(record, self._schemas[record.schema_id])
-                elif isinstance(record, Message) and record.channel_id in self._topics:
-                    yield self._topics[record.channel_id], record
+                    schemas[record.id] = record
+                elif isinstance(record, Channel) and record.schema_id in schemas:
+                    topics[record.id] = _topic(record, schemas[record.schema_id])
+                elif isinstance(record, Message) and record.channel_id in topics:
+                    yield topics[record.channel_id], record
                     count += 1
                 elif isinstance(record, Statistics):
-                    self._announced = record.message_count
-        if self._announced is not None and self._announced != count:
-            self._note(f"{self._announced - count} of {self._announced} messages are lost")
+                    announced = record.message_count
+        if announced is not None and announced != count:
+            self._note(f"{announced - count} of {announced} messages are lost")
 
     def _contents(self, stream: BinaryIO) -> Iterator[McapRecord]:
         """Yield the records, those in chunks among them.

@@ -32,6 +32,17 @@ def test_node_program___parameter___is_read_back_as_given(
     assert yaml.safe_load(text) == read
 
 
+def rig_node(
+    monkeypatch: pytest.MonkeyPatch, folder: Path, printed: list[str]
+) -> tuple[list[NodeProgram], Path]:
+    """Return a node that prints something and ends with 3, and the log for it."""
+    node = folder / "rig_node"
+    node.write_text("\n".join(["#!/bin/sh", *(f"echo '{line}'" for line in printed), "exit 3"]))
+    node.chmod(0o755)
+    monkeypatch.setattr(processes, "find_executable", lambda *_: node)
+    return [NodeProgram("any", "rig_node", {})], folder / "nodes.log"
+
+
 def check_until_it_ends(nodes: NodeProcesses) -> None:
     deadline_s = time.monotonic() + 60.0
     while time.monotonic() < deadline_s:
@@ -55,15 +66,35 @@ def check_until_it_ends(nodes: NodeProcesses) -> None:
 def test_node_that_ended___last_line___is_quoted_unless_another_node_logged_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, printed: list[str], quoted: str
 ) -> None:
-    node = tmp_path / "rig_node"
-    node.write_text("\n".join(["#!/bin/sh", *(f"echo '{line}'" for line in printed), "exit 3"]))
-    node.chmod(0o755)
-    monkeypatch.setattr(processes, "find_executable", lambda *_: node)
     with (
-        NodeProcesses([NodeProgram("any", "rig_node", {})], tmp_path / "nodes.log") as nodes,
+        NodeProcesses(*rig_node(monkeypatch, tmp_path, printed)) as nodes,
         pytest.raises(LaunchError) as error,
     ):
         check_until_it_ends(nodes)
     said, ended = str(error.value), "rig_node ended with exit code 3"
     assert said.startswith(f"{ended}: {quoted}" if quoted else ended)
     assert quoted or said == ended
+
+
+def test_complaint___is_the_last_error_of_that_node_in_this_run(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    printed = ["[ERROR] [1.5] [flexarm.rig]: torn", "[ERROR] [2.5] [flexarm.rig]: bent"]
+    programs, log = rig_node(monkeypatch, tmp_path, printed)
+    log.write_text("[ERROR] [0.5] [flexarm.daq]: of an older run\n")
+    with NodeProcesses(programs, log) as nodes:
+        with pytest.raises(LaunchError):
+            check_until_it_ends(nodes)
+        assert (nodes.complaint("rig"), nodes.complaint("daq")) == ("bent", "")
+
+
+def test_node_that_printed_nothing___is_not_given_the_words_of_an_older_run(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    programs, log = rig_node(monkeypatch, tmp_path, [])
+    log.write_text("[ERROR] [0.5] [flexarm.rig]: of an older run\n")
+    with (
+        NodeProcesses(programs, log) as nodes,
+        pytest.raises(LaunchError, match=r"exit code 3: it printed nothing"),
+    ):
+        check_until_it_ends(nodes)
