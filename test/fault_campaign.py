@@ -94,10 +94,8 @@ class Campaign:
         self._wait(is_driven, "a driven arm")
 
     def activate(self) -> None:
-        """Activate the DAQ node, and have it wait for all readers that are known here."""
-        listeners = self.graph.node.count_subscribers("/flexarm/state")
-        self.graph.operator.set_parameters("daq", {"listeners": listeners})
-        assert self.graph.transition("daq", "activate")
+        """Activate the DAQ node."""
+        self.graph.operator.activate("daq")
 
     def warm_up(self) -> None:
         """Let the DAQ node drive the arm once: then everybody has heard of everybody."""

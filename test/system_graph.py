@@ -290,10 +290,16 @@ class Graph:
         return str(result.reason)
 
     def activate_loop(self) -> None:
-        """Configure daq and controller, and activate the controller: ready to sample."""
+        """Configure daq and controller, and activate the controller: ready to sample.
+
+        It waits for the recorder, if there is one: a run in virtual time may be over before that
+        has heard of everybody.
+        """
+        if any(executable("recorder").name in process.log.name for process in self._processes):
+            self.operator.await_recorder()
         for name in ("daq", "controller"):
             assert self.transition(name, "configure")
-        assert self.transition("controller", "activate")
+        self.operator.activate("controller")
 
 
 class States:

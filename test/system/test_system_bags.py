@@ -188,6 +188,8 @@ def test_signal___ends_every_node_cleanly(
     graph.wait(lambda: "/flexarm/ident" in graph.operator.nodes(), "the ident node")
     graph.wait(lambda: graph.node.count_publishers("/elsewhere/flexarm/state") == 1, "the player")
     graph.wait(lambda: len(states) > 200, "samples")
+    (file,) = (tmp_path / "run").glob("*.mcap")
+    graph.wait(lambda: file.stat().st_size > 20_000, "a second of recording")
 
     codes = [graph.stop(node, *signals) for node in nodes]
 
@@ -258,7 +260,7 @@ def test_player___standing_in_for_the_daq_node___is_answered_and_recorded(
 
 
 def test_player___stopped_and_started___goes_on_where_it_was(graph: Graph, tmp_path: Path) -> None:
-    played_bag(tmp_path / "played", 1000)
+    played_bag(tmp_path / "played", 2500)
     states: list[int] = []
     graph.node.create_subscription(
         ArmState, "state", lambda state: states.append(state.sequence), qos.EVERY
@@ -278,8 +280,8 @@ def test_player___stopped_and_started___goes_on_where_it_was(graph: Graph, tmp_p
     assert play(data=False) == place
     assert play(data=True).startswith(place.replace("stopped", "playing")[:12])
     assert player.exit_code() == 0
-    graph.wait(lambda: len(states) == 1000, "the rest of the bag")
-    assert states == list(range(1, 1001))
+    graph.wait(lambda: len(states) == 2500, "the rest of the bag")
+    assert states == list(range(1, 2501))
 
 
 def test_player___in_a_live_graph___ends_with_one_line_and_plays_nothing(
@@ -288,10 +290,12 @@ def test_player___in_a_live_graph___ends_with_one_line_and_plays_nothing(
     played_bag(tmp_path / "played", 100)
     states: list[ArmState] = []
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    graph.node.create_subscription(MotorCommand, "command", lambda _: None, qos.EVERY)
     graph.start("daq", {"autostart": True, "rate_hz": 100.0})
     graph.wait(lambda: bool(states), "a sample")
 
-    player = graph.run_node("player", {"bag": str(tmp_path / "played"), "listeners": 1})
+    # The second listener of the commands is the DAQ node: discovery may take its time.
+    player = graph.run_node("player", {"bag": str(tmp_path / "played"), "listeners": 2})
 
     assert player.exit_code() == 1
     refusal = "/flexarm/state is published by /flexarm/daq: stop it, then play"

@@ -2,12 +2,16 @@ from __future__ import annotations
 
 import os
 import re
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from bag_samples import START_NS, reference, write_bag
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64
@@ -64,8 +68,8 @@ def test_remapped_node___talks_on_the_other_names(graph: Graph) -> None:
     assert [state.sequence for state in states[:3]] == [1, 2, 3]
     stamps_ns = [state.header.stamp.sec * 10**9 + state.header.stamp.nanosec for state in states]
     assert stamps_ns[2] - stamps_ns[1] == stamps_ns[1] - stamps_ns[0] == 10_000_000
-    assert "/lab/rig" in graph.operator.nodes()
-    assert graph.node.count_subscribers("/lab/drive") == 1
+    graph.wait(lambda: "/lab/rig" in graph.operator.nodes(), "its name")
+    graph.wait(lambda: graph.node.count_subscribers("/lab/drive") == 1, "its other topic")
     assert graph.node.count_publishers("/flexarm/state") == 0
 
 
@@ -281,17 +285,46 @@ def test_managed_node___goes_through_its_states_twice(graph: Graph, name: str) -
             assert graph.state_of(name) == state
 
 
+@pytest.mark.parametrize(
+    ("name", "topic", "kind"), [("daq", "state", ArmState), ("controller", "command", MotorCommand)]
+)
+def test_activation___waits_for_as_many_readers_as_it_is_told(
+    graph: Graph, name: str, topic: str, kind: type
+) -> None:
+    graph.node.create_subscription(kind, topic, lambda _: None, qos.NEWEST)
+    process = graph.start(name, {"listeners": 2})
+    assert graph.transition(name, "configure")
+    client = graph.node.create_client(ChangeState, f"{name}/change_state")
+    graph.wait(client.service_is_ready, "the service")
+    graph.operator.acquaint(name)
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
+
+    answer = client.call_async(request)
+
+    until_s = time.monotonic() + 1.0
+    graph.wait(lambda: time.monotonic() > until_s, "a second")
+    assert not answer.done()
+    graph.node.create_subscription(kind, topic, lambda _: None, qos.NEWEST)
+    graph.wait(answer.done, "the answer")
+    assert answer.result().success
+    assert "not every reader" not in process.printed
+
+
 def test_every_activation___counts_its_samples_from_one(graph: Graph) -> None:
-    states: list[ArmState] = []
-    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    sequences: list[int] = []
+    graph.node.create_subscription(
+        ArmState, "state", lambda state: sequences.append(state.sequence), qos.EVERY
+    )
     graph.start("daq", {"rate_hz": 200.0})
     assert graph.transition("daq", "configure")
-    for _ in range(2):
-        states.clear()
-        assert graph.transition("daq", "activate")
-        graph.wait(lambda: len(states) >= 5, "samples")
+    for run in (1, 2):
+        graph.operator.activate("daq")
+        graph.wait(lambda run=run: sequences.count(5) == run, "five samples")  # type: ignore[misc]
         assert graph.transition("daq", "deactivate")
-        assert [state.sequence for state in states[:5]] == [1, 2, 3, 4, 5]
+
+    first, second = np.split(sequences, np.flatnonzero(np.diff(sequences) < 0) + 1)
+    for counted in (first, second):
+        assert counted[:5].tolist() == [1, 2, 3, 4, 5]
 
 
 def test_recorder___says_what_it_cannot_do(graph: Graph, tmp_path: Path) -> None:

@@ -24,6 +24,8 @@ def test_scheduled_controller___publishes_the_payload_that_it_detects(graph: Gra
         {"law": "pdpc_scheduled", "reference": "step", "step.amplitude_v": 4.0},
     )
     graph.activate_loop()
+    # In virtual time the run may be over before discovery.
+    graph.wait(lambda: graph.node.count_publishers("/flexarm/payload") == 1, "the topic")
 
     assert graph.transition("daq", "activate")
 

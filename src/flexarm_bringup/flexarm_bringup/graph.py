@@ -83,6 +83,8 @@ def running_graph(
             for name in _MANAGED:
                 if name in nodes:
                     operator.configure(name)
+            if "recorder" in nodes:
+                operator.await_recorder()
             for name in active:
                 operator.activate(name)
             yield operator, processes

@@ -28,6 +28,13 @@ if TYPE_CHECKING:
 
 NAMESPACE = "/flexarm"
 _STATE = f"{NAMESPACE}/state"
+_SENDS = {
+    "daq": _STATE,
+    "controller": f"{NAMESPACE}/command",
+    "experiment": f"{NAMESPACE}/command",
+}
+"""What the nodes with a loop send, first of all."""
+_RECORD = "recorder/record"
 _SERVICE_S = 30.0
 _UNHEARD_S = 3.0
 _ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
@@ -79,7 +86,13 @@ class Operator:
             raise LaunchError(f"{name} refused to configure{self._why(name)}")
 
     def activate(self, name: str) -> None:
-        """Take a managed node from inactive to active."""
+        """Take a managed node from inactive to active, such that everybody hears its first message.
+
+        It may not have heard of all the readers that are known here.
+        """
+        if name in _SENDS:
+            listeners = self._node.count_subscribers(_SENDS[name])
+            self.set_parameters(name, {"listeners": listeners})
         if not self.transition(name, Transition.TRANSITION_ACTIVATE):
             raise LaunchError(f"{name} refused to activate{self._why(name)}")
 
@@ -119,11 +132,18 @@ class Operator:
         if not response.result.successful:
             raise LaunchError(f"{name} refused: {response.result.reason}")
 
+    def await_recorder(self) -> None:
+        """Wait until the recorder and its readers are known here.
+
+        Its service is the last that it announces.
+        """
+        self.wait(self._client(SetBool, _RECORD).service_is_ready, "the recorder")
+
     def record(self, bag: str | None) -> str:
         """Start to record into a new bag, or stop with None; return what the recorder says."""
         if bag is not None:
             self.set_parameters("recorder", {"bag": bag})
-        response = self.call(SetBool, "recorder/record", SetBool.Request(data=bag is not None))
+        response = self.call(SetBool, _RECORD, SetBool.Request(data=bag is not None))
         # The second answer, when the first one was lost.
         started = response.message == f"already recording to {bag}"
         if not (response.success or started):
@@ -138,16 +158,14 @@ class Operator:
         return response
 
     def start_sampling(self, samples: int = 0) -> None:
-        """Activate the DAQ node such that everybody who listens gets the first sample.
+        """Activate the DAQ node.
 
         Parameters
         ----------
         samples
             Have it stop by itself after that many; 0: never.
         """
-        # The DAQ node may not have heard of all the readers that are known here.
-        listeners = self._node.count_subscribers(_STATE)
-        self.set_parameters("daq", {"samples": samples, "listeners": listeners})
+        self.set_parameters("daq", {"samples": samples})
         self.activate("daq")
 
     def sample(self, samples: int, progress: Callable[[int], None]) -> None:

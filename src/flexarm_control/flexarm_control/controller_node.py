@@ -23,7 +23,7 @@ from flexarm_control.scheduled import ScheduledPdpc
 from flexarm_control.switching import Handover
 from flexarm_msgs.msg import ArmState, MotorCommand, PayloadEstimate
 from flexarm_node import qos
-from flexarm_node.loop_node import LoopNode, wait_until
+from flexarm_node.loop_node import LoopNode
 from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
 from flexarm_node.stamps import set_stamp, stamp_ns
@@ -170,8 +170,8 @@ class ControllerNode(LoopNode):
         self.destroy_subscription(self._references_in)
 
     def prepare(self) -> None:
-        """Wait until the commands have a reader, if there is one; tell the set-point in force."""
-        wait_until(lambda: self._commands.get_subscription_count() > 0)
+        """Wait until every reader of the commands is there; tell the set-point in force."""
+        self.await_listeners(self._commands, least=1)
         if self._setup.profile is None:
             # A record shall have the set-point in force from its first sample on.
             self._references_out.publish(Float64(data=self._reference_v))

@@ -49,9 +49,6 @@ PARAMETERS = (
         "time", "real", "real: by the clock; virtual: lock-step", choices=("real", "virtual")
     ),
     ParameterSpec("samples", 0, "deactivate after that many samples; 0: never", 0, 2**40),
-    ParameterSpec(
-        "listeners", 0, "readers of the samples that activating waits for, some seconds", 0, 1000
-    ),
     # Under settings of the user's own the middleware may repeat a lost message only after 3 s.
     ParameterSpec(
         "answer_timeout_s", 10.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
@@ -132,7 +129,7 @@ class DaqNode(LoopNode):
         if wants_self_test(values):
             run_self_test(rig, Limiter(settings), values["rate_hz"], paced=not virtual)
             self.get_logger().info("self-test: every channel answers with the right sign")
-        self._link.start(values["rate_hz"], await_controller=virtual, listeners=values["listeners"])
+        self._link.start(values["rate_hz"], await_controller=virtual)
         self._rate = Rate()
         self._acquisition = Acquisition(
             rig,
@@ -250,21 +247,11 @@ class _TopicLink:
         self._joint_every = 1
         self._start_ns = 0
 
-    def start(self, rate_hz: float, *, await_controller: bool, listeners: int) -> None:
+    def start(self, rate_hz: float, *, await_controller: bool) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
         if await_controller:
             wait_until(lambda: self._commands.publishers() > 0)
-        topic = self._publisher.topic_name
-        has_readers = wait_until(
-            lambda: (
-                self._publisher.get_subscription_count()
-                >= max(listeners, self._node.count_subscribers(topic))
-            )
-        )
-        if not has_readers:
-            self._node.get_logger().warning(
-                "not every reader of the samples is there: it may miss the first ones"
-            )
+        self._node.await_listeners(self._publisher)
         self._commands.wait_newest(0.0)
         self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))
 

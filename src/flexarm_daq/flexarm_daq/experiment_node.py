@@ -13,7 +13,7 @@ from rclpy.duration import Duration
 from flexarm_daq.excitation import BOUND_V, EXCITATIONS, Excitation
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
-from flexarm_node.loop_node import LoopNode, wait_until
+from flexarm_node.loop_node import LoopNode
 from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
 from flexarm_node.stamps import set_stamp, stamp_ns
@@ -59,9 +59,9 @@ class ExperimentNode(LoopNode):
         self.destroy_publisher(self._commands)
 
     def prepare(self) -> None:
-        """Make the excitation, and wait until the commands have a reader, if there is one."""
+        """Make the excitation, and wait until every reader of the commands is there."""
         self._excitation = _excitation(self.parameters.values())
-        wait_until(lambda: self._commands.get_subscription_count() > 0)
+        self.await_listeners(self._commands, least=1)
 
     def loop(self, stopping: threading.Event) -> None:
         """Answer until told to stop; a new run of samples begins the experiment anew."""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lifecycle_msgs.srv import ChangeState
+    from rclpy.publisher import Publisher
 
     Figures = Mapping[str, object]
 
@@ -28,6 +29,13 @@ _AUTOSTART = ParameterSpec(
     default=False,
     description="configure and activate at the start, without a manager",
     read_only=True,
+)
+_LISTENERS = ParameterSpec(
+    "listeners",
+    0,
+    "readers of what this node sends that activating waits for, some seconds",
+    0,
+    1000,
 )
 _REPORT_S = 1.0
 _STEP_S = 0.05
@@ -69,7 +77,9 @@ class LoopNode(LifecycleNode):
         expected: tuple[type[Exception], ...] = (),
     ) -> None:
         super().__init__(name, namespace="/flexarm")
-        self.parameters = Parameters(self, (*specs, _AUTOSTART), accept=accept, apply=apply)
+        self.parameters = Parameters(
+            self, (*specs, _AUTOSTART, _LISTENERS), accept=accept, apply=apply
+        )
         self._expected = expected
         self._trouble = ""
         self._warning = ""
@@ -128,6 +138,29 @@ class LoopNode(LifecycleNode):
         sample.
         """
         next(self._reports)
+
+    def await_listeners(self, publisher: Publisher, least: int = 0) -> None:
+        """Wait until everybody who listens will get the first message; complain when it takes long.
+
+        These are all readers that this node has heard of, and as many as the parameter `listeners`
+        says, since it may not have heard of all.
+
+        Parameters
+        ----------
+        publisher
+            Of what is listened to.
+        least
+            So many there must be.
+        """
+        least = max(least, self.parameters.values()[_LISTENERS.name])
+        topic = publisher.topic_name
+        is_heard = wait_until(
+            lambda: publisher.get_subscription_count() >= max(least, self.count_subscribers(topic))
+        )
+        if not is_heard:
+            self.get_logger().warning(
+                f"not every reader of {topic} is there: it may miss the first messages"
+            )
 
     def start_if_asked(self) -> None:
         """Configure and activate when the parameter `autostart` says so."""
