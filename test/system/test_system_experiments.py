@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import resource
 import signal
 import time
 from typing import TYPE_CHECKING, Any
@@ -137,6 +138,30 @@ def test_experiment_with_a_sample_unanswered___is_refused_and_kept_apart(
     refusal = r"^flexarm: \d+ of 12000 samples had no command of their own"
     assert re.search(refusal, process.printed, re.MULTILINE), process.printed
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"B_dat8.partial", "nodes.log"}
+
+
+def test_experiment_whose_recorder_fails___ends_at_once_and_keeps_what_there_is(
+    graph: Graph, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    heard: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", heard.append, qos.EVERY)
+    process = graph.run([*COMMAND, "C_dat3", "-o", str(out)])
+    graph.wait(lambda: len(heard) > 600, "samples")
+    (recorder,) = graph.survivors("recorder_node")
+    (file,) = (out / "C_dat3.new" / "C_dat3").glob("*.mcap")
+    # No root is needed for a disk that is full for one process.
+    limit = file.stat().st_size + 10_000
+    resource.prlimit(recorder, resource.RLIMIT_FSIZE, (limit, limit))
+
+    assert process.exit_code() == 1
+    kept = out / "C_dat3.partial"
+    last = process.printed.splitlines()[-1]
+    assert last.startswith(f"flexarm: recorder: recording stopped: {kept}: cannot write: File too")
+    assert f"flexarm bag repair {kept} -o " in last
+    assert "90 % sampling" not in process.printed
+    assert graph.survivors() == []
+    assert {path.name for path in out.iterdir()} == {"C_dat3.partial", "nodes.log"}
 
 
 def test_experiment_overwriting___when_no_node_can_start___leaves_the_old_bag(

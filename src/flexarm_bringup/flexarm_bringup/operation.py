@@ -50,6 +50,7 @@ _STALLED_S = 30.0
 _SLOWEST = 10
 """So many samples come within that time however slow the run; in virtual time one whose answer does
 not come may take a third of it."""
+_COMPLAINTS_S = 1.0
 _POLL_S = 0.1
 
 
@@ -174,16 +175,20 @@ class Operator:
         Raises
         ------
         LaunchError
-            When hardly a new sample comes for a long time.
+            When hardly a new sample comes for a long time, or the recorder has failed.
         """
         self._sequence = 0
         subscription = self._node.create_subscription(ArmState, _STATE, self._on_state, qos.NEWEST)
         try:
             self.start_sampling(samples)
             seen, seen_s = 0, time.monotonic()
+            asked_s = seen_s
             while self._sequence < samples:
                 self._spin()
                 progress(self._sequence)
+                if time.monotonic() - asked_s > _COMPLAINTS_S:
+                    asked_s = time.monotonic()
+                    self._check_recorder()
                 if self._sequence >= seen + _SLOWEST:
                     seen, seen_s = self._sequence, time.monotonic()
                 if time.monotonic() - seen_s > _STALLED_S:
@@ -314,6 +319,10 @@ class Operator:
     def _why(self, name: str) -> str:
         complaint = self._complaint(name)
         return f": {complaint}" if complaint else ""
+
+    def _check_recorder(self) -> None:
+        if complaint := self._complaint("recorder"):
+            raise LaunchError(f"recorder: {complaint}")
 
     def _spin(self) -> None:
         self._check()

@@ -39,17 +39,21 @@ def new_record(bag: Path) -> Iterator[Path]:
     ------
     FileExistsError
         When its workplace is there already.
+    LaunchError
+        What was raised where the record was made; it names the place in which it is kept.
     """
     # The name of a bag is also that of the file in it.
     record = workplace(bag) / bag.name
     record.parent.mkdir()
+    partial = next(path for path in _partials(bag) if not path.exists())
     try:
         yield record
+    except LaunchError as error:
+        raise LaunchError(str(error).replace(str(record), str(partial))) from None
     finally:
         if _replaced(record).exists() and not bag.exists():
             _replaced(record).rename(bag)
         if record.exists() and check_bag(record).messages:
-            partial = next(path for path in _partials(bag) if not path.exists())
             record.rename(partial)
             terminal.CONSOLE.print(f"what was recorded is kept in {partial}", markup=False)
         shutil.rmtree(record.parent, ignore_errors=True)
