@@ -19,6 +19,7 @@ from system_graph import Graph, States, eventually
 from flexarm_bringup.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
+from flexarm_node.stamps import stamp_ns
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -64,6 +65,7 @@ class Campaign:
         self.states: list[ArmState] = []
         self.status = DiagnosticStatus()
         self._bags = 0
+        self._reports_from_ns = 0
         self._batches = count()
         graph.node.create_subscription(ArmState, "state", self.states.append, qos.EVERY)
         graph.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_report, qos.EVERY)
@@ -85,7 +87,6 @@ class Campaign:
     def await_drive(self) -> None:
         """Wait until the arm is driven."""
         self.states.clear()
-        self.status = DiagnosticStatus()
 
         def is_driven() -> bool:
             assert self.status.level != DiagnosticStatus.ERROR, self.status.message
@@ -94,8 +95,11 @@ class Campaign:
         self._wait(is_driven, "a driven arm")
 
     def activate(self) -> None:
-        """Activate the DAQ node."""
+        """Activate the DAQ node; what it has reported before is forgotten."""
         self.graph.operator.activate("daq")
+        # An earlier report, of an earlier fault, may still be on its way.
+        self._reports_from_ns = time.time_ns()
+        self.status = DiagnosticStatus()
 
     def warm_up(self) -> None:
         """Let the DAQ node drive the arm once: then everybody has heard of everybody."""
@@ -148,8 +152,6 @@ class Campaign:
             "daq", {"fault": fault, "fault_after_samples": after_samples}
         )
         bag = self.record()
-        self.status = DiagnosticStatus()
-        self.states.clear()
         self.activate()
         self.graph.wait(lambda: self.status.level == DiagnosticStatus.ERROR, "an alarm")
         message = str(self.status.message)
@@ -198,6 +200,8 @@ class Campaign:
         return len(last) == QUIET_SAMPLES and not any(state.command_v for state in last)
 
     def _on_report(self, message: DiagnosticArray) -> None:
+        if stamp_ns(message.header.stamp) < self._reports_from_ns:
+            return
         for status in message.status:
             if status.name.endswith("daq"):
                 self.status = status

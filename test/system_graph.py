@@ -55,7 +55,7 @@ PACKAGES = {
 }
 """Nodes by name, and the package that each belongs to."""
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 """Deadline of everything that usually takes a moment; the machine may be busy."""
 
 TRANSITIONS = {
