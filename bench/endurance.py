@@ -74,6 +74,7 @@ def recorded(bag: Path, rate_hz: float, length_s: float, *, busy: bool) -> int:
             burner.start()
         log = bag.with_name("nodes.log")
         with running_graph(parameters, log, nodes=nodes) as (operator, processes):
+            operator.activate("controller")
             operator.start_sampling(samples)
             for _ in track(range(round(length_s)), "recording", disable=not sys.stdout.isatty()):
                 until_s = time.monotonic() + 1.0

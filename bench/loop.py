@@ -98,6 +98,7 @@ def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:
             stack.enter_context(beside(_burn))
         heard: dict[str, str] = {}
         operator.listen(DiagnosticArray, "/diagnostics", qos.SENT, _keep("daq", heard))
+        operator.activate("controller")
         operator.activate("daq")
         operator.wait(lambda: int(heard.get("samples", 0)) > _SETTLE_S * rate_hz, "samples")
         floor = stack.enter_context(beside(_floor, rate_hz, length_s))

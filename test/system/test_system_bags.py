@@ -81,10 +81,9 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     graph.start("recorder")
     graph.start("controller", {"law": "pdpc", "reference": "step"})
     graph.start("daq", {"time": "virtual"})
-    graph.activate_loop()
-    graph.operator.record(str(bag))
-    graph.operator.sample(300, lambda _: None)
-    graph.operator.record(None)
+    for name in ("daq", "controller"):
+        assert graph.transition(name, "configure")
+    graph.operator.recorded_run("controller", str(bag), 300, lambda _: None)
 
     with AnyReader([bag]) as reader:
         deserialised: dict[str, list[Any]] = {}

@@ -161,10 +161,9 @@ def _experiment_text(settings: DemoSettings) -> str:
 def _record(
     operator: Operator, bag: Path, samples: int, text: str, settings: DemoSettings
 ) -> BagReading:
-    operator.record(str(bag))
     with terminal.progress_bar(text, samples) as progress:
-        operator.sample(samples, progress)
-    terminal.CONSOLE.print(f"  recorded {operator.record(None)}")
+        said = operator.recorded_run("controller", str(bag), samples, progress)
+    terminal.CONSOLE.print(f"  recorded {said}")
     reading = read_bag_report(bag)
     require_whole(reading, samples, lockstep=settings.fast)
     return reading

@@ -87,7 +87,7 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     # A record is settled when the recorder has closed it: after the graph.
     with (
         ExitStack() as records,
-        running_graph(parameters, log, nodes=_NODES, active=(), files=files) as (operator, _),
+        running_graph(parameters, log, nodes=_NODES, files=files) as (operator, _),
     ):
         for number, entry in enumerate(entries, start=1):
             terminal.step(f"{number} of {len(entries)}: {entry.name}, {_words(entry)}")
@@ -145,12 +145,8 @@ def _record(operator: Operator, entry: Experiment, bag: Path, settings: Experime
     operator.set_parameters("daq", {"rate_hz": float(entry.rate_hz), "payload_kg": payload_kg})
     commander = "controller" if entry.closed_loop else "experiment"
     operator.set_parameters(commander, commander_parameters(entry, settings.seed))
-    operator.activate(commander)
-    operator.record(str(bag))
     with terminal.progress_bar("sampling", entry.samples) as progress:
-        operator.sample(entry.samples, progress)
-    operator.deactivate(commander)
-    return operator.record(None)
+        return operator.recorded_run(commander, str(bag), entry.samples, progress)
 
 
 def commander_parameters(entry: Experiment, seed: int) -> dict[str, Any]:

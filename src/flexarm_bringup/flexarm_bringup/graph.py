@@ -45,7 +45,6 @@ def running_graph(
     log: Path,
     *,
     nodes: Sequence[str] = LABORATORY,
-    active: Sequence[str] = ("controller",),
     files: tuple[Path, ...] = (),
 ) -> Iterator[tuple[Operator, NodeProcesses]]:
     """Start nodes, configure the managed ones, and stop all of them at the end.
@@ -58,8 +57,6 @@ def running_graph(
         File that gets what the nodes print.
     nodes
         Which ones, in this order.
-    active
-        Which of them to activate.
     files
         Parameter files for all of them; a node takes what is under its name.
 
@@ -85,8 +82,6 @@ def running_graph(
                     operator.configure(name)
             if "recorder" in nodes:
                 operator.await_recorder()
-            for name in active:
-                operator.activate(name)
             yield operator, processes
 
 

@@ -206,6 +206,32 @@ class Operator:
             self._node.destroy_subscription(subscription)
             self._sequence = 0
 
+    def recorded_run(
+        self, commander: str, bag: str, samples: int, progress: Callable[[int], None]
+    ) -> str:
+        """Record one run of the loop; return what the recorder says about it.
+
+        Parameters
+        ----------
+        commander
+            The node that commands; active for this run alone, since what it sent is complete when
+            it has been deactivated.
+        bag
+            To be created.
+        samples, progress
+            As for `sample`.
+
+        Raises
+        ------
+        LaunchError
+            When a node does not do its part.
+        """
+        self.record(bag)
+        self.activate(commander)
+        self.sample(samples, progress)
+        self.deactivate(commander)
+        return self.record(None)
+
     def listen(
         self, kind: type, topic: str, profile: QoSProfile, heard: Callable[[Any], None]
     ) -> None:

@@ -69,6 +69,7 @@ def run_graph(settings: UpSettings) -> None:
                     # Not before all nodes have taken their parameters: a refused start shall not
                     # leave an empty bag in the way of the next one.
                     operator.record(str(bag.absolute()))
+                operator.activate("controller")
                 operator.start_sampling()
                 terminal.CONSOLE.print(
                     f"/flexarm is up: {settings.law} at {settings.rate_hz:g} Hz, "

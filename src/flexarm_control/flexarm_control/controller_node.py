@@ -12,7 +12,6 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rclpy.duration import Duration
 from std_msgs.msg import Float64
 
 from flexarm_control.errors import ControlError
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
     from flexarm_control.parameters import ParameterSpec as Bound
 
 _WAIT_S = 0.1
-# A recorder on a busy machine shall have every command before the run counts as ended.
-_ACKNOWLEDGED = Duration(seconds=2)
 # A recorder that was not heard of yet when the reference changed learns it so soon.
 _TELL_AGAIN_S = 1.0
 _PAYLOAD_S = 0.1
@@ -223,7 +220,8 @@ class ControllerNode(LoopNode):
                 self._tell_payload(setup.law, state.header.stamp)
             self._answer_s.add(time.monotonic() - received_s)
             self.spare_time()
-        self._commands.wait_for_all_acked(_ACKNOWLEDGED)
+        # A recorder shall have every command before the run counts as ended.
+        self.await_acknowledged(self._commands)
 
     def _tell_payload(self, law: ScheduledPdpc, stamp: Time) -> None:
         payload_kg, deviation_kg, detected = law.payload

@@ -10,7 +10,6 @@ import time
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -90,8 +89,6 @@ _POSITION, _, _, _SPEED = CHANNELS
 _TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V
 _JOINT_STATES_HZ = 50.0
 _SILENT_S = 1.0
-# Under settings of the user's own the middleware may ask its readers only every 3 s.
-_ACKNOWLEDGED = Duration(seconds=7)
 
 
 class DaqNode(LoopNode):
@@ -301,8 +298,8 @@ class _TopicLink:
         return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found)
 
     def await_readers(self) -> None:
-        """Wait until every reader has every sample: one may have been held up."""
-        self._publisher.wait_for_all_acked(_ACKNOWLEDGED)
+        """Wait until every reader has every sample."""
+        self._node.await_acknowledged(self._publisher)
 
     def close(self) -> None:
         """Give the topics back."""

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rclpy.duration import Duration
-
 from flexarm_daq.excitation import BOUND_V, EXCITATIONS, Excitation
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
@@ -24,8 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 _WAIT_S = 0.1
-# A recorder on a busy machine shall have every command before the run counts as ended.
-_ACKNOWLEDGED = Duration(seconds=2)
 
 PARAMETERS = (
     ParameterSpec("waveform", "square", "the excitation", choices=tuple(EXCITATIONS)),
@@ -85,7 +81,8 @@ class ExperimentNode(LoopNode):
             self._commands.publish(command)
             self._answered += 1
             self.spare_time()
-        self._commands.wait_for_all_acked(_ACKNOWLEDGED)
+        # A recorder shall have every command before the run counts as ended.
+        self.await_acknowledged(self._commands)
 
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""

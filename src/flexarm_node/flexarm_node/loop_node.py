@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from flexarm_node import qos
@@ -42,6 +43,8 @@ _STEP_S = 0.05
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _MATCH_TIMEOUT_S = 7.0
 _MATCH_POLL_S = 0.01
+# Under settings of the user's own the middleware may ask its readers only every 3 s.
+_ACKNOWLEDGED = Duration(seconds=5)
 
 
 class LoopNode(LifecycleNode):
@@ -161,6 +164,13 @@ class LoopNode(LifecycleNode):
             self.get_logger().warning(
                 f"not every reader of {topic} is there: it may miss the first messages"
             )
+
+    def await_acknowledged(self, publisher: Publisher) -> None:
+        """Wait some seconds until every reader has every message.
+
+        A reader may have been held up, or hear late of the topic: then it gets them all at once.
+        """
+        publisher.wait_for_all_acked(_ACKNOWLEDGED)
 
     def start_if_asked(self) -> None:
         """Configure and activate when the parameter `autostart` says so."""
