@@ -80,9 +80,12 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     bag = tmp_path / "run"
     graph.start("recorder")
     graph.start("controller", {"law": "pdpc", "reference": "step"})
-    graph.start("daq", {"time": "virtual"})
+    graph.start("daq", {"time": "virtual", "answer_timeout_s": 0.05})
     for name in ("daq", "controller"):
         assert graph.transition(name, "configure")
+    # A run that the controller hears and does not answer: the bag shall have nothing of it.
+    graph.operator.sample(5, lambda _: None)
+    graph.operator.set_parameters("daq", {"answer_timeout_s": 10.0})
     graph.operator.recorded_run("controller", str(bag), 300, lambda _: None)
 
     with AnyReader([bag]) as reader:

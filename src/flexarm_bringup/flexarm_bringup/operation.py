@@ -37,6 +37,9 @@ _SENDS = {
 _RECORD = "recorder/record"
 _SERVICE_S = 30.0
 _UNHEARD_S = 3.0
+_READ_UNHEARD_S = 0.5
+"""For questions that change nothing: they may be put again soon."""
+_READS = (GetState, GetParameters)
 _ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
 """Long work and its node: a second question would be refused while the first is at work."""
 _IDENTIFY_S = 900.0
@@ -273,7 +276,7 @@ class Operator:
         parameters = f"{NAMESPACE}/{name}/get_parameters"
         client = self._node.create_client(GetParameters, parameters)
         try:
-            self._ask(client, GetParameters.Request(), timeout_s)
+            self._ask(client, GetParameters.Request(), timeout_s, patience_s=_READ_UNHEARD_S)
         finally:
             self._node.destroy_client(client)
 
@@ -288,7 +291,7 @@ class Operator:
         """Call a service below the namespace and return its response.
 
         A server that has not yet discovered the client's reader drops its answer. So the
-        question is put again when no answer comes for some seconds.
+        question is put again when no answer comes for a while.
 
         Parameters
         ----------
@@ -308,7 +311,8 @@ class Operator:
         if service in _ASKED_ONCE:
             self.acquaint(_ASKED_ONCE[service], max(timeout_s, _SERVICE_S))
             return self._ask(client, request, timeout_s, patience_s=timeout_s)
-        return self._ask(client, request, timeout_s, unheard=unheard)
+        patience_s = _READ_UNHEARD_S if service in _READS else _UNHEARD_S
+        return self._ask(client, request, timeout_s, patience_s=patience_s, unheard=unheard)
 
     def _ask(
         self,
@@ -316,7 +320,7 @@ class Operator:
         request: object,
         timeout_s: float,
         *,
-        patience_s: float = _UNHEARD_S,
+        patience_s: float,
         unheard: Callable[[], object | None] = lambda: None,
     ) -> Any:  # noqa: ANN401 - the service's own response type
         service = client.srv_name

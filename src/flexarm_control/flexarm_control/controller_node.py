@@ -167,8 +167,9 @@ class ControllerNode(LoopNode):
         self.destroy_subscription(self._references_in)
 
     def prepare(self) -> None:
-        """Wait until every reader of the commands is there; tell the set-point in force."""
+        """Wait for every reader of the commands, drop an old sample, tell the set-point."""
         self.await_listeners(self._commands, least=1)
+        self._states.wait_newest(0.0)
         if self._setup.profile is None:
             # A record shall have the set-point in force from its first sample on.
             self._references_out.publish(Float64(data=self._reference_v))

@@ -55,9 +55,10 @@ class ExperimentNode(LoopNode):
         self.destroy_publisher(self._commands)
 
     def prepare(self) -> None:
-        """Make the excitation, and wait until every reader of the commands is there."""
+        """Make the excitation, wait for every reader of the commands, drop an old sample."""
         self._excitation = _excitation(self.parameters.values())
         self.await_listeners(self._commands, least=1)
+        self._states.wait_newest(0.0)
 
     def loop(self, stopping: threading.Event) -> None:
         """Answer until told to stop; a new run of samples begins the experiment anew."""
