@@ -343,13 +343,14 @@ def test_payload___changed_while_active___leaves_the_arm_where_it_is(
 ) -> None:
     recorder = graph.start("recorder", {"bag": str(tmp_path / "run")})
     recorder.wait_for("recording to")
-    graph.start("controller", {"law": "pdpc", "reference": "square"})
+    # A slow law: one with strain feedback is unstable when a busy machine answers a period late.
+    graph.start("controller", {"law": "pd", "pd.compensation_v": 0.7, "reference": "square"})
     graph.start("daq", {"noise": "none"})
     graph.activate_loop()
     states: list[ArmState] = []
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
     assert graph.transition("daq", "activate")
-    graph.wait(lambda: len(states) > 150, "the first samples")
+    graph.wait(lambda: bool(states) and states[-1].position_v > 1.0, "an arm away from its start")
     assert graph.refusal("daq", {"payload_kg": 0.4}) == ""
     graph.wait(lambda: states[-1].sequence > states[0].sequence + 900, "samples with the payload")
     assert "payload_kg" in graph.refusal("daq", {"payload_kg": 2.0})
@@ -358,6 +359,5 @@ def test_payload___changed_while_active___leaves_the_arm_where_it_is(
 
     run = States(tmp_path / "run")
     position_v = run.volts[:, 0]
-    assert position_v.max() > 1.0
     # An arm that was set back to its start would be there at once, from one sample to the next.
     assert np.all(abs(np.diff(position_v)) < 0.05 + 50.0 * np.diff(run.stamp_s))
