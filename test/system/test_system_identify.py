@@ -44,10 +44,9 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
             {"law": "pd", "pd.compensation_v": 0.7, "reference": "varying_square"},
         )
         graph.start("daq", {"time": "virtual", "seed": 1})
-        graph.activate_loop()
-        graph.operator.record(str(folder / "run"))
-        graph.operator.sample(9000, lambda _: None)
-        graph.operator.record(None)
+        for name in ("daq", "controller"):
+            assert graph.transition(name, "configure")
+        graph.operator.recorded_run("controller", str(folder / "run"), 9000, lambda _: None)
         yield graph
 
 

@@ -152,7 +152,7 @@ class ControllerNode(LoopNode):
         """Make the topics of the loop."""
         self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
         self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
-        self._references_out = self.create_publisher(Float64, "reference", qos.STATUS)
+        self._references_out = self.create_publisher(Float64, "reference", qos.STATUS_SENT)
         self._payloads = self.create_publisher(PayloadEstimate, "payload", qos.STATUS)
         self._references_in = self.create_subscription(
             Float64, "reference", self._on_reference, qos.NEWEST
@@ -221,8 +221,9 @@ class ControllerNode(LoopNode):
                 self._tell_payload(setup.law, state.header.stamp)
             self._answer_s.add(time.monotonic() - received_s)
             self.spare_time()
-        # A recorder shall have every command before the run counts as ended.
+        # A recorder shall have everything before the run counts as ended.
         self.await_acknowledged(self._commands)
+        self.await_acknowledged(self._references_out)
 
     def _tell_payload(self, law: ScheduledPdpc, stamp: Time) -> None:
         payload_kg, deviation_kg, detected = law.payload

@@ -25,3 +25,7 @@ EVERY = _reliable(10000)
 
 STATUS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """For what a latecomer must still be told: channel names, the reference in force."""
+
+STATUS_SENT = _reliable(1000, DurabilityPolicy.TRANSIENT_LOCAL)
+"""Such a topic as published when each change counts: a lost message is repeated, also when the next
+one is there already. A latecomer that reads it as `STATUS` ends with the newest."""
