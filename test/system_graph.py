@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import resource
 import signal
 import subprocess
 import time
@@ -90,6 +91,15 @@ def eventually(condition: Callable[[], bool], what: str, patience_s: float = PAT
         if time.monotonic() > deadline_s:
             pytest.fail(f"{what} did not come within {patience_s:.0f} s")
         time.sleep(_POLL_S)
+
+
+def fill_disk(pid: int, file: Path) -> None:
+    """Let a file grow by a few more kB and no further, for one process.
+
+    No root is needed for a disk that is full for one process.
+    """
+    limit = file.stat().st_size + 10_000
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (limit, limit))
 
 
 def claim_domain() -> tuple[int, int]:
@@ -289,6 +299,11 @@ class Graph:
         assert result.successful == (not result.reason)
         return str(result.reason)
 
+    def configure_loop(self) -> None:
+        """Configure daq and controller."""
+        for name in ("daq", "controller"):
+            assert self.transition(name, "configure")
+
     def activate_loop(self) -> None:
         """Configure daq and controller, and activate the controller: ready to sample.
 
@@ -297,8 +312,7 @@ class Graph:
         """
         if any(executable("recorder").name in process.log.name for process in self._processes):
             self.operator.await_recorder()
-        for name in ("daq", "controller"):
-            assert self.transition(name, "configure")
+        self.configure_loop()
         self.operator.activate("controller")
 
 

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import resource
 import signal
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
-from system_graph import States
+from system_graph import States, fill_disk
 
 from flexarm_daq.repair import repair_bag
 from flexarm_ident.bag_check import check_bag
@@ -81,8 +80,7 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     graph.start("recorder")
     graph.start("controller", {"law": "pdpc", "reference": "step"})
     graph.start("daq", {"time": "virtual", "answer_timeout_s": 0.05})
-    for name in ("daq", "controller"):
-        assert graph.transition(name, "configure")
+    graph.configure_loop()
     # A run that the controller hears and does not answer: the bag shall have nothing of it.
     graph.operator.sample(5, lambda _: None)
     graph.operator.set_parameters("daq", {"answer_timeout_s": 10.0})
@@ -215,9 +213,7 @@ def test_full_disk___stops_the_recorder_with_an_error_and_not_the_loop(
     graph.start("daq", {"autostart": True})
     (file,) = (tmp_path / "run").glob("*.mcap")
     graph.wait(lambda: file.stat().st_size > 20_000, "a second of recording")
-    # No root is needed for a disk that is full for one process.
-    limit = file.stat().st_size + 10_000
-    resource.prlimit(recorder.popen.pid, resource.RLIMIT_FSIZE, (limit, limit))
+    fill_disk(recorder.popen.pid, file)
 
     recorder.wait_for("recording stopped")
     before = len(commands)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import os
 import re
-import resource
 import signal
 import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from system_graph import ROOT, States
+from system_graph import ROOT, States, fill_disk
 
 from flexarm_daq.excitation import BOUND_V
 from flexarm_ident.bag_check import check_bag
@@ -150,9 +149,7 @@ def test_experiment_whose_recorder_fails___ends_at_once_and_keeps_what_there_is(
     graph.wait(lambda: len(heard) > 600, "samples")
     (recorder,) = graph.survivors("recorder_node")
     (file,) = (out / "C_dat3.new" / "C_dat3").glob("*.mcap")
-    # No root is needed for a disk that is full for one process.
-    limit = file.stat().st_size + 10_000
-    resource.prlimit(recorder, resource.RLIMIT_FSIZE, (limit, limit))
+    fill_disk(recorder, file)
 
     assert process.exit_code() == 1
     kept = out / "C_dat3.partial"

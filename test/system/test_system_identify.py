@@ -44,8 +44,7 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
             {"law": "pd", "pd.compensation_v": 0.7, "reference": "varying_square"},
         )
         graph.start("daq", {"time": "virtual", "seed": 1})
-        for name in ("daq", "controller"):
-            assert graph.transition(name, "configure")
+        graph.configure_loop()
         graph.operator.recorded_run("controller", str(folder / "run"), 9000, lambda _: None)
         yield graph
 

@@ -222,8 +222,7 @@ class ControllerNode(LoopNode):
             self._answer_s.add(time.monotonic() - received_s)
             self.spare_time()
         # A recorder shall have everything before the run counts as ended.
-        self.await_acknowledged(self._commands)
-        self.await_acknowledged(self._references_out)
+        self.await_acknowledged(self._commands, self._references_out)
 
     def _tell_payload(self, law: ScheduledPdpc, stamp: Time) -> None:
         payload_kg, deviation_kg, detected = law.payload

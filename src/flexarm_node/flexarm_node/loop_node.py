@@ -44,7 +44,7 @@ _STEP_S = 0.05
 _MATCH_TIMEOUT_S = 7.0
 _MATCH_POLL_S = 0.01
 # Under settings of the user's own the middleware may ask its readers only every 3 s.
-_ACKNOWLEDGED = Duration(seconds=5)
+_ACKNOWLEDGED_S = 5.0
 
 
 class LoopNode(LifecycleNode):
@@ -165,12 +165,20 @@ class LoopNode(LifecycleNode):
                 f"not every reader of {topic} is there: it may miss the first messages"
             )
 
-    def await_acknowledged(self, publisher: Publisher) -> None:
-        """Wait some seconds until every reader has every message.
+    def await_acknowledged(self, *publishers: Publisher) -> None:
+        """Wait until every reader has every message, some seconds in all: one may be dead.
 
         A reader may have been held up, or hear late of the topic: then it gets them all at once.
+
+        Parameters
+        ----------
+        publishers
+            Of the messages.
         """
-        publisher.wait_for_all_acked(_ACKNOWLEDGED)
+        deadline_s = time.monotonic() + _ACKNOWLEDGED_S
+        for publisher in publishers:
+            left_s = max(0.0, deadline_s - time.monotonic())
+            publisher.wait_for_all_acked(Duration(nanoseconds=round(left_s * 1e9)))
 
     def start_if_asked(self) -> None:
         """Configure and activate when the parameter `autostart` says so."""
