@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from flexarm_ident.data_warning import DataWarning
 from flexarm_ident.errors import DataError
 from flexarm_ident.iodata import ARM_OUTPUTS, IoData
-from flexarm_ident.sampling import longest_run, lost_samples, sampling_period_s
+from flexarm_ident.timetable import Answers, Marks, Timetable, record_rows, timetable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 # A declared rate further off than this from the stamps is worth a warning.
 RATE_TOLERANCE = 1e-2
 _NS = 1_000_000_000
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,10 @@ class Recorded:
         """Return the instants in the headers."""
         return self.integer("header.stamp.sec") * _NS + self.integer("header.stamp.nanosec")
 
+    def has(self, name: str) -> bool:
+        """Return whether the recorded message type has such a member."""
+        return name in self.columns
+
     def _column(self, name: str) -> Column:
         if name not in self.columns:
             raise DataError(f"the recorded messages have no member {name}")
@@ -95,7 +100,7 @@ class BagReading:
     samples
         Samples on the topic, used or not.
     lost
-        Samples missing by their sequence numbers.
+        So many fewer samples than periods there are in the used run.
     duration_s
         From the first to the last stamp on the topic.
     unanswered
@@ -115,8 +120,90 @@ class BagReading:
         return tuple(notice.text for notice in self.data.notices)
 
 
+@dataclass(frozen=True)
+class Header:
+    """What is known of a record beside its rows: fields of `IoData` of the same names."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    dt_s: float
+    closed_loop: bool | None
+    source: str
+    notices: tuple[DataWarning, ...]
+
+    def record(self, u: FloatArray, y: FloatArray, **others: Any) -> IoData:  # noqa: ANN401
+        """Return inputs and outputs, and other fields of `IoData`, as a record."""
+        return IoData(u, y, **{**vars(self), **others})
+
+
+def marks(pieces: Iterable[Recorded]) -> Marks:
+    """Return numbers and stamps of messages that pass by in pieces.
+
+    Raises
+    ------
+    DataError
+        If there are no messages.
+    """
+    columns = [
+        (
+            piece.integer("sequence"),
+            piece.stamps_ns(),
+            piece.integer("command_sequence")
+            if piece.has("command_sequence")
+            else np.zeros(len(piece), dtype=np.int64),
+        )
+        for piece in pieces
+    ]
+    if not sum(len(sequence) for sequence, _, _ in columns):
+        raise DataError("no messages on the topic")
+    return Marks(*(np.concatenate(each) for each in zip(*columns, strict=True)))
+
+
+def answers(commands: Recorded) -> Answers:
+    """Return ``MotorCommand`` messages as what the drive was told."""
+    compensation_v = commands.real("compensation_v")
+    return Answers(
+        commands.integer("sequence"),
+        commands.integer("state_sequence"),
+        commands.stamps_ns(),
+        np.column_stack([commands.real("effort_v") + compensation_v, compensation_v]),
+    )
+
+
+def arm_timetable(found: Marks, commands: Recorded | None) -> Timetable:
+    """Return the timetable of ``ArmState`` messages: their inputs stand in the messages behind."""
+    told = None if commands is None else answers(commands)
+    return timetable(found, inputs=2, answers=told, input_behind=True)
+
+
+def arm_rows(
+    table: Timetable, pieces: Iterable[Recorded]
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Return command with compensation, and outputs, from ``ArmState``; rows of the grid."""
+    columns = (
+        (
+            np.column_stack([piece.real("command_v"), piece.real("compensation_v")]),
+            np.column_stack([piece.real(name) for name in ARM_OUTPUTS]),
+        )
+        for piece in pieces
+    )
+    return record_rows(table, columns, input_behind=True)
+
+
+def arm_header(table: Timetable, *, closed_loop: bool | None, source: str) -> Header:
+    """Return what is known of a record of our own rig."""
+    return Header(
+        ("command_v",), ARM_OUTPUTS, table.grid.period_s, closed_loop, source, table.notices
+    )
+
+
 def arm_reading(
-    state: Recorded, reference: Recorded | None, *, commanded: bool, source: str
+    state: Recorded,
+    reference: Recorded | None,
+    commands: Recorded | None,
+    *,
+    closed_loop: bool | None,
+    source: str,
 ) -> BagReading:
     """Return the record of our own rig.
 
@@ -130,8 +217,10 @@ def arm_reading(
         ``ArmState`` messages in the order in which they were sent.
     reference
         ``Float64`` messages, sent before the command that answers a sample, when it changes.
-    commanded
-        True when commands were recorded.
+    commands
+        ``MotorCommand`` messages, for what the drive did while samples are missing.
+    closed_loop
+        Whether the commands were computed from the outputs; None when it is not known.
     source
         Name of the record.
 
@@ -145,41 +234,84 @@ def arm_reading(
     DataError
         If fewer than three samples follow each other or a value is not finite.
     """
-    _require(state, source)
-    sequence = state.integer("sequence")
-    run = longest_run(sequence)
-    notices = list(lost_samples(run, len(state)))
-    rows = range(len(state))[run.rows]
-    if len(rows) < 3:  # noqa: PLR2004 - two rows of data and the message behind them
-        raise DataError(f"{source}: only {len(rows)} samples follow each other; record again")
-    stamps_ns = state.stamps_ns()
-    dt_s, odd = sampling_period_s(stamps_ns[run.rows])
-    notices += odd
-    now, behind = slice(rows[0], rows[-1]), slice(rows[1], rows[-1] + 1)
-    followed = None
+    found = _named(lambda: marks([state]), source)
+    table = _named(lambda: arm_timetable(found, commands), source)
+    u, y = _joined(arm_rows(table, [state]))
+    header = arm_header(table, closed_loop=closed_loop, source=source)
+    followed: FloatArray | None = None
+    odd: tuple[DataWarning, ...] = ()
     if reference is not None and len(reference):
-        followed, odd = _references(reference, state.log_times_ns[behind])
-        notices += odd
-    in_force = state.integer("command_sequence")
-    answered = commanded or followed is not None or bool(np.any(in_force))
-    data = IoData(
-        state.real("command_v")[behind],
-        np.column_stack([state.real(name)[now] for name in ARM_OUTPUTS]),
-        dt_s=dt_s,
-        inputs=("command_v",),
-        outputs=ARM_OUTPUTS,
-        closed_loop=True if answered else None,
-        source=source,
-        compensation=state.real("compensation_v")[behind],
-        reference=followed,
-        notices=tuple(notices),
+        log_times_ns = state.log_times_ns[table.run.messages][table.grid.kept]
+        followed, odd = _references(reference, table, log_times_ns)
+    data = header.record(
+        u[:, :1], y, compensation=u[:, 1:], reference=followed, notices=(*header.notices, *odd)
     )
+    in_force = found.command_sequence
     return BagReading(
         data,
         len(state),
-        run.lost,
-        _duration_s(stamps_ns),
-        unanswered=int(np.sum((np.diff(sequence) == 1) & (np.diff(in_force) < 1))),
+        table.grid.lost,
+        _duration_s(found.stamps_ns),
+        unanswered=int(np.sum((np.diff(found.sequence) == 1) & (np.diff(in_force) < 1))),
+    )
+
+
+def io_timetable(found: Marks) -> Timetable:
+    """Return the timetable of ``IoSample`` messages: inputs act from their own sample on."""
+    return timetable(found, inputs=0, input_behind=False)
+
+
+def io_rows(
+    table: Timetable, pieces: Iterable[Recorded]
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Return u and y from ``IoSample``; rows of the grid."""
+    columns = ((piece.real("inputs"), piece.real("outputs")) for piece in pieces)
+    return record_rows(table, columns, input_behind=False)
+
+
+def io_header(
+    table: Timetable, channels: Channels | None, widths: tuple[int, int], source: str
+) -> Header:
+    """Return what is known of a record of any rig.
+
+    Parameters
+    ----------
+    table
+        Its timetable.
+    channels
+        Names and rate; None when they were not recorded.
+    widths
+        Number of inputs and of outputs.
+    source
+        Name of the record.
+
+    Returns
+    -------
+    Header
+        With the declared rate, where it is that of the stamps.
+    """
+    dt_s, notices = table.grid.period_s, list(table.notices)
+    if channels is None:
+        text = "no ChannelInfo was recorded: names and kind of loop are unknown"
+        notices.append(DataWarning("unknown_channels", text, {}))
+        inputs, outputs = (
+            tuple(f"{kind}_{index + 1}" for index in range(width))
+            for kind, width in zip(("input", "output"), widths, strict=True)
+        )
+        return Header(inputs, outputs, dt_s, None, source, tuple(notices))
+    if channels.rate_hz > 0:
+        if abs(channels.rate_hz * dt_s - 1) > RATE_TOLERANCE:
+            text = (
+                f"ChannelInfo says {channels.rate_hz:g} Hz, the stamps {1 / dt_s:g} Hz: used the"
+                " stamps"
+            )
+            figures = {"declared_hz": channels.rate_hz, "stamped_hz": 1 / dt_s}
+            notices.append(DataWarning("other_rate", text, figures))
+        else:
+            dt_s = 1 / channels.rate_hz
+    label = f"{source} ({channels.source})" if channels.source else source
+    return Header(
+        channels.inputs, channels.outputs, dt_s, channels.closed_loop, label, tuple(notices)
     )
 
 
@@ -189,7 +321,8 @@ def io_reading(samples: Recorded, channels: Channels | None, *, source: str) -> 
     Parameters
     ----------
     samples
-        ``IoSample`` messages in the order in which they were sent.
+        ``IoSample`` messages in the order in which they were sent; NaN in an output is not
+        measured.
     channels
         Names and rate; None when they were not recorded.
     source
@@ -206,54 +339,26 @@ def io_reading(samples: Recorded, channels: Channels | None, *, source: str) -> 
         If fewer than two samples follow each other, the arrays do not fit the names, or a value is
         not finite.
     """
-    _require(samples, source)
-    run = longest_run(samples.integer("sequence"))
-    notices = list(lost_samples(run, len(samples)))
-    if run.rows.stop - run.rows.start < 2:  # noqa: PLR2004 - a period needs two samples
-        raise DataError(f"{source}: no two samples follow each other; record again")
-    stamps_ns = samples.stamps_ns()
-    dt_s, odd = sampling_period_s(stamps_ns[run.rows])
-    notices += odd
-    u, y = samples.real("inputs")[run.rows], samples.real("outputs")[run.rows]
-    if channels is None:
-        channels = Channels(
-            tuple(f"input_{index + 1}" for index in range(u.shape[1])),
-            tuple(f"output_{index + 1}" for index in range(y.shape[1])),
-            rate_hz=1 / dt_s,
-            closed_loop=False,
-            source="",
-        )
-        closed_loop = None
-        text = "no ChannelInfo was recorded: names and kind of loop are unknown"
-        notices.append(DataWarning("unknown_channels", text, {}))
-    else:
-        closed_loop = channels.closed_loop
-    if channels.rate_hz > 0:
-        if abs(channels.rate_hz * dt_s - 1) > RATE_TOLERANCE:
-            text = (
-                f"ChannelInfo says {channels.rate_hz:g} Hz, the stamps {1 / dt_s:g} Hz: used the"
-                " stamps"
-            )
-            figures = {"declared_hz": channels.rate_hz, "stamped_hz": 1 / dt_s}
-            notices.append(DataWarning("other_rate", text, figures))
-        else:
-            dt_s = 1 / channels.rate_hz
-    data = IoData(
-        u,
-        y,
-        dt_s=dt_s,
-        inputs=channels.inputs,
-        outputs=channels.outputs,
-        closed_loop=closed_loop,
-        source=f"{source} ({channels.source})" if channels.source else source,
-        notices=tuple(notices),
+    found = _named(lambda: marks([samples]), source)
+    table = _named(lambda: io_timetable(found), source)
+    u, y = _joined(io_rows(table, [samples]))
+    header = io_header(table, channels, (u.shape[1], y.shape[1]), source)
+    return BagReading(
+        header.record(u, y), len(samples), table.grid.lost, _duration_s(found.stamps_ns)
     )
-    return BagReading(data, len(samples), run.lost, _duration_s(stamps_ns))
 
 
-def _require(recorded: Recorded, source: str) -> None:
-    if len(recorded) == 0:
-        raise DataError(f"{source}: no messages on the topic")
+def _named(work: Callable[[], _Result], source: str) -> _Result:
+    """Do work whose errors do not name the record."""
+    try:
+        return work()
+    except DataError as error:
+        raise DataError(f"{source}: {error}") from error
+
+
+def _joined(pieces: Iterable[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    found = list(pieces)
+    return np.concatenate([u for u, _ in found]), np.concatenate([y for _, y in found])
 
 
 def _duration_s(stamps_ns: NDArray[np.int64]) -> float:
@@ -261,11 +366,14 @@ def _duration_s(stamps_ns: NDArray[np.int64]) -> float:
 
 
 def _references(
-    reference: Recorded, next_times_ns: NDArray[np.int64]
+    reference: Recorded, table: Timetable, log_times_ns: NDArray[np.int64]
 ) -> tuple[FloatArray, tuple[DataWarning, ...]]:
     """Return the last reference sent before the sample that follows, per row."""
+    start_ns = log_times_ns[0]
+    next_ns = np.interp(np.arange(1, table.rows + 1), table.grid.instants, log_times_ns - start_ns)
     order = np.argsort(reference.log_times_ns, kind="stable")
-    latest = np.searchsorted(reference.log_times_ns[order], next_times_ns, side="left") - 1
+    sent_ns = (reference.log_times_ns[order] - start_ns).astype(np.float64)
+    latest = np.searchsorted(sent_ns, next_ns, side="left") - 1
     unknown = int(np.count_nonzero(latest < 0))
     values = reference.real("data")[order][np.maximum(latest, 0)]
     if unknown:

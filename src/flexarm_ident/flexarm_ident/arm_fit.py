@@ -305,5 +305,11 @@ def _result(
         missed += np.sum(live * (record.y - y) ** 2, axis=0)
         total += np.sum(live * record.y**2, axis=0)
     error = np.sqrt(np.divide(missed, total, out=np.zeros_like(missed), where=total > 0.0))
-    dead = np.sum([np.sum(live == 0.0, axis=0) for live in lives], axis=0)
+    dead = np.sum(
+        [
+            np.sum((live == 0.0) & ~np.isnan(record.y_measured), axis=0)
+            for live, record in zip(lives, records, strict=True)
+        ],
+        axis=0,
+    )
     return ArmFit(model, x0, friction, error, dead, band_hz)

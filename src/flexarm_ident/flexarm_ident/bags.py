@@ -16,8 +16,21 @@ import numpy as np
 import yaml
 from rosbags.highlevel import AnyReader
 
-from flexarm_ident.alignment import BagReading, Channels, Recorded, arm_reading, io_reading
-from flexarm_ident.bag_stream import arm_rows, io_rows, open_stream
+from flexarm_ident.alignment import (
+    BagReading,
+    Channels,
+    Recorded,
+    arm_header,
+    arm_reading,
+    arm_rows,
+    arm_timetable,
+    io_header,
+    io_reading,
+    io_rows,
+    io_timetable,
+    marks,
+)
+from flexarm_ident.bag_stream import open_stream
 from flexarm_ident.cdr import CdrError, decode, members
 from flexarm_ident.errors import DataError, IdentificationError
 from flexarm_ident.mcap_chunks import (
@@ -30,6 +43,7 @@ from flexarm_ident.mcap_chunks import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from flexarm_ident.arrays import FloatArray
     from flexarm_ident.bag_stream import BagStream
     from flexarm_ident.iodata import IoData
 
@@ -57,7 +71,8 @@ def read_bag(uri: Path | str, *, topic: str | None = None) -> IoData:
     Returns
     -------
     IoData
-        The longest part without a gap. :func:`read_bag_report` tells what was left out.
+        The samples on the grid of their period, in the longest run of numbers that go up. Its
+        `missing` tells of holes, its `notices` what there is to know of them.
 
     Raises
     ------
@@ -91,11 +106,11 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
     with _opened(path) as bag:
         chosen = bag.choose(topic)
         if bag.types[chosen] == ARM_STATE:
-            references = _sibling(chosen, "reference")
             return arm_reading(
                 bag.recorded(chosen),
-                bag.recorded(references) if bag.has(references, REFERENCE) else None,
-                commanded=bag.has(_sibling(chosen, "command"), MOTOR_COMMAND),
+                bag.optional(_sibling(chosen, "reference"), REFERENCE),
+                bag.optional(_sibling(chosen, "command"), MOTOR_COMMAND),
+                closed_loop=bag.closed_loop(chosen),
                 source=str(path),
             )
         return io_reading(
@@ -106,8 +121,8 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
 def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
     """Open a bag as a source for the identification that is never in memory as a whole.
 
-    The longest part without a gap is used, without the Coulomb compensation (section 2.4.3) and
-    otherwise unprocessed.
+    It is the record that `read_bag` returns, without the Coulomb compensation (section 2.4.3) and
+    otherwise unprocessed. Sixteen bytes a sample stay in memory.
 
     Parameters
     ----------
@@ -127,22 +142,31 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
         If the bag is missing, damaged, not chunked and indexed, or holds no usable samples.
     """
     path = Path(uri)
+    source = str(path)
     with _opened(path) as bag:
         chosen = bag.choose(topic)
         is_arm = bag.types[chosen] == ARM_STATE
-        channels = None if is_arm else bag.channels(_sibling(chosen, "io_channels"))
-        answered = bag.has(_sibling(chosen, "command"), MOTOR_COMMAND) or bag.has(
-            _sibling(chosen, "reference"), REFERENCE
-        )
-        closed_loop = channels.closed_loop if channels else (answered or None)
+        found = marks(bag.pieces(chosen))
+        if is_arm:
+            commands = bag.optional(_sibling(chosen, "command"), MOTOR_COMMAND)
+            table = arm_timetable(found, commands)
+            header = arm_header(table, closed_loop=bag.closed_loop(chosen), source=source)
+        else:
+            table = io_timetable(found)
+            first = next(bag.pieces(chosen))
+            widths = (first.real("inputs").shape[1], first.real("outputs").shape[1])
+            header = io_header(table, bag.channels(_sibling(chosen, "io_channels")), widths, source)
 
-    def pieces() -> Iterator[Recorded]:
+    def rows() -> Iterator[tuple[FloatArray, FloatArray]]:
         with _opened(path) as bag:
-            yield from bag.pieces(chosen)
+            if not is_arm:
+                yield from io_rows(table, bag.pieces(chosen))
+                return
+            for u, y in arm_rows(table, bag.pieces(chosen)):
+                yield u[:, :1] - u[:, 1:], y
 
-    align = arm_rows if is_arm else io_rows
     try:
-        return open_stream(pieces, align, channels, closed_loop=closed_loop, source=str(path))
+        return open_stream(header, table.rows, rows)
     except DataError as error:
         raise BagError(str(error)) from error
 
@@ -250,6 +274,15 @@ class _Bag:
             if found:
                 return found[0]
         raise BagError(f"{self.path}: neither ArmState nor IoSample in there; topics: {listed}")
+
+    def optional(self, topic: str, type_name: str) -> Recorded | None:
+        """Return all messages of a topic as columns; None when there are none of that type."""
+        return self.recorded(topic) if self.has(topic, type_name) else None
+
+    def closed_loop(self, topic: str) -> bool | None:
+        """Return whether who commanded used the outputs; None when nobody did."""
+        commanded = self.has(_sibling(topic, "command"), MOTOR_COMMAND)
+        return commanded or self.has(_sibling(topic, "reference"), REFERENCE) or None
 
     def recorded(self, topic: str) -> Recorded:
         """Return all messages of a topic as columns."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy import ndimage
 
 from flexarm_ident.arm_layout import SMOOTHING, drive_columns
 from flexarm_ident.bandwidth import bandwidth_hz, smoothed
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_ident.arm_layout import Drive
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.arrays import BoolArray, FloatArray
     from flexarm_ident.iodata import IoData
 
 _SLIPPING = 0.05
@@ -131,12 +132,16 @@ def estimate_coulomb(
 
 
 class _Motion(NamedTuple):
-    """Smoothed inputs, speeds and accelerations of the drives, and the outputs no drive moves."""
+    """Smoothed inputs, speeds and accelerations of the drives, and the outputs no drive moves.
+
+    `usable` leaves out the rows whose smoothed values holes have a part in.
+    """
 
     u: FloatArray
     speed: FloatArray
     acceleration: FloatArray
     others: FloatArray
+    usable: BoolArray
 
 
 def _motion(record: IoData, drives: Sequence[Drive], columns: Sequence[tuple[int, int]]) -> _Motion:
@@ -149,13 +154,15 @@ def _motion(record: IoData, drives: Sequence[Drive], columns: Sequence[tuple[int
         if not drive.is_speed:
             speed[:, i] = np.gradient(speed[:, i], record.dt_s)
     acceleration = np.gradient(speed, record.dt_s, axis=0)
-    return _Motion(u, speed, acceleration, np.delete(y, driven, axis=1))
+    reach = round(1.0 / (cutoff_hz * record.dt_s))
+    usable = ndimage.binary_erosion(record.usable, iterations=reach, border_value=1)
+    return _Motion(u, speed, acceleration, np.delete(y, driven, axis=1), usable)
 
 
 def _slipping_rows(motion: _Motion, drive: int, column: int) -> tuple[FloatArray, FloatArray]:
     """Return regressors and effort of one drive where it slips; direction and constant first."""
     v = motion.speed[:, drive]
-    slips = np.abs(v) > _SLIPPING * np.abs(v).max()
+    slips = motion.usable & (np.abs(v) > _SLIPPING * np.abs(v).max())
     terms = [np.sign(v), np.ones(len(v)), v, *motion.acceleration.T, *motion.others.T]
     return np.stack(terms, axis=1)[slips], motion.u[slips, column]
 

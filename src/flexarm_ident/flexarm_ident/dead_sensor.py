@@ -16,7 +16,7 @@ _MOSTLY = 0.5
 
 
 def live_samples(record: IoData) -> FloatArray:
-    """Return 1.0 where an output was measured and 0.0 where its sensor was dead.
+    """Return 1.0 where an output was measured and 0.0 in holes and where its sensor was dead.
 
     An output that changes from sample to sample, as a gauge does and an encoder does not, is dead
     where it keeps exactly one value for more than 20 samples.
@@ -31,7 +31,7 @@ def live_samples(record: IoData) -> FloatArray:
     ndarray, (samples, outputs)
         Weights.
     """
-    live = np.ones_like(record.y)
+    live = np.ones_like(record.y) if record.missing is None else 1.0 - record.missing
     for channel, y in enumerate(record.y.T):
         for rows in _holds(y):
             live[rows.start : rows.stop, channel] = 0.0

@@ -162,5 +162,5 @@ def validate_with_friction(
         Errors and simulated outputs.
     """
     y, _ = simulate_with_friction(model, friction, data.u, x0)
-    delta = relative_errors(data.y, y)
+    delta = relative_errors(data.y_measured, y)
     return Dmv(delta, float(delta.mean()), y, x0)

@@ -12,6 +12,7 @@ formed, the record passes by in chunks, and the products of several records simp
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from flexarm_ident.errors import DataError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.source import Source
@@ -80,7 +81,8 @@ def block_gram(records: Sequence[Source], block_rows: int) -> BlockGram:
     Parameters
     ----------
     records : sequence of Source
-        Records of the same rig, in memory or read in chunks.
+        Records of the same rig, in memory or read in chunks. Holes cut a record into stretches,
+        whose products add up too.
     block_rows : int
         Number of time shifts, q of (2-18).
 
@@ -92,7 +94,7 @@ def block_gram(records: Sequence[Source], block_rows: int) -> BlockGram:
     Raises
     ------
     DataError
-        If a record has fewer samples than `block_rows`.
+        If a record has fewer samples than `block_rows`, or no stretch of any has as many.
     """
     outputs, inputs = len(records[0].outputs), len(records[0].inputs)
     size = block_rows * (outputs + inputs)
@@ -104,14 +106,46 @@ def block_gram(records: Sequence[Source], block_rows: int) -> BlockGram:
             )
         sums = LagSums(outputs + inputs, block_rows)
         for u, y in record.chunks(_CHUNK):
-            sums.add(y, u)
+            for rows in stretches(y):
+                if rows.start > 0:
+                    sums.end_stretch()
+                sums.add(y[rows], u[rows])
+            if np.isnan(y[-1]).any():
+                sums.end_stretch()
         total += sums.gram()
         columns += sums.columns
+    if columns == 0:
+        raise DataError(
+            f"{records[0].label}: no {block_rows} samples, the block rows, follow each other "
+            "without a hole: record again or lower block_rows"
+        )
     return BlockGram(total, block_rows, outputs, inputs, columns)
+
+
+def stretches(y: FloatArray) -> Iterator[slice]:
+    """Yield the rows of a chunk that follow each other without a row of NaN.
+
+    Parameters
+    ----------
+    y : ndarray, (samples, outputs)
+        Outputs; NaN in rows that are not to be used.
+
+    Yields
+    ------
+    slice
+        The rows of each stretch.
+    """
+    unusable = np.flatnonzero(np.isnan(y).any(axis=1))
+    edges = np.concatenate([[-1], unusable, [len(y)]])
+    for before, after in pairwise(edges.tolist()):
+        if after - before > 1:
+            yield slice(before + 1, after)
 
 
 class LagSums:
     """Sums of ``z_k z_{k+j}'`` over ``k = 0 .. K - lags`` of a record that passes by in chunks.
+
+    A record may have several stretches, each with a K of its own, over which the sums go on.
 
     Blocks of a few samples are multiplied at once, so that the work is done by matrix products.
 
@@ -127,16 +161,16 @@ class LagSums:
         self._channels, self._lags = channels, lags
         # A block meets all that come up to `lags` samples after its last one.
         self._shifts = (lags + _BLOCK - 2) // _BLOCK + 1
-        width = _BLOCK * channels
+        width, size = _BLOCK * channels, (lags - 1) * channels
         self._products = np.zeros((self._shifts, width, width))
-        self._head = np.empty((0, channels))
-        self._pending = np.empty((0, channels))
+        # Of the last samples of each stretch, which fill no whole row of blocks.
+        self._rest = np.zeros((lags, channels, channels))
+        # What enters minus what leaves the sums from one time shift to the next.
+        self._change = np.zeros((size, size))
+        self._head = self._pending = np.empty((0, channels))
         self._samples = 0
-
-    @property
-    def columns(self) -> int:
-        """Columns of the record's Hankel matrix so far, d of (2-19)."""
-        return self._samples - self._lags + 1
+        self.columns = 0
+        """Columns of the Hankel matrices of all stretches that have ended, d of (2-19)."""
 
     def add(self, *signals: FloatArray) -> None:
         """Take the next samples of all signals, each (samples, channels)."""
@@ -154,32 +188,41 @@ class LagSums:
         self._pending = z[whole * _BLOCK :].copy()
         self._samples += arrived
 
+    def end_stretch(self) -> None:
+        """Take what comes next as a new stretch; one shorter than the lags counts for nothing."""
+        channels, lags = self._channels, self._lags
+        if self._samples >= lags:
+            if len(self._pending) >= lags:
+                windows = sliding_window_view(self._pending, lags, axis=0)
+                rest = self._pending[: len(windows)].T @ windows.reshape(len(windows), -1)
+                self._rest += rest.reshape(channels, channels, lags).transpose(2, 0, 1)
+            leaving = self._head.ravel()
+            entering = self._pending[len(self._pending) - lags + 1 :].ravel()
+            self._change += np.outer(entering, entering) - np.outer(leaving, leaving)
+            self.columns += self._samples - lags + 1
+        self._head = self._pending = np.empty((0, channels))
+        self._samples = 0
+
     def sums(self) -> FloatArray:
-        """Return the sums, (lags, channels, channels)."""
+        """End the stretch and return the sums, (lags, channels, channels)."""
+        self.end_stretch()
         channels, lags = self._channels, self._lags
         folded = self._products.reshape(self._shifts, _BLOCK, channels, _BLOCK, channels)
         # Sample i of a block meets sample t of the row of shifted blocks at lag t - i.
         rows = folded.transpose(1, 0, 3, 2, 4).reshape(_BLOCK, -1, channels, channels)
         sums = np.sum([rows[i, i : i + lags] for i in range(_BLOCK)], axis=0)
-        if len(self._pending) >= lags:
-            windows = sliding_window_view(self._pending, lags, axis=0)
-            rest = self._pending[: len(windows)].T @ windows.reshape(len(windows), -1)
-            sums += rest.reshape(channels, channels, lags).transpose(2, 0, 1)
-        return np.asarray(sums)
+        return np.asarray(sums + self._rest)
 
     def gram(self) -> FloatArray:
-        """Return the product of the Hankel matrix with its transpose."""
+        """End the stretch and return the product of the Hankel matrix with its transpose."""
         channels, lags = self._channels, self._lags
         size = lags * channels
         gram = np.empty((size, size))
         row = self.sums().transpose(1, 0, 2).reshape(channels, size)
-        leaving = self._head.ravel()
-        entering = self._pending[len(self._pending) - lags + 1 :].ravel()
-        change = np.outer(entering, entering) - np.outer(leaving, leaving)
         gram[:channels], gram[:, :channels] = row, row.T
         for first in range(channels, size, channels):
             before, here = slice(first - channels, first), slice(first, first + channels)
-            row = row[:, :-channels] + change[before, first - channels :]
+            row = row[:, :-channels] + self._change[before, first - channels :]
             gram[here, first:] = row
             gram[first:, here] = row.T
         return gram

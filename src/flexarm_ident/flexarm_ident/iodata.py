@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm_ident.errors import DataError
+from flexarm_ident.holes import filled, unusable_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import ArrayLike
 
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.arrays import BoolArray, FloatArray
     from flexarm_ident.data_warning import DataWarning
 
 ARM_OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
@@ -28,10 +30,14 @@ class IoData:
     Input ``u[k]`` acts between ``y[k]`` and ``y[k + 1]``: a controller's answer to sample `k`
     stands in row `k`.
 
+    An output that was not measured in a row is missing there: NaN in the array that is given. Here
+    `y` is filled in, and `missing` tells where; `y_measured` has the NaN. Inputs have to be known
+    in all rows, also in a hole: what was commanded before it is held.
+
     Parameters
     ----------
     u, y : array_like, (samples, channels)
-        Inputs and outputs. One-dimensional arrays are taken as one channel.
+        Inputs and outputs. One-dimensional arrays are taken as one channel. NaN in `y` is missing.
     dt_s : float
         Sampling period.
     inputs, outputs : sequence of str
@@ -48,11 +54,14 @@ class IoData:
     notices : tuple of DataWarning
         What is known to be wrong with how the record was taken, such as lost samples. An
         identification from it says so too.
+    missing : array_like of bool, (samples, outputs), optional
+        Outputs that were not measured, beside those that are NaN. None: all were.
 
     Raises
     ------
     DataError
-        If shapes, names or the period do not fit, or a value is not finite.
+        If shapes, names or the period do not fit, a value is not finite, or an output was never
+        measured.
     """
 
     u: FloatArray
@@ -66,6 +75,7 @@ class IoData:
     compensation: FloatArray | None = None
     reference: FloatArray | None = None
     notices: tuple[DataWarning, ...] = ()
+    missing: BoolArray | None = None
 
     def __post_init__(self) -> None:
         self._set("inputs", tuple(self.inputs))
@@ -74,6 +84,7 @@ class IoData:
         if not (math.isfinite(self.dt_s) and self.dt_s > 0.0):
             raise DataError(f"{self.label}: dt_s must be a positive number of seconds: {self.dt_s}")
         self._set("u", self._checked(self.u, "u", self.inputs))
+        self._fill()
         self._set("y", self._checked(self.y, "y", self.outputs))
         if len(self.u) != len(self.y):
             raise DataError(f"{self.label}: u has {len(self.u)} samples, y has {len(self.y)}")
@@ -103,10 +114,30 @@ class IoData:
         """Input without the Coulomb compensation (section 2.4.3), (samples, inputs)."""
         return self.u if self.compensation is None else self.u - self.compensation
 
+    @cached_property
+    def usable(self) -> BoolArray:
+        """Rows that are measured, or filled where a short hole was, (samples,)."""
+        if self.missing is None:
+            return np.ones(len(self), dtype=np.bool_)
+        return ~unusable_rows(self.missing)
+
+    @property
+    def y_measured(self) -> FloatArray:
+        """Outputs with NaN where they were not measured, (samples, outputs)."""
+        return self.y if self.missing is None else np.where(self.missing, np.nan, self.y)
+
+    @property
+    def y_usable(self) -> FloatArray:
+        """Outputs with NaN in the rows that are not `usable`, (samples, outputs)."""
+        if self.missing is None:
+            return self.y
+        return np.where(self.usable[:, np.newaxis], self.y, np.nan)
+
     def chunks(self, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Return u and y from the start, `samples` rows each, the last pair with the rest."""
+        """Return u and `y_usable` from the start, `samples` rows each, the last with the rest."""
+        y = self.y_usable
         for first in range(0, len(self), samples):
-            yield self.u[first : first + samples], self.y[first : first + samples]
+            yield self.u[first : first + samples], y[first : first + samples]
 
     def head(self, samples: int) -> IoData:
         """Return the first `samples` samples (all of them if there are fewer)."""
@@ -132,7 +163,29 @@ class IoData:
             y=self.y[rows],
             compensation=None if self.compensation is None else self.compensation[rows],
             reference=None if self.reference is None else self.reference[rows],
+            missing=None if self.missing is None else self.missing[rows],
         )
+
+    def _fill(self) -> None:
+        """Find what is missing of the outputs and fill it in."""
+        y = np.asarray(self.y, dtype=np.float64)
+        y = y[:, np.newaxis] if y.ndim == 1 else y
+        unknown = np.isnan(y)
+        missing = np.zeros(y.shape, dtype=np.bool_) if self.missing is None else self.missing
+        if missing.shape != y.shape:
+            raise DataError(f"{self.label}: missing must be {y.shape} as y: {missing.shape}")
+        missing = missing | unknown
+        if not missing.any():
+            self._set("missing", None)
+            return
+        if missing.ndim == 2 and missing.all(axis=0).any():  # noqa: PLR2004 (samples, channels)
+            never = int(np.flatnonzero(missing.all(axis=0))[0])
+            name = self.outputs[never] if never < len(self.outputs) else f"column {never}"
+            raise DataError(f"{self.label}: {name} was never measured: leave it out")
+        missing.setflags(write=False)
+        self._set("missing", missing)
+        if unknown.any():
+            self._set("y", filled(y, missing))
 
     def _set(self, field: str, value: object) -> None:
         object.__setattr__(self, field, value)

@@ -41,16 +41,18 @@ class Missed(NamedTuple):
 
 
 class Lift(NamedTuple):
-    """A chunk of a record in blocks, and the rest of it that fills no block.
+    """A chunk of a record in blocks, whole ones and those of which samples are missing.
 
     `rows` holds per block the signals at its start, of each input and of the initial state, and
-    then its inputs; `rest` is one such row, padded with zeros. `y` and `y_rest` are the outputs.
+    then its inputs, and `y` its outputs; `part_rows` and `part_y` are the same of the blocks with
+    holes and of the last one, whose inputs are padded with zeros. What is missing of their outputs
+    is NaN.
     """
 
     rows: FloatArray
     y: FloatArray
-    rest: FloatArray
-    y_rest: FloatArray
+    part_rows: FloatArray
+    part_y: FloatArray
 
 
 class ModalRegression:
@@ -100,9 +102,8 @@ class ModalRegression:
         response = self.signal_weights(parameters) @ self._map.reshape(signals, -1)
         by_row = response.reshape(self.outputs, _BLOCK, width).transpose(2, 1, 0)
         lifted = by_row.reshape(width, -1)
-        for rows, y, rest, y_rest in self._lifted(record):
-            missed = y_rest - (rest @ lifted)[: y_rest.size]
-            products.add(Lift(rows, y - rows @ lifted, rest, missed))
+        for rows, y, part_rows, part_y in self._lifted(record):
+            products.add(Lift(rows, y - rows @ lifted, part_rows, part_y - part_rows @ lifted))
         return products
 
     def signal_weights(self, parameters: ComplexArray) -> FloatArray:
@@ -140,8 +141,12 @@ class ModalRegression:
             states[1:, r] = decay[:blocks] * start[r]
             start = states[blocks]
             rows[:, :starts_end] = states.reshape(blocks + 1, -1).view(float)
-            y_rows = y[: blocks * _BLOCK].reshape(blocks, _BLOCK * self.outputs)
-            yield Lift(rows[:blocks], y_rows, rows[blocks], y[blocks * _BLOCK :].ravel())
+            y_rows = np.full((blocks + 1, _BLOCK * self.outputs), np.nan)
+            y_rows.reshape(-1, self.outputs)[: len(y)] = y
+            known = ~np.isnan(y_rows)
+            whole = known.all(axis=1)
+            part = known.any(axis=1) & ~whole
+            yield Lift(rows[whole], y_rows[whole], rows[part], y_rows[part])
 
     def _expansion(self, eigenvalues: ComplexArray, upper: NDArray[np.intp]) -> ComplexArray:
         """Return the map from the signals to those of the parameters' columns."""
@@ -202,7 +207,7 @@ class Products:
         self._map = signal_map
         self._gram = np.zeros((width, width))
         self._cross = np.zeros((width, length * outputs))
-        self._rest = np.zeros((signals, signals))
+        self._part = np.zeros((signals, signals))
         self._power = np.zeros(length * outputs)
         self._outputs = outputs
 
@@ -211,12 +216,13 @@ class Products:
         self._gram += lift.rows.T @ lift.rows
         self._cross += lift.rows.T @ lift.y
         self._power += np.einsum("bi,bi->i", lift.y, lift.y)
-        size = len(lift.y_rest)
-        if size:
-            signals = (self._map @ lift.rest)[:, : size // self._outputs]
-            self._rest += signals @ signals.T
-            self._cross[:, :size] += np.outer(lift.rest, lift.y_rest)
-            self._power[:size] += lift.y_rest**2
+        known = ~np.isnan(lift.part_y)
+        for row, samples in zip(lift.part_rows, known[:, :: self._outputs], strict=True):
+            signals = (self._map @ row)[:, samples]
+            self._part += signals @ signals.T
+        y = np.where(known, lift.part_y, 0.0)
+        self._cross += lift.part_rows.T @ y
+        self._power += np.einsum("bi,bi->i", y, y)
 
     @cached_property
     def signals(self) -> FloatArray:
@@ -224,7 +230,7 @@ class Products:
         signals, _, width = self._map.shape
         lifted = self._map.reshape(-1, width) @ self._gram
         return np.asarray(
-            lifted.reshape(signals, -1) @ self._map.reshape(signals, -1).T + self._rest
+            lifted.reshape(signals, -1) @ self._map.reshape(signals, -1).T + self._part
         )
 
     @cached_property

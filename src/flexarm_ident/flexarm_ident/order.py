@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 SMALLEST_ORDER = 7
 LARGEST_ORDER = 36
 _NUMERICAL_RANK = 1e-10
+# Of one degree of freedom.
+_MEDIAN_OF_CHI_SQUARE = 0.4549
 
 
 def suggest_order(singular_values: FloatArray, largest: int) -> int:
@@ -141,6 +143,9 @@ def overdispersion(
 ) -> float:
     """Return how much more the power of the one-step errors scatters than that of white noise.
 
+    Where a record has long holes its rig was upset: a frozen command moved it about, and one
+    segment has many times the errors of the others. Medians take the place of mean and variance.
+
     Parameters
     ----------
     predictor : PredictorSpace
@@ -168,7 +173,10 @@ def overdispersion(
         [np.sum(weight * predictor.innovation_covariance(order, each)) for each in grams]
     )
     columns = np.array([each.columns for each in grams])
-    mean = power @ columns / columns.sum()
     # The power of m white Gaussian channels, each of variance 1, over d samples: variance 2 m / d.
+    if not all(record.usable.all() for record in records):
+        ratio = columns * (power - np.median(power)) ** 2 / (2.0 * gram.outputs)
+        return max(1.0, float(np.median(ratio)) / _MEDIAN_OF_CHI_SQUARE)
+    mean = power @ columns / columns.sum()
     ratio = columns * (power - mean) ** 2 / (2.0 * gram.outputs)
     return max(1.0, float(ratio.sum() / (len(parts) - 1)))

@@ -129,6 +129,8 @@ def fit_initial_states(
 ) -> tuple[FloatArray, ...]:
     """Fit each record's initial state to its outputs, given the whole model.
 
+    The record goes on through its holes: there the input is known, and the outputs do not count.
+
     Parameters
     ----------
     model : control.StateSpace
@@ -141,7 +143,7 @@ def fit_initial_states(
     tuple of ndarray, (states,)
         Initial states.
     """
-    missed = [_FreeResponse(record.y - simulate(model, record.u)) for record in records]
+    missed = [_FreeResponse(record.y_usable - simulate(model, record.u)) for record in records]
     return _fit(model.A, model.C, 0, missed, feedthrough=False).x0
 
 
@@ -167,10 +169,10 @@ def fit_outputs(
         C and how well it is determined.
     """
     states = [
-        simulate_states(model.A, model.B, record.u, start)
+        simulate_states(model.A, model.B, record.u, start)[record.usable]
         for record, start in zip(records, x0, strict=True)
     ]
-    outputs = [record.y - record.u @ model.D.T for record in records]
+    outputs = [(record.y - record.u @ model.D.T)[record.usable] for record in records]
     found = least_squares(np.vstack(states), np.vstack(outputs))
     return OutputMatrixFit(found.solution.T, found.rank, found.condition)
 

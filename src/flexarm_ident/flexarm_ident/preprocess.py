@@ -150,7 +150,7 @@ def output_scale(data: IoData | Sequence[IoData]) -> FloatArray:
 
 
 def _bias(data: IoData, kind: str, zero_mean: Sequence[str]) -> FloatArray:
-    mean = np.asarray(data.y.mean(axis=0))
+    mean = np.asarray(data.y[data.usable].mean(axis=0))
     if kind == "rest":
         level = _rest_level(data)
     elif kind == "first":
@@ -203,4 +203,5 @@ def _decimate(data: IoData, decimation: int) -> IoData:
         dt_s=data.dt_s * decimation,
         compensation=None if data.compensation is None else data.compensation[rows],
         reference=None if data.reference is None else data.reference[rows],
+        missing=None if data.missing is None else data.missing[rows],
     )

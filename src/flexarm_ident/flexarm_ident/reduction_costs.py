@@ -161,7 +161,9 @@ def _reduced(
 
 def _errors(model: control.StateSpace, records: Sequence[IoData]) -> FloatArray:
     simulated = [validate_dmv(model, record).y for record in records]
-    return relative_errors(np.vstack([record.y for record in records]), np.vstack(simulated))
+    return relative_errors(
+        np.vstack([record.y_measured for record in records]), np.vstack(simulated)
+    )
 
 
 def _following(model: control.StateSpace, records: Sequence[IoData]) -> float | None:

@@ -124,7 +124,7 @@ class _Modal:
             if len(group) > 1:
                 self._basis[:, group[1]] = vector.imag
         self._largest = max(1.0, float(np.abs(form.eigenvalues).max(initial=0.0)))
-        power = np.sum([np.sum(record.y**2, axis=0) for record in records], axis=0)
+        power = np.sum([np.nansum(record.y_usable**2, axis=0) for record in records], axis=0)
         self._weight = np.sqrt(np.divide(1.0, power, out=np.zeros_like(power), where=power > 0.0))
         self._n, self._r, self._m = model.nstates, model.ninputs, model.noutputs
 
@@ -164,7 +164,7 @@ class _Modal:
         with np.errstate(over="ignore", invalid="ignore"):
             for record, start in zip(self._records, starts, strict=True):
                 missed = self._weight * (simulate(model, record.u, start) - record.y)
-                total += float(np.sum(missed**2))
+                total += float(np.sum(missed[record.usable] ** 2))
         return total
 
     def normal(self, theta: FloatArray) -> Normal:
@@ -188,8 +188,10 @@ class _Modal:
                     columns = slice(moving + output * n, moving + (output + 1) * n)
                     jacobian[:, output, columns] = states
                 y = states @ C.T + u @ self._model.D.T
-                e = (self._weight * (y - record.y[first : first + _CHUNK])).ravel()
-                jacobian *= self._weight[:, np.newaxis]
+                rows = slice(first, first + _CHUNK)
+                weight = np.outer(record.usable[rows], self._weight)
+                e = (weight * (y - record.y[rows])).ravel()
+                jacobian *= weight[:, :, np.newaxis]
                 flat = jacobian.reshape(len(e), -1)
                 cost += float(e @ e)
                 gradient[place] += flat.T @ e
@@ -259,6 +261,7 @@ def _errors(
     missed, total = np.zeros(model.noutputs), np.zeros(model.noutputs)
     with np.errstate(over="ignore", invalid="ignore"):
         for record, start in zip(records, x0, strict=True):
-            missed += np.sum((simulate(model, record.u, start) - record.y) ** 2, axis=0)
-            total += np.sum(record.y**2, axis=0)
+            y = record.y_measured
+            missed += np.nansum((simulate(model, record.u, start) - y) ** 2, axis=0)
+            total += np.nansum(y**2, axis=0)
     return np.sqrt(np.divide(missed, total, out=np.zeros_like(missed), where=total > 0.0))

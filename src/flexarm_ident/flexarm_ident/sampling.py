@@ -1,4 +1,4 @@
-"""When samples were taken: gaps in their numbering and the period of their stamps."""
+"""What there is to say of when samples were taken: runs, holes and late samples."""
 
 from __future__ import annotations
 
@@ -8,168 +8,138 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.data_warning import DataWarning
-from flexarm_ident.errors import DataError
+from flexarm_ident.grid import LATEST
+from flexarm_ident.holes import LONGEST_FILLED, unusable_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# A rate this near to a whole number of hertz is that number.
-WHOLE_RATE_TOLERANCE = 1e-3
-# A step further from the usual one than this part of it is irregular.
-STEP_TOLERANCE = 0.5
-# Intervals that scatter by this part of the period, RMS, matter to a model of even ones.
+    from flexarm_ident.grid import Grid
+
+# Instants that scatter by this part of the period, RMS, matter to a model of even ones.
 JITTER_TOLERANCE = 0.1
-_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class Run:
-    """The longest stretch of samples whose sequence numbers follow each other.
+    """The longest run of samples whose numbers go up.
 
     Attributes
     ----------
-    rows
+    messages
         Its messages.
-    breaks
-        Number of places where the sequence jumps or starts again.
-    lost
-        Samples missing in all jumps.
+    restarts
+        How often the numbering started again.
     """
 
-    rows: slice
-    breaks: int
-    lost: int
+    messages: slice
+    restarts: int
 
 
 def longest_run(sequence: NDArray[np.int64]) -> Run:
-    """Find the longest stretch without a gap; of equal ones the first.
+    """Find the longest run in which the numbers go up; of equal ones the first.
 
     Parameters
     ----------
     sequence : (samples,)
-        Counts samples; a jump means lost samples, a step back a restart.
+        Numbers; one that is not larger than the one before it starts a new run.
 
     Returns
     -------
     Run
-        Where it is, and what the gaps are.
+        Where it is.
     """
-    steps = np.diff(sequence)
-    cuts = np.flatnonzero(steps != 1) + 1
+    cuts = np.flatnonzero(np.diff(sequence) < 1) + 1
     edges = np.concatenate(([0], cuts, [len(sequence)]))
     longest = int(np.argmax(np.diff(edges)))
-    lost = int(np.sum(steps[steps > 1] - 1))
-    return Run(slice(int(edges[longest]), int(edges[longest + 1])), len(cuts), lost)
+    return Run(slice(int(edges[longest]), int(edges[longest + 1])), len(cuts))
 
 
-def lost_samples(run: Run, samples: int) -> tuple[DataWarning, ...]:
-    """Return the warning ``lost_samples`` about gaps in the numbering; nothing without a gap.
+def notices(run: Run, grid: Grid, messages: int) -> tuple[DataWarning, ...]:
+    """Return what a user should know of when the samples were taken; nothing of an even record.
 
     Parameters
     ----------
     run : Run
-        The part that is used.
-    samples : int
-        Samples that were recorded.
+        The run that is used.
+    grid : Grid
+        Its samples on the grid.
+    messages : int
+        Messages on the topic.
 
     Returns
     -------
     tuple of DataWarning
-        With the figures lost, places, first_row, last_row (of the used part) and samples.
+        ``restarted``, ``lost_samples`` and ``clock_jitter``, each where there is something to say.
     """
-    if run.breaks == 0:
+    return (*_restarted(run, messages), *_lost_samples(grid), *_clock_jitter(grid))
+
+
+def _restarted(run: Run, messages: int) -> tuple[DataWarning, ...]:
+    if not run.restarts:
         return ()
-    first, last = run.rows.start, run.rows.stop - 1
-    what = f"{run.lost} samples lost" if run.lost else "the numbering starts again"
+    first, last = run.messages.start, run.messages.stop - 1
     text = (
-        f"{what} at {run.breaks} places: used rows {first} to {last} of {samples}, the longest part"
-        " without a gap"
+        f"the numbering starts again at {run.restarts} places: used messages {first} to {last} of "
+        f"{messages}, the longest run"
     )
-    counts = (run.lost, run.breaks, first, last, samples)
-    names = ("lost", "places", "first_row", "last_row", "samples")
-    figures = dict(zip(names, map(float, counts), strict=True))
+    figures = {
+        "places": float(run.restarts),
+        "first": float(first),
+        "last": float(last),
+        "messages": float(messages),
+    }
+    return (DataWarning("restarted", text, figures),)
+
+
+def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
+    missing = grid.missing
+    if not missing.any():
+        return ()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], missing, [False]]).astype(np.int8)))
+    lengths = np.diff(edges.reshape(-1, 2), axis=1)
+    unusable = int(unusable_rows(missing[:, np.newaxis]).sum())
+    missed = int(missing.sum())
+    text = f"{missed} of {grid.rows} samples are missing, in {len(lengths)} holes"
+    if missed > unusable:
+        text += f": those of up to {LONGEST_FILLED} samples were filled"
+    if unusable:
+        longer = int(np.count_nonzero(lengths > LONGEST_FILLED))
+        text += (
+            f"; the {longer} longer ones, {unusable} samples and at most {lengths.max()}, were "
+            "left out and the parts between them are used"
+        )
+    figures = {
+        "missing": float(missed),
+        "rows": float(grid.rows),
+        "holes": float(len(lengths)),
+        "longest": float(lengths.max()),
+        "left_out": float(unusable),
+    }
     return (DataWarning("lost_samples", text, figures),)
 
 
-def sampling_period_s(stamps_ns: NDArray[np.int64]) -> tuple[float, tuple[DataWarning, ...]]:
-    """Return the usual step between stamps and what is odd about the others.
-
-    Parameters
-    ----------
-    stamps_ns : (samples,)
-        Of samples that follow each other, at least two.
-
-    Returns
-    -------
-    float
-        Period in seconds, of a whole number of hertz when within 0.1 % of it.
-    tuple of DataWarning
-        ``clock_jitter``, where a step is off by half a period or all scatter by a tenth, RMS.
-
-    Raises
-    ------
-    DataError
-        If the stamps do not advance.
-    """
-    jitter = Jitter()
-    usual_s = jitter.add(np.diff(stamps_ns))
-    rate_hz = 1 / usual_s
-    whole = round(rate_hz)
-    period_s = 1 / whole if abs(rate_hz - whole) <= WHOLE_RATE_TOLERANCE * rate_hz else usual_s
-    return period_s, jitter.warnings(usual_s)
-
-
-class Jitter:
-    """How far sampling intervals are from the usual one; takes them in pieces."""
-
-    def __init__(self) -> None:
-        self._count = self._irregular = 0
-        self._squares_s2 = self._worst_s = self._off_s = 0.0
-        self._worst_row = 0
-
-    def add(self, steps_ns: NDArray[np.int64]) -> float:
-        """Take some intervals, one or more, and return their median in seconds.
-
-        Raises
-        ------
-        DataError
-            If the stamps do not advance.
-        """
-        steps_s = steps_ns / _NS
-        usual_s = float(np.median(steps_s))
-        if usual_s <= 0:
-            raise DataError(
-                "the stamps do not advance; set the clock of the recording machine right"
-            )
-        off_s = np.abs(steps_s - usual_s)
-        worst = int(np.argmax(off_s))
-        if off_s[worst] > self._off_s:
-            self._off_s, self._worst_s = float(off_s[worst]), float(steps_s[worst])
-            self._worst_row = self._count + worst
-        self._count += len(steps_s)
-        self._irregular += int(np.count_nonzero(off_s > STEP_TOLERANCE * usual_s))
-        self._squares_s2 += float(off_s @ off_s)
-        return usual_s
-
-    def warnings(self, usual_s: float) -> tuple[DataWarning, ...]:
-        """Return the warning ``clock_jitter``; nothing for a steady clock.
-
-        Its figures are irregular, intervals, worst_s, row (of the worst), usual_s and deviation_s.
-        """
-        deviation_s = float(np.sqrt(self._squares_s2 / max(self._count, 1)))
-        if not self._irregular and deviation_s <= JITTER_TOLERANCE * usual_s:
-            return ()
-        text = (
-            f"{self._irregular} of {self._count} sampling intervals are irregular, the worst"
-            f" {1e3 * self._worst_s:.3f} ms after row {self._worst_row} (usually"
-            f" {1e3 * usual_s:.3f} ms, {1e3 * deviation_s:.3f} ms RMS off)"
-        )
-        figures = {
-            "irregular": float(self._irregular),
-            "intervals": float(self._count),
-            "worst_s": self._worst_s,
-            "row": float(self._worst_row),
-            "usual_s": usual_s,
-            "deviation_s": deviation_s,
-        }
-        return (DataWarning("clock_jitter", text, figures),)
+def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:
+    off = grid.instants - np.rint(grid.instants)
+    late = np.abs(off) > LATEST
+    deviation = float(np.sqrt(np.mean(off**2)))
+    if not late.any() and deviation <= JITTER_TOLERANCE:
+        return ()
+    worst = int(np.argmax(np.abs(off)))
+    row = int(np.rint(grid.instants[worst]))
+    period_ms = 1e3 * grid.period_s
+    text = (
+        f"{int(late.sum())} of {len(off)} samples were taken more than {LATEST:g} periods off "
+        f"their instants, the worst by {period_ms * off[worst]:+.3f} ms at row {row} (all "
+        f"{period_ms * deviation:.3f} ms RMS, the period is {period_ms:.3f} ms): they were "
+        "referred to their instants by their neighbours"
+    )
+    figures = {
+        "late": float(late.sum()),
+        "samples": float(len(off)),
+        "worst_s": grid.period_s * float(off[worst]),
+        "row": float(row),
+        "period_s": grid.period_s,
+        "deviation_s": grid.period_s * deviation,
+    }
+    return (DataWarning("clock_jitter", text, figures),)

@@ -75,8 +75,9 @@ class SchurRegression:
             rows[:, :, : n * (r + 1)] = free
             rows[:, :, n * (r + 1) : -1] = u[:, : self.direct]
             rows[:, :, -1] = y.T
+            usable = ~np.isnan(y).any(axis=1)
             for output in range(m):
-                stacked = np.vstack([triangles[output], rows[output]])
+                stacked = np.vstack([triangles[output], rows[output, usable]])
                 triangles[output] = linalg.qr(stacked, mode="r")[0][:columns]
         return triangles
 

@@ -14,6 +14,8 @@ from flexarm_ident.gram import block_gram
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from flexarm_ident.gram import BlockGram
     from flexarm_ident.iodata import IoData
 
@@ -52,13 +54,18 @@ def cut(records: Sequence[IoData], block_rows: int, segments: int = SEGMENTS) ->
     DataError
         If the records are too short for four segments.
     """
-    columns = [len(record) - block_rows + 1 for record in records]
-    length = max(block_rows, -(-sum(columns) // segments))
+    columns = [_columns(record, block_rows) for record in records]
+    counts = [len(each) for each in columns]
+    length = max(block_rows, -(-sum(counts) // segments))
     parts = []
-    for number, count in enumerate(columns):
+    for number, (count, usable) in enumerate(zip(counts, columns, strict=True)):
         edges = np.linspace(0, count, max(1, round(count / length)) + 1).astype(int)
-        parts += [Segment(number, int(first), int(last)) for first, last in pairwise(edges)]
-    if min(columns) < 1 or len(parts) < _FEWEST_SEGMENTS:
+        parts += [
+            Segment(number, int(usable[first]), int(usable[last - 1]) + 1)
+            for first, last in pairwise(edges)
+            if last > first
+        ]
+    if min(counts) < 1 or len(parts) < _FEWEST_SEGMENTS:
         raise DataError(
             f"{records[0].label}: {sum(len(record) for record in records)} samples are too few for "
             f"{_FEWEST_SEGMENTS} segments of {block_rows} block rows: record longer"
@@ -71,6 +78,8 @@ def segment_grams(
 ) -> list[BlockGram]:
     """Return the products of each segment; they add up to those of the records.
 
+    The columns between two segments have a hole in them.
+
     Segments overlap in samples, so that no column of the Hankel matrix is lost between them.
     """
     return [
@@ -79,7 +88,22 @@ def segment_grams(
     ]
 
 
+def _columns(record: IoData, block_rows: int) -> NDArray[np.intp]:
+    """Return the columns of the Hankel matrix that have no hole in them."""
+    if len(record) < block_rows:
+        return np.empty(0, dtype=np.intp)
+    holes = np.concatenate([[0], np.cumsum(~record.usable)])
+    return np.flatnonzero(holes[block_rows:] == holes[: len(record) - block_rows + 1])
+
+
 def rows(record: IoData, first: int, last: int) -> IoData:
     """Return inputs and outputs of the rows `first` to `last`, exclusive."""
     part = slice(first, last)
-    return replace(record, u=record.u[part], y=record.y[part], compensation=None, reference=None)
+    return replace(
+        record,
+        u=record.u[part],
+        y=record.y_usable[part],
+        compensation=None,
+        reference=None,
+        missing=None,
+    )

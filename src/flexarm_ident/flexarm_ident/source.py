@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.data_warning import DataWarning
+    from flexarm_ident.iodata import IoData
 
 
 class Samples(Protocol):
@@ -20,7 +21,10 @@ class Samples(Protocol):
         """Return the number of samples."""
 
     def chunks(self, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Return u and y from the start, `samples` rows each, the last pair with the rest."""
+        """Return u and y from the start, `samples` rows each, the last pair with the rest.
+
+        Rows of y that are not to be used, in holes too long to be filled, are NaN.
+        """
 
 
 class Source(Samples, Protocol):
@@ -49,6 +53,9 @@ class Source(Samples, Protocol):
     @property
     def notices(self) -> tuple[DataWarning, ...]:
         """What is known to be wrong with how the samples were taken."""
+
+    def head(self, samples: int) -> IoData:
+        """Return the first `samples` samples as a record in memory (all if there are fewer)."""
 
 
 def even_chunks(

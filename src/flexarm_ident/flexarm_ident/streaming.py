@@ -6,7 +6,7 @@ needs a record in memory, such as the choice of method and order, is done on its
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,8 +85,13 @@ class Part:
     def __len__(self) -> int:
         return self.samples
 
+    def head(self, samples: int) -> IoData:
+        """Return the first `samples` samples as a record in memory."""
+        first = self.source.head(min(samples, self.samples))
+        return replace(first, y=first.y - self.bias)
+
     def chunks(self, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Return u and y from the start, `samples` rows each, the last pair with the rest."""
+        """Return u and y from the start, `samples` rows each, as `Samples.chunks` says."""
         left = self.samples
         for u, y in self.source.chunks(samples):
             yield u[:left], y[:left] - self.bias
@@ -102,19 +107,7 @@ def leading(source: Source, samples: int) -> Part:
 
 def excerpt(source: Source, samples: int = EXCERPT_SAMPLES) -> IoData:
     """Return the first samples of a source as a record in memory; a record as it is."""
-    if isinstance(source, IoData):
-        return source
-    chunks = list(leading(source, samples).chunks(_CHUNK))
-    return IoData(
-        np.concatenate([u for u, _ in chunks]),
-        np.concatenate([y for _, y in chunks]),
-        dt_s=source.dt_s,
-        inputs=source.inputs,
-        outputs=source.outputs,
-        closed_loop=source.closed_loop,
-        source=source.label,
-        notices=source.notices,
-    )
+    return source if isinstance(source, IoData) else source.head(samples)
 
 
 def without_bias(source: Source) -> Part:
@@ -132,9 +125,12 @@ def without_bias(source: Source) -> Part:
     """
     first = excerpt(source)
     bias = first.y[0] - preprocess(first, zero_mean=()).y[0]
-    total = np.sum([y.sum(axis=0) for _, y in source.chunks(_CHUNK)], axis=0)
+    total, count = np.zeros(len(source.outputs)), 0
+    for _, y in source.chunks(_CHUNK):
+        total += np.nansum(y, axis=0)
+        count += int(np.count_nonzero(~np.isnan(y[:, 0])))
     gauges = np.isin(source.outputs, ZERO_MEAN_OUTPUTS)
-    return Part(source, len(source), np.where(gauges, total / len(source), bias))
+    return Part(source, len(source), np.where(gauges, total / max(count, 1), bias))
 
 
 def identify_stream(
@@ -208,8 +204,8 @@ def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for u, y in record.chunks(_CHUNK):
             simulated = run.advance(u)
-            missed += np.sum((y - simulated) ** 2, axis=0)
-            power += np.sum(y**2, axis=0)
+            missed += np.nansum((y - simulated) ** 2, axis=0)
+            power += np.nansum(y**2, axis=0)
             if len(shown) * _CHUNK < EXCERPT_SAMPLES:
                 shown.append(simulated)
         delta = np.where((missed == 0.0) & (power == 0.0), 0.0, np.sqrt(missed / power))

@@ -96,16 +96,17 @@ def relative_errors(measured: FloatArray, simulated: FloatArray) -> FloatArray:
     Parameters
     ----------
     measured, simulated : ndarray, (samples, outputs)
-        Outputs.
+        Outputs; what is NaN in `measured` does not count.
 
     Returns
     -------
     ndarray, (outputs,)
         RMS error over RMS output; infinite for an output that is zero but simulated otherwise.
     """
+    known = ~np.isnan(measured)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        missed = np.sqrt(np.mean((measured - simulated) ** 2, axis=0))
-        level = np.sqrt(np.mean(measured**2, axis=0))
+        missed = np.sqrt(np.mean((measured - simulated) ** 2, axis=0, where=known))
+        level = np.sqrt(np.mean(measured**2, axis=0, where=known))
         delta = np.where((missed == 0.0) & (level == 0.0), 0.0, missed / level)
     return np.where(np.isfinite(delta), delta, np.inf)
 
@@ -136,7 +137,7 @@ def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None =
     _check_model(model, data)
     start = _initial_state(model, data) if x0 is None else _checked_state(model, x0)
     y = simulate(model, data.u, start)
-    delta = relative_errors(data.y, y)
+    delta = relative_errors(data.y_measured, y)
     return Dmv(delta, float(delta.mean()), y, start)
 
 
@@ -183,7 +184,7 @@ def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = 
     loop = control.ss(model.A - model.B @ feedback @ model.C, model.B, model.C, model.D, model.dt)
     drive = (law.kp * data.reference + law.offset_v)[:, np.newaxis]
     y = simulate(loop, drive, _initial_state(model, remove_compensation(data)))
-    delta = relative_errors(data.y, y)
+    delta = relative_errors(data.y_measured, y)
     return Sfv(delta, float(delta.mean()), y, law)
 
 
@@ -212,7 +213,7 @@ def recover_gains(data: IoData, *, limit_v: float = DRIVE_LIMIT_V) -> Gains | No
     if not set(_LAW_OUTPUTS) <= set(data.outputs):
         return None
     position, speed, strain = (data.y[:, data.outputs.index(name)] for name in _LAW_OUTPUTS)
-    free = np.abs(data.u[:, 0]) < limit_v
+    free = (np.abs(data.u[:, 0]) < limit_v) & ~np.isnan(data.y_measured).any(axis=1)
     columns = [data.reference - position, -speed, -strain, np.ones(len(data))]
     regressors, effort = np.stack(columns, axis=1)[free], data.effort[free, 0]
     if len(effort) <= len(columns):

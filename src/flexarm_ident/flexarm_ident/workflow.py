@@ -327,7 +327,7 @@ def _validate(
 
 
 def _power(record: Source) -> FloatArray:
-    return np.asarray(np.sum([np.sum(y**2, axis=0) for _, y in record.chunks(1 << 14)], axis=0))
+    return np.asarray(np.sum([np.nansum(y**2, axis=0) for _, y in record.chunks(1 << 14)], axis=0))
 
 
 def _joined_errors(dmv: Sequence[Dmv], powers: Sequence[FloatArray]) -> FloatArray:

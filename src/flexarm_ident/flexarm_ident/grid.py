@@ -1,0 +1,272 @@
+"""When samples were taken: from their stamps and numbers to places on an even grid.
+
+The model is one of even samples. A rig that stalls, a recorder that loses messages and a clock that
+jitters give uneven ones. Here each sample gets its instant in periods, and each instant of the grid
+the samples around it, so that holes are holes in time whatever the numbers say.
+
+A steady clock is followed by the phase of its stamps, slowly, as it drifts against the nominal
+period. Where stamps jitter so much that the phase is not sure, numbers that count periods place the
+samples, and the stamps say how far each is off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident.errors import DataError
+from flexarm_ident.holes import lagrange
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm_ident.arrays import FloatArray
+
+    Integers = NDArray[np.int64]
+
+ON_TIME = 0.1
+"""A sample so near to its instant, in periods, is taken as it is."""
+LATEST = 0.3
+"""A sample further off than this counts only when its neighbours tell what it was in time."""
+# A rate this near to a whole number of hertz is that number.
+WHOLE_RATE_TOLERANCE = 1e-3
+# Beyond this scatter of the steps, in periods, a phase is not sure.
+_STEADY = 0.15
+_PHASE_BLOCK = 128
+# A longer step is a clock that was set, when the numbers go on.
+_LONGEST_HOLE_S = 60.0
+# Neighbours closer than this to a sample tell nothing of its slope, and further off neither.
+_NEAREST, _FURTHEST = 0.5, 2.5
+_NS = 1_000_000_000
+_SIGMA = 1.4826
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Samples on an even grid.
+
+    Attributes
+    ----------
+    period_s : float
+        Period of the grid: of a whole number of hertz when within 0.1 % of it.
+    kept : ndarray of bool, (samples,)
+        Samples that stand behind those before them in time; the others are left out.
+    instants : ndarray, (kept samples,)
+        When they were taken, in periods from row 0, rising; whole numbers for those on time.
+    samples : int
+        Samples that were recorded, kept or not.
+    """
+
+    period_s: float
+    kept: NDArray[np.bool_]
+    instants: FloatArray
+    samples: int
+
+    @property
+    def rows(self) -> int:
+        """Rows from the first to the last sample."""
+        return round(float(self.instants[-1])) + 1
+
+    @property
+    def lost(self) -> int:
+        """So many fewer samples than periods there are."""
+        return max(0, self.rows - self.samples)
+
+    @property
+    def missing(self) -> NDArray[np.bool_]:
+        """Rows that no sample is nearest to, (rows,)."""
+        missing = np.ones(self.rows, dtype=np.bool_)
+        missing[np.rint(self.instants).astype(np.int64)] = False
+        return missing
+
+
+def place(sequence: Integers, stamps_ns: Integers) -> Grid:
+    """Find the grid on which samples were taken.
+
+    Parameters
+    ----------
+    sequence : (samples,)
+        Their numbers, rising.
+    stamps_ns : (samples,)
+        Their instants.
+
+    Returns
+    -------
+    Grid
+        The grid; a rig without jitter and holes gives the row numbers themselves.
+
+    Raises
+    ------
+    DataError
+        If there are fewer than two samples, or the stamps do not advance.
+    """
+    times_s = (stamps_ns - stamps_ns[0]) / _NS
+    if len(times_s) < 2:  # noqa: PLR2004 - a period needs two samples
+        raise DataError("no two samples follow each other; record again")
+    numbers = (sequence - sequence[0]).astype(np.float64)
+    kept = times_s > np.concatenate([[-np.inf], np.maximum.accumulate(times_s)[:-1]])
+    usual_s = float(np.median(np.diff(times_s) / np.diff(numbers)))
+    if usual_s <= 0 or 2 * np.count_nonzero(kept) < len(kept):
+        raise DataError("the stamps do not advance; set the clock of the recording machine right")
+    times_s, numbers = times_s[kept], numbers[kept]
+    times_s = _without_jumps(times_s, numbers, usual_s)
+    steps, counted = np.diff(times_s) / usual_s, np.diff(numbers)
+    following = steps[counted == 1] - 1.0
+    scatter = _SIGMA * float(np.median(np.abs(following))) if len(following) else 0.0
+    if scatter <= _STEADY:
+        period_s = _whole_rate(usual_s)
+        instants = _by_phase(times_s / period_s)
+    else:
+        period_s, instants = _by_numbers(times_s, numbers)
+    instants = np.where(_is_near(instants), np.rint(instants), instants)
+    instants -= np.rint(instants[0])
+    rising = instants > np.concatenate([[-np.inf], np.maximum.accumulate(instants)[:-1]])
+    kept[np.flatnonzero(kept)[~rising]] = False
+    return Grid(period_s, kept, instants[rising], len(sequence))
+
+
+def _is_near(instants: FloatArray) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(instants - np.rint(instants)) <= ON_TIME)
+
+
+def _whole_rate(period_s: float) -> float:
+    rate_hz = 1.0 / period_s
+    whole = round(rate_hz)
+    near = whole > 0 and abs(rate_hz - whole) <= WHOLE_RATE_TOLERANCE * rate_hz
+    return 1.0 / whole if near else period_s
+
+
+def _without_jumps(times_s: FloatArray, numbers: FloatArray, usual_s: float) -> FloatArray:
+    """Take out steps of a clock that was set forward while the numbers went on."""
+    excess_s = np.diff(times_s) - np.diff(numbers) * usual_s
+    jumps_s = np.where(excess_s > _LONGEST_HOLE_S, excess_s, 0.0)
+    if not jumps_s.any():
+        return times_s
+    return np.asarray(times_s - np.concatenate([[0.0], np.cumsum(jumps_s)]))
+
+
+def _by_phase(instants: FloatArray) -> FloatArray:
+    """Subtract the phase of the stamps, which drifts slowly.
+
+    Stamps that are late now and then do not move the phase: it is the direction of the mean of the
+    stamps as points of a circle, over blocks, and a line between their middles.
+    """
+    angles = np.exp(2j * np.pi * (instants - instants[0]))
+    starts = np.arange(0, len(angles), _PHASE_BLOCK)
+    sums = np.add.reduceat(angles, starts)
+    counts = np.diff(np.append(starts, len(angles)))
+    middles = np.add.reduceat(instants, starts) / counts
+    phases = np.unwrap(np.angle(sums)) / (2.0 * np.pi)
+    return np.asarray(instants - instants[0] - np.interp(instants, middles, phases))
+
+
+def _by_numbers(times_s: FloatArray, numbers: FloatArray) -> tuple[float, FloatArray]:
+    """Return the period and the instants of samples whose numbers count periods."""
+    slope, offset = np.polyfit(numbers, times_s, 1)
+    period_s = _whole_rate(float(slope))
+    late = (times_s - offset) / period_s - numbers
+    blocks = -(-len(late) // _PHASE_BLOCK)
+    parts = np.array_split(np.arange(len(late)), blocks)
+    middles = np.array([numbers[part].mean() for part in parts])
+    phases = np.array([np.median(late[part]) for part in parts])
+    return period_s, np.asarray(numbers + late - np.interp(numbers, middles, phases))
+
+
+def on_grid(instants: FloatArray, values: FloatArray, rows: NDArray[np.int64]) -> FloatArray:
+    """Return samples at the grid's own instants.
+
+    A sample that is off its instant is referred to it by the parabola through it and its
+    neighbours, which stand where they were taken.
+
+    Parameters
+    ----------
+    instants : ndarray, (samples,)
+        When samples were taken, in periods, rising.
+    values : ndarray, (samples, channels)
+        The samples; NaN for a channel that was not measured.
+    rows : ndarray, (rows,)
+        Instants that are wanted.
+
+    Returns
+    -------
+    ndarray, (rows, channels)
+        Values; NaN where there is no sample within half a period, or one too far off its instant
+        without neighbours.
+    """
+    nearest = _nearest(instants, rows)
+    off = rows - instants[nearest]
+    found = values[nearest].copy()
+    found[np.abs(off) > 0.5] = np.nan  # noqa: PLR2004 - another row's sample
+    wanted = np.flatnonzero((off != 0.0) & (np.abs(off) <= 0.5))  # noqa: PLR2004
+    if len(wanted):
+        found[wanted] = _referred(instants, values, nearest[wanted], rows[wanted], off[wanted])
+    return found
+
+
+def _nearest(instants: FloatArray, rows: NDArray[np.int64]) -> NDArray[np.intp]:
+    after = np.searchsorted(instants, rows).clip(1, max(len(instants) - 1, 1))
+    if len(instants) == 1:
+        return np.zeros(len(rows), dtype=np.intp)
+    before = after - 1
+    nearer = rows - instants[before] <= instants[after] - rows
+    return np.asarray(np.where(nearer, before, after))
+
+
+def _referred(
+    instants: FloatArray,
+    values: FloatArray,
+    at: NDArray[np.intp],
+    rows: NDArray[np.int64],
+    off: FloatArray,
+) -> FloatArray:
+    last = len(instants) - 1
+
+    def neighbour(side: int) -> NDArray[np.intp]:
+        first = (at + side).clip(0, last)
+        close = np.abs(instants[first] - instants[at]) < _NEAREST
+        return np.where(close, (at + 2 * side).clip(0, last), first)
+
+    nodes = np.stack([neighbour(-1), at, neighbour(1)], axis=1)
+    reach = np.abs(np.diff(instants[nodes], axis=1))
+    good = np.all((reach >= _NEAREST) & (reach <= _FURTHEST), axis=1)
+    found = values[at].copy()
+    found[good] = lagrange(
+        instants[nodes[good]], values[nodes[good]], rows[good].astype(np.float64)
+    )
+    # A channel that a neighbour lacks is left as it was taken.
+    known = np.isnan(found) & ~np.isnan(values[at])
+    found = np.where(known, values[at], found)
+    alone = ~good[:, np.newaxis] | known
+    return np.where(alone & (np.abs(off) > LATEST)[:, np.newaxis], np.nan, found)
+
+
+def held(instants: FloatArray, values: FloatArray, rows: NDArray[np.int64]) -> FloatArray:
+    """Return the mean over each period of an input that is held from one instant to the next.
+
+    Parameters
+    ----------
+    instants : ndarray, (changes,)
+        When the input took each value, in periods, rising.
+    values : ndarray, (changes, inputs)
+        The values.
+    rows : ndarray, (rows,)
+        Periods that are wanted, each by its start.
+
+    Returns
+    -------
+    ndarray, (rows, inputs)
+        Means; before the first change its value, behind the last one its own.
+    """
+    latest = np.searchsorted(instants, rows, side="right") - 1
+    found = values[latest.clip(min=0)].copy()
+    inside = np.searchsorted(instants, rows + 1, side="left") - 1 > latest
+    mixed = np.flatnonzero(inside)
+    # The changes inside a period are few: each takes its part of the rest of it.
+    for row in mixed.tolist():
+        start = max(int(latest[row]), 0)
+        changes = np.arange(start, int(np.searchsorted(instants, rows[row] + 1, side="left")))
+        edges = np.append(instants[changes].clip(min=rows[row]), rows[row] + 1)
+        found[row] = np.diff(edges) @ values[changes]
+    return found

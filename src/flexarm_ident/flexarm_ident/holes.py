@@ -1,0 +1,156 @@
+"""Holes of a record: rows of the grid at which an output was not measured.
+
+A short hole is filled with the cubic through the two measured samples on either side of it. What
+is in a longer one cannot be known from its edges: it is bridged by a straight line, to be looked at
+and filtered, but its rows are not to be used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from flexarm_ident.arrays import BoolArray, FloatArray
+
+    Rows = tuple[FloatArray, FloatArray]
+
+LONGEST_FILLED = 3
+"""Samples that may be missing in a row, in one channel, and are filled."""
+# The outer samples of a cubic are at most so far from the inner ones.
+_REACH = LONGEST_FILLED + 1
+CONTEXT = 2 * _REACH + 1
+"""Rows on either side of a hole that decide how it is filled."""
+
+
+def filled(y: FloatArray, missing: BoolArray) -> FloatArray:
+    """Fill what is missing of each channel.
+
+    Parameters
+    ----------
+    y : ndarray, (samples, channels)
+        Values; those that are missing do not count.
+    missing : ndarray of bool, (samples, channels)
+        What is missing, not all of a channel.
+
+    Returns
+    -------
+    ndarray, (samples, channels)
+        `y` with cubics in short holes, straight lines in longer ones, and the nearest value before
+        the first and behind the last measured sample.
+    """
+    whole = y.copy()
+    for channel in np.flatnonzero(missing.any(axis=0)):
+        rows = np.flatnonzero(missing[:, channel])
+        known = np.flatnonzero(~missing[:, channel])
+        whole[rows, channel] = _between(known, y[known, channel], rows)
+    return whole
+
+
+def unusable_rows(missing: BoolArray) -> BoolArray:
+    """Return the rows in which the fill of a channel is not to be trusted.
+
+    Parameters
+    ----------
+    missing : ndarray of bool, (samples, channels)
+        What is missing.
+
+    Returns
+    -------
+    ndarray of bool, (samples,)
+        True in holes of more than `LONGEST_FILLED` samples of any channel, and before the first
+        and behind the last sample of a channel.
+    """
+    unusable = np.zeros(len(missing), dtype=np.bool_)
+    for column in missing[:, missing.any(axis=0)].T:
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(np.int8)))
+        for start, stop in edges.reshape(-1, 2).tolist():
+            if stop - start > LONGEST_FILLED or start == 0 or stop == len(column):
+                unusable[start:stop] = True
+    return unusable
+
+
+def filled_pieces(pieces: Iterable[Rows]) -> Iterator[Rows]:
+    """Fill the short holes of inputs and outputs that come in pieces.
+
+    Parameters
+    ----------
+    pieces : iterable of (u, y)
+        Rows that follow each other; NaN in `y` is missing.
+
+    Yields
+    ------
+    tuple of ndarray
+        u and y, filled as by `filled`; rows that are not to be used are NaN throughout.
+    """
+    context: Rows | None = None
+    new = 0
+    for piece in pieces:
+        if not len(piece[0]):
+            continue
+        u, y = piece if context is None else (_stacked(context, piece))
+        ready = len(u) - CONTEXT
+        if ready > new:
+            whole = _usable(y)
+            yield u[new:ready], whole[new:ready]
+            keep = max(0, ready - CONTEXT)
+            context, new = (u[keep:], y[keep:]), ready - keep
+        else:
+            context = (u, y)
+    if context is not None:
+        yield context[0][new:], _usable(context[1])[new:]
+
+
+def _stacked(first: Rows, second: Rows) -> Rows:
+    return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
+
+
+def _usable(y: FloatArray) -> FloatArray:
+    missing = np.isnan(y)
+    if not missing.any():
+        return y
+    whole = filled(y, missing) if not missing.all(axis=0).any() else y.copy()
+    whole[unusable_rows(missing)] = np.nan
+    return whole
+
+
+def _between(known: FloatArray, values: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return one channel at rows between those at which it is known."""
+    found = np.interp(rows, known, values)
+    after = np.searchsorted(known, rows)
+    inside = (after >= 2) & (after <= len(known) - 2)  # noqa: PLR2004 - two on either side
+    places = after[inside, np.newaxis] + np.array([-2, -1, 0, 1])
+    nodes = known[places]
+    is_short = np.all(np.diff(nodes, axis=1) <= _REACH, axis=1)
+    at = np.flatnonzero(inside)[is_short]
+    found[at] = lagrange(nodes[is_short], values[places[is_short]], rows[at])
+    return found
+
+
+def lagrange(nodes: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
+    """Evaluate the polynomials through given points.
+
+    Parameters
+    ----------
+    nodes : ndarray, (polynomials, points)
+        Where the values are, all different in a row.
+    values : ndarray, (polynomials, points) or (polynomials, points, channels)
+        The values.
+    at : ndarray, (polynomials,)
+        Where to evaluate each polynomial.
+
+    Returns
+    -------
+    ndarray, (polynomials,) or (polynomials, channels)
+        The polynomials' values.
+    """
+    points = nodes.shape[1]
+    weights = np.ones(nodes.shape)
+    for i in range(points):
+        for j in range(points):
+            if i != j:
+                weights[:, i] *= (at - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
+    return np.asarray(np.einsum("pi,pi...->p...", weights, values))

@@ -1,0 +1,273 @@
+"""From messages to rows: which sample stands where, and which input acts there.
+
+One rule for records that are read as a whole and for those that pass by in pieces. A first pass
+takes the messages' numbers and stamps, from which the timetable follows; a second one turns the
+messages into rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_ident.errors import DataError
+from flexarm_ident.grid import held, on_grid, place
+from flexarm_ident.sampling import longest_run, notices
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.data_warning import DataWarning
+    from flexarm_ident.grid import Grid
+    from flexarm_ident.sampling import Run
+
+    Integers = NDArray[np.int64]
+    Rows = tuple[FloatArray, FloatArray]
+
+# Beyond it a drive does not follow its command.
+DRIVE_LIMIT_V = 10.0
+# A step between two samples, in periods, in which another one should have been.
+_HOLE = 1.5
+# So many commands for each period of a hole, and the loop ran while nothing was recorded.
+_RUNNING = 0.5
+# A command that comes later after its sample, in periods, found the sampling stopped.
+_PROMPT = 1.0
+# Samples on either side that have a part in a row, and one more for the input behind.
+_CONTEXT = 4
+_NS = 1_000_000_000
+
+
+class Marks(NamedTuple):
+    """Numbers and stamps of the messages of a topic, in the order of sending, (messages,) each.
+
+    `command_sequence` is that of the command in force, zero where there is none to tell.
+    """
+
+    sequence: Integers
+    stamps_ns: Integers
+    command_sequence: Integers
+
+
+class Answers(NamedTuple):
+    """Recorded commands: own number, sample they answer, stamp, and command with compensation.
+
+    Each is (commands,), `values_v` (commands, 2).
+    """
+
+    sequence: Integers
+    state_sequence: Integers
+    stamps_ns: Integers
+    values_v: FloatArray
+
+
+class Changes(NamedTuple):
+    """Inputs that no recorded sample tells of: from when on, and what, (changes, inputs)."""
+
+    instants: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Timetable:
+    """Where the samples of a record stand.
+
+    Attributes
+    ----------
+    run : Run
+        The messages that are used.
+    grid : Grid
+        Their instants.
+    rows : int
+        Rows of the record.
+    changes : Changes
+        Inputs inside holes.
+    unheeded : ndarray of bool, (kept samples,)
+        Samples whose answer did not act before the next one was taken: the input before goes on.
+    underway : ndarray of bool, (kept samples,)
+        Samples before a hole in which inputs went on changing; `changes` tells of some.
+    notices : tuple of DataWarning
+        What the user should know.
+    """
+
+    run: Run
+    grid: Grid
+    rows: int
+    changes: Changes
+    unheeded: NDArray[np.bool_]
+    underway: NDArray[np.bool_]
+    notices: tuple[DataWarning, ...]
+
+
+def timetable(
+    marks: Marks, *, inputs: int, answers: Answers | None = None, input_behind: bool
+) -> Timetable:
+    """Return the timetable of a record.
+
+    Parameters
+    ----------
+    marks : Marks
+        Of all its messages.
+    inputs : int
+        Number of inputs.
+    answers : Answers or None
+        The commands that were recorded.
+    input_behind : bool
+        The input of a sample stands in the message behind it, so that the last one has none.
+
+    Returns
+    -------
+    Timetable
+        The longest run of numbers that go up, on its grid.
+
+    Raises
+    ------
+    DataError
+        If there are too few samples, or the stamps do not advance.
+    """
+    run = longest_run(marks.sequence)
+    used = Marks(*(each[run.messages] for each in marks))
+    fewest = 3 if input_behind else 2
+    if len(used.sequence) < fewest:
+        raise DataError(f"only {len(used.sequence)} samples follow each other; record again")
+    grid = place(used.sequence, used.stamps_ns)
+    kept = Marks(*(each[grid.kept] for each in used))
+    changes, unheeded, underway = _inside_holes(grid, kept, answers, inputs)
+    rows = grid.rows - (1 if input_behind else 0)
+    if rows < 1:
+        raise DataError("only one sample is left on the grid of the stamps; record again")
+    said = notices(run, grid, len(marks.sequence))
+    return Timetable(run, grid, rows, changes, unheeded, underway, said)
+
+
+def record_rows(table: Timetable, pieces: Iterable[Rows], *, input_behind: bool) -> Iterator[Rows]:
+    """Turn messages into rows of the grid.
+
+    Parameters
+    ----------
+    table : Timetable
+        Where they stand.
+    pieces : iterable of (inputs, outputs)
+        Columns of all messages of the topic, in the order of sending and in pieces of any length.
+    input_behind : bool
+        As in `timetable`.
+
+    Yields
+    ------
+    tuple of ndarray
+        u and y of the next rows; y is NaN where nothing was measured.
+    """
+    context: Rows | None = None
+    # Kept samples that have left the context, and rows that were given out.
+    left, given = 0, 0
+    for piece in _kept(table, pieces):
+        u, y = piece if context is None else _stacked(context, piece)
+        if len(y) <= 2 * _CONTEXT:
+            context = (u, y)
+            continue
+        ready = int(np.rint(table.grid.instants[left + len(y) - 1 - _CONTEXT]))
+        yield _section(table, (u, y), left, range(given, ready), input_behind=input_behind)
+        given = max(given, ready)
+        keep = max(0, len(y) - 3 * _CONTEXT)
+        context, left = (u[keep:], y[keep:]), left + keep
+    if context is not None and given < table.rows:
+        yield _section(table, context, left, range(given, table.rows), input_behind=input_behind)
+
+
+def _kept(table: Timetable, pieces: Iterable[Rows]) -> Iterator[Rows]:
+    first = 0
+    start = table.run.messages.start
+    for u, y in pieces:
+        here = np.arange(first, first + len(y)) - start
+        inside = (here >= 0) & (here < len(table.grid.kept))
+        inside[inside] = table.grid.kept[here[inside]]
+        if inside.any():
+            yield u[inside], y[inside]
+        first += len(y)
+
+
+def _stacked(first: Rows, second: Rows) -> Rows:
+    return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
+
+
+def _section(
+    table: Timetable, samples: Rows, left: int, rows: range, *, input_behind: bool
+) -> Rows:
+    """Return some rows, from samples that reach beyond them on both sides."""
+    u, y = samples
+    here = slice(left, left + len(y))
+    instants, unheeded = table.grid.instants[here], table.unheeded[here]
+    wanted = np.arange(rows.start, max(rows.start, rows.stop))
+    if input_behind:
+        before, behind = u[:-1], u[1:]
+        acting = np.where(unheeded[:-1, np.newaxis], before, behind)
+        since = instants[:-1]
+    else:
+        acting, since = u, instants
+    bridges = [
+        _bridge(table.changes, instants[at : at + 2], u[at : at + 2])
+        for at in np.flatnonzero(table.underway[here][:-1]).tolist()
+    ]
+    if bridges:
+        since = np.concatenate([since, *(bridge.instants for bridge in bridges)])
+        acting = np.concatenate([acting, *(bridge.values for bridge in bridges)])
+        # What is known of a hole stands behind the guess of its first sample.
+        order = np.argsort(since, kind="stable")
+        since, acting = since[order], acting[order]
+    return held(since, acting, wanted), on_grid(instants, y, wanted)
+
+
+def _bridge(known: Changes, edges: FloatArray, in_force: FloatArray) -> Changes:
+    """Return inputs inside a hole in which they went on changing: known ones, lines between them.
+
+    The first edge's input in force acted until it, the second one's in the period before it.
+    """
+    inside = (known.instants >= edges[0]) & (known.instants < edges[1])
+    at = np.concatenate([[edges[0] - 1.0], known.instants[inside], [edges[1] - 1.0]])
+    values = np.vstack([in_force[:1], known.values[inside], in_force[1:]])
+    instants = np.arange(edges[0], edges[1])
+    lines = [np.interp(instants, at, column) for column in values.T]
+    return Changes(instants, np.stack(lines, axis=1))
+
+
+def _inside_holes(
+    grid: Grid, marks: Marks, answers: Answers | None, inputs: int
+) -> tuple[Changes, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Tell what the drive did while no sample was recorded.
+
+    When samples were taken and lost, as the count of the commands tells, their commands may be
+    there; what is not was on its way from one to the next. When no samples were taken, a command
+    that was sent more than a period after its own found the sampling stopped, and acted only when
+    it went on.
+    """
+    unheeded, underway = np.zeros((2, len(grid.instants)), dtype=np.bool_)
+    instants: list[FloatArray] = []
+    values: list[FloatArray] = []
+    holes = np.flatnonzero(np.diff(grid.instants) > _HOLE)
+    if answers is None or not len(answers.sequence):
+        answers = Answers(*(np.empty(0, dtype=np.int64),) * 3, np.empty((0, inputs)))
+    order = np.argsort(answers.state_sequence, kind="stable")
+    answered = answers.state_sequence[order]
+    for at in holes.tolist():
+        gap = grid.instants[at + 1] - grid.instants[at]
+        went_on = marks.command_sequence[at + 1] - marks.command_sequence[at]
+        first, last = np.searchsorted(answered, marks.sequence[at : at + 2], side="left")
+        own = order[first:last]
+        if went_on > _RUNNING * gap:
+            ahead = answers.state_sequence[own] - marks.sequence[at]
+            known = ahead < gap
+            instants.append(grid.instants[at] + ahead[known])
+            values.append(answers.values_v[own[known]].clip(-DRIVE_LIMIT_V, DRIVE_LIMIT_V))
+            underway[at] = True
+        elif len(own):
+            late_s = (answers.stamps_ns[own[-1]] - marks.stamps_ns[at]) / _NS
+            acted = answers.sequence[own[-1]] == marks.command_sequence[at + 1]
+            unheeded[at] = acted and late_s > _PROMPT * grid.period_s
+    changes = Changes(np.empty(0), np.empty((0, inputs)))
+    if instants:
+        changes = Changes(np.concatenate(instants), np.concatenate(values))
+    return changes, unheeded, underway
