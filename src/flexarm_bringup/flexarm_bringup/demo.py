@@ -199,8 +199,10 @@ def _figures(step: BagReading) -> StepFigures:
 
 
 def _kept_modes_hz(response: Identify.Response, known_modes_hz: np.ndarray) -> list[float]:
-    """Return the reduced model's flexible modes, one for each known one."""
+    """Return the reduced model's flexible modes, one for each known one; none if it has no pair."""
     pairs = [mode for mode in response.modes if mode.kept and mode.eigenvalue_imaginary > 0.0]
+    if not pairs:
+        return []
     return [
         min(pairs, key=lambda mode: abs(math.log(mode.frequency_hz / known))).frequency_hz
         for known in known_modes_hz

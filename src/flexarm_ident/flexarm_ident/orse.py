@@ -124,7 +124,7 @@ class RangeSpace:
         if not 1 <= order <= self.largest_order:
             raise IdentificationError(
                 f"order must lie between 1 and {self.largest_order} for {self.block_rows} block "
-                f"rows of {outputs} outputs: {order}"
+                f"rows of {outputs} outputs: {order}; lower it, or raise block_rows or excite more"
             )
         basis = self.basis[:, :order]
         A = np.linalg.lstsq(basis[:-outputs], basis[outputs:], rcond=None)[0]

@@ -168,7 +168,7 @@ class PredictorSpace:
         if not 1 <= order <= self.largest_order:
             raise IdentificationError(
                 f"order must lie between 1 and {self.largest_order} for {self.past} past samples "
-                f"of {self.outputs} outputs: {order}"
+                f"of {self.outputs} outputs: {order}; lower it, or raise block_rows"
             )
         m, r = self.outputs, len(self.rms) - self.outputs
         size, channels = len(self.gram), len(self.rms)

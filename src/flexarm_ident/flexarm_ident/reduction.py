@@ -298,14 +298,15 @@ def _check_request(
         raise IdentificationError(f"update must be b, c or none: {update!r}")
     if not 1 <= order <= model.nstates:
         raise IdentificationError(
-            f"order must lie between 1 and the model's {model.nstates}: {order}"
+            f"order must lie between 1 and the model's {model.nstates}: {order}; "
+            "keep fewer states or identify with a higher order"
         )
     if ranking == "mrmc":
         if len(known_modes_hz) == 0 or min(known_modes_hz) <= 0.0:
             raise IdentificationError(
                 "mrmc needs known_modes_hz, the positive frequencies of the flexible modes"
             )
-        if order < 2 * len(known_modes_hz):
+        if order < min(2 * len(known_modes_hz), model.nstates):
             raise IdentificationError(
                 f"order {order} is too small for {len(known_modes_hz)} known modes: "
                 f"each takes two states"

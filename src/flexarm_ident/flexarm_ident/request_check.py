@@ -53,13 +53,9 @@ def check_request(
     if block_rows < _SMALLEST_BLOCK_ROWS:
         raise IdentificationError(f"block_rows must be 2 or more: {block_rows}")
     first = records[0]
-    outputs = len(first.outputs)
-    largest = min(block_rows - 1, (block_rows - 1) * outputs)
-    if order is not None and not 1 <= order <= largest:
-        raise IdentificationError(
-            f"order must lie between 1 and {largest} for block_rows = {block_rows}: {order}"
-        )
-    needed = shifts(method, block_rows) * (len(first.inputs) + outputs + 1)
+    if order is not None:
+        _check_order(records, order, block_rows, method)
+    needed = shifts(method, block_rows) * _samples_a_shift(first)
     for record in records:
         if len(record) < needed:
             raise DataError(
@@ -73,6 +69,28 @@ def check_request(
                 f"{first.label}: input {name} is constant, it excites nothing: "
                 "record with a changing input"
             )
+
+
+def _samples_a_shift(record: Source) -> int:
+    return len(record.inputs) + len(record.outputs) + 1
+
+
+def _check_order(records: Sequence[Source], order: int, block_rows: int, method: str) -> None:
+    if 1 <= order < block_rows:
+        return
+    message = (
+        f"order must lie between 1 and {block_rows - 1} for block_rows = {block_rows}: {order}"
+    )
+    if order >= block_rows:
+        shortest = min(records, key=len)
+        allowed = len(shortest) // (shifts(method, 1) * _samples_a_shift(shortest))
+        message += (
+            f"; block_rows = {order + 1} would do"
+            if order < allowed
+            else f"; {shortest.label} has {len(shortest)} samples, which allow block_rows of at "
+            f"most {allowed}: record longer or lower the order"
+        )
+    raise IdentificationError(message)
 
 
 def _constant_inputs(record: Source) -> NDArray[np.bool_]:

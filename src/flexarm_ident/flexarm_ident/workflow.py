@@ -65,7 +65,8 @@ class Request:
     reduction : {'none', 'mrm', 'msv', 'mrmc'}
         Ranking by which modes are kept.
     reduced_order : int, optional
-        States to keep; None: the fewest that cost at most 4 % of the fit.
+        States to keep; None: the fewest that cost at most 4 % of the fit. More than a chosen order
+        gives the whole model and a note.
     known_modes_hz : tuple of float
         Flexible modes that 'mrmc' keeps; with it alone.
     update : {'none', 'b', 'c'}
@@ -114,10 +115,25 @@ class Request:
                         f"{field} = {value} needs a reduction: choose one of "
                         f"{', '.join(choice for choice in REDUCTIONS if choice != 'none')}"
                     )
+        if self.reduced_order is not None:
+            self._check_reduced_order(self.reduced_order)
         if (self.reduction == "mrmc") != bool(self.known_modes_hz):
             raise IdentificationError(
                 "reduction mrmc and known modes belong together, the frequencies in Hz of the "
                 "flexible modes that it keeps (known_modes_hz, --known-mode)"
+            )
+
+    def _check_reduced_order(self, reduced_order: int) -> None:
+        smallest = max(1, 2 * len(self.known_modes_hz))
+        if reduced_order < smallest:
+            raise IdentificationError(
+                f"reduced_order = {reduced_order} is too small: {smallest} or more, two states "
+                "for each known mode"
+            )
+        if self.order is not None and reduced_order > self.order:
+            raise IdentificationError(
+                f"reduced_order = {reduced_order} is more than order = {self.order}: lower it, "
+                "or raise the order or leave it open"
             )
 
 
@@ -360,6 +376,8 @@ def _reduce(identification: Identification, request: Request) -> Reduction | Non
         )
 
     if request.reduced_order is not None:
+        if request.reduced_order > identification.order:
+            return _noted(reduced(identification.order), request.reduced_order)
         return reduced(request.reduced_order)
     affordable = _REDUCTION_COST * _fit_error(identification.model, records)
     smallest = min(
@@ -370,6 +388,14 @@ def _reduce(identification: Identification, request: Request) -> Reduction | Non
         if _fit_error(candidate.model, records) <= affordable:
             return candidate
     return reduced(identification.order)
+
+
+def _noted(whole: Reduction, asked: int) -> Reduction:
+    note = (
+        f"the whole model was kept: the data gave {whole.order} states, {asked} were to be kept; "
+        "a longer record or a stronger excitation shows more"
+    )
+    return replace(whole, warnings=(note, *whole.warnings))
 
 
 def _fit_error(model: control.StateSpace, records: Sequence[IoData]) -> float:

@@ -18,7 +18,7 @@ from flexarm_ident.exports import load_model
 from flexarm_ident.job import identify_bags, model_name
 from flexarm_ident.progress import whole
 from flexarm_ident.provenance import record_hash
-from flexarm_ident.workflow import Request
+from flexarm_ident.workflow import Request, run
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -245,10 +245,54 @@ def test_background___cancelled___stops_at_the_next_report() -> None:
         ({"update": "b"}, "update = b needs a reduction"),
         ({"reduction": "mrmc"}, "mrmc and known modes belong together"),
         ({"reduction": "mrm", "known_modes_hz": (9.4,)}, "mrmc and known modes belong together"),
+        ({"reduction": "mrm", "reduced_order": 0}, "reduced_order = 0 is too small: 1 or more"),
+        (
+            {"reduction": "mrmc", "known_modes_hz": (9.4, 24.0), "reduced_order": 3},
+            "reduced_order = 3 is too small: 4 or more",
+        ),
+        (
+            {"reduction": "mrm", "order": 8, "reduced_order": 10},
+            "reduced_order = 10 is more than order = 8: lower it, or raise the order or leave",
+        ),
     ],
 )
-def test_request___what_would_be_ignored___is_refused_before_the_fit(
+def test_request___what_contradicts_itself___is_refused_before_the_fit(
     fields: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(IdentificationError, match=message):
         Request(**fields)
+
+
+@pytest.mark.parametrize("known_modes_hz", [(), (5.0, 9.0, 14.0, 20.0, 26.0, 33.0)])
+def test_run___reduced_order_above_the_chosen_one___keeps_the_whole_model_with_a_note(
+    known_modes_hz: tuple[float, ...],
+) -> None:
+    u = np.random.default_rng(3).standard_normal((600, 1))
+    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
+    record = IoData(u, y, dt_s=0.01, inputs=("u",), outputs=("y", "z"))
+    request = Request(
+        block_rows=10,
+        method="orse",
+        reduction="mrmc" if known_modes_hz else "mrm",
+        reduced_order=12,
+        known_modes_hz=known_modes_hz,
+        friction=False,
+    )
+    outcome = run(record, request)
+    full = outcome.identification.order
+    assert full < 12
+    assert outcome.model.nstates == full
+    assert all(mode.kept for mode in outcome.modes)
+    note = f"the whole model was kept: the data gave {full} states, 12 were to be kept"
+    assert any(warning.startswith(note) for warning in outcome.warnings)
+
+
+def test_run___more_known_modes_than_the_chosen_order_holds___keeps_the_whole_model() -> None:
+    u = np.random.default_rng(3).standard_normal((600, 1))
+    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
+    record = IoData(u, y, dt_s=0.01, inputs=("u",), outputs=("y", "z"))
+    request = Request(
+        block_rows=8, method="orse", reduction="mrmc", known_modes_hz=(5.0, 9.0, 14.0, 20.0, 26.0)
+    )
+    outcome = run(record, request)
+    assert outcome.model.nstates == outcome.identification.order < 10

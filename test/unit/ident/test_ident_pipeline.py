@@ -143,7 +143,14 @@ def test_identify___method_auto___names_what_it_chose() -> None:
         ({"method": "pem"}, "method must be one of auto, orse, .*: 'pem'"),
         ({"block_rows": 1}, "block_rows must be 2 or more: 1"),
         ({"order": 0}, "order must lie between 1 and 39 for block_rows = 40: 0"),
-        ({"order": 40}, "order must lie between 1 and 39 for block_rows = 40: 40"),
+        (
+            {"order": 40},
+            "order must lie between 1 and 39 for block_rows = 40: 40; block_rows = 41 would do",
+        ),
+        (
+            {"order": 200},
+            "block_rows = 40: 200; .* has 1000 samples, which allow block_rows of at most 166",
+        ),
         ({"block_rows": 300}, "1000 samples are too few, 300 block rows need at least 1800"),
         (
             {"block_rows": 100, "method": "orse_iv"},
