@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
 from flexarm_bringup.processes import LaunchError
+
+if TYPE_CHECKING:
+    from flexarm_bringup.pace import Pace
 
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
@@ -29,6 +32,8 @@ class UpSettings:
         `topic`, or the name of a built-in profile.
     bag
         Folder to record into, with what the nodes print beside it; None records nothing.
+    pace
+        Wall clock or hard real time.
     parameter_files
         As for `--params-file` of ROS 2, such as the gains from `tune`.
     """
@@ -38,6 +43,7 @@ class UpSettings:
     law: str
     reference: str
     bag: Path | None
+    pace: Pace
     parameter_files: tuple[Path, ...]
 
 
@@ -54,7 +60,11 @@ def run_graph(settings: UpSettings) -> None:
     if bag and bag.exists():
         raise LaunchError(f"{bag} is there already and is not overwritten: choose another name")
     parameters: dict[str, dict[str, Any]] = {
-        "daq": {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz},
+        "daq": {
+            "payload_kg": settings.payload_kg,
+            "rate_hz": settings.rate_hz,
+            **settings.pace.parameters(),
+        },
         "controller": {"law": settings.law, "reference": settings.reference},
     }
     with TemporaryDirectory(prefix="flexarm_") as folder:
