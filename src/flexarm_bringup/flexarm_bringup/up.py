@@ -14,8 +14,13 @@ from flexarm_bringup.processes import LaunchError
 if TYPE_CHECKING:
     from flexarm_bringup.pace import Pace
 
+_REPLACE = (
+    "the drive is at zero; for another one: "
+    "flexarm run flexarm_control controller_node --ros-args -p autostart:=true"
+)
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
+_CONTROLLER = "controller_node"
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,9 @@ class UpSettings:
 
 def run_graph(settings: UpSettings) -> None:
     """Start daq, controller, recorder and ident; sample until Ctrl-C, show what they complain of.
+
+    A controller that ends leaves the arm to itself, with the drive at zero: another one may be
+    started in its place.
 
     Raises
     ------
@@ -85,10 +93,23 @@ def run_graph(settings: UpSettings) -> None:
                     f"/flexarm is up: {settings.law} at {settings.rate_hz:g} Hz, "
                     f"reference: {settings.reference}. Ctrl-C ends it."
                 )
+                processes.let_be_replaced(_CONTROLLER)
+                loss = ""
+
+                def stay() -> bool:
+                    """Show what there is to show; never done."""
+                    nonlocal loss
+                    complaints.show(_COMPLAINTS)
+                    if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
+                        terminal.CONSOLE.print(f"{loss}: {_REPLACE}", markup=False)
+                    return False
+
                 try:
-                    operator.wait(complaints.shown, "nothing", timeout_s=float("inf"))
+                    operator.wait(stay, "nothing", timeout_s=float("inf"))
                 except KeyboardInterrupt:
                     terminal.CONSOLE.print("stopping")
+                    if loss:
+                        raise LaunchError(loss) from None
                 finally:
                     processes.check()
         finally:
@@ -107,11 +128,6 @@ class _Complaints:
     def __init__(self, log: Path) -> None:
         self._log = log
         self._read = log.stat().st_size if log.is_file() else 0
-
-    def shown(self) -> bool:
-        """Show the new ones; return False, a condition to wait for that never holds."""
-        self.show(_COMPLAINTS)
-        return False
 
     def show(self, levels: tuple[str, ...]) -> None:
         """Show the new ones of these levels."""
