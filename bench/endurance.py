@@ -63,7 +63,7 @@ def recorded(bag: Path, rate_hz: float, length_s: float, *, busy: bool) -> int:
     """Record a run of the DAQ node, which ends by itself; return how many samples it took."""
     samples = round(length_s * rate_hz)
     parameters: dict[str, dict[str, Any]] = {
-        "daq": {"rate_hz": rate_hz},
+        "daq": {"rate_hz": rate_hz, "time": "real"},
         "controller": {"law": "pdpc", "reference": "varying_square"},
         "recorder": {"bag": str(bag)},
     }

@@ -86,7 +86,7 @@ def main(
 def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:
     """Run the loop for that long and return what it and the floor report."""
     parameters: dict[str, dict[str, Any]] = {
-        "daq": {"rate_hz": rate_hz, "statistics_s": length_s},
+        "daq": {"rate_hz": rate_hz, "statistics_s": length_s, "time": "real"},
         "controller": {"law": "pdpc", "reference": "square", "square.amplitude_v": 2.0},
     }
     log = Path("out/bench/loop.log")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.acquisition import Acquisition, Record
+from flexarm_daq.acquisition import Acquisition, LockStep, Record
 from flexarm_daq.commander import Command
 from flexarm_daq.limiter import Limiter, LimiterSettings
 from flexarm_daq.rig import RigError, RigSample
@@ -23,6 +23,7 @@ RATE_HZ = 256.0
 PERIOD_S = 1.0 / RATE_HZ
 WIDE = LimiterSettings(max_slew_v_per_s=1e6)
 TIMEOUT_S = 1.0
+FAST = LockStep(0.0, TIMEOUT_S, is_answered=True)
 # The double's readings belong to no arm: they never change, or jump.
 NO_NOISE = SensorLimits(stuck_samples=0, disagreement_rad=1e3)
 # A wait is over a little late, so that it never ends just before its end by rounding.
@@ -129,6 +130,7 @@ class Bench:
         samples: int,
         limits: LimiterSettings = WIDE,
         max_age_periods: int = 3,
+        lockstep: LockStep = FAST,
     ) -> None:
         self.rig = LoggingRig(clock, virtual=virtual)
         self.link = ScriptedLink(clock, answer)
@@ -141,7 +143,7 @@ class Bench:
             self.link,
             rate_hz=RATE_HZ,
             samples=samples,
-            answer_timeout_s=TIMEOUT_S if virtual else None,
+            lockstep=lockstep if virtual else None,
         )
 
     def run(self) -> Bench:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.acquisition import Acquisition
+from flexarm_daq.acquisition import Acquisition, LockStep
 from flexarm_daq.channels import CHANNEL_NAMES
 from flexarm_daq.commander import Command
 from flexarm_daq.faulty_rig import SENSOR_FAULTS, Fault, FaultyRig
@@ -118,7 +118,7 @@ def inject(fault: Fault, channel: str, seed: int) -> Injection:
         RestlessController(),
         rate_hz=RATE_HZ,
         samples=after + SAMPLES_AFTER,
-        answer_timeout_s=0.001,
+        lockstep=LockStep(0.0, 0.001, is_answered=True),
     )
     with suppress(RigError, ArithmeticError):
         acquisition.run(threading.Event())

@@ -244,7 +244,7 @@ def test_clock_that_jumps___moves_the_stamps_of_commands_and_nothing_else(
     graph.node.create_subscription(MotorCommand, "command", commands.append, qos.EVERY)
     clock = graph.node.create_publisher(Clock, "/clock", qos.SENT)
     campaign = Campaign(graph, tmp_path)
-    campaign.start(DAQ | {"use_sim_time": True})
+    campaign.start(DAQ | {"use_sim_time": True, "time": "real"})
     graph.start("controller", {"autostart": True, "use_sim_time": True, "law": "pd"})
     graph.wait(lambda: graph.node.count_publishers("/flexarm/command") == 1, "the controller")
 

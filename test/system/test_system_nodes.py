@@ -231,7 +231,7 @@ def test_misspelt_parameter___is_named_with_the_nearest(graph: Graph) -> None:
         ("daq", "autostart", True, "read.only"),
         ("controller", "step.amplitude_v", 9.0, r"6\.857"),
         ("controller", "reference", "sine", "must be one of topic, constant"),
-        ("recorder", "topics", ["sound"], "no sound; choose from state"),
+        ("recorder", "topics", ["sound"], "no sound; choose from commander"),
     ],
 )
 def test_running_node___refuses_a_value_with_what_it_may_be(

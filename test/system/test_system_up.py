@@ -4,7 +4,9 @@ import os
 import signal
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
+from fault_campaign import MAX_AGE_PERIODS, RESTLESS
 from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Float64
 from system_graph import ROOT, States
@@ -93,24 +95,41 @@ def test_up___law_unknown___is_refused_without_a_bag_in_the_way(
     assert not bag.exists()
 
 
-def test_up___controller_killed___says_so_and_keeps_the_record(
+def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controller_takes_over(
     graph: Graph, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
     heard: list[ArmState] = []
-    graph.node.create_subscription(ArmState, "/flexarm/state", heard.append, qos.NEWEST)
-    process = graph.run([str(ROOT / "flexarm"), "up", "--rate", "100", "--bag", str(bag)])
-    graph.wait(lambda: len(heard) > 10, "samples")
+    graph.node.create_subscription(ArmState, "/flexarm/state", heard.append, qos.EVERY)
+    process = graph.run(
+        [str(ROOT / "flexarm"), "up", "--reference", "square", "--law", "pd", "--bag", str(bag)]
+    )
+    graph.wait(lambda: any(state.command_v for state in heard), "a driven arm")
     (controller,) = graph.survivors("controller_node")
     os.kill(controller, signal.SIGKILL)
 
+    process.wait_for("controller_node was ended by SIGKILL: the drive is at zero; for another one:")
+    graph.wait(lambda: not any(state.command_v for state in heard[-300:]), "an arm left to itself")
+    graph.start("controller", RESTLESS | {"autostart": True}, "-r", "__node:=successor")
+    graph.wait(lambda: heard[-1].command_v != 0.0, "the new controller")
+    process.send(signal.SIGINT)
+
     assert process.exit_code() == 1
-    assert process.printed.splitlines()[-3:] == [
+    assert process.printed.splitlines()[-4:] == [
+        "stopping",
         f"recorded in {bag}",
         f"what the nodes printed is in {bag}.log",
         "flexarm: controller_node was ended by SIGKILL",
     ]
-    # A busy machine may have missed periods, which is no fault of the record.
-    assert [
-        problem for problem in check_bag(bag).problems if "without a sample" not in problem
-    ] == []
+    # The commands of the second controller begin anew; no sample is missing.
+    assert check_bag(bag).problems == ()
+    run = States(bag)
+    assert run.sequence.tolist() == list(range(1, len(run.sequence) + 1))
+    (undriven,) = np.nonzero(run.command_sequence == 0)
+    alone = undriven[undriven > 0]
+    # The last command was in force for no longer than the watchdog allows, and then none.
+    last = run.command_sequence[alone[0] - 1]
+    assert np.count_nonzero(run.command_sequence[: alone[0]] == last) <= MAX_AGE_PERIODS
+    assert len(alone) >= 300
+    assert not run.command_v[alone].any()
+    assert run.command_v[alone[-1] + 1 :].any()

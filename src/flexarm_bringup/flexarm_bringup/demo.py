@@ -15,14 +15,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from rclpy.parameter import Parameter
 
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
-from flexarm_bringup.records import require_whole
+from flexarm_bringup.pace import Pace, in_lockstep, pace_text
+from flexarm_bringup.records import require_whole, samples_hash
 from flexarm_control.criteria import step_figures
 from flexarm_daq.beam import natural_frequencies_hz
 from flexarm_daq.parameters import RigParameters
@@ -31,12 +32,11 @@ from flexarm_ident.iodata import ARM_OUTPUTS
 from flexarm_ident.plots import step_plot
 from flexarm_ident.report import Section, append_section
 from flexarm_msgs.srv import Identify
-from flexarm_node.process import PRIORITY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from flexarm_bringup.operation import Operator
+    from flexarm_bringup.operation import Operator, Run
     from flexarm_control.criteria import StepFigures
     from flexarm_ident.alignment import BagReading
 
@@ -62,8 +62,8 @@ class DemoSettings:
         Mass at the tip of the simulated arm.
     seed
         Seed of the sensor noise and of the reference's half-periods.
-    fast
-        Virtual time instead of real time.
+    pace
+        Wall clock, fast or hard real time.
     keep_bag
         Keep the two bags in the folder of the results.
     """
@@ -71,8 +71,15 @@ class DemoSettings:
     out: Path
     payload_kg: float = 0.0
     seed: int = 1
-    fast: bool = False
+    pace: Pace = Pace.WALL_CLOCK
     keep_bag: bool = False
+
+
+class Recording(NamedTuple):
+    """A run and its record."""
+
+    run: Run
+    reading: BagReading
 
 
 def run_demo(settings: DemoSettings) -> dict[str, Any]:
@@ -88,15 +95,13 @@ def run_demo(settings: DemoSettings) -> dict[str, Any]:
     log = out / "nodes.log"
     log.unlink(missing_ok=True)
     true_modes_hz = natural_frequencies_hz(RigParameters(payload_kg=settings.payload_kg))
-    if settings.fast:
-        # Virtual time never rests: at real-time priority it would starve the recorder.
-        os.environ[PRIORITY] = "0"
+    settings.pace.prepare()
     with _bag_folder(out / "bag", keep=settings.keep_bag) as bags:
         terminal.step("Starting the nodes: daq, controller, recorder, ident")
         with running_graph(_start_parameters(settings), log) as (operator, _):
             terminal.step(_experiment_text(settings))
             experiment = _record(
-                operator, bags / "experiment", EXPERIMENT_SAMPLES, "exciting the arm", settings
+                operator, bags / "experiment", EXPERIMENT_SAMPLES, "exciting the arm"
             )
             terminal.step("Identifying, reducing and validating a model")
             with terminal.busy("subspace identification of the recorded bag"):
@@ -108,9 +113,9 @@ def run_demo(settings: DemoSettings) -> dict[str, Any]:
                 "controller",
                 {"law": "pdpc", "reference": "step", "step.amplitude_v": SET_POINT_V},
             )
-            step = _record(operator, bags / "step", STEP_SAMPLES, "stepping", settings)
+            step = _record(operator, bags / "step", STEP_SAMPLES, "stepping")
     summary = _summary(settings, response, experiment, step, true_modes_hz)
-    _write_report(out, response, step)
+    _write_report(out, response, step.reading)
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     _show_step(summary, out, keep_bag=settings.keep_bag)
     return summary
@@ -131,10 +136,10 @@ def _start_parameters(settings: DemoSettings) -> dict[str, dict[str, Any]]:
     return {
         "daq": {
             "rate_hz": RATE_HZ,
-            "time": "virtual" if settings.fast else "real",
             "payload_kg": settings.payload_kg,
             "seed": settings.seed,
             "reply_delay_s": REPLY_DELAY_S,
+            **settings.pace.parameters(),
         },
         "controller": {
             "law": "pd",
@@ -151,22 +156,21 @@ def _start_parameters(settings: DemoSettings) -> dict[str, dict[str, Any]]:
 
 def _experiment_text(settings: DemoSettings) -> str:
     seconds = EXPERIMENT_SAMPLES / RATE_HZ
-    pace = "as fast as it goes" if settings.fast else f"{seconds:.0f} s"
+    pace = "as fast as it goes" if settings.pace is Pace.FAST else f"{seconds:.0f} s"
     return (
         f"Closed-loop experiment, {settings.payload_kg * 1e3:.0f} g payload: "
         f"{EXPERIMENT_SAMPLES} samples at {RATE_HZ:.0f} Hz, {pace}"
     )
 
 
-def _record(
-    operator: Operator, bag: Path, samples: int, text: str, settings: DemoSettings
-) -> BagReading:
+def _record(operator: Operator, bag: Path, samples: int, text: str) -> Recording:
     with terminal.progress_bar(text, samples) as progress:
-        said = operator.recorded_run("controller", str(bag), samples, progress)
-    terminal.CONSOLE.print(f"  recorded {said}")
+        run = operator.recorded_run("controller", str(bag), samples, progress)
+    terminal.CONSOLE.print(f"  recorded {run.recorded}")
+    terminal.CONSOLE.print(f"  {pace_text(run)}")
     reading = read_bag_report(bag)
-    require_whole(reading, samples, lockstep=settings.fast)
-    return reading
+    require_whole(reading, run.taken, lockstep=in_lockstep(operator))
+    return Recording(run, reading)
 
 
 def _request(bag: Path, known_modes_hz: np.ndarray) -> Identify.Request:
@@ -212,17 +216,21 @@ def _kept_modes_hz(response: Identify.Response, known_modes_hz: np.ndarray) -> l
 def _summary(
     settings: DemoSettings,
     response: Identify.Response,
-    experiment: BagReading,
-    step: BagReading,
+    experiment: Recording,
+    step: Recording,
     true_modes_hz: np.ndarray,
 ) -> dict[str, Any]:
-    figures = _figures(step)
+    figures = _figures(step.reading)
+    both = (experiment, step)
     return {
         "payload_kg": settings.payload_kg,
         "seed": settings.seed,
-        "time": "virtual" if settings.fast else "real",
-        "samples": experiment.samples,
-        "lost": experiment.lost + step.lost,
+        "time": "real" if settings.pace is Pace.REAL else "virtual",
+        "real_time_factor": experiment.run.real_time_factor,
+        "samples": experiment.reading.samples,
+        "lost": sum(each.reading.lost for each in both),
+        "missed_periods": sum(each.run.missed for each in both),
+        "sha256_of_samples": [samples_hash(each.reading.data) for each in both],
         "full_order": sum(1 + (mode.eigenvalue_imaginary > 0.0) for mode in response.modes),
         "reduced_order": sum(
             1 + (mode.eigenvalue_imaginary > 0.0) for mode in response.modes if mode.kept

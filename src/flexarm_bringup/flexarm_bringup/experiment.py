@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 from collections import Counter
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,19 +12,25 @@ from rich.table import Table
 
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
+from flexarm_bringup.pace import Pace, in_lockstep, pace_text
 from flexarm_bringup.processes import LaunchError
-from flexarm_bringup.records import new_record, put_in_place, require_whole, workplace
+from flexarm_bringup.records import (
+    new_record,
+    put_in_place,
+    require_whole,
+    samples_hash,
+    workplace,
+)
 from flexarm_daq.catalogue import KINDS, catalogue
 from flexarm_daq.limiter import LimiterSettings
 from flexarm_ident.bag_check import check_bag
 from flexarm_ident.bags import read_bag_report
-from flexarm_node.process import PRIORITY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from flexarm_bringup.operation import Operator
+    from flexarm_bringup.operation import Operator, Run
     from flexarm_daq.catalogue import Experiment
     from flexarm_ident.alignment import BagReading
 
@@ -46,8 +50,8 @@ class ExperimentSettings:
         Payload instead of the experiment's own, or None.
     seed
         Seed of the sensor noise and of random excitations.
-    fast
-        Virtual time instead of real time.
+    pace
+        Wall clock, fast or hard real time.
     overwrite
         Replace bags that are there, each when its new record is complete.
     parameter_files
@@ -58,7 +62,7 @@ class ExperimentSettings:
     folder: Path
     payload_kg: float | None = None
     seed: int = 1
-    fast: bool = False
+    pace: Pace = Pace.WALL_CLOCK
     overwrite: bool = False
     parameter_files: tuple[Path, ...] = ()
 
@@ -77,11 +81,8 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     """
     folder = settings.folder.absolute()
     _make_room(folder, entries, overwrite=settings.overwrite)
-    if settings.fast:
-        # Virtual time never rests: at real-time priority it would starve the recorder.
-        os.environ[PRIORITY] = "0"
-    time = "virtual" if settings.fast else "real"
-    parameters = {"daq": {"time": time, "seed": settings.seed}}
+    settings.pace.prepare()
+    parameters = {"daq": settings.pace.parameters() | {"seed": settings.seed}}
     files = settings.parameter_files
     log = folder / "nodes.log"
     # A record is settled when the recorder has closed it: after the graph.
@@ -89,19 +90,22 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
         ExitStack() as records,
         running_graph(parameters, log, nodes=_NODES, files=files) as (operator, _),
     ):
+        lockstep = in_lockstep(operator)
         for number, entry in enumerate(entries, start=1):
             terminal.step(f"{number} of {len(entries)}: {entry.name}, {_words(entry)}")
             bag = folder / entry.name
             record = records.enter_context(new_record(bag))
-            said = _record(operator, entry, record, settings)
+            run = _record(operator, entry, record, settings)
             reading = read_bag_report(record)
-            require_whole(reading, entry.samples, lockstep=settings.fast)
+            require_whole(reading, run.taken, lockstep=lockstep)
             put_in_place(record, bag)
-            terminal.CONSOLE.print(f"  recorded {said.replace(str(record), str(bag))}")
+            terminal.CONSOLE.print(f"  recorded {run.recorded.replace(str(record), str(bag))}")
+            terminal.CONSOLE.print(f"  {pace_text(run)}")
             problems = check_bag(bag).problems
             for problem in problems:
                 terminal.CONSOLE.print(f"  problem: {problem}", markup=False)
-            _describe(folder, entry, reading, problems, settings)
+            time = "virtual" if lockstep else "real"
+            _describe(folder, entry, reading, {"problems": problems, "time": time}, settings)
     terminal.step(f"{len(entries)} bags in {settings.folder}, described in {MANIFEST}")
 
 
@@ -139,8 +143,8 @@ def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) 
     _described(folder)
 
 
-def _record(operator: Operator, entry: Experiment, bag: Path, settings: ExperimentSettings) -> str:
-    """Record one experiment and return what the recorder says about it."""
+def _record(operator: Operator, entry: Experiment, bag: Path, settings: ExperimentSettings) -> Run:
+    """Record one experiment."""
     payload_kg = entry.payload_kg if settings.payload_kg is None else settings.payload_kg
     operator.set_parameters("daq", {"rate_hz": float(entry.rate_hz), "payload_kg": payload_kg})
     commander = "controller" if entry.closed_loop else "experiment"
@@ -187,25 +191,21 @@ def _describe(
     folder: Path,
     entry: Experiment,
     reading: BagReading,
-    problems: Sequence[str],
+    more: dict[str, Any],
     settings: ExperimentSettings,
 ) -> None:
     """Add what a bag holds to the manifest; the hash is over the samples, not over the file."""
     data = reading.data
-    digest = hashlib.sha256(data.u.tobytes())
-    digest.update(data.y.tobytes())
     known = _described(folder)
     known[entry.name] = {
         "samples": reading.samples,
         "lost": reading.lost,
         "unanswered": reading.unanswered,
-        "problems": problems,
         "rate_hz": entry.rate_hz,
         "payload_kg": entry.payload_kg if settings.payload_kg is None else settings.payload_kg,
         "seed": settings.seed,
-        "time": "virtual" if settings.fast else "real",
-        "sha256_of_samples": digest.hexdigest(),
-    }
+        "sha256_of_samples": samples_hash(data),
+    } | more
     draft = folder / f".{MANIFEST}"
     draft.write_text(json.dumps(known, indent=1) + "\n")
     draft.replace(folder / MANIFEST)

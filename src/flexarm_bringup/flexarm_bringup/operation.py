@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool
 
 from flexarm_bringup.processes import LaunchError
@@ -57,6 +59,27 @@ _COMPLAINTS_S = 1.0
 _POLL_S = 0.1
 
 
+class Run(NamedTuple):
+    """What the DAQ node says of a run that has ended.
+
+    Attributes
+    ----------
+    taken
+        Samples taken.
+    missed
+        Periods without a sample.
+    real_time_factor
+        How fast the arm's time has passed, for that of the wall clock.
+    recorded
+        What the recorder says; empty when nothing was recorded.
+    """
+
+    taken: int
+    missed: int
+    real_time_factor: float
+    recorded: str = ""
+
+
 class Operator:
     """Operates the nodes of one graph.
 
@@ -83,6 +106,8 @@ class Operator:
         self._complaint = complaint
         self._clients: dict[tuple[type, str], Client] = {}
         self._sequence = 0
+        self._sampled_s = ""
+        self._figures: dict[str, str] | None = None
 
     def configure(self, name: str) -> None:
         """Take a managed node from unconfigured to inactive."""
@@ -136,6 +161,20 @@ class Operator:
         if not response.result.successful:
             raise LaunchError(f"{name} refused: {response.result.reason}")
 
+    def values(self, name: str, parameters: tuple[str, ...]) -> dict[str, Any]:
+        """Return parameters of a node by their names."""
+        request = GetParameters.Request(names=parameters)
+        response = self.call(GetParameters, f"{name}/get_parameters", request)
+        unknown = [
+            parameter
+            for parameter, value in zip(parameters, response.values, strict=False)
+            if value.type == ParameterType.PARAMETER_NOT_SET
+        ]
+        if unknown or len(response.values) != len(parameters):
+            raise LaunchError(f"{name} has no parameter {', '.join(unknown or parameters)}")
+        values = map(parameter_value_to_python, response.values)
+        return dict(zip(parameters, values, strict=True))
+
     def await_recorder(self) -> None:
         """Wait until the recorder and its readers are known here.
 
@@ -162,18 +201,18 @@ class Operator:
         return response
 
     def start_sampling(self, samples: int = 0) -> None:
-        """Activate the DAQ node.
+        """Activate the DAQ node, such that it waits for who commands.
 
         Parameters
         ----------
         samples
-            Have it stop by itself after that many; 0: never.
+            Have it stop by itself after that many periods; 0: never.
         """
-        self.set_parameters("daq", {"samples": samples})
+        self.set_parameters("daq", {"samples": samples, "await_commander": True})
         self.activate("daq")
 
-    def sample(self, samples: int, progress: Callable[[int], None]) -> None:
-        """Let the DAQ node take that many samples and wait until it has stopped by itself.
+    def sample(self, samples: int, progress: Callable[[int], None]) -> Run:
+        """Let the DAQ node sample for so many periods and wait until it has stopped by itself.
 
         Raises
         ------
@@ -181,6 +220,9 @@ class Operator:
             When hardly a new sample comes for a long time, or the recorder has failed.
         """
         self._sequence = 0
+        if self._figures is None:
+            self.listen(DiagnosticArray, "/diagnostics", qos.EVERY, self._on_report)
+        self._figures = {}
         subscription = self._node.create_subscription(ArmState, _STATE, self._on_state, qos.NEWEST)
         try:
             self.start_sampling(samples)
@@ -205,14 +247,21 @@ class Operator:
                 if time.monotonic() > deadline_s:
                     raise LaunchError("daq did not stop after its last sample")
             progress(samples)
+            self.wait(self._has_reported, "the figures of the run")
+            figures = self._figures
+            return Run(
+                int(figures["samples"]),
+                int(figures["missed periods"]),
+                float(figures["real-time factor"]),
+            )
         finally:
             self._node.destroy_subscription(subscription)
             self._sequence = 0
 
     def recorded_run(
         self, commander: str, bag: str, samples: int, progress: Callable[[int], None]
-    ) -> str:
-        """Record one run of the loop; return what the recorder says about it.
+    ) -> Run:
+        """Record one run of the loop.
 
         Parameters
         ----------
@@ -231,9 +280,9 @@ class Operator:
         """
         self.record(bag)
         self.activate(commander)
-        self.sample(samples, progress)
+        run = self.sample(samples, progress)
         self.deactivate(commander)
-        return self.record(None)
+        return run._replace(recorded=self.record(None))
 
     def listen(
         self, kind: type, topic: str, profile: QoSProfile, heard: Callable[[Any], None]
@@ -360,6 +409,18 @@ class Operator:
 
     def _on_state(self, state: ArmState) -> None:
         self._sequence = state.sequence
+        stamp = state.header.stamp
+        self._sampled_s = f"{stamp.sec}.{stamp.nanosec:09d}"
+
+    def _on_report(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == "flexarm: daq":
+                self._figures = {each.key: each.value for each in status.values}
+
+    def _has_reported(self) -> bool:
+        """Tell whether the newest figures are those of the run's last sample."""
+        figures = self._figures or {}
+        return figures.get("last sample s") == self._sampled_s and figures["drive"] == "off"
 
 
 def _message(name: str, value: object) -> ParameterMessage:

@@ -96,6 +96,7 @@ class NodeProcesses:
         self._commands = [program.command() for program in programs]
         self.log = log
         self._log_start = 0
+        self._replaceable: set[str] = set()
         self._processes: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> NodeProcesses:  # noqa: PYI034 - Self needs Python 3.11
@@ -130,7 +131,7 @@ class NodeProcesses:
             signal.signal(signal.SIGINT, previous)
 
     def check(self) -> None:
-        """Complain when one of them has ended.
+        """Complain when one of them has ended, unless another may take its place.
 
         Raises
         ------
@@ -138,17 +139,26 @@ class NodeProcesses:
             With the last line that was printed, unless another node logged it or a signal was the
             reason.
         """
-        for process in self._processes:
-            code = process.poll()
-            if code is None:
-                continue
-            name = _name(process)
-            if code < 0:
-                raise LaunchError(
-                    f"{name} was ended by {_signal_name(-code)}{_AFTER.get(name, '')}"
-                )
-            reason = self._reason(name.removesuffix("_node"))
-            raise LaunchError(f"{name} ended with exit code {code}{reason}")
+        for name, ending in self.endings().items():
+            if name not in self._replaceable:
+                raise LaunchError(ending)
+
+    def let_be_replaced(self, executable: str) -> None:
+        """Go on without a node that ends from now on: another one may take its place."""
+        self._replaceable.add(executable)
+
+    def endings(self) -> dict[str, str]:
+        """Return in words how those have ended that have, by the name of the executable."""
+        return {
+            _name(each): self._ending(_name(each), code)
+            for each in self._processes
+            if (code := each.poll()) is not None
+        }
+
+    def _ending(self, name: str, code: int) -> str:
+        if code < 0:
+            return f"{name} was ended by {_signal_name(-code)}{_AFTER.get(name, '')}"
+        return f"{name} ended with exit code {code}{self._reason(name.removesuffix('_node'))}"
 
     def complaint(self, node: str) -> str:
         """Return the last error that a node has logged, or nothing."""

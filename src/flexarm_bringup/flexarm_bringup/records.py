@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 from contextlib import contextmanager
 from itertools import count
@@ -16,11 +17,19 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_ident.alignment import BagReading
+    from flexarm_ident.iodata import IoData
 
 
 def workplace(bag: Path) -> Path:
     """Return the folder in which the record of a bag is made."""
     return bag.with_name(f"{bag.name}.new")
+
+
+def samples_hash(data: IoData) -> str:
+    """Return the SHA-256 of a record's inputs and outputs: over the samples, not over the file."""
+    digest = hashlib.sha256(data.u.tobytes())
+    digest.update(data.y.tobytes())
+    return digest.hexdigest()
 
 
 @contextmanager
@@ -81,15 +90,15 @@ def put_in_place(record: Path, bag: Path) -> None:
     shutil.rmtree(record.parent)
 
 
-def require_whole(reading: BagReading, samples: int, *, lockstep: bool) -> None:
-    """Refuse a record that is not what was asked for.
+def require_whole(reading: BagReading, taken: int, *, lockstep: bool) -> None:
+    """Refuse a record that is not what was sampled.
 
     Parameters
     ----------
     reading
         The record.
-    samples
-        How many samples were to be taken.
+    taken
+        How many samples were taken: in real time, periods may have been skipped beside them.
     lockstep
         Taken in virtual time, where every sample waits for its answer and for nothing else: with
         one that is missing the numbers are not those of the seed.
@@ -97,17 +106,16 @@ def require_whole(reading: BagReading, samples: int, *, lockstep: bool) -> None:
     Raises
     ------
     LaunchError
-        When the record lacks samples at its start or end, or in virtual time anywhere, or when a
-        command is missing in virtual time.
+        When the record lacks samples, or a command in virtual time.
     """
-    missing = samples - reading.samples
-    if missing > (0 if lockstep else reading.lost):
+    missing = taken - reading.samples
+    if missing > 0:
         raise LaunchError(
-            f"{missing} of {samples} samples are not in the record: nodes.log tells more"
+            f"{missing} of {taken} samples are not in the record: nodes.log tells more"
         )
     if lockstep and reading.unanswered:
         raise LaunchError(
-            f"{reading.unanswered} of {samples} samples had no command of their own: the drive was "
+            f"{reading.unanswered} of {taken} samples had no command of their own: the drive was "
             "held at zero, or answers did not come; nodes.log tells more"
         )
 

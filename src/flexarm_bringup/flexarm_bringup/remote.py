@@ -10,11 +10,8 @@ import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
-from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import GetParameters
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import parameter_value_to_python
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
@@ -27,7 +24,7 @@ from flexarm_control.references import TRAVEL_V
 from flexarm_node import qos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from rclpy.node import Node
 
@@ -100,7 +97,7 @@ def set_reference(reference_v: float) -> None:
     if not abs(reference_v) <= TRAVEL_V:
         raise LaunchError(f"{reference_v:g} V is beyond the travel, +-{TRAVEL_V:.3f} V")
     with _attached("controller") as (operator, node):
-        source = _values(operator, "controller", ("reference",))["reference"]
+        source = operator.values("controller", ("reference",))["reference"]
         if source != "topic":
             raise LaunchError(
                 f"the controller follows its own reference, {source}: "
@@ -131,7 +128,7 @@ def set_parameters(name: str, assignments: Sequence[str]) -> None:
     """
     wanted = dict(_parsed(each) for each in assignments)
     with _attached(name) as (operator, _):
-        present = _values(operator, name, tuple(wanted))
+        present = operator.values(name, tuple(wanted))
         changes = {key: _as_kind(value, present[key]) for key, value in wanted.items()}
         operator.set_parameters(name, changes)
     for key, value in changes.items():
@@ -182,20 +179,6 @@ def _attached(name: str) -> Iterator[tuple[Operator, Node]]:
         except LaunchError:
             raise LaunchError(f"no node {wanted} in ROS domain {ros_domain()}") from None
         yield operator, node
-
-
-def _values(operator: Operator, name: str, parameters: tuple[str, ...]) -> Mapping[str, Any]:
-    request = GetParameters.Request(names=parameters)
-    response = operator.call(GetParameters, f"{name}/get_parameters", request)
-    unknown = [
-        parameter
-        for parameter, value in zip(parameters, response.values, strict=False)
-        if value.type == ParameterType.PARAMETER_NOT_SET
-    ]
-    if unknown or len(response.values) != len(parameters):
-        raise LaunchError(f"{name} has no parameter {', '.join(unknown or parameters)}")
-    values = map(parameter_value_to_python, response.values)
-    return dict(zip(parameters, values, strict=True))
 
 
 def _parsed(assignment: str) -> tuple[str, Any]:

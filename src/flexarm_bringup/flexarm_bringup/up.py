@@ -5,14 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup import terminal
 from flexarm_bringup.graph import running_graph
 from flexarm_bringup.processes import LaunchError
 
+if TYPE_CHECKING:
+    from flexarm_bringup.pace import Pace
+
+_REPLACE = (
+    "the drive is at zero; for another one: "
+    "flexarm run flexarm_control controller_node --ros-args -p autostart:=true"
+)
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
+_CONTROLLER = "controller_node"
 
 
 @dataclass(frozen=True)
@@ -29,6 +37,8 @@ class UpSettings:
         `topic`, or the name of a built-in profile.
     bag
         Folder to record into, with what the nodes print beside it; None records nothing.
+    pace
+        Wall clock or hard real time.
     parameter_files
         As for `--params-file` of ROS 2, such as the gains from `tune`.
     """
@@ -38,11 +48,15 @@ class UpSettings:
     law: str
     reference: str
     bag: Path | None
+    pace: Pace
     parameter_files: tuple[Path, ...]
 
 
 def run_graph(settings: UpSettings) -> None:
     """Start daq, controller, recorder and ident; sample until Ctrl-C, show what they complain of.
+
+    A controller that ends leaves the arm to itself, with the drive at zero: another one may be
+    started in its place.
 
     Raises
     ------
@@ -54,7 +68,11 @@ def run_graph(settings: UpSettings) -> None:
     if bag and bag.exists():
         raise LaunchError(f"{bag} is there already and is not overwritten: choose another name")
     parameters: dict[str, dict[str, Any]] = {
-        "daq": {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz},
+        "daq": {
+            "payload_kg": settings.payload_kg,
+            "rate_hz": settings.rate_hz,
+            **settings.pace.parameters(),
+        },
         "controller": {"law": settings.law, "reference": settings.reference},
     }
     with TemporaryDirectory(prefix="flexarm_") as folder:
@@ -75,10 +93,23 @@ def run_graph(settings: UpSettings) -> None:
                     f"/flexarm is up: {settings.law} at {settings.rate_hz:g} Hz, "
                     f"reference: {settings.reference}. Ctrl-C ends it."
                 )
+                processes.let_be_replaced(_CONTROLLER)
+                loss = ""
+
+                def stay() -> bool:
+                    """Show what there is to show; never done."""
+                    nonlocal loss
+                    complaints.show(_COMPLAINTS)
+                    if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
+                        terminal.CONSOLE.print(f"{loss}: {_REPLACE}", markup=False)
+                    return False
+
                 try:
-                    operator.wait(complaints.shown, "nothing", timeout_s=float("inf"))
+                    operator.wait(stay, "nothing", timeout_s=float("inf"))
                 except KeyboardInterrupt:
                     terminal.CONSOLE.print("stopping")
+                    if loss:
+                        raise LaunchError(loss) from None
                 finally:
                     processes.check()
         finally:
@@ -97,11 +128,6 @@ class _Complaints:
     def __init__(self, log: Path) -> None:
         self._log = log
         self._read = log.stat().st_size if log.is_file() else 0
-
-    def shown(self) -> bool:
-        """Show the new ones; return False, a condition to wait for that never holds."""
-        self.show(_COMPLAINTS)
-        return False
 
     def show(self, levels: tuple[str, ...]) -> None:
         """Show the new ones of these levels."""

@@ -20,7 +20,7 @@ from flexarm_control.references import REFERENCES, TRAVEL_V, Reference, build_re
 from flexarm_control.sample_rate import SampleRate, suits
 from flexarm_control.scheduled import ScheduledPdpc
 from flexarm_control.switching import Handover
-from flexarm_msgs.msg import ArmState, MotorCommand, PayloadEstimate
+from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand, PayloadEstimate
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode
 from flexarm_node.parameters import ParameterSpec
@@ -152,6 +152,7 @@ class ControllerNode(LoopNode):
         """Make the topics of the loop."""
         self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
         self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
+        self._commander = self.create_publisher(CommanderInfo, "commander", qos.STATUS)
         self._references_out = self.create_publisher(Float64, "reference", qos.STATUS_SENT)
         self._payloads = self.create_publisher(PayloadEstimate, "payload", qos.STATUS)
         self._references_in = self.create_subscription(
@@ -162,14 +163,16 @@ class ControllerNode(LoopNode):
         """Give the topics back."""
         self._states.close()
         self.destroy_publisher(self._commands)
+        self.destroy_publisher(self._commander)
         self.destroy_publisher(self._references_out)
         self.destroy_publisher(self._payloads)
         self.destroy_subscription(self._references_in)
 
     def prepare(self) -> None:
-        """Wait for every reader of the commands, drop an old sample, tell the set-point."""
+        """Wait for every reader of the commands, drop an old sample, tell law and set-point."""
         self.await_listeners(self._commands, least=1)
         self._states.wait_newest(0.0)
+        self._declare(self._setup.name)
         if self._setup.profile is None:
             # A record shall have the set-point in force from its first sample on.
             self._references_out.publish(Float64(data=self._reference_v))
@@ -222,7 +225,7 @@ class ControllerNode(LoopNode):
             self._answer_s.add(time.monotonic() - received_s)
             self.spare_time()
         # A recorder shall have everything before the run counts as ended.
-        self.await_acknowledged(self._commands, self._references_out)
+        self.await_acknowledged(self._commands, self._references_out, self._commander)
 
     def _tell_payload(self, law: ScheduledPdpc, stamp: Time) -> None:
         payload_kg, deviation_kg, detected = law.payload
@@ -232,8 +235,15 @@ class ControllerNode(LoopNode):
         message.header.stamp = stamp
         self._payloads.publish(message)
 
+    def _declare(self, law: str) -> None:
+        info = CommanderInfo(node=self.get_fully_qualified_name(), law=law, uses_outputs=True)
+        info.header.stamp = self.get_clock().now().to_msg()
+        self._commander.publish(info)
+
     def _replace(self, values: Mapping[str, Any]) -> None:
-        self._setup = _setup(values)
+        before, self._setup = self._setup, _setup(values)
+        if self.running and self._setup.name != before.name:
+            self._declare(self._setup.name)
 
     def _on_reference(self, message: Float64) -> None:
         if self._setup.profile is not None:

@@ -2,9 +2,13 @@
 
 A command acts when it arrives, inside the period: a whole sample of delay makes the thesis's
 control loops unstable. In real time the loop ticks on absolute deadlines and serves commands in
-between; when it is late it skips whole periods and counts them, it never bursts. In virtual time
-it is lock-step: every sample waits for its answer, so a run is as fast as the machine allows and
-gives the same numbers for the same seed.
+between; when it is late it skips whole periods and their numbers, it never bursts. In virtual time
+it is lock-step: every sample waits for its answer, and the next one for the wall clock at the
+run's pace. When the machine stalls the arm's time stalls with it: nothing is lost, and the same
+seed gives the same numbers at any pace.
+
+A sample waits only while somebody answers. When an answer does not come in time the drive goes to
+zero, and the arm moves on at its pace until a command is accepted again.
 
 Time is the rig's and the monotonic clock's: a jump of the wall clock changes nothing here.
 """
@@ -38,7 +42,8 @@ if TYPE_CHECKING:
 _WAKE_MARGIN_S = 2e-4
 # What is done in spare time usually takes less.
 _SPARE_S = 3e-4
-# In virtual time a sample may wait long for its answer; being told to stop must not.
+# In virtual time a sample may wait long for its answer, or for its pace; being told to stop must
+# not, nor what is done in spare time.
 _STOP_POLL_S = 0.05
 
 
@@ -53,7 +58,8 @@ class Applied(NamedTuple):
 class Record(NamedTuple):
     """One sample with the command in force while it was taken.
 
-    `time_s` is the rig's time, `taken_s` the monotonic clock's.
+    `sequence` is the number of its period, from 1. `time_s` is the rig's time, `taken_s` the
+    monotonic clock's.
     """
 
     sequence: int
@@ -78,6 +84,24 @@ class Record(NamedTuple):
 
 
 _NOTHING = Applied(0.0, 0.0, 0)
+
+
+class LockStep(NamedTuple):
+    """How virtual time goes.
+
+    Attributes
+    ----------
+    real_time_factor : float
+        Pace: the arm's time for the wall clock's at best; 0 goes as fast as the answers come.
+    answer_timeout_s : float
+        How long a sample waits for its answer.
+    is_answered : bool
+        The first sample waits for its answer; else samples wait from the first command on.
+    """
+
+    real_time_factor: float
+    answer_timeout_s: float
+    is_answered: bool
 
 
 class Link(Protocol):
@@ -108,11 +132,11 @@ class Acquisition:
     rate_hz
         Sampling rate.
     samples
-        The run ends by itself after that many samples; 0 runs until it is stopped.
+        The run ends by itself after that many periods; 0 runs until it is stopped.
     paced_by_rig
         In real time: the rig's own clock says when a sample is due, and reading waits for it.
-    answer_timeout_s
-        None runs in real time. Otherwise lock-step: how long a sample waits for its answer.
+    lockstep
+        How virtual time goes; None runs in real time.
     statistics_s
         How long `late_s` and `reply_s` look back.
 
@@ -123,6 +147,8 @@ class Acquisition:
     commander : Commander
         Who is in force, and what became of the commands.
     sequence : int
+        Number of the newest sample: of its period, from 1 on.
+    taken : int
         Samples taken.
     missed : int
         Whole periods skipped.
@@ -145,7 +171,7 @@ class Acquisition:
         rate_hz: float,
         samples: int = 0,
         paced_by_rig: bool = False,
-        answer_timeout_s: float | None = None,
+        lockstep: LockStep | None = None,
         statistics_s: float = 10.0,
     ) -> None:
         self._rig = rig
@@ -156,16 +182,19 @@ class Acquisition:
         self._period_s = 1.0 / rate_hz
         self._samples = samples
         self._paced_by_rig = paced_by_rig
-        self._answer_timeout_s = answer_timeout_s
+        self._lockstep = lockstep
+        self._is_answered = lockstep is not None and lockstep.is_answered
         self._emergency = False
         self._spared = 0
         self._position_v = 0.0
         self._applied = _NOTHING
         self._tick_s = 0.0
         self._sample_time_s = -math.inf
+        self._started_s = (math.nan, math.nan)
         self.safety = Safety()
         self.commander = Commander()
         self.sequence = 0
+        self.taken = 0
         self.missed = 0
         self.unanswered = 0
         self.limited = 0
@@ -178,6 +207,17 @@ class Acquisition:
     def refused(self) -> int:
         """Commands that were not obeyed because of where they come from or what they answer."""
         return self.commander.verdicts.total() - self.commander.verdicts[Verdict.ACCEPTED]
+
+    @property
+    def real_time_factor(self) -> float:
+        """How fast the rig's time has passed since the first sample, for that of the wall clock.
+
+        NaN before the second sample.
+        """
+        # Another thread may ask between two assignments: a figure, no more.
+        time_s, tick_s = self._started_s
+        passed_s = self._tick_s - tick_s
+        return (self._sample_time_s - time_s) / passed_s if passed_s > 0.0 else math.nan
 
     def limit(self, settings: LimiterSettings) -> None:
         """Take other limits from the next command on; any thread may call."""
@@ -202,21 +242,12 @@ class Acquisition:
         try:
             self._rig.open()
             self.safety.on(Event.START)
-            deadline_s = time.monotonic()
-            while not stop.is_set():
-                self._tick()
-                if self._samples and self.sequence >= self._samples:
-                    break
-                if self._answer_timeout_s is not None:
-                    self._await_answer(self._answer_timeout_s, stop)
-                    continue
-                if self._paced_by_rig:
-                    # A little early, so that lateness does not stay: reading waits out the rest.
-                    deadline_s = self._tick_s + self._period_s - _WAKE_MARGIN_S
-                else:
-                    deadline_s = self._next_deadline(deadline_s)
-                self._serve_until(deadline_s)
-                self.late_s.add(time.monotonic() - deadline_s)
+            if self._lockstep is not None:
+                self._run_in_lockstep(self._lockstep, stop)
+            elif self._paced_by_rig:
+                self._run_by_the_rig(stop)
+            else:
+                self._run_by_the_clock(stop)
         except BaseException as error:
             self._rig.safe_stop()
             self.safety.on(Event.FAILURE, str(error))
@@ -226,11 +257,57 @@ class Acquisition:
             self.safety.on(Event.END)
             self._rig.close()
 
-    def _tick(self) -> None:
+    def _run_by_the_clock(self, stop: threading.Event) -> None:
+        deadline_s = time.monotonic()
+        skipped = 0
+        while not stop.is_set():
+            self._take(self._read(), skipped)
+            if self._is_last():
+                return
+            deadline_s += self._period_s
+            late_s = self._serve_until(deadline_s, stop)
+            skipped = max(0, int(late_s / self._period_s))
+            deadline_s += skipped * self._period_s
+
+    def _run_by_the_rig(self, stop: threading.Event) -> None:
+        while not stop.is_set():
+            sample = self._read()
+            periods = (sample.time_s - self._sample_time_s) / self._period_s if self.taken else 1.0
+            self._take(sample, max(0, round(periods) - 1))
+            if self._is_last():
+                return
+            # A little early, so that lateness does not stay: reading waits out the rest.
+            self._serve_until(self._tick_s + self._period_s - _WAKE_MARGIN_S, stop)
+
+    def _run_in_lockstep(self, lockstep: LockStep, stop: threading.Event) -> None:
+        deadline_s = time.monotonic()
+        while not stop.is_set():
+            self._take(self._read())
+            if self._is_last():
+                return
+            if self._is_answered:
+                self._await_answer(lockstep.answer_timeout_s, stop)
+            # Without a pace, samples that nobody answers would run away from who comes to answer.
+            pace = lockstep.real_time_factor or (0.0 if self._is_answered else 1.0)
+            if not pace:
+                deadline_s = time.monotonic()
+                continue
+            period_s = self._period_s / pace
+            deadline_s += period_s
+            late_s = self._serve_until(deadline_s, stop)
+            if late_s > period_s:
+                deadline_s += late_s
+
+    def _is_last(self) -> bool:
+        return bool(self._samples) and self.sequence >= self._samples
+
+    def _read(self) -> RigSample:
         sample = self._rig.read()
         self._require_whole(sample)
-        if self._paced_by_rig and self.sequence:
-            self.missed += round((sample.time_s - self._sample_time_s) / self._period_s) - 1
+        return sample
+
+    def _take(self, sample: RigSample, skipped: int = 0) -> None:
+        """Take a sample, so many whole periods too late, and hand it out."""
         self._tick_s = time.monotonic()
         if self.commander.answered != self.sequence:
             self.unanswered += 1
@@ -239,9 +316,13 @@ class Acquisition:
         if in_force != _NOTHING and not self.safety.driving:
             self._write(_NOTHING)
             self._limiter.reset()
-        self.sequence += 1
+        self.missed += skipped
+        self.sequence += 1 + skipped
+        self.taken += 1
         self._position_v = float(sample.volts[0])
         self._sample_time_s = sample.time_s
+        if self.taken == 1:
+            self._started_s = (sample.time_s, self._tick_s)
         self._link.publish(
             Record(self.sequence, sample.time_s, self._tick_s, sample.volts, *in_force)
         )
@@ -266,30 +347,29 @@ class Acquisition:
             self.commander.release()
             self.safety.on(Event.STALE)
 
-    def _next_deadline(self, deadline_s: float) -> float:
-        late_s = time.monotonic() - (deadline_s + self._period_s)
-        skipped = max(0, int(late_s / self._period_s))
-        self.missed += skipped
-        return deadline_s + (1 + skipped) * self._period_s
-
-    def _serve_until(self, deadline_s: float) -> None:
-        if self._spared < self.sequence - 1:
+    def _serve_until(self, deadline_s: float, stop: threading.Event) -> float:
+        """Let commands act until a deadline, and return how late it has become."""
+        if self._spared < self.taken - 1:
             self._spare()
-        while True:
+        while not stop.is_set():
             left_s = deadline_s - time.monotonic()
             if left_s <= _WAKE_MARGIN_S:
                 time.sleep(max(0.0, left_s))
                 self._serve_the_last()
-                return
-            command = self._link.wait(left_s - _WAKE_MARGIN_S)
+                break
+            command = self._link.wait(min(left_s - _WAKE_MARGIN_S, _STOP_POLL_S))
             if command is not None:
                 self._act(command)
-                left_s = deadline_s - time.monotonic()
-                if self.commander.answered == self.sequence and left_s > _SPARE_S:
-                    self._spare()
+            left_s = deadline_s - time.monotonic()
+            is_done = command is None or self.commander.answered == self.sequence
+            if is_done and left_s > _SPARE_S:
+                self._spare()
+        late_s = time.monotonic() - deadline_s
+        self.late_s.add(late_s)
+        return late_s
 
     def _spare(self) -> None:
-        self._spared = self.sequence
+        self._spared = self.taken
         self._link.spare_time()
 
     def _serve_the_last(self) -> None:
@@ -303,14 +383,22 @@ class Acquisition:
     def _await_answer(self, timeout_s: float, stop: threading.Event) -> None:
         until_s = time.monotonic() + timeout_s
         while self.commander.answered != self.sequence and not stop.is_set():
-            self._link.spare_time()
+            self._spare()
             left_s = until_s - time.monotonic()
             command = self._link.wait(min(left_s, _STOP_POLL_S))
             if command is not None:
                 self._act(command)
             elif left_s <= _STOP_POLL_S:
-                self.commander.release()
+                self._give_up_on_the_commander()
                 return
+
+    def _give_up_on_the_commander(self) -> None:
+        self._is_answered = False
+        self.commander.release()
+        self.safety.on(Event.STALE)
+        if self._applied != _NOTHING:
+            self._write(_NOTHING)
+            self._limiter.reset()
 
     def _act(self, command: Command) -> None:
         verdict = self.commander.judge(command, self.sequence)
@@ -323,6 +411,7 @@ class Acquisition:
             self._write(_NOTHING)
         if verdict is not Verdict.ACCEPTED:
             return
+        self._is_answered = True
         self._watchdog.fed(self._sample_time_s)
         self.reply_s.add(time.monotonic() - self._tick_s)
         if self._emergency:

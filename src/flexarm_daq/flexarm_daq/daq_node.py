@@ -10,17 +10,19 @@ import time
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
+from rclpy.clock import Clock as SystemClock
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from flexarm_daq.acquisition import Acquisition, Record
+from flexarm_daq.acquisition import Acquisition, LockStep, Record
 from flexarm_daq.channels import CHANNEL_NAMES, CHANNELS, COMMAND, DRIVE_A_PER_V
 from flexarm_daq.commander import Command, Verdict
 from flexarm_daq.faulty_rig import Fault, FaultyRig
 from flexarm_daq.limiter import LIMITS, Limiter, LimiterSettings
 from flexarm_daq.parameters import RigParameters
 from flexarm_daq.rig import Rig, RigError
-from flexarm_daq.rigs import RIG_PARAMETERS, make_rig, wants_self_test
+from flexarm_daq.rigs import RIG_PARAMETERS, is_virtual, make_rig, wants_self_test
 from flexarm_daq.safety import COUNTED
 from flexarm_daq.self_test import run_self_test
 from flexarm_daq.sensor_check import SensorCheck, SensorLimits
@@ -39,18 +41,30 @@ if TYPE_CHECKING:
     import threading
     from collections.abc import Iterator, Mapping
 
+    from rclpy.publisher import Publisher
+
 _NO_FAULT = "none"
 
 PARAMETERS = (
     *RIG_PARAMETERS,
     ParameterSpec("rate_hz", 300.0, "sampling rate", 10.0, 2000.0, "Hz"),
+    ParameterSpec("samples", 0, "deactivate after that many periods; 0: never", 0, 2**40),
     ParameterSpec(
-        "time", "real", "real: by the clock; virtual: lock-step", choices=("real", "virtual")
+        "real_time_factor",
+        1.0,
+        "virtual time: its pace, 0.01 or more; 0: as fast as the answers come",
+        0.0,
+        100.0,
     ),
-    ParameterSpec("samples", 0, "deactivate after that many samples; 0: never", 0, 2**40),
     # Under settings of the user's own the middleware may repeat a lost message only after 3 s.
     ParameterSpec(
-        "answer_timeout_s", 10.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
+        "answer_timeout_s", 5.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
+    ),
+    ParameterSpec(
+        "await_commander",
+        default=False,
+        description="virtual time: activating waits for a commander, some seconds, and the first"
+        " sample for its answer",
     ),
     ParameterSpec("max_command_v", 10.0, "limiter: largest command", 0.1, 10.0, "V"),
     ParameterSpec(
@@ -89,6 +103,7 @@ _POSITION, _, _, _SPEED = CHANNELS
 _TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V
 _JOINT_STATES_HZ = 50.0
 _SILENT_S = 1.0
+_SLOWEST_PACE = 0.01
 
 
 class DaqNode(LoopNode):
@@ -122,11 +137,18 @@ class DaqNode(LoopNode):
         values = self.parameters.values()
         rig, settings = _rig_and_limits(values)
         self._rig = rig
-        virtual = values["time"] == "virtual"
+        virtual = is_virtual(values)
         if wants_self_test(values):
             run_self_test(rig, Limiter(settings), values["rate_hz"], paced=not virtual)
             self.get_logger().info("self-test: every channel answers with the right sign")
-        self._link.start(values["rate_hz"], await_controller=virtual)
+        self._link.start(
+            values["rate_hz"], virtual=virtual, await_commander=values["await_commander"]
+        )
+        lockstep = LockStep(
+            values["real_time_factor"],
+            values["answer_timeout_s"],
+            is_answered=self._link.has_commander(),
+        )
         self._rate = Rate()
         self._acquisition = Acquisition(
             rig,
@@ -137,7 +159,7 @@ class DaqNode(LoopNode):
             rate_hz=values["rate_hz"],
             samples=values["samples"],
             paced_by_rig=values["rig"] != "simulated",
-            answer_timeout_s=values["answer_timeout_s"] if virtual else None,
+            lockstep=lockstep if virtual else None,
             statistics_s=values["statistics_s"],
         )
 
@@ -146,7 +168,7 @@ class DaqNode(LoopNode):
         assert self._acquisition is not None  # noqa: S101 - prepared before
         try:
             self._acquisition.run(stopping)
-            self.get_logger().info(f"{self._acquisition.sequence} samples, the drive is at zero")
+            self.get_logger().info(f"{self._acquisition.taken} samples, the drive is at zero")
         finally:
             if not stopping.is_set():
                 self._link.await_readers()
@@ -171,12 +193,14 @@ class DaqNode(LoopNode):
         """Yield the figures of the loop."""
         acquisition = self._acquisition
         assert acquisition is not None  # noqa: S101 - asked only while the loop runs
-        rate_hz = self._rate.update(acquisition.sequence, time.monotonic())
+        rate_hz = self._rate.update(acquisition.taken, time.monotonic())
         safety, verdicts = acquisition.safety, acquisition.commander.verdicts
         yield {
             "drive": safety.state.value,
-            "samples": acquisition.sequence,
+            "last sample s": self._link.newest_s,
+            "samples": acquisition.taken,
             "rate Hz": f"{rate_hz:.1f}",
+            "real-time factor": f"{acquisition.real_time_factor:.3f}",
             "missed periods": acquisition.missed,
             "unanswered samples": acquisition.unanswered,
             "refused commands": acquisition.refused,
@@ -202,6 +226,7 @@ class DaqNode(LoopNode):
     def _accept(self, values: Mapping[str, Any]) -> None:
         """Raise when the values do not fit together, or cannot change while the loop runs."""
         _rig_and_limits(values)
+        _check_pace(values["real_time_factor"])
         if self._acquisition is None or not self.running:
             return
         before = self.parameters.values()
@@ -237,6 +262,8 @@ class _TopicLink:
         self._publisher = node.create_publisher(ArmState, "state", qos.SENT)
         self._joint_states = node.create_publisher(JointState, "joint_states", qos.SENT)
         self._commands: TopicWaiter[Any] = TopicWaiter(node, MotorCommand, "command", qos.NEWEST)
+        self._clock: Publisher[Clock] | None = None
+        self._now = Clock()
         self._state = ArmState()
         self._state.header.frame_id = "flexarm"
         self._joint = JointState(name=["hub"])
@@ -244,20 +271,36 @@ class _TopicLink:
         self._joint_every = 1
         self._start_ns = 0
 
-    def start(self, rate_hz: float, *, await_controller: bool) -> None:
+    def start(self, rate_hz: float, *, virtual: bool, await_commander: bool) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
-        if await_controller:
-            wait_until(lambda: self._commands.publishers() > 0)
+        if virtual and self._clock is None:
+            self._clock = self._node.create_publisher(Clock, "/clock", qos.NEWEST)
+        if not virtual:
+            self._release_clock()
+        if virtual and await_commander and not wait_until(self.has_commander):
+            self._node.get_logger().warning("no commander is there: the arm moves on without")
         self._node.await_listeners(self._publisher)
         self._commands.wait_newest(0.0)
         self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))
+
+    @property
+    def newest_s(self) -> str:
+        """Stamp of the newest sample, in seconds since the epoch."""
+        stamp = self._state.header.stamp
+        return f"{stamp.sec}.{stamp.nanosec:09d}"
+
+    def has_commander(self) -> bool:
+        """Tell whether somebody is there who could send commands."""
+        return self._commands.publishers() > 0
 
     def publish(self, record: Record) -> None:
         """Publish one sample, and the SI view of some when somebody listens."""
         if record.sequence == 1:
             # The rig's clock began when it was opened, which may have taken its time; and the
             # first sample takes its own until it is here.
-            now_ns = self._node.get_clock().now().nanoseconds
+            # The node whose time is `/clock` cannot follow it.
+            clock = self._node.get_clock() if self._clock is None else SystemClock()
+            now_ns = clock.now().nanoseconds
             self._start_ns = record.start_ns(now_ns, time.monotonic())
         state = self._state
         set_stamp(state.header.stamp, self._start_ns + round(record.time_s * 1e9))
@@ -272,6 +315,9 @@ class _TopicLink:
         state.compensation_v = record.compensation_v
         state.command_sequence = record.command_sequence
         self._publisher.publish(state)
+        if self._clock is not None and self._clock.get_subscription_count():
+            self._now.clock = state.header.stamp
+            self._clock.publish(self._now)
         if record.sequence % self._joint_every == 0 and self._joint_states.get_subscription_count():
             self._publish_joints(state)
 
@@ -304,8 +350,14 @@ class _TopicLink:
     def close(self) -> None:
         """Give the topics back."""
         self._commands.close()
+        self._release_clock()
         self._node.destroy_publisher(self._publisher)
         self._node.destroy_publisher(self._joint_states)
+
+    def _release_clock(self) -> None:
+        if self._clock is not None:
+            self._node.destroy_publisher(self._clock)
+            self._clock = None
 
     def _publish_joints(self, state: ArmState) -> None:
         joint = self._joint
@@ -331,6 +383,14 @@ def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
         channel=values["fault_channel"],
     )
     return faulty, settings
+
+
+def _check_pace(factor: float) -> None:
+    if 0.0 < factor < _SLOWEST_PACE:
+        raise ValueError(
+            f"parameter real_time_factor = {factor:g}: must be 0, as fast as it goes, or "
+            f"{_SLOWEST_PACE:g} to 100"
+        )
 
 
 def _limits(values: Mapping[str, Any]) -> LimiterSettings:

@@ -1,7 +1,8 @@
 """The exciter: answers every sample of `state` with a command of an open-loop experiment.
 
 A managed node that takes the controller's place on `command`. It carries no compensation: what is
-sent is the whole command (2.4.1, 2.4.2).
+sent is the whole command (2.4.1, 2.4.2). It declares that its commands do not use the outputs: the
+turning round at the bound is a guard that acts a few times in a record, not a loop around the arm.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from flexarm_daq.excitation import BOUND_V, EXCITATIONS, Excitation
-from flexarm_msgs.msg import ArmState, MotorCommand
+from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode
 from flexarm_node.parameters import ParameterSpec
@@ -48,17 +49,28 @@ class ExperimentNode(LoopNode):
         """Make the topics of the loop."""
         self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
         self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
+        self._commander = self.create_publisher(CommanderInfo, "commander", qos.STATUS)
 
     def release_topics(self) -> None:
         """Give the topics back."""
         self._states.close()
         self.destroy_publisher(self._commands)
+        self.destroy_publisher(self._commander)
 
     def prepare(self) -> None:
-        """Make the excitation, wait for every reader of the commands, drop an old sample."""
-        self._excitation = _excitation(self.parameters.values())
+        """Make the excitation, wait for every reader of the commands, drop an old sample.
+
+        And tell what will command.
+        """
+        values = self.parameters.values()
+        self._excitation = _excitation(values)
         self.await_listeners(self._commands, least=1)
         self._states.wait_newest(0.0)
+        info = CommanderInfo(
+            node=self.get_fully_qualified_name(), law=values["waveform"], uses_outputs=False
+        )
+        info.header.stamp = self.get_clock().now().to_msg()
+        self._commander.publish(info)
 
     def loop(self, stopping: threading.Event) -> None:
         """Answer until told to stop; a new run of samples begins the experiment anew."""
@@ -83,7 +95,7 @@ class ExperimentNode(LoopNode):
             self._answered += 1
             self.spare_time()
         # A recorder shall have every command before the run counts as ended.
-        self.await_acknowledged(self._commands)
+        self.await_acknowledged(self._commands, self._commander)
 
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""

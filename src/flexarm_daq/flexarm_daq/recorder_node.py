@@ -26,8 +26,9 @@ from std_srvs.srv import SetBool
 
 from flexarm_daq.bag_metadata import RecordedTopic, TopicQos
 from flexarm_daq.definitions import describe, load_typestore
+from flexarm_daq.kept_messages import KeptMessages
 from flexarm_daq.recording import BagWriter, RecordingError
-from flexarm_msgs.msg import ArmState, ChannelInfo, IoSample, MotorCommand
+from flexarm_msgs.msg import ArmState, ChannelInfo, CommanderInfo, IoSample, MotorCommand
 from flexarm_node import qos
 from flexarm_node.parameters import ParameterError, Parameters, ParameterSpec
 from flexarm_node.process import run
@@ -37,18 +38,24 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 TOPICS = {
+    "commander": (CommanderInfo, "flexarm_msgs/msg/CommanderInfo", qos.STATUS),
+    "io_channels": (ChannelInfo, "flexarm_msgs/msg/ChannelInfo", qos.STATUS),
     "state": (ArmState, "flexarm_msgs/msg/ArmState", qos.EVERY),
     "command": (MotorCommand, "flexarm_msgs/msg/MotorCommand", qos.EVERY),
     "reference": (Float64, "std_msgs/msg/Float64", qos.EVERY),
     "joint_states": (JointState, "sensor_msgs/msg/JointState", qos.EVERY),
     "io": (IoSample, "flexarm_msgs/msg/IoSample", qos.EVERY),
-    "io_channels": (ChannelInfo, "flexarm_msgs/msg/ChannelInfo", qos.STATUS),
 }
-"""What can be recorded: message type, its name, QoS of the subscription."""
+"""What can be recorded: message type, its name, QoS of the subscription.
+
+What is kept for latecomers stands first: it is taken before the samples that it is about.
+"""
 
 PARAMETERS = (
     ParameterSpec("bag", "", "folder of the bag, to be created; empty: wait for the service"),
-    ParameterSpec("topics", ["state", "command", "reference"], "which topics are recorded"),
+    ParameterSpec(
+        "topics", ["commander", "state", "command", "reference"], "which topics are recorded"
+    ),
 )
 _WAIT_S = 0.1
 # A message that was sent arrives within this time after the one before it, on a busy machine too.
@@ -63,11 +70,15 @@ class RecorderNode(Node):
     def __init__(self) -> None:
         super().__init__("recorder", namespace="/flexarm")
         self._settings = Parameters(self, PARAMETERS, accept=_known_topics)
-        names = _known_topics(self._settings.values())
+        wanted = _known_topics(self._settings.values())
+        names = [name for name in TOPICS if name in wanted]
         self._names = [self.resolve_topic_name(name) for name in names]
         self._topics = _recorded_topics(names, self._names)
         self._waiter = RawTopicsWaiter(self, [(TOPICS[n][0], n, TOPICS[n][2]) for n in names])
         self._writer: BagWriter | None = None
+        self._kept = KeptMessages(
+            topic for topic, name in zip(self._names, names, strict=True) if _is_kept(name)
+        )
         self._requests: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = (
             queue.SimpleQueue()
         )
@@ -114,11 +125,11 @@ class RecorderNode(Node):
         self.get_logger().error(self.failure)
 
     def _write(self, messages: list[RawMessage]) -> None:
-        if self._writer is None:
-            return
         for message in messages:
             name = self._names[message.topic]
-            self._writer.write(name, message.raw, message.source_ns, message.source_ns)
+            for topic, raw, time_ns in self._kept.due(name, message.raw, message.source_ns):
+                if self._writer is not None:
+                    self._writer.write(topic, raw, time_ns, time_ns)
 
     def _write_what_is_on_its_way(self) -> None:
         """Write every message that was sent before now, as far as it comes in time."""
@@ -139,6 +150,7 @@ class RecorderNode(Node):
         path = Path(bag).expanduser().absolute()
         ros_distro = os.environ.get("ROS_DISTRO", "jazzy")
         self._writer = BagWriter(path, self._topics, ros_distro=ros_distro)
+        self._kept.open(time.time_ns())
         self.failure = ""
         text = f"recording to {path}"
         self.get_logger().info(text)
@@ -197,10 +209,14 @@ def _recorded_topics(names: list[str], resolved: list[str]) -> list[RecordedTopi
         RecordedTopic(
             topic,
             describe(typestore, TOPICS[name][1]),
-            TopicQos(durability="transient_local" if TOPICS[name][2] is qos.STATUS else "volatile"),
+            TopicQos(durability="transient_local" if _is_kept(name) else "volatile"),
         )
         for name, topic in zip(names, resolved, strict=True)
     ]
+
+
+def _is_kept(name: str) -> bool:
+    return TOPICS[name][2] is qos.STATUS
 
 
 def _known_topics(values: Mapping[str, Any]) -> list[str]:

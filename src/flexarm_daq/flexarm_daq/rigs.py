@@ -1,4 +1,4 @@
-"""Which rig the DAQ node samples: the parameters of each, and the rig made from them."""
+"""Which rig the DAQ node samples and in which time: the parameters, and the rig made from them."""
 
 from __future__ import annotations
 
@@ -23,6 +23,12 @@ _WIRED = NidaqSettings()
 
 RIG_PARAMETERS = (
     ParameterSpec("rig", "simulated", "which rig is sampled", choices=("simulated", "nidaq")),
+    ParameterSpec(
+        "time",
+        "auto",
+        "real: by the clock; virtual: lock-step; auto: virtual for the simulated rig, else real",
+        choices=("auto", "real", "virtual"),
+    ),
     ParameterSpec(
         "self_test",
         "auto",
@@ -55,6 +61,19 @@ RIG_PARAMETERS = (
 """Parameters of the DAQ node that choose and describe the rig."""
 
 
+def is_virtual(values: Mapping[str, Any]) -> bool:
+    """Tell whether the rig is sampled in virtual time.
+
+    Parameters
+    ----------
+    values : mapping
+        Values of the parameters `time` and `rig`.
+    """
+    return bool(
+        values["time"] == "virtual" or (values["time"] == "auto" and values["rig"] == "simulated")
+    )
+
+
 def make_rig(values: Mapping[str, Any]) -> Rig:
     """Make the rig that the parameters describe; nothing is opened.
 
@@ -83,7 +102,7 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
 
 
 def _simulated(values: Mapping[str, Any]) -> SimulatedRig:
-    virtual = values["time"] == "virtual"
+    virtual = is_virtual(values)
     # In real time a command acts when it arrives.
     delay_s = values["reply_delay_s"] if virtual else 0.0
     if not delay_s < 1.0 / values["rate_hz"]:

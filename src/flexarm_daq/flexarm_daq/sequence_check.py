@@ -6,7 +6,7 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flexarm_daq.stamped import SEQUENCED, sequence_of
+from flexarm_daq.stamped import COMMANDS, SEQUENCED, sequence_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -42,6 +42,10 @@ class SequenceCheck:
 
     def __init__(self, types: Mapping[str, str]) -> None:
         self.losses = {topic: Losses() for topic, name in types.items() if name in SEQUENCED}
+        self._what = {
+            topic: "commands missing" if name in COMMANDS else "periods without a sample"
+            for topic, name in types.items()
+        }
         self._last: dict[str, int] = {}
 
     def add(self, topic: str, raw: bytes) -> None:
@@ -62,9 +66,13 @@ class SequenceCheck:
         self._last[topic] = sequence
 
     def complaints(self) -> list[str]:
-        """Return one sentence per topic with missing messages."""
+        """Return one sentence per topic with missing messages.
+
+        The numbers of samples count periods: one that was skipped is missing like one that was
+        lost.
+        """
         return [
-            f"{topic}: {losses.missing} messages missing at {losses.gaps} places"
+            f"{topic}: {losses.missing} {self._what[topic]} at {losses.gaps} places"
             for topic, losses in self.losses.items()
             if losses.missing
         ]

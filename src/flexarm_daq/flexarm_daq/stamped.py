@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import struct
 
-SEQUENCED = frozenset(
-    {"flexarm_msgs/msg/ArmState", "flexarm_msgs/msg/MotorCommand", "flexarm_msgs/msg/IoSample"}
-)
+COMMANDS = frozenset({"flexarm_msgs/msg/MotorCommand"})
+"""Of the types that begin so, those that number commands; the others number sampling periods."""
+
+SEQUENCED = COMMANDS | {"flexarm_msgs/msg/ArmState", "flexarm_msgs/msg/IoSample"}
 """Types that begin so."""
 
 _ENCAPSULATION = 4

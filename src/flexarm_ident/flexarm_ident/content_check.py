@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     Integers = NDArray[np.int64]
 
+COMMANDER_INFO = "flexarm_msgs/msg/CommanderInfo"
+
 EXPECTED = {
     "state": ARM_STATE,
     "command": MOTOR_COMMAND,
@@ -26,6 +28,7 @@ EXPECTED = {
     "joint_states": "sensor_msgs/msg/JointState",
     "io": IO_SAMPLE,
     "io_channels": CHANNEL_INFO,
+    "commander": COMMANDER_INFO,
 }
 """Types of the project's topics, by the last part of their names."""
 
@@ -156,8 +159,10 @@ class ContentCheck:
                 self._notes.append(f"{name}: {_restarted(topic, numbers[begins - 1])}")
             runs = (np.split(column, begins) for column in (numbers, stamps_ns, log_times_ns))
             for run, columns in enumerate(zip(*runs, strict=True), start=1):
-                problems = number_problems(columns[0])
-                if topic.type_name in _SAMPLED:
+                sampled = topic.type_name in _SAMPLED
+                what = "periods without a sample" if sampled else "commands missing"
+                problems = number_problems(columns[0], what)
+                if sampled:
                     problems += clock_problems(*columns)
                 where = f"{name}, run {run}" if len(begins) else name
                 self._problems += [f"{where}: {problem}" for problem in problems]

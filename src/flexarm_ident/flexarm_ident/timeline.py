@@ -12,10 +12,16 @@ if TYPE_CHECKING:
     Integers = NDArray[np.int64]
 
 _NS = 1_000_000_000
-# A sample is this many periods behind the one before it: another one should have been between.
-_SKIPPED = 1.5
+# The earliest of so many samples in a row is on time.
+_SOON = 8
+# A step of the lateness by this part of a period is one that may stay.
+_STEP = 0.25
+# A sample may be late by almost a period: only what is above counts as whole ones.
+_EARLY = 0.3
 # A step of one clock against the other, from one sample to the next, that no delay explains.
 _CLOCK_STEP_NS = _NS
+# Steps of stamps that are whole periods, each rounded to whole nanoseconds: no clock does that.
+_ROUNDING_NS = 2
 # In virtual time the stamps run much faster than the clock that the messages are sent by.
 _REAL_TIME = 0.2
 
@@ -37,13 +43,15 @@ def restarts(sequences: Integers, log_times_ns: Integers) -> Integers:
     return np.flatnonzero(begins) + 1
 
 
-def number_problems(sequences: Integers) -> list[str]:
+def number_problems(sequences: Integers, what: str) -> list[str]:
     """Return what is wrong with sequence numbers.
 
     Parameters
     ----------
     sequences : (messages,)
         In the order of sending.
+    what
+        What a number that is left out stands for, in the plural.
 
     Returns
     -------
@@ -56,8 +64,7 @@ def number_problems(sequences: Integers) -> list[str]:
     if len(gaps):
         lost = int(np.sum(steps[gaps] - 1))
         problems.append(
-            f"{lost} samples missing at {len(gaps)} places, the first after number"
-            f" {sequences[gaps[0]]}"
+            f"{lost} {what} at {len(gaps)} places, the first after number {sequences[gaps[0]]}"
         )
     if len(backward):
         at = backward[0]
@@ -96,9 +103,12 @@ def clock_problems(sequences: Integers, stamps_ns: Integers, log_times_ns: Integ
     if not np.any(following & (steps_ns > 0)):
         return problems
     period_ns = float(np.median(steps_ns[following & (steps_ns > 0)]))
-    problems += _skipped(sequences, steps_ns, following, period_ns)
+    problems += _skipped(sequences, stamps_ns, period_ns)
     log_period_ns = float(np.median(log_steps_ns[following]))
     jumps_ns = np.where(following, log_steps_ns - steps_ns, 0)
+    if np.ptp(steps_ns[following]) <= _ROUNDING_NS:
+        # In virtual time the arm's time stands still when the machine stalls or nobody answers.
+        jumps_ns = np.minimum(jumps_ns, 0)
     at = int(np.argmax(np.abs(jumps_ns)))
     is_real_time = abs(log_period_ns - period_ns) <= _REAL_TIME * period_ns
     if is_real_time and abs(jumps_ns[at]) > _CLOCK_STEP_NS:
@@ -108,24 +118,47 @@ def clock_problems(sequences: Integers, stamps_ns: Integers, log_times_ns: Integ
     return problems
 
 
-def _skipped(
-    sequences: Integers, steps_ns: Integers, following: NDArray[np.bool_], period_ns: float
-) -> list[str]:
-    """Find periods without a sample: a late one that the next makes up for does not count."""
-    lost, places = 0, []
-    for at in np.flatnonzero(following & (steps_ns > _SKIPPED * period_ns)):
-        around = steps_ns[max(at - 1, 0) : at + 2]
-        if following[max(at - 1, 0) : at + 2].all():
-            missing = round(float(around.sum()) / period_ns) - len(around)
-        else:
-            missing = round(float(steps_ns[at]) / period_ns) - 1
-        if missing > 0:
-            lost += missing
-            places.append(at)
-    if not places:
+def _skipped(sequences: Integers, stamps_ns: Integers, period_ns: float) -> list[str]:
+    """Find periods without a sample that the numbers do not tell."""
+    found: list[tuple[int, int, int]] = []
+    for run in np.split(np.arange(len(sequences)), np.flatnonzero(np.diff(sequences) < 1) + 1):
+        stamps = stamps_ns[run]
+        advances = np.diff(np.maximum.accumulate(stamps), prepend=stamps[0] - 1) > 0
+        found += _left_out(sequences[run][advances], stamps[advances], period_ns)
+    if not found:
         return []
+    missing, places, first = zip(*found, strict=True)
     problem = (
-        f"{lost} periods of {period_ns / 1e6:.3f} ms without a sample at {len(places)} places, the"
-        f" first after number {sequences[places[0]]}"
+        f"{sum(missing)} periods of {period_ns / 1e6:.3f} ms without a sample at {sum(places)}"
+        f" places, the first after number {first[0]}"
     )
     return [problem]
+
+
+def _left_out(
+    sequences: Integers, stamps_ns: Integers, period_ns: float
+) -> list[tuple[int, int, int]]:
+    """Return periods left out, at how many places, and the number before the first.
+
+    A sample is late against the instant of its number, for once, or for good when periods were left
+    out before it. What stays of the lateness is that of the earliest sample among the next ones.
+    """
+    late = (stamps_ns - stamps_ns[0]) / period_ns - (sequences - sequences[0])
+    rises = np.diff(_least_of_the_next(late))
+    steps = np.flatnonzero(np.abs(rises) > _STEP)
+    # Steps that stand together are judged together: down and up again is only jitter.
+    apart = np.flatnonzero(np.diff(steps) > 2 * _SOON) + 1
+    found = []
+    for group in np.split(steps, apart) if len(steps) else ():
+        missing = int(np.floor(rises[group[0] : group[-1] + 1].sum() + _EARLY))
+        if missing > 0:
+            long = group[rises[group] > 1.0 - _EARLY]
+            found.append((missing, max(len(long), 1), int(sequences[group[0]])))
+    return found
+
+
+def _least_of_the_next(late: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the least of each value and those that follow it soon."""
+    padded = np.concatenate((late, np.full(_SOON - 1, np.inf)))
+    least: NDArray[np.float64] = np.lib.stride_tricks.sliding_window_view(padded, _SOON).min(axis=1)
+    return least

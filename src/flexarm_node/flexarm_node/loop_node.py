@@ -51,7 +51,8 @@ class LoopNode(LifecycleNode):
     """Base of the nodes that sample and control.
 
     Configuring makes the topics, activating starts the thread, deactivating ends it, cleaning
-    up gives the topics back. Once a second the node reports on `/diagnostics`.
+    up gives the topics back. Once a second the node reports on `/diagnostics`, after a run with its
+    last figures.
 
     While the loop runs the report is its own, made in pieces in its `spare_time`: another thread
     that made it would hold the interpreter when the next sample comes. The executor sleeps.
@@ -86,6 +87,7 @@ class LoopNode(LifecycleNode):
         self._expected = expected
         self._trouble = ""
         self._warning = ""
+        self._last_values: list[KeyValue] = []
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._ended = self.create_guard_condition(self._deactivate_ended)
@@ -206,6 +208,7 @@ class LoopNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the loop."""
         self._trouble = ""
+        self._last_values = []
         try:
             self.prepare()
         except Exception as error:  # noqa: BLE001 - rclpy would swallow it
@@ -249,6 +252,8 @@ class LoopNode(LifecycleNode):
             self._tell(self.alarm())
         except Exception as error:  # noqa: BLE001 - the node outlives its loop, and shows it
             self._tell(f"the loop has ended: {self._reason(error)}")
+        self._last_values = [value for figures in self.figures() for value in _listed(figures)]
+        self._report_idle()
         if not self._stopping.is_set():
             self._ended.trigger()
 
@@ -270,7 +275,7 @@ class LoopNode(LifecycleNode):
             self.trigger_deactivate()
 
     def _report_idle(self) -> None:
-        self._report(DiagnosticStatus(message="not active"))
+        self._report(DiagnosticStatus(message="not active", values=self._last_values))
 
     def _report_now_and_then(self) -> Iterator[None]:
         """Report once a second, in short steps; one that is late shall not meet the next one."""
@@ -285,7 +290,7 @@ class LoopNode(LifecycleNode):
             self._warning = warning
             values: list[KeyValue] = []
             for figures in self.figures():
-                values += [KeyValue(key=key, value=str(value)) for key, value in figures.items()]
+                values += _listed(figures)
                 yield from _until(time.monotonic() + _STEP_S)
             self._report(
                 DiagnosticStatus(
@@ -303,6 +308,10 @@ class LoopNode(LifecycleNode):
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+
+def _listed(figures: Figures) -> list[KeyValue]:
+    return [KeyValue(key=key, value=str(value)) for key, value in figures.items()]
 
 
 def _until(due_s: float) -> Iterator[None]:

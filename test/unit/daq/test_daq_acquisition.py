@@ -14,12 +14,14 @@ from acquisition_bench import (
     never,
     reply,
 )
+from hypothesis import given
+from hypothesis import strategies as st
 
-from flexarm_daq.acquisition import Record
+from flexarm_daq.acquisition import LockStep, Record
 from flexarm_daq.commander import Command, Verdict
 from flexarm_daq.limiter import LimiterSettings
 from flexarm_daq.rig import RigError, RigSample
-from flexarm_daq.safety import DriveState
+from flexarm_daq.safety import DriveState, Event
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -85,15 +87,156 @@ def test_no_limit_on_samples___runs_until_told_to_stop(clock: Clock) -> None:
     assert bench.rig.calls[-2:] == [("safe_stop", 0.0), ("close", 0.0)]
 
 
-def test_lock_step___samples_without_answer___are_counted_and_time_out(clock: Clock) -> None:
+def test_lock_step___nobody_answers_any_more___costs_one_time_out_and_then_goes_at_the_pace(
+    clock: Clock,
+) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:
-        return [] if record.sequence in {2, 3} else [(0.0, reply(record, 1.0))]
+        return [] if record.sequence in {2, 3, 4} else [(0.0, reply(record, 1.0))]
 
     started_s = clock.now_s
-    bench = Bench(clock, answer, virtual=True, samples=5).run()
+    bench = Bench(clock, answer, virtual=True, samples=9).run()
 
-    assert bench.acquisition.unanswered == 2
-    assert clock.now_s - started_s == pytest.approx(2 * TIMEOUT_S)
+    assert bench.acquisition.unanswered == 3
+    # Samples 2, 3 and 4 are followed at real time's pace, the others at once.
+    assert clock.now_s - started_s == pytest.approx(TIMEOUT_S + 3 * PERIOD_S)
+    assert bench.commands_v == [0.0, 1.0, *[0.0] * 3, *[1.0] * 4]
+    assert bench.rig.writes[1] == 0.0
+    assert bench.acquisition.safety.counts[Event.STALE] == 1
+
+
+@pytest.mark.parametrize("factor", [0.01, 0.25, 1.0, 100.0])
+def test_pace___every_sample_waits_for_the_wall_clock(clock: Clock, factor: float) -> None:
+    bench = Bench(
+        clock,
+        at_once(lambda record: record.sequence / 4.0),
+        virtual=True,
+        samples=9,
+        lockstep=LockStep(factor, TIMEOUT_S, is_answered=True),
+    ).run()
+    taken_s = np.array([record.taken_s for record in bench.link.records])
+    np.testing.assert_allclose(np.diff(taken_s), PERIOD_S / factor, rtol=1e-6)
+    assert bench.acquisition.real_time_factor == pytest.approx(factor)
+    assert bench.commands_v == [0.0, *(k / 4.0 for k in range(1, 9))]
+
+
+def test_pace___machine_that_stalls___stalls_the_arms_time_and_loses_nothing(clock: Clock) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [(20.25 * PERIOD_S if record.sequence == 4 else 0.0, reply(record, 1.0))]
+
+    bench = Bench(
+        clock,
+        answer,
+        virtual=True,
+        samples=21,
+        lockstep=LockStep(1.0, TIMEOUT_S, is_answered=True),
+    ).run()
+
+    assert [record.sequence for record in bench.link.records] == list(range(1, 22))
+    taken_s = np.array([record.taken_s for record in bench.link.records])
+    # No burst after the stall: each of the other periods is a whole one.
+    np.testing.assert_allclose(
+        np.diff(taken_s) / PERIOD_S, [1.0] * 3 + [20.25] + [1.0] * 16, rtol=1e-6
+    )
+    acquisition = bench.acquisition
+    assert (acquisition.missed, acquisition.unanswered) == (0, 0)
+    assert acquisition.real_time_factor == pytest.approx(20.0 / 39.25)
+
+
+def test_pace___sample_late_by_less_than_a_period___is_made_up_for(clock: Clock) -> None:
+    bench = Bench(
+        clock,
+        at_once(lambda _: 1.0),
+        virtual=True,
+        samples=6,
+        lockstep=LockStep(1.0, TIMEOUT_S, is_answered=True),
+    )
+    bench.rig.slow_reads_s[2] = 1.75 * PERIOD_S
+    bench.run()
+    taken_s = np.array([record.taken_s for record in bench.link.records])
+    np.testing.assert_allclose(
+        (taken_s - taken_s[0]) / PERIOD_S, [0, 1, 3.75, 3.75, 4, 5], atol=1e-4
+    )
+
+
+def test_pace___nobody_is_there___the_arm_moves_on_from_the_first_sample(clock: Clock) -> None:
+    started_s = clock.now_s
+    bench = Bench(
+        clock,
+        never,
+        virtual=True,
+        samples=11,
+        lockstep=LockStep(0.5, TIMEOUT_S, is_answered=False),
+    ).run()
+    assert clock.now_s - started_s == pytest.approx(20 * PERIOD_S)
+    assert bench.acquisition.real_time_factor == pytest.approx(0.5)
+    assert bench.rig.writes == []
+
+
+def test_pace___commander_that_comes_late___is_waited_for_from_its_first_command_on(
+    clock: Clock,
+) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [] if record.sequence < 5 else [(3.0 * PERIOD_S, reply(record, 1.0))]
+
+    bench = Bench(
+        clock,
+        answer,
+        virtual=True,
+        samples=12,
+        lockstep=LockStep(1.0, TIMEOUT_S, is_answered=False),
+    ).run()
+
+    # The answer to sample 5 comes after samples 6, 7 and 8: from then on each one is waited for.
+    acquisition = bench.acquisition
+    assert acquisition.commander.answered == 11
+    assert acquisition.unanswered == 7
+    assert np.diff([record.taken_s for record in bench.link.records])[-3:] == pytest.approx(
+        3.0 * PERIOD_S, rel=1e-6
+    )
+
+
+def test_pace___told_to_stop_in_a_long_period___does_not_wait_on(clock: Clock) -> None:
+    stop = threading.Event()
+    bench = Bench(
+        clock,
+        at_once(lambda _: 1.0),
+        virtual=True,
+        samples=0,
+        lockstep=LockStep(1e-5, TIMEOUT_S, is_answered=True),
+    )
+    wait = bench.link.wait
+
+    def note(timeout_s: float) -> Command | None:
+        stop.set()
+        return wait(timeout_s)
+
+    bench.link.wait = note  # type: ignore[method-assign]
+    started_s = clock.now_s
+    bench.acquisition.run(stop)
+    assert clock.now_s - started_s < TIMEOUT_S / 10
+
+
+@given(
+    factor=st.sampled_from([0.0, 0.02, 0.5, 1.0, 30.0]),
+    delays=st.lists(st.floats(0.0, 0.9 * TIMEOUT_S), min_size=1, max_size=20),
+)
+def test_pace_and_delays___any___give_the_same_samples(factor: float, delays: list[float]) -> None:
+    def commands(pace: float, waits_s: list[float]) -> list[tuple[float, ...]]:
+        with pytest.MonkeyPatch.context() as patch:
+            made = Clock()
+            patch.setattr("flexarm_daq.acquisition.time", made)
+            bench = Bench(
+                made,
+                lambda record: [
+                    (waits_s[record.sequence % len(waits_s)], reply(record, record.time_s))
+                ],
+                virtual=True,
+                samples=25,
+                lockstep=LockStep(pace, TIMEOUT_S, is_answered=True),
+            ).run()
+        return [(each.sequence, each.time_s, *each[-3:]) for each in bench.link.records]
+
+    assert commands(factor, delays) == commands(0.0, [0.0])
 
 
 def test_lock_step___late_answer___is_refused_when_a_newer_one_acts(clock: Clock) -> None:
@@ -111,7 +254,7 @@ def test_lock_step___late_answer___is_refused_when_a_newer_one_acts(clock: Clock
 
     assert bench.acquisition.refused == 1
     assert bench.acquisition.unanswered == 1
-    assert bench.rig.writes == [1.0, 3.0, 4.0, 5.0]
+    assert bench.rig.writes == [1.0, 0.0, 3.0, 4.0, 5.0]
 
 
 def test_duplicate_and_future_commands___are_refused_and_counted(clock: Clock) -> None:
@@ -148,15 +291,13 @@ def test_silent_controller___drive_goes_to_zero_after_the_age(
     def answer(record: Record) -> list[tuple[float, Command]]:
         return [(0.0, reply(record, 2.0))] if record.sequence == 4 else []
 
-    bench = Bench(clock, answer, virtual=True, samples=15, max_age_periods=max_age_periods).run()
+    bench = Bench(clock, answer, virtual=False, samples=15, max_age_periods=max_age_periods).run()
 
     # In force from sample 4 on; stale at the sample that completes the age.
     stale = 4 + max_age_periods
     assert bench.commands_v == [0.0] * 4 + [2.0] * (stale - 4) + [0.0] * (15 - stale)
     assert bench.rig.writes == [2.0, 0.0]
-    assert bench.rig.calls.index(("write", 0.0)) == 1 + bench.rig.calls.index(
-        ("read", (stale - 1) * PERIOD_S)
-    )
+    assert bench.rig.write_times_s[-1] == pytest.approx((stale - 1) * PERIOD_S, rel=1e-6)
     assert {record.command_sequence for record in bench.link.records[stale:]} == {0}
     assert bench.watchdog.lapses == 1
 
@@ -165,7 +306,7 @@ def test_controller_that_comes_back___drives_again(clock: Clock) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:
         return [] if 2 <= record.sequence < 9 else [(0.0, reply(record, 2.0))]
 
-    bench = Bench(clock, answer, virtual=True, samples=11).run()
+    bench = Bench(clock, answer, virtual=False, samples=11).run()
     assert bench.commands_v == [0.0, *[2.0] * 3, *[0.0] * 5, 2.0, 2.0]
 
 
@@ -291,10 +432,14 @@ def test_real_time___nobody_answers___spare_time_begins_with_the_sample(clock: C
     np.testing.assert_allclose(bench.link.spare_times_s, np.array([1, 3]) * PERIOD_S)
 
 
-@pytest.mark.parametrize("answer", [at_once(lambda _: 1.0), never])
-def test_lock_step___every_sample_has_spare_time(clock: Clock, answer: Answer) -> None:
-    bench = Bench(clock, answer, virtual=True, samples=5).run()
+def test_lock_step___every_sample_has_spare_time(clock: Clock) -> None:
+    bench = Bench(clock, at_once(lambda _: 1.0), virtual=True, samples=5).run()
     assert set(bench.link.spared) == {1, 2, 3, 4}
+
+
+def test_lock_step___nobody_answers___every_second_sample_has_spare_time(clock: Clock) -> None:
+    bench = Bench(clock, never, virtual=True, samples=9).run()
+    assert np.diff([0, *bench.link.spared, 9]).max() <= 2
 
 
 def test_real_time___late_answer_that_no_newer_one_overtook___still_acts(clock: Clock) -> None:
@@ -306,8 +451,10 @@ def test_real_time___late_answer_that_no_newer_one_overtook___still_acts(clock: 
     assert bench.acquisition.unanswered == 3
 
 
-def test_real_time___slow_reading___skips_whole_periods_and_never_bursts(clock: Clock) -> None:
-    bench = Bench(clock, never, virtual=False, samples=8)
+def test_real_time___slow_reading___skips_whole_periods_with_their_numbers_and_never_bursts(
+    clock: Clock,
+) -> None:
+    bench = Bench(clock, never, virtual=False, samples=10)
     bench.rig.slow_reads_s[2] = 3.5 * PERIOD_S
 
     bench.run()
@@ -316,8 +463,53 @@ def test_real_time___slow_reading___skips_whole_periods_and_never_bursts(clock: 
     np.testing.assert_allclose(
         np.array(bench.rig.read_times_s) / PERIOD_S, [0, 1, 2, 5.5, 6, 7, 8, 9]
     )
-    assert bench.acquisition.missed == 2
-    assert [record.sequence for record in bench.link.records] == list(range(1, 9))
+    assert (bench.acquisition.missed, bench.acquisition.taken) == (2, 8)
+    assert [record.sequence for record in bench.link.records] == [1, 2, 3, 6, 7, 8, 9, 10]
+
+
+def test_real_time___answers_go_on_over_skipped_periods___from_one_commander(clock: Clock) -> None:
+    count = iter(range(1, 100))
+
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [(0.0, Command(next(count), record.sequence, 2.0, 0.0))]
+
+    bench = Bench(clock, answer, virtual=False, samples=30)
+    bench.rig.slow_reads_s.update({5: 1.5 * PERIOD_S, 6: 9.5 * PERIOD_S, 7: 0.5 * PERIOD_S})
+    bench.run()
+
+    acquisition = bench.acquisition
+    assert acquisition.sequence == 30
+    assert acquisition.taken + acquisition.missed == 30
+    assert acquisition.refused == 0
+    assert acquisition.safety.reason == ""
+
+
+@given(
+    st.dictionaries(st.integers(1, 30), st.floats(0.0, 12.0), max_size=12),
+)
+def test_real_time___any_stalls___a_gap_in_the_numbers_is_a_gap_in_time(
+    stalls: dict[int, float],
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        made = Clock()
+        patch.setattr("flexarm_daq.acquisition.time", made)
+        bench = Bench(
+            made,
+            lambda record: [
+                (stalls.get(len(bench.link.records), 0.0) * PERIOD_S, reply(record, 1.0))
+            ],
+            virtual=False,
+            samples=120,
+        )
+        bench.rig.slow_reads_s.update({k: s * PERIOD_S for k, s in stalls.items()})
+        bench.run()
+    numbers = np.array([record.sequence for record in bench.link.records])
+    periods = np.array([record.time_s for record in bench.link.records]) / PERIOD_S
+    # Each sample is taken in the period of its number.
+    late = periods - (numbers - 1)
+    assert np.all(late > -1e-3)
+    assert np.all(late < 1.0 + 1e-3)
+    assert bench.acquisition.missed == numbers[-1] - len(numbers)
 
 
 @pytest.mark.parametrize("virtual", [True, False])

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -29,7 +30,7 @@ from flexarm_daq.playback import PlaybackPlan
 from flexarm_daq.recording import BagWriter
 from flexarm_ident.bag_check import check_bag
 from flexarm_ident.bags import BagError, read_bag
-from flexarm_ident.timeline import clock_problems, restarts
+from flexarm_ident.timeline import clock_problems, number_problems, restarts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -166,9 +167,10 @@ def test_check___folder_out_of_order___says_how(
 def test_check___missing_samples___are_counted(tmp_path: Path) -> None:
     messages = [m for k, m in enumerate(experiment(30)) if k not in {10, 11, 13, 20}]
     found = problems(write_bag(tmp_path / "run", messages))
-    lost = [line for line in found if "samples missing" in line]
-    assert len(lost) == 2
-    assert "missing at" in lost[0]
+    (samples,) = [line for line in found if line.startswith("/flexarm/state: ")]
+    (commands,) = [line for line in found if line.startswith("/flexarm/command: ")]
+    assert " periods without a sample at " in samples
+    assert " commands missing at " in commands
 
 
 @pytest.mark.parametrize(
@@ -177,7 +179,7 @@ def test_check___missing_samples___are_counted(tmp_path: Path) -> None:
         ((1, 2, 2, 3), "the numbering does not go up at 1 places, the first after number 2"),
         ((5, 6, 2, 3), "the numbering does not go up at 1 places, the first after number 6"),
         ((1, 1, 2, 3), "the numbering does not go up at 1 places, the first after number 1"),
-        ((1, 2, 6, 9), "5 samples missing at 2 places, the first after number 2"),
+        ((1, 2, 6, 9), "5 periods without a sample at 2 places, the first after number 2"),
     ],
 )
 def test_check___numbers___tell_what_is_wrong(
@@ -224,7 +226,7 @@ def test_check___damage_in_a_run_of_several___is_found_there(tmp_path: Path) -> 
     del second[40:43]
     messages = [*run_of(range(1, 51), START_NS), *second, *late]
     assert problems(write_bag(tmp_path / "run", messages)) == (
-        "/flexarm/state, run 2: 3 samples missing at 1 places, the first after number 40",
+        "/flexarm/state, run 2: 3 periods without a sample at 1 places, the first after number 40",
         (
             "/flexarm/state, run 3: 2 periods of 2.000 ms without a sample at 1 places,"
             " the first after number 30"
@@ -272,6 +274,64 @@ def test_clock___periods_left_out___are_counted() -> None:
     ]
 
 
+def test_clock___two_long_steps_in_a_row___are_counted_once() -> None:
+    # After number 7 come 2 periods without a sample, after number 8 another 3.
+    assert timed([*EVEN_MS[:7], EVEN_MS[9], *EVEN_MS[13:]]) == [
+        "5 periods of 2.000 ms without a sample at 2 places, the first after number 7"
+    ]
+
+
+@pytest.mark.parametrize("late", [0.0, 0.4, 0.9])
+def test_clock___late_sample_after_periods_left_out___counts_only_whole_ones(late: float) -> None:
+    stamps_ms = [*EVEN_MS[:7], EVEN_MS[9] + 2.0 * late, *EVEN_MS[10:], *(40.0, 42.0, 44.0)]
+    assert timed(stamps_ms) == [
+        "2 periods of 2.000 ms without a sample at 1 places, the first after number 7"
+    ]
+
+
+def test_clock___last_sample_late___is_not_a_period_left_out() -> None:
+    assert timed([*EVEN_MS[:-1], EVEN_MS[-1] + 1.2]) == []
+
+
+def test_clock___numbers_that_tell_what_was_left_out___are_not_counted_again() -> None:
+    numbers = np.array([1, 2, 3, 4, 5, 6, 9, 10, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23])
+    # Two of the samples are late as well, one of them next to a gap.
+    late = np.isin(numbers, (9, 17)) * 0.8
+    stamps_ns = np.rint((numbers + late) * 2e6).astype(np.int64)
+    assert clock_problems(numbers, stamps_ns, stamps_ns) == []
+    assert number_problems(numbers, "periods without a sample") == [
+        "5 periods without a sample at 2 places, the first after number 6"
+    ]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_clock___stalls_late_samples_and_jitter___every_period_left_out_is_counted(
+    seed: int,
+) -> None:
+    """A sampler that skips whole periods when it is late, as a busy machine makes it."""
+    random = np.random.default_rng(seed)
+    deadlines, deadline = [], 0
+    late = []
+    for _ in range(4000):
+        stalls = random.random() < 0.02
+        late_by = random.exponential(6.0) if stalls else abs(random.normal(0.0, 0.05))
+        deadline += int(late_by)
+        deadlines.append(deadline)
+        late.append(late_by % 1.0)
+        deadline += 1
+    # The record ends on time.
+    deadlines += [deadline + k for k in range(10)]
+    late += [0.0] * 10
+    numbers = np.arange(1, len(deadlines) + 1)
+    left_out = deadlines[-1] - deadlines[0] - (len(deadlines) - 1)
+    # The quartz of the machine is off by 50 ppm.
+    stamps_ns = np.rint((np.array(deadlines) + late) * 2e6 * (1 + 5e-5)).astype(np.int64)
+
+    (line,) = clock_problems(numbers, stamps_ns, stamps_ns)
+
+    assert re.match(rf"{left_out} periods of [12]\.\d+ ms without a sample at ", line), line
+
+
 def test_clock___stamps_that_stand_or_go_back___are_named() -> None:
     (standing,) = timed([*EVEN_MS[:5], EVEN_MS[4], *EVEN_MS[6:]], EVEN_MS)
     assert standing == "the stamps do not advance at 1 places, the first after number 5"
@@ -279,8 +339,9 @@ def test_clock___stamps_that_stand_or_go_back___are_named() -> None:
 
 
 def test_clock___wall_clock_set_while_recording___is_named() -> None:
-    ahead = [ms + 5000.0 * (k >= 12) for k, ms in enumerate(EVEN_MS)]
-    assert timed(EVEN_MS, ahead) == ["the clock was set by +5.000 s after number 12"]
+    stamps_ms = [ms + 0.01 * (k % 3) for k, ms in enumerate(EVEN_MS)]
+    ahead = [ms + 5000.0 * (k >= 12) for k, ms in enumerate(stamps_ms)]
+    assert timed(stamps_ms, ahead) == ["the clock was set by +5.000 s after number 12"]
     back = [5000.0 + ms - 5000.0 * (k >= 12) for k, ms in enumerate(EVEN_MS)]
     assert timed(EVEN_MS, back) == [
         "the clock does not advance at 1 places, the first after number 12",
@@ -288,8 +349,9 @@ def test_clock___wall_clock_set_while_recording___is_named() -> None:
     ]
 
 
-def test_clock___virtual_time_that_pauses___has_no_problem() -> None:
-    sent_ms = [0.1 * k + 3000.0 * (k >= 12) for k in range(20)]
+@pytest.mark.parametrize("pace", [0.05, 1.0])
+def test_clock___virtual_time_that_pauses___has_no_problem(pace: float) -> None:
+    sent_ms = [pace * ms + 3000.0 * (k >= 12) for k, ms in enumerate(EVEN_MS)]
     assert timed(EVEN_MS, sent_ms) == []
 
 

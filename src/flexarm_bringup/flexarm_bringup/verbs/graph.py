@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from flexarm_bringup.verbs.verb import RUN_ON, examples
+
+if TYPE_CHECKING:
+    from flexarm_bringup.pace import Pace
 
 _PARAMETERS = click.option(
     "--params-file",
@@ -18,7 +21,22 @@ _PARAMETERS = click.option(
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="Parameters of the nodes, such as gains or a board's wiring; repeat.",
 )
-_FAST = click.option("--fast", is_flag=True, help="Virtual time: as fast as the machine can.")
+_FAST = click.option("--fast", is_flag=True, help="As fast as the machine can; the same samples.")
+_REAL_TIME = click.option(
+    "--real-time",
+    is_flag=True,
+    help="Hard real time, as with a board: what a busy machine is late for is lost.",
+)
+
+
+def _pace(*, fast: bool = False, real_time: bool = False) -> Pace:
+    from flexarm_bringup.pace import Pace  # noqa: PLC0415
+
+    if fast and real_time:
+        raise click.UsageError("--fast and --real-time exclude each other: give one of them.")
+    if fast:
+        return Pace.FAST
+    return Pace.REAL if real_time else Pace.WALL_CLOCK
 
 
 @click.command()
@@ -30,13 +48,22 @@ _FAST = click.option("--fast", is_flag=True, help="Virtual time: as fast as the 
 )
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True)
 @_FAST
+@_REAL_TIME
 @click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag.")
-@examples("demo", "demo --fast --payload 0.4 --seed 7", "demo --out /tmp/arm --keep-bag")
-def demo(payload: float, seed: int, out: Path, *, fast: bool, keep_bag: bool) -> None:
-    """Excite, record, identify, reduce and control the simulated arm, with real nodes."""
+@examples(
+    "demo",
+    "demo --fast --payload 0.4 --seed 7",
+    "demo --out /tmp/arm --keep-bag",
+    "demo --real-time",
+)
+def demo(payload: float, seed: int, out: Path, *, keep_bag: bool, **pace: bool) -> None:
+    """Excite, record, identify, reduce and control the simulated arm, with real nodes.
+
+    The arm's time follows the wall clock and waits for a machine that is late: no sample is lost.
+    """
     from flexarm_bringup.demo import DemoSettings, run_demo  # noqa: PLC0415
 
-    run_demo(DemoSettings(out, payload, seed, fast, keep_bag))
+    run_demo(DemoSettings(out, payload, seed, _pace(**pace), keep_bag))
 
 
 @click.command()
@@ -55,17 +82,23 @@ def demo(payload: float, seed: int, out: Path, *, fast: bool, keep_bag: bool) ->
 )
 @click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
 @click.option("--law", default="pdpc", show_default=True, help="Law of the controller.")
+@_REAL_TIME
 @_PARAMETERS
 @examples(
     "up",
     "up --rate 500 --payload 0.2 --reference square",
     "up --bag out/run1 --law pdpc_plus --params-file out/gains.yaml",
 )
-def up(payload: float, rate: float, **settings: Any) -> None:  # noqa: ANN401
-    """Start daq, controller, recorder and ident, and keep them until Ctrl-C."""
+def up(payload: float, rate: float, *, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
+    """Start daq, controller, recorder and ident, and keep them until Ctrl-C.
+
+    The simulated arm's time follows the wall clock and waits for a machine that is late. A board
+    runs in real time.
+    """
     from flexarm_bringup.up import UpSettings, run_graph  # noqa: PLC0415
 
-    run_graph(UpSettings(payload_kg=payload, rate_hz=rate, **settings))
+    pace = _pace(real_time=real_time)
+    run_graph(UpSettings(payload_kg=payload, rate_hz=rate, pace=pace, **settings))
 
 
 @click.command(context_settings=RUN_ON)
@@ -115,6 +148,7 @@ _BAGS = click.option(
     "--payload", "payload_kg", type=click.FloatRange(0.0, 1.0), help="Instead of its own, kg."
 )
 @_FAST
+@_REAL_TIME
 @_SEED
 @_BAGS
 @_OVERWRITE
@@ -125,24 +159,44 @@ _BAGS = click.option(
     "experiment C_dat3 --payload 0.2",
     "experiment O_dat2 --params-file rig.yaml",
 )
-def experiment(names: tuple[str, ...], out: Path, **settings: Any) -> None:  # noqa: ANN401
-    """Run experiments of the thesis by their names and record each to a bag."""
+def experiment(
+    names: tuple[str, ...],
+    out: Path,
+    *,
+    fast: bool,
+    real_time: bool,
+    **settings: Any,  # noqa: ANN401
+) -> None:
+    """Run experiments of the thesis by their names and record each to a bag.
+
+    The simulated arm's time follows the wall clock and waits for a machine that is late: no sample
+    is lost. A board runs in real time.
+    """
     from flexarm_bringup.experiment import ExperimentSettings, run_experiments  # noqa: PLC0415
     from flexarm_daq import catalogue as experiments  # noqa: PLC0415
 
     entries = [experiments.experiment(name) for name in names]
-    run_experiments(entries, ExperimentSettings(out, **settings))
+    pace = _pace(fast=fast, real_time=real_time)
+    run_experiments(entries, ExperimentSettings(out, pace=pace, **settings))
 
 
 @click.command()
 @click.option("--all", "everything", is_flag=True, help="Run all of them; else list them.")
 @_FAST
+@_REAL_TIME
 @_SEED
 @_BAGS
 @_OVERWRITE
 @_PARAMETERS
 @examples("catalogue", "catalogue --all --fast -o out/experiments")
-def catalogue(*, everything: bool, out: Path, **settings: Any) -> None:  # noqa: ANN401
+def catalogue(
+    *,
+    everything: bool,
+    out: Path,
+    fast: bool,
+    real_time: bool,
+    **settings: Any,  # noqa: ANN401
+) -> None:
     """List the experiments of the thesis, or run all of them."""
     from flexarm_bringup.experiment import (  # noqa: PLC0415
         ExperimentSettings,
@@ -155,7 +209,8 @@ def catalogue(*, everything: bool, out: Path, **settings: Any) -> None:  # noqa:
         show_catalogue()
         return
     entries = list(experiments.catalogue().values())
-    run_experiments(entries, ExperimentSettings(out, **settings))
+    pace = _pace(fast=fast, real_time=real_time)
+    run_experiments(entries, ExperimentSettings(out, pace=pace, **settings))
 
 
 @click.command()

@@ -1,0 +1,47 @@
+"""The time in which a run is sampled: at the wall clock's pace, as fast as it goes, or hard."""
+
+from __future__ import annotations
+
+import os
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from flexarm_daq.rigs import is_virtual
+from flexarm_node.process import PRIORITY
+
+if TYPE_CHECKING:
+    from flexarm_bringup.operation import Operator, Run
+
+
+class Pace(Enum):
+    """What a user can choose; nothing else differs between the first two."""
+
+    WALL_CLOCK = "wall clock"
+    """The simulated rig in virtual time that waits for the wall clock; a board in real time."""
+    FAST = "fast"
+    """Virtual time, as fast as the machine can."""
+    REAL = "real"
+    """Hard real time: a late sample is a lost one."""
+
+    def prepare(self) -> None:
+        """Set up this process for the nodes that it will start."""
+        if self is Pace.FAST:
+            # Virtual time that never rests would starve the recorder at real-time priority.
+            os.environ[PRIORITY] = "0"
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters of the DAQ node; none where its own defaults and files say it."""
+        if self is Pace.FAST:
+            return {"time": "virtual", "real_time_factor": 0.0}
+        return {"time": "real"} if self is Pace.REAL else {}
+
+
+def in_lockstep(operator: Operator) -> bool:
+    """Return whether the DAQ node of a graph samples in virtual time."""
+    return is_virtual(operator.values("daq", ("rig", "time")))
+
+
+def pace_text(run: Run) -> str:
+    """Say at which pace a run has gone, and what it has missed."""
+    missed = f", {run.missed} periods without a sample" if run.missed else ""
+    return f"ran at {run.real_time_factor:.2f} of real time{missed}"
