@@ -68,9 +68,13 @@ class Run:
         """Return the run without some samples, by numbers that tell or that do not."""
         kept = ~lost
         sequence = self.sequence[kept] if numbered else np.arange(1, kept.sum() + 1)
-        told = np.ones(len(self.answered), dtype=np.bool_) if answers else kept[: len(self.answered)]
-        answered = self.answered[told] if numbered else np.searchsorted(
-            np.flatnonzero(kept), np.flatnonzero(told), side="right"
+        told = (
+            np.ones(len(self.answered), dtype=np.bool_) if answers else kept[: len(self.answered)]
+        )
+        answered = (
+            self.answered[told]
+            if numbered
+            else np.searchsorted(np.flatnonzero(kept), np.flatnonzero(told), side="right")
         )
         return replace(
             self,
@@ -206,8 +210,8 @@ def read(run: Run, name: str) -> IoData:
             "command_sequence": run.in_force_sequence,
         },
     )
-    sent_ns = np.interp(run.answered, run.sequence, stamps_ns - _START_NS) + REPLY_S * 1e9
-    sent_ns = _START_NS + sent_ns.astype(np.int64)
+    after_ns = np.interp(run.answered, run.sequence, stamps_ns - _START_NS) + REPLY_S * 1e9
+    sent_ns = _START_NS + after_ns.astype(np.int64)
     commands = Recorded(
         sent_ns,
         {
@@ -219,7 +223,7 @@ def read(run: Run, name: str) -> IoData:
             "compensation_v": run.answers[:, 1],
         },
     )
-    return arm_reading(state, None, commands, closed_loop=True, source=name).data
+    return arm_reading(state, None, commands, declared=[True], source=name).data
 
 
 def trials(case: tuple[int, tuple[str, ...], str | None]) -> list[Trial]:
@@ -311,7 +315,17 @@ def table(found: list[Trial], names: tuple[str, ...]) -> Table:
     """Medians over the seeds; ratios to the undamaged record's error of the same seed."""
     result = Table(title="Models of damaged records, medians, judged undamaged", box=None)
     result.add_column("damage", no_wrap=True)
-    for heading in ("order", "f1 %", "f2 %", "f3 %", "error", "ratio", "worst", BASELINE, "refused"):
+    for heading in (
+        "order",
+        "f1 %",
+        "f2 %",
+        "f3 %",
+        "error",
+        "ratio",
+        "worst",
+        BASELINE,
+        "refused",
+    ):
         result.add_column(heading, justify="right", no_wrap=True)
     whole = {each.seed: each.error for each in found if each.damage == "none"}
     for name in names:

@@ -93,6 +93,15 @@ def motor_command(sequence: int, time_ns: int, effort_v: float) -> Sent:
     return Sent("/flexarm/command", type_name, time_ns, raw)
 
 
+def commander_info(time_ns: int, *, uses_outputs: bool) -> Sent:
+    """Return a CommanderInfo on /flexarm/commander."""
+    type_name = "flexarm_msgs/msg/CommanderInfo"
+    raw = serialised(
+        type_name, header=header(time_ns), node="/n", law="law", uses_outputs=uses_outputs
+    )
+    return Sent("/flexarm/commander", type_name, time_ns, raw)
+
+
 def reference(time_ns: int, value_v: float) -> Sent:
     """Return a Float64 on /flexarm/reference."""
     type_name = "std_msgs/msg/Float64"

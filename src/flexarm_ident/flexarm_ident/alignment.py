@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -10,10 +10,11 @@ import numpy as np
 from flexarm_ident.data_warning import DataWarning
 from flexarm_ident.errors import DataError
 from flexarm_ident.iodata import ARM_OUTPUTS, IoData
+from flexarm_ident.loop_kind import loop_kind
 from flexarm_ident.timetable import Answers, Marks, Timetable, record_rows, timetable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -190,11 +191,9 @@ def arm_rows(
     return record_rows(table, columns, input_behind=True)
 
 
-def arm_header(table: Timetable, *, closed_loop: bool | None, source: str) -> Header:
-    """Return what is known of a record of our own rig."""
-    return Header(
-        ("command_v",), ARM_OUTPUTS, table.grid.period_s, closed_loop, source, table.notices
-    )
+def arm_header(table: Timetable, source: str) -> Header:
+    """Return what is known of a record of our own rig but the kind of its loop."""
+    return Header(("command_v",), ARM_OUTPUTS, table.grid.period_s, None, source, table.notices)
 
 
 def arm_reading(
@@ -202,7 +201,7 @@ def arm_reading(
     reference: Recorded | None,
     commands: Recorded | None,
     *,
-    closed_loop: bool | None,
+    declared: Sequence[bool],
     source: str,
 ) -> BagReading:
     """Return the record of our own rig.
@@ -219,8 +218,9 @@ def arm_reading(
         ``Float64`` messages, sent before the command that answers a sample, when it changes.
     commands
         ``MotorCommand`` messages, for what the drive did while samples are missing.
-    closed_loop
-        Whether the commands were computed from the outputs; None when it is not known.
+    declared
+        Of everybody who commanded, whether the commands were computed from the outputs; empty when
+        nobody declared it.
     source
         Name of the record.
 
@@ -237,7 +237,7 @@ def arm_reading(
     found = _named(lambda: marks([state]), source)
     table = _named(lambda: arm_timetable(found, commands), source)
     u, y = _joined(arm_rows(table, [state]))
-    header = arm_header(table, closed_loop=closed_loop, source=source)
+    header = arm_header(table, source)
     followed: FloatArray | None = None
     odd: tuple[DataWarning, ...] = ()
     if reference is not None and len(reference):
@@ -246,6 +246,7 @@ def arm_reading(
     data = header.record(
         u[:, :1], y, compensation=u[:, 1:], reference=followed, notices=(*header.notices, *odd)
     )
+    data = replace(data, closed_loop=loop_kind(declared, data.head))
     in_force = found.command_sequence
     return BagReading(
         data,

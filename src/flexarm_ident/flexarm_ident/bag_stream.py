@@ -12,7 +12,6 @@ import numpy as np
 
 from flexarm_ident.errors import DataError
 from flexarm_ident.holes import CONTEXT, filled_pieces
-from flexarm_ident.iodata import IoData
 from flexarm_ident.source import even_chunks
 
 if TYPE_CHECKING:
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from flexarm_ident.alignment import Header
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.data_warning import DataWarning
+    from flexarm_ident.iodata import IoData
 
     Rows = tuple[FloatArray, FloatArray]
 

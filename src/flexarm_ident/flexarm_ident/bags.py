@@ -8,7 +8,7 @@ sending. Which input acts on which sample is decided in :mod:`flexarm_ident.alig
 from __future__ import annotations
 
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
@@ -30,9 +30,10 @@ from flexarm_ident.alignment import (
     io_timetable,
     marks,
 )
-from flexarm_ident.bag_stream import open_stream
+from flexarm_ident.bag_stream import leading_rows, open_stream
 from flexarm_ident.cdr import CdrError, decode, members
 from flexarm_ident.errors import DataError, IdentificationError
+from flexarm_ident.loop_kind import loop_kind
 from flexarm_ident.mcap_chunks import (
     Messages,
     NotIndexedError,
@@ -51,6 +52,7 @@ ARM_STATE = "flexarm_msgs/msg/ArmState"
 IO_SAMPLE = "flexarm_msgs/msg/IoSample"
 CHANNEL_INFO = "flexarm_msgs/msg/ChannelInfo"
 MOTOR_COMMAND = "flexarm_msgs/msg/MotorCommand"
+COMMANDER_INFO = "flexarm_msgs/msg/CommanderInfo"
 REFERENCE = "std_msgs/msg/Float64"
 
 
@@ -110,7 +112,7 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
                 bag.recorded(chosen),
                 bag.optional(_sibling(chosen, "reference"), REFERENCE),
                 bag.optional(_sibling(chosen, "command"), MOTOR_COMMAND),
-                closed_loop=bag.closed_loop(chosen),
+                declared=bag.declared_loops(chosen),
                 source=str(path),
             )
         return io_reading(
@@ -150,7 +152,7 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
         if is_arm:
             commands = bag.optional(_sibling(chosen, "command"), MOTOR_COMMAND)
             table = arm_timetable(found, commands)
-            header = arm_header(table, closed_loop=bag.closed_loop(chosen), source=source)
+            header, declared = arm_header(table, source), bag.declared_loops(chosen)
         else:
             table = io_timetable(found)
             first = next(bag.pieces(chosen))
@@ -165,10 +167,18 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
             for u, y in arm_rows(table, bag.pieces(chosen)):
                 yield u[:, :1] - u[:, 1:], y
 
+    def judged(samples: int) -> IoData:
+        with _opened(path) as bag:
+            commanded = ((u[:, :1], y) for u, y in arm_rows(table, bag.pieces(chosen)))
+            return leading_rows(header, commanded, samples)
+
     try:
-        return open_stream(header, table.rows, rows)
+        stream = open_stream(header, table.rows, rows)
     except DataError as error:
         raise BagError(str(error)) from error
+    if not is_arm:
+        return stream
+    return replace(stream, header=replace(header, closed_loop=loop_kind(declared, judged)))
 
 
 def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
@@ -279,10 +289,18 @@ class _Bag:
         """Return all messages of a topic as columns; None when there are none of that type."""
         return self.recorded(topic) if self.has(topic, type_name) else None
 
-    def closed_loop(self, topic: str) -> bool | None:
-        """Return whether who commanded used the outputs; None when nobody did."""
-        commanded = self.has(_sibling(topic, "command"), MOTOR_COMMAND)
-        return commanded or self.has(_sibling(topic, "reference"), REFERENCE) or None
+    def declared_loops(self, topic: str) -> list[bool]:
+        """Return of everybody who commanded, and said so, whether the outputs were used."""
+        commander = _sibling(topic, "commander")
+        if not self.has(commander, COMMANDER_INFO):
+            return []
+        connections = [entry for entry in self.reader.connections if entry.topic == commander]
+        infos = (
+            self.reader.deserialize(raw, COMMANDER_INFO)
+            for _, _, raw in self.reader.messages(connections)
+        )
+        # The member is generated from the bag's own definition.
+        return [bool(getattr(info, "uses_outputs")) for info in infos]  # noqa: B009
 
     def recorded(self, topic: str) -> Recorded:
         """Return all messages of a topic as columns."""

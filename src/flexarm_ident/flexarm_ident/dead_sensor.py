@@ -31,7 +31,7 @@ def live_samples(record: IoData) -> FloatArray:
     ndarray, (samples, outputs)
         Weights.
     """
-    live = np.ones_like(record.y) if record.missing is None else 1.0 - record.missing
+    live = np.where(np.isnan(record.y_measured), 0.0, 1.0)
     for channel, y in enumerate(record.y.T):
         for rows in _holds(y):
             live[rows.start : rows.stop, channel] = 0.0

@@ -183,9 +183,13 @@ def is_closed_loop(record: IoData) -> bool | None:
     Returns
     -------
     bool or None
-        None where the record is too short or its outputs have no noise that could tell.
+        None where the record is too short, its outputs have no noise that could tell, or its
+        values are so large that their squares overflow.
     """
-    u, y = _unit(record.u[:_BACKGROUND_SAMPLES]), _unit(record.y[:_BACKGROUND_SAMPLES])
+    with np.errstate(over="ignore", invalid="ignore"):
+        u, y = _unit(record.u[:_BACKGROUND_SAMPLES]), _unit(record.y[:_BACKGROUND_SAMPLES])
+    if not (np.isfinite(u).all() and np.isfinite(y).all()):
+        return None
     if np.mean(np.any(np.diff(u, axis=0), axis=1)) < _SELDOM:
         return False
     columns = len(u) - _INPUT_MEMORY - _ANSWERED_WITHIN + 1

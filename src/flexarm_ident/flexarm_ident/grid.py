@@ -35,6 +35,8 @@ WHOLE_RATE_TOLERANCE = 1e-3
 # Beyond this scatter of the steps, in periods, a phase is not sure.
 _STEADY = 0.15
 _PHASE_BLOCK = 128
+# What jitters needs more stamps for a phase.
+_JITTER_BLOCK = 1024
 # A longer step is a clock that was set, when the numbers go on.
 _LONGEST_HOLE_S = 60.0
 # Neighbours closer than this to a sample tell nothing of its slope, and further off neither.
@@ -116,7 +118,9 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
     following = steps[counted == 1] - 1.0
     scatter = _SIGMA * float(np.median(np.abs(following))) if len(following) else 0.0
     if scatter <= _STEADY:
-        period_s = _whole_rate(usual_s)
+        # Losses bias the median of the steps; the line through the rounded ones is free of that.
+        rounded = np.concatenate([[0.0], np.cumsum(np.rint(steps))])
+        period_s = _whole_rate(float(np.polyfit(rounded, times_s, 1)[0]))
         instants = _by_phase(times_s / period_s)
     else:
         period_s, instants = _by_numbers(times_s, numbers)
@@ -167,7 +171,7 @@ def _by_numbers(times_s: FloatArray, numbers: FloatArray) -> tuple[float, FloatA
     slope, offset = np.polyfit(numbers, times_s, 1)
     period_s = _whole_rate(float(slope))
     late = (times_s - offset) / period_s - numbers
-    blocks = -(-len(late) // _PHASE_BLOCK)
+    blocks = -(-len(late) // _JITTER_BLOCK)
     parts = np.array_split(np.arange(len(late)), blocks)
     middles = np.array([numbers[part].mean() for part in parts])
     phases = np.array([np.median(late[part]) for part in parts])
@@ -239,7 +243,8 @@ def _referred(
     known = np.isnan(found) & ~np.isnan(values[at])
     found = np.where(known, values[at], found)
     alone = ~good[:, np.newaxis] | known
-    return np.where(alone & (np.abs(off) > LATEST)[:, np.newaxis], np.nan, found)
+    too_late = (np.abs(off) > LATEST)[:, np.newaxis]
+    return np.asarray(np.where(alone & too_late, np.nan, found), dtype=np.float64)
 
 
 def held(instants: FloatArray, values: FloatArray, rows: NDArray[np.int64]) -> FloatArray:
@@ -260,7 +265,7 @@ def held(instants: FloatArray, values: FloatArray, rows: NDArray[np.int64]) -> F
         Means; before the first change its value, behind the last one its own.
     """
     latest = np.searchsorted(instants, rows, side="right") - 1
-    found = values[latest.clip(min=0)].copy()
+    found: FloatArray = values[latest.clip(min=0)]
     inside = np.searchsorted(instants, rows + 1, side="left") - 1 > latest
     mixed = np.flatnonzero(inside)
     # The changes inside a period are few: each takes its part of the rest of it.

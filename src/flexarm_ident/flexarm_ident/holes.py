@@ -14,6 +14,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from numpy.typing import NDArray
+
     from flexarm_ident.arrays import BoolArray, FloatArray
 
     Rows = tuple[FloatArray, FloatArray]
@@ -117,7 +119,7 @@ def _usable(y: FloatArray) -> FloatArray:
     return whole
 
 
-def _between(known: FloatArray, values: FloatArray, rows: FloatArray) -> FloatArray:
+def _between(known: NDArray[np.intp], values: FloatArray, rows: NDArray[np.intp]) -> FloatArray:
     """Return one channel at rows between those at which it is known."""
     found = np.interp(rows, known, values)
     after = np.searchsorted(known, rows)
@@ -126,7 +128,11 @@ def _between(known: FloatArray, values: FloatArray, rows: FloatArray) -> FloatAr
     nodes = known[places]
     is_short = np.all(np.diff(nodes, axis=1) <= _REACH, axis=1)
     at = np.flatnonzero(inside)[is_short]
-    found[at] = lagrange(nodes[is_short], values[places[is_short]], rows[at])
+    found[at] = lagrange(
+        nodes[is_short].astype(np.float64),
+        values[places[is_short]],
+        rows[at].astype(np.float64),
+    )
     return found
 
 

@@ -9,6 +9,7 @@ from bag_samples import (
     Sent,
     arm_state,
     channel_info,
+    commander_info,
     io_sample,
     motor_command,
     recorded_topics,
@@ -124,7 +125,6 @@ def test_read___reference___is_the_last_one_sent_before_the_next_sample(tmp_path
 
     assert data.reference is not None
     assert data.reference.tolist() == [1.0, 1.0, 2.0, 3.0]
-    assert data.closed_loop is True
 
 
 def test_read___reference_only_later___takes_it_before_too_and_warns(tmp_path: Path) -> None:
@@ -140,20 +140,17 @@ def test_read___reference_only_later___takes_it_before_too_and_warns(tmp_path: P
     )
 
 
-@pytest.mark.parametrize("with_command", [True, False])
-def test_read___commands___mean_a_closed_loop(tmp_path: Path, *, with_command: bool) -> None:
-    states = open_loop([1, 2, 3])
-    extra = [motor_command(1, START_NS, 1.0)] if with_command else []
+@pytest.mark.parametrize(
+    ("declared", "closed_loop"),
+    [([], None), ([False], False), ([True], True), ([False, True], True)],
+)
+def test_read___commanders___tell_the_kind_of_loop(
+    tmp_path: Path, declared: list[bool], *, closed_loop: bool | None
+) -> None:
+    states = [*open_loop([1, 2, 3]), motor_command(1, START_NS, 1.0)]
+    said = [commander_info(START_NS + k, uses_outputs=uses) for k, uses in enumerate(declared)]
 
-    data = read_bag(write_bag(tmp_path / "run", [*states, *extra]))
-
-    assert data.closed_loop is (True if with_command else None)
-
-
-def test_read___state_that_names_its_command___means_a_closed_loop(tmp_path: Path) -> None:
-    states = [arm_state(k, START_NS + k * STEP_NS, command_sequence=k) for k in (1, 2, 3)]
-
-    assert read_bag(write_bag(tmp_path / "run", states)).closed_loop is True
+    assert read_bag(write_bag(tmp_path / "run", [*said, *states])).closed_loop is closed_loop
 
 
 @pytest.mark.parametrize(("storage", "compression"), FOREIGN)
@@ -243,16 +240,19 @@ def test_read___any_values___are_those_of_the_rosbags_deserialiser(
     assert data.compensation[:, 0].tolist() == [entry["compensation_v"] for entry in fields[1:]]
 
 
-def test_read___gap___takes_the_longest_part_and_says_so(tmp_path: Path) -> None:
+def test_read___gaps___are_filled_and_the_input_before_them_is_held(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "run", open_loop([1, 2, 5, 6, 7, 8, 10, 11]))
 
     reading = read_bag_report(bag)
 
-    assert reading.data.y[:, 0].tolist() == [5.0, 6.0, 7.0]
-    assert reading.data.u[:, 0].tolist() == [106.0, 107.0, 108.0]
+    # The outputs go up by one from sample to sample, and so does what fills the holes.
+    np.testing.assert_allclose(reading.data.y[:, 0], range(1, 11), rtol=1e-12)
+    assert reading.data.missing is not None
+    assert np.flatnonzero(reading.data.missing[:, 0]).tolist() == [2, 3, 8]
+    assert reading.data.u[:, 0].tolist() == [102, 105, 105, 105, 106, 107, 108, 110, 110, 111]
     assert (reading.samples, reading.lost) == (8, 3)
     assert reading.warnings == (
-        "3 samples lost at 2 places: used rows 2 to 5 of 8, the longest part without a gap",
+        "3 of 11 samples are missing, in 2 holes: those of up to 3 samples were filled",
     )
 
 
@@ -286,7 +286,9 @@ def test_period___near_a_whole_rate___is_that_rate(
     assert read_bag(write_bag(tmp_path / "run", states)).dt_s == pytest.approx(dt_s, rel=1e-12)
 
 
-def test_period___one_late_sample___does_not_move_it_and_is_reported(tmp_path: Path) -> None:
+def test_period___one_period_without_sample___does_not_move_it_and_is_reported(
+    tmp_path: Path,
+) -> None:
     late_ns = [0, 0, 0, 0, STEP_NS, STEP_NS, STEP_NS, STEP_NS]
     states = [arm_state(k + 1, START_NS + k * STEP_NS + extra) for k, extra in enumerate(late_ns)]
 
@@ -294,7 +296,7 @@ def test_period___one_late_sample___does_not_move_it_and_is_reported(tmp_path: P
 
     assert reading.data.dt_s == 0.002
     (warning,) = reading.warnings
-    assert warning.startswith("1 of 7 sampling intervals are irregular, the worst 4.000 ms")
+    assert warning.startswith("1 of 9 samples are missing, in 1 holes")
 
 
 def test_read___other_rig___takes_names_rate_and_loop_from_its_channel_info(
@@ -432,9 +434,9 @@ def lonely_io_sample(path: Path) -> Path:
     return write_bag(path / "run", [io_sample(1, START_NS, [1.0], [1.0])])
 
 
-def nan_in_output(path: Path) -> Path:
+def inf_in_output(path: Path) -> Path:
     states = open_loop([1, 2, 3, 4])
-    states[1] = arm_state(2, states[1].time_ns, (0.0, 0.0, float("nan"), 0.0))
+    states[1] = arm_state(2, states[1].time_ns, (0.0, 0.0, float("inf"), 0.0))
     return write_bag(path / "run", states)
 
 
@@ -478,8 +480,8 @@ def big_endian(path: Path) -> Path:
         (cut_bag, "File end magic is invalid.; try `flexarm bag repair"),
         (no_messages, "no messages on /flexarm/state"),
         (two_samples, "only 2 samples follow each other"),
-        (lonely_io_sample, "no two samples follow each other"),
-        (nan_in_output, "middle_strain_v is nan in row 1"),
+        (lonely_io_sample, "only 1 samples follow each other"),
+        (inf_in_output, "middle_strain_v is inf in row 1"),
         (ragged_io, "/flexarm/io: member outputs has 1 values in message 0 and 2 in message 1"),
         (misnamed_io, "y has 1 channels, but 2 names"),
         (stopped_clock, "the stamps do not advance"),

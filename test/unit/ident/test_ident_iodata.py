@@ -41,8 +41,8 @@ def test_iodata___after_construction___is_independent_and_read_only() -> None:
 
 def test_iodata___value_not_finite___names_channel_and_first_bad_row() -> None:
     y = Y.copy()
-    y[7, 2], y[8, 0] = np.nan, np.inf
-    with pytest.raises(DataError, match=r"run 3: middle_strain_v is nan in row 7"):
+    y[7, 2], y[8, 0] = -np.inf, np.inf
+    with pytest.raises(DataError, match=r"run 3: middle_strain_v is -inf in row 7"):
         arm(y=y, source="run 3")
     with pytest.raises(DataError, match=r"command_v is inf in row 4"):
         arm(u=np.where(np.arange(10) == 4, np.inf, 0.0))

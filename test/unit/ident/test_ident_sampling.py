@@ -3,78 +3,62 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexarm_ident import DataError
-from flexarm_ident.sampling import Jitter, longest_run, lost_samples, sampling_period_s
+from flexarm_ident.grid import Grid, place
+from flexarm_ident.sampling import Run, longest_run, notices
 
 PERIOD_NS = 3_333_333
 
 
-def stamps(scatter_ns: float, count: int = 3000, seed: int = 1) -> np.ndarray:
-    even = np.arange(count) * PERIOD_NS
-    return even + np.random.default_rng(seed).normal(0.0, scatter_ns, count).astype(np.int64)
+def grid(sequence: list[int]) -> Grid:
+    numbers = np.array(sequence)
+    return place(numbers, (numbers - numbers[0]) * PERIOD_NS)
 
 
-def test_lost_samples___two_gaps_and_a_restart___counts_and_used_rows() -> None:
-    sequence = np.array([1, 2, 5, 6, 7, 8, 10, 1, 2])
-    (warning,) = lost_samples(longest_run(sequence), len(sequence))
-    assert warning.name == "lost_samples"
-    assert warning.figures == {
-        "lost": 3.0,
-        "places": 3.0,
-        "first_row": 2.0,
-        "last_row": 5.0,
-        "samples": 9.0,
+def test_longest_run___restarts___is_where_the_numbers_go_up_longest() -> None:
+    run = longest_run(np.array([4, 5, 9, 1, 2, 3, 7, 8, 1]))
+    assert (run.messages, run.restarts) == (slice(3, 8), 2)
+
+
+def test_notices___even_record___says_nothing() -> None:
+    assert notices(Run(slice(0, 45), 0), grid(list(range(5, 50))), 45) == ()
+
+
+def test_notices___restarts___tell_which_messages_are_used() -> None:
+    (found,) = notices(Run(slice(3, 48), 2), grid(list(range(5, 50))), 60)
+    assert found.name == "restarted"
+    assert found.figures == {"places": 2.0, "first": 3.0, "last": 47.0, "messages": 60.0}
+    assert "used messages 3 to 47 of 60" in found.text
+
+
+def test_notices___short_and_long_holes___are_told_apart() -> None:
+    sequence = [k for k in range(100) if k not in {10, 11, 40, *range(60, 67)}]
+    (found,) = notices(Run(slice(0, 90), 0), grid(sequence), 90)
+    assert found.name == "lost_samples"
+    assert found.figures == {
+        "missing": 10.0,
+        "rows": 100.0,
+        "holes": 3.0,
+        "longest": 7.0,
+        "left_out": 7.0,
     }
-    assert "3 samples lost at 3 places" in warning.text
+    assert "the 1 longer ones, 7 samples" in found.text
 
 
-def test_lost_samples___none___says_nothing() -> None:
-    assert lost_samples(longest_run(np.arange(5, 50)), 45) == ()
+def test_notices___jittering_clock___is_named_with_its_deviation() -> None:
+    off_s = np.random.default_rng(1).normal(0.0, 4e-4, 3000)
+    stamps_ns = np.arange(3000) * PERIOD_NS + np.rint(off_s * 1e9).astype(np.int64)
+    (found,) = notices(Run(slice(0, 3000), 0), place(np.arange(3000), stamps_ns), 3000)
+    assert found.name == "clock_jitter"
+    # What is nearly on time passes for on time.
+    counted = np.where(np.abs(off_s) > 0.1 / 300.0, off_s, 0.0)
+    assert found.figures["deviation_s"] == pytest.approx(np.sqrt(np.mean(counted**2)), rel=0.05)
+    assert found.figures["row"] == np.argmax(np.abs(off_s))
+    assert found.figures["period_s"] == pytest.approx(1.0 / 300.0, rel=1e-9)
 
 
-@pytest.mark.parametrize("scatter_ns", [0.0, 50_000.0])
-def test_sampling_period_s___steady_clock___says_nothing(scatter_ns: float) -> None:
-    period_s, warnings = sampling_period_s(stamps(scatter_ns))
-    assert period_s == pytest.approx(1.0 / 300.0, rel=1e-6)
-    assert warnings == ()
-
-
-def test_sampling_period_s___every_stamp_jitters___is_named_with_its_deviation() -> None:
-    at = stamps(400_000.0)
-    steps_s = np.diff(at) * 1e-9
-    _, (warning,) = sampling_period_s(at)
-    assert warning.name == "clock_jitter"
-    figures = warning.figures
-    # Each interval has the jitter of two stamps.
-    assert figures["deviation_s"] == pytest.approx(np.sqrt(2.0) * 4e-4, rel=0.05)
-    assert figures["usual_s"] == pytest.approx(np.median(steps_s))
-    assert figures["worst_s"] == pytest.approx(steps_s[int(figures["row"])])
-    assert figures["irregular"] == np.sum(np.abs(steps_s - figures["usual_s"]) > 0.5 / 300.0)
-    assert figures["intervals"] == len(steps_s)
-
-
-def test_sampling_period_s___one_late_sample___is_named_with_its_row() -> None:
-    at = stamps(0.0)
-    at[1000] += 3_000_000
-    _, (warning,) = sampling_period_s(at)
-    assert warning.figures["irregular"] == 2.0
-    assert warning.figures["row"] in (999.0, 1000.0)
-    assert "2 of 2999 sampling intervals are irregular" in warning.text
-
-
-def test_jitter___intervals_in_pieces___same_as_at_once() -> None:
-    steps_ns = np.diff(stamps(400_000.0))
-    whole, parts = Jitter(), Jitter()
-    usual_s = whole.add(steps_ns)
-    for piece in np.array_split(steps_ns, 7):
-        parts.add(piece)
-    (one,), (other,) = whole.warnings(usual_s), parts.warnings(usual_s)
-    # Every piece has a median of its own.
-    for name in ("intervals", "row", "worst_s"):
-        assert other.figures[name] == one.figures[name]
-    assert other.figures["deviation_s"] == pytest.approx(one.figures["deviation_s"], rel=1e-2)
-
-
-def test_sampling_period_s___standing_clock___raises() -> None:
-    with pytest.raises(DataError, match="the stamps do not advance"):
-        sampling_period_s(np.zeros(10, dtype=np.int64))
+def test_notices___one_late_sample___is_named_with_its_row() -> None:
+    stamps_ns = np.arange(3000) * PERIOD_NS
+    stamps_ns[1000] += PERIOD_NS * 2 // 5
+    (found,) = notices(Run(slice(0, 3000), 0), place(np.arange(3000), stamps_ns), 3000)
+    assert (found.figures["late"], found.figures["row"]) == (1.0, 1000.0)
+    assert "1 of 3000 samples were taken more than 0.3 periods off" in found.text

@@ -1,0 +1,49 @@
+"""Was a record made in open or in closed loop? Who commanded says it, else the data do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident.feedback import is_closed_loop
+from flexarm_ident.gram import stretches
+from flexarm_ident.iodata import IoData
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+JUDGED_SAMPLES = 2**14
+"""The data are judged by so many samples from the start."""
+
+
+def loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> bool | None:
+    """Return whether the inputs of a record were computed from its outputs.
+
+    Parameters
+    ----------
+    declared : sequence of bool
+        What those who commanded declared, each whether it used the outputs; empty when nobody did.
+    judged : callable
+        Gives the first samples of the record, as many as it is asked for.
+
+    Returns
+    -------
+    bool or None
+        True when somebody closed the loop; None where the data cannot tell.
+    """
+    if declared:
+        return any(declared)
+    record = judged(JUDGED_SAMPLES)
+    longest = max(stretches(record.y_usable), key=lambda rows: rows.stop - rows.start, default=None)
+    if longest is None or not np.any(record.u):
+        return None
+    return is_closed_loop(
+        IoData(
+            record.u[longest],
+            record.y[longest],
+            dt_s=record.dt_s,
+            inputs=record.inputs,
+            outputs=record.outputs,
+        )
+    )
