@@ -53,6 +53,7 @@ def test_page___example_that_does_not_hold___is_shown(tmp_path: Path) -> None:
     assert "Expected:\n    3\nGot:\n    2\n" in said
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::PendingDeprecationWarning")
 def test_site___pages_of_the_checkout___build_without_a_warning(tmp_path: Path) -> None:
     site = tmp_path / "site"

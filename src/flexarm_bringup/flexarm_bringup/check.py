@@ -5,15 +5,23 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from flexarm_bringup import terminal
 from flexarm_bringup.processes import LaunchError
 
-_CHECKS = (
+_READ = (
     ("lint", ["ruff", "check"]),
     ("format", ["ruff", "format", "--check"]),
     ("types", ["mypy"]),
+)
+_QUICK = (
+    *_READ,
+    ("unit tests", ["pytest", "--numprocesses", "auto", "-m", "not slow", "test/unit"]),
+)
+_ALL = (
+    *_READ,
     ("unit tests", ["pytest", "--numprocesses", "auto", "--ignore", "test/system"]),
     # Their nodes wait more than they work, and some keep the time: two at once, on any machine.
     ("system tests", ["pytest", "--numprocesses", "2", "--dist", "loadfile", "test/system"]),
@@ -22,8 +30,15 @@ _CHECKS = (
 _FILES = {"control": "control_laws"}
 
 
-def check_everything(arguments: tuple[str, ...]) -> int:
-    """Run all checks, or pytest with the arguments; return the exit code.
+def check_everything(arguments: tuple[str, ...], *, quick: bool = False) -> int:
+    """Run all checks, or the quick ones, or pytest with the arguments; return the exit code.
+
+    Parameters
+    ----------
+    arguments
+        Of pytest; none: all checks.
+    quick
+        Leave out the tests that are marked slow and all that are no unit tests.
 
     Raises
     ------
@@ -31,13 +46,20 @@ def check_everything(arguments: tuple[str, ...]) -> int:
         Outside a checkout.
     """
     root = checkout("tests")
-    checks = (("tests", ["pytest", *arguments]),) if arguments else _CHECKS
+    checks = (("tests", ["pytest", *arguments]),) if arguments else _QUICK if quick else _ALL
     failed = []
     for name, (tool, *options) in checks:
         terminal.step(f"{name}: {' '.join((tool, *options))}")
         command = [sys.executable, "-m", tool, *options]
+        started_s = time.monotonic()
         if subprocess.run(command, cwd=root, check=False).returncode != 0:  # noqa: S603
             failed.append(name)
+        terminal.CONSOLE.print(f"  {name} took {time.monotonic() - started_s:.0f} s")
+    if quick:
+        terminal.CONSOLE.print(
+            "  left out: tests marked slow, property, fault and system tests; "
+            "./flexarm test runs them all"
+        )
     if failed:
         terminal.CONSOLE.print(f"[bold red]failed: {', '.join(failed)}[/bold red]")
     return 1 if failed else 0

@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
+
+pytestmark = pytest.mark.slow
 
 BENCH = Path(__file__).parents[3] / "bench" / "reduction.py"
 

@@ -93,6 +93,7 @@ def test_tune_pdp___certificate___is_what_its_parts_say(flipped: PdpTuning) -> N
     assert flipped.criterion == pytest.approx(stepped, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_tune_pdp___feasible_neighbours___are_no_better(flipped: PdpTuning) -> None:
     best = np.array([flipped.gains.kp, flipped.gains.kd, flipped.gains.ksg])
     generator = np.random.default_rng(3)
@@ -114,6 +115,7 @@ def test_tune_pdp___delay___is_part_of_margins_and_responses() -> None:
     assert tuning.criterion == pytest.approx(stepped, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_tune_pdp___weights___move_the_optimum() -> None:
     accurate = tune_pdp(FLIPPED_MODELS[:1], error_weight=1.0, strain_weight=0.0)
     calm = tune_pdp(FLIPPED_MODELS[:1], error_weight=0.0, strain_weight=1.0)

@@ -161,6 +161,7 @@ def test_response___of_the_linear_rig___is_the_matrix_exponential(payload_kg: fl
     )
 
 
+@pytest.mark.slow
 def test_response___of_the_whole_rig_over_3_s___agrees_with_lsoda() -> None:
     command_v = 1.25 * wave(900)
     outputs_v = simulate(Plant(RIG), command_v, RATE_HZ)

@@ -171,6 +171,7 @@ def test_file_cut_anywhere___every_whole_chunk_is_saved(
         assert content(folder / "copy") == recording.messages[:whole]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("indexed", [True, False])
 @settings(max_examples=60)
 @given(data=st.data())
@@ -198,6 +199,7 @@ def test_one_wrong_byte_in_a_chunk___costs_the_messages_of_that_chunk(
     assert f"{lost} of {len(recording.messages)} messages are lost" in damage or not lost
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.data())
 def test_one_wrong_byte_anywhere___no_message_is_changed(

@@ -89,6 +89,7 @@ def test_check___single_file___needs_no_folder(whole: Path) -> None:
     assert check_bag(mcap_file(whole)).problems == ()
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(data=st.data())
 def test_check___one_wrong_bit_in_the_file___is_noticed(whole: Path, data: st.DataObject) -> None:
@@ -104,6 +105,7 @@ def test_check___one_wrong_bit_in_the_file___is_noticed(whole: Path, data: st.Da
         file.write_bytes(raw)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(data=st.data())
 def test_check___one_wrong_bit_in_the_metadata___is_noticed_or_means_nothing(

@@ -503,6 +503,7 @@ def test_read___unusable_bag___is_one_line_that_names_it(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
 def test_read___one_flipped_bit___never_changes_a_value_unnoticed(

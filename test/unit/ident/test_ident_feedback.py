@@ -129,7 +129,7 @@ OPEN_LOOP: dict[str, Callable[[np.random.Generator], Array]] = {
 
 @pytest.mark.parametrize("waveform", OPEN_LOOP)
 def test_is_closed_loop___no_controller___is_open_for_any_excitation(waveform: str) -> None:
-    for seed in range(30):
+    for seed in range(30 if waveform in {"white noise", "multisine of 60"} else 6):
         rng = np.random.default_rng(seed)
         u = OPEN_LOOP[waveform](rng)[:, np.newaxis]
         model = arm_model() if seed % 2 else random_model(seed, outputs=3, inputs=1)

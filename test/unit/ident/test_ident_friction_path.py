@@ -64,6 +64,7 @@ def real() -> Outcome:
     return run(read_bag(BAG), Request(method="auto", friction=True, refine=True))
 
 
+@pytest.mark.slow
 def test_real_two_link_arm___auto_with_friction___simulates_twice_the_record(real: Outcome) -> None:
     record, found = real.records[0], real.identification
     assert (found.method, real.fitted[0]) == ("arm", round(0.5 * len(record)))
@@ -78,6 +79,7 @@ def test_real_two_link_arm___auto_with_friction___simulates_twice_the_record(rea
     assert "dead sensors" in found.notes[0]
 
 
+@pytest.mark.slow
 def test_real_two_link_arm___arm___is_better_than_its_subspace_start(real: Outcome) -> None:
     found = real.identification
     assert found.start_error is not None
@@ -86,6 +88,7 @@ def test_real_two_link_arm___arm___is_better_than_its_subspace_start(real: Outco
     assert real.dmv_errors.mean() < linear.mean()
 
 
+@pytest.mark.slow
 def test_real_two_link_arm___net_input___moves_the_linear_model_alike(real: Outcome) -> None:
     found = real.identification
     assert found.friction is not None
@@ -94,6 +97,7 @@ def test_real_two_link_arm___net_input___moves_the_linear_model_alike(real: Outc
     assert simulate(found.model, net.u, found.x0[0]) == pytest.approx(y, rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_real_two_link_arm___files_and_report___hold_the_levels(
     real: Outcome, tmp_path: Path
 ) -> None:
@@ -158,6 +162,7 @@ def test_workflow___compensation_recorded___keeps_the_way_of_the_thesis() -> Non
     assert outcome.request.friction
 
 
+@pytest.mark.slow
 def test_reduced_model___of_an_arm_with_friction___has_friction_too() -> None:
     outcome = run(
         controlled(0.5),

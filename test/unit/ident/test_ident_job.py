@@ -155,6 +155,7 @@ def test_identify_bags___two_bags___writes_one_model_with_its_origin(tmp_path: P
     assert (told[0], told[-1]) == (("reading", 0.0), ("writing", 1.0))
 
 
+@pytest.mark.slow
 def test_identify_bags___again_into_the_same_folder___leaves_nothing_stale(tmp_path: Path) -> None:
     bag, out = a_bag(tmp_path / "run"), tmp_path / "out"
     identify_bags([bag], out, QUICK, exports=(".json", ".h"))

@@ -148,6 +148,7 @@ def test_arm_error___gradient_through_stick_and_slip___agrees_with_differences()
     assert gradient == pytest.approx(slopes, abs=1e-3 * np.abs(slopes).max())
 
 
+@pytest.mark.slow
 def test_fit_arm___closed_loop_without_compensation___finds_level_and_simulates() -> None:
     _, _, data = arm_record()
     fit = fit_arm(data, [Drive("drive_a", "hub_rad")])

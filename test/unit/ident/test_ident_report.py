@@ -145,6 +145,7 @@ def test_render_report___outcome___is_small(text: str) -> None:
     assert len(text.encode()) < 1.5e6
 
 
+@pytest.mark.slow
 def test_render_report___twice___is_the_same_text(small: Outcome) -> None:
     assert rendered(small) == rendered(small)
 
@@ -209,6 +210,7 @@ def test_render_report___outcome___tells_data_order_and_origin(outcome: Outcome,
         assert warning in words
 
 
+@pytest.mark.slow
 def test_render_report___hostile_names___are_text(outcome: Outcome) -> None:
     outputs = (HOSTILE, "base_strain_v", "middle_strain_v", "speed_v")
     records = tuple(replace(each, source=HOSTILE, outputs=outputs) for each in outcome.records)
@@ -220,6 +222,7 @@ def test_render_report___hostile_names___are_text(outcome: Outcome) -> None:
     assert text.count("</main>") == 1
 
 
+@pytest.mark.slow
 def test_render_report___several_inputs_outputs_and_records___shows_three_records(
     many_channels: Outcome,
 ) -> None:
@@ -236,6 +239,7 @@ def test_render_report___several_inputs_outputs_and_records___shows_three_record
     assert 'class="marked"' not in text.split("<h2>Modes</h2>")[1].split("</table>", maxsplit=1)[0]
 
 
+@pytest.mark.slow
 def test_render_report___simulation_that_runs_away___is_still_drawn(outcome: Outcome) -> None:
     wild = np.full_like(outcome.dmv[0].y, np.nan)
     wild[:100], wild[100:200], wild[200:300] = 0.0, 1e300, -np.inf

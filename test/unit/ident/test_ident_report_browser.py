@@ -16,6 +16,8 @@ import pytest
 from flexarm_ident.job import report_bags
 from flexarm_ident.workflow import Request
 
+pytestmark = pytest.mark.slow
+
 BAG = Path(__file__).parents[3] / "bags" / "c_dat3_0g"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 DEADLINE_S = 90.0

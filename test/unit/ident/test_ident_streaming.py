@@ -295,6 +295,7 @@ def test_run___record_longer_than_the_excerpt___errors_are_of_the_whole() -> Non
     assert record_table(outcome).rows[0][1] == "70536"
 
 
+@pytest.mark.slow
 def test_identify_bags___more_samples_than_memory_is_given___reads_in_pieces(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,6 +56,7 @@ def fitted(matrices: StateMatrices, data: IoData) -> control.StateSpace:
     return control.ss(A, fit.B, matrices.C, fit.D, DT_S)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("colour", "block_rows"), [("white", PAST), ("ar", 2 * PAST)])
 def test_uncertainty___many_seeds___is_within_a_factor_of_two_of_their_scatter(
     colour: str, block_rows: int

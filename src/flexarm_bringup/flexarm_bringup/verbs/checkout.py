@@ -11,13 +11,19 @@ from flexarm_bringup.verbs.verb import RUN_ON, examples
 
 
 @click.command(context_settings=RUN_ON)
+@click.option("--quick", is_flag=True, help="Lint, types and quick unit tests: three minutes.")
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
-@examples("test", "test test/unit -k margins")
-def test(arguments: tuple[str, ...]) -> None:
+@examples("test", "test --quick", "test test/unit -k margins")
+def test(arguments: tuple[str, ...], *, quick: bool) -> None:
     """Lint, check types and run the tests; with arguments, run pytest with them only."""
     from flexarm_bringup.check import check_everything  # noqa: PLC0415
 
-    sys.exit(check_everything(arguments))
+    if quick and arguments:
+        raise click.UsageError(
+            f"--quick chooses the tests: leave out {' '.join(arguments)}, or leave out --quick and "
+            'say -m "not slow"'
+        )
+    sys.exit(check_everything(arguments, quick=quick))
 
 
 @click.command()
