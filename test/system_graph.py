@@ -316,6 +316,17 @@ class Graph:
         self.operator.activate("controller")
 
 
+def declarations(bag: Path) -> list[tuple[str, str, bool]]:
+    """Return who commanded, by which law, and whether that uses the outputs, as recorded."""
+    with AnyReader([bag]) as reader:
+        connections = [each for each in reader.connections if each.topic == "/flexarm/commander"]
+        messages: list[Any] = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages(connections)
+        ]
+    return [(message.node, message.law, message.uses_outputs) for message in messages]
+
+
 class States:
     """The samples of a bag, as recorded."""
 

@@ -95,7 +95,7 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
 
     (file,) = bag.glob("*.mcap")
     states = deserialised["/flexarm/state"]
-    assert set(deserialised) == TOPICS
+    assert set(deserialised) == TOPICS | {"/flexarm/commander"}
     assert [state.sequence for state in states] == list(range(1, 301))
     answered = [command.state_sequence for command in deserialised["/flexarm/command"]]
     assert sorted(set(answered)) == answered

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from system_graph import ROOT, States, fill_disk
+from system_graph import ROOT, States, declarations, fill_disk
 
 from flexarm_daq.excitation import BOUND_V
 from flexarm_ident.bag_check import check_bag
@@ -58,6 +58,12 @@ def test_experiments___are_recorded_as_the_tables_say_and_repeat_themselves(
     assert np.all(np.abs(position_v[turns]) >= BOUND_V - 0.1)
     controlled = States(tmp_path / "first" / "R_dat7")
     assert controlled.volts[-300:, 0].mean() == pytest.approx(3.0, abs=0.06)
+
+    commanders = {name: declarations(tmp_path / "first" / name) for name in first}
+    assert commanders["O_dat5"] == [("/flexarm/experiment", "periodic_random", False)]
+    assert [(node, uses) for node, _, uses in commanders["R_dat7"]] == [
+        ("/flexarm/controller", True)
+    ]
 
     sign_of_the_old_one = tmp_path / "first" / "R_dat7" / "notes.txt"
     sign_of_the_old_one.touch()
@@ -127,7 +133,7 @@ def test_experiment_with_a_sample_unanswered___is_refused_and_kept_apart(
     (experiment,) = graph.survivors("experiment_node")
     os.kill(experiment, signal.SIGSTOP)
     try:
-        graph.wait(lambda: time.monotonic() - heard_s[-1] > 5.0, "the wait for an answer")
+        graph.wait(lambda: time.monotonic() - heard_s[-1] > 2.0, "the wait for an answer")
         waiting = len(heard_s)
         graph.wait(lambda: len(heard_s) > waiting, "the next sample")
     finally:

@@ -267,9 +267,10 @@ def test_clock_that_jumps___moves_the_stamps_of_commands_and_nothing_else(
     graph.operator.record(None)
 
     run = States(bag)
-    np.testing.assert_array_equal(run.sequence, np.arange(1, len(run.sequence) + 1))
+    # Periods may be missed on a busy machine, with their numbers.
+    assert (np.diff(run.sequence) > 0).all()
     steps_s = np.diff(run.stamp_s)
-    # Periods may be missed on a busy machine; an hour may not.
+    # An hour may not.
     assert steps_s.min() > 0.0
     assert steps_s.max() < 60.0
     assert run.stamp_s[-1] - run.stamp_s[0] < 60.0

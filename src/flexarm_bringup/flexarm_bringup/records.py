@@ -62,7 +62,7 @@ def new_record(bag: Path) -> Iterator[Path]:
     finally:
         if _replaced(record).exists() and not bag.exists():
             _replaced(record).rename(bag)
-        if record.exists() and check_bag(record).messages:
+        if record.exists() and check_bag(record).samples:
             record.rename(partial)
             terminal.CONSOLE.print(f"what was recorded is kept in {partial}", markup=False)
         shutil.rmtree(record.parent, ignore_errors=True)

@@ -114,7 +114,10 @@ class _FileRepair:
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel) and record.schema_id in schemas:
-                    topics[record.id] = _topic(record, schemas[record.schema_id])
+                    try:
+                        topics[record.id] = _topic(record, schemas[record.schema_id])
+                    except UnicodeDecodeError as error:
+                        self._note(f"a definition is damaged: {_cause(error)}")
                 elif isinstance(record, Message) and record.channel_id in topics:
                     yield topics[record.channel_id], record
                     count += 1

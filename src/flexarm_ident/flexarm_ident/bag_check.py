@@ -42,6 +42,8 @@ class BagCheck:
         The bag.
     messages
         Messages that could be read.
+    samples
+        Those among them that are samples.
     problems
         What is wrong, one line each; empty for a good bag.
     notes
@@ -50,6 +52,7 @@ class BagCheck:
 
     bag: Path
     messages: int
+    samples: int
     problems: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -99,7 +102,8 @@ class _Check:
         total = self._content.total
         if not total and not self._problems:
             self._problems.append("holds no message")
-        return BagCheck(self._path, total, tuple(self._problems), tuple(self._notes))
+        samples = self._content.samples
+        return BagCheck(self._path, total, samples, tuple(self._problems), tuple(self._notes))
 
     def _information(self) -> dict[str, Any]:
         file = self._path / "metadata.yaml"

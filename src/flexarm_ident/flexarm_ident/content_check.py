@@ -80,6 +80,11 @@ class ContentCheck:
         """Messages seen."""
         return self._loose + sum(topic.count for topic in self.topics.values())
 
+    @property
+    def samples(self) -> int:
+        """Messages seen that are samples."""
+        return sum(each.count for each in self.topics.values() if each.type_name in _SAMPLED)
+
     def connect(self, reader: AnyReader) -> None:
         """Take over topics, types and definitions of an open bag."""
         self._reader = reader
