@@ -32,11 +32,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_ident.arrays import BoolArray, FloatArray
 
 CURVE_POINTS = 2000
 
 _SHOWN_SINGULAR_VALUES = 40
+_SHOWN_HOLES = 200
 
 
 def match_plot(
@@ -53,7 +54,8 @@ def match_plot(
     Parameters
     ----------
     time_s, measured, simulated : ndarray, (samples,)
-        Time and one output: solid as measured, dotted as simulated.
+        Time and one output: solid as measured, dotted as simulated. Where the measured one is NaN
+        it breaks off, and a bar at the bottom marks the hole.
     name : str
         Name of the output, with its unit at the end.
     fitted_s : float
@@ -66,7 +68,7 @@ def match_plot(
     str
         SVG. A simulation that runs away is cut off one range beyond the measured signal.
     """
-    low, high = float(measured.min()), float(measured.max())
+    low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
     span = (high - low) or 1.0
     visible = np.clip(np.nan_to_num(simulated, nan=high + span), low - span, high + span)
     with mpl.rc_context(STYLE):
@@ -78,10 +80,29 @@ def match_plot(
         for label, values, look in curves:
             rows = _extremes(values, points)
             axes.plot(time_s[rows], values[rows], label=label, **look)
+        _mark_holes(axes, time_s, np.isnan(measured))
         axes.set_ylabel(axis_label(name))
         _time_axis(axes, time_s)
         legend_above(axes)
         return inline_svg(figure, f"{label_and_unit(name)[0]}: measured and simulated over time")
+
+
+def _mark_holes(axes: Axes, time_s: FloatArray, missing: BoolArray) -> None:
+    """Draw a bar along the bottom where nothing was measured, the longest holes only of many."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], missing, [False]]).astype(np.int8)))
+    holes = edges.reshape(-1, 2)
+    if not len(holes):
+        return
+    longest = holes[np.argsort(holes[:, 0] - holes[:, 1], kind="stable")[:_SHOWN_HOLES]]
+    starts_s = time_s[longest[:, 0]]
+    lengths_s = (longest[:, 1] - longest[:, 0]) * (time_s[1] - time_s[0])
+    axes.broken_barh(
+        list(zip(starts_s.tolist(), lengths_s.tolist(), strict=True)),
+        (0.0, 0.04),
+        transform=axes.get_xaxis_transform(),
+        color=VERMILION,
+        label="holes",
+    )
 
 
 def input_plot(
@@ -213,5 +234,9 @@ def _extremes(values: FloatArray, points: int) -> NDArray[np.intp]:
     rows: list[int] = []
     for part in np.array_split(np.arange(len(values)), points // 2):
         inside = values[part]
-        rows.extend(part[sorted({int(inside.argmin()), int(inside.argmax())})])
+        found = {int(inside.argmin()), int(inside.argmax())}
+        if np.isnan(inside).any() and not np.isnan(inside).all():
+            # One row of the hole breaks the curve off.
+            found |= {int(np.nanargmin(inside)), int(np.nanargmax(inside))}
+        rows.extend(part[sorted(found)])
     return np.array(rows)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _LOOPS = {True: "closed", False: "open", None: "unknown"}
 _CHECKS = {
     "lost_samples": "Lost samples",
+    "restarted": "Restarts",
     "clock_jitter": "Clock jitter",
     "feedback": "Closed loop",
     "saturation": "Saturation",

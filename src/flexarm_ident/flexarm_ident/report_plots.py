@@ -74,7 +74,7 @@ def _matches(
             f"{label_and_unit(name)[0]}, δ = {error_text(delta[i])}",
             plots.match_plot(
                 time_s,
-                record.y[:, i],
+                record.y_usable[:, i],
                 simulated[:, i],
                 name,
                 fitted_s=fitted * record.dt_s,

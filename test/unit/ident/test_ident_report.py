@@ -466,6 +466,17 @@ def test_label_and_unit___name___is_split(name: str, words: str, unit: str) -> N
     assert axis_label(name).strip() == (f"{words}, {unit}" if unit else words)
 
 
+def test_match_plot___holes___break_the_curve_and_are_marked() -> None:
+    y = np.sin(np.arange(5000) / 50.0)
+    whole = match_plot(times(5000), y, y, "position_v", fitted_s=0.5, points=400)
+    y = y.copy()
+    y[1000:1400] = y[3000:3010] = np.nan
+    svg = match_plot(times(5000), y, np.zeros(5000), "position_v", fitted_s=0.5, points=400)
+    assert "holes" in svg
+    assert "holes" not in whole
+    assert "nan" not in svg
+
+
 def test_match_plot___one_output___names_channel_and_unit() -> None:
     u = square_wave(400, 1)
     y = step_by_step(arm_model(), u)[:, 0]

@@ -60,6 +60,11 @@ _BENCHES = (
         "Coloured noise: the methods beside the best that is possible",
         ("--seeds 20",),
     ),
+    (
+        "holes",
+        "Models of records with lost samples beside the undamaged ones",
+        ("--seeds 20", "--only bursts --seeds 5"),
+    ),
     ("reduction", "Modal reduction on simulated C_dat3 and C_dat11", ("--seeds 20",)),
     ("rig", "Speed of the simulated rig in times real time", ("--json out/rig.json",)),
     ("bags", "Speed of reading bags beside rosbags", ("--seconds 600",)),
