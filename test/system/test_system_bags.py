@@ -79,7 +79,7 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     bag = tmp_path / "run"
     graph.start("recorder")
     graph.start("controller", {"law": "pdpc", "reference": "step"})
-    graph.start("daq", {"time": "virtual", "answer_timeout_s": 0.05})
+    graph.start("daq", {"real_time_factor": 0.0, "answer_timeout_s": 0.05})
     graph.configure_loop()
     # A run that the controller hears and does not answer: the bag shall have nothing of it.
     graph.operator.sample(5, lambda _: None)

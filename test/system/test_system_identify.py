@@ -43,7 +43,7 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
             "controller",
             {"law": "pd", "pd.compensation_v": 0.7, "reference": "varying_square"},
         )
-        graph.start("daq", {"time": "virtual", "seed": 1})
+        graph.start("daq", {"real_time_factor": 0.0, "seed": 1})
         graph.configure_loop()
         graph.operator.recorded_run("controller", str(folder / "run"), 9000, lambda _: None)
         yield graph

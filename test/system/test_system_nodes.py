@@ -130,6 +130,27 @@ def test_nodes_with_a_loop___have_no_shared_memory_that_a_late_node_could_stop_t
     }
 
 
+@pytest.mark.parametrize(
+    ("settings", "cause"),
+    [
+        ({}, None),
+        ({"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}, None),
+        ({"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}, "as FASTDDS_BUILTIN_TRANSPORTS has it, "),
+        ({"ROS_STATIC_PEERS": "127.0.0.1"}, "as ROS_STATIC_PEERS has it, "),
+    ],
+)
+def test_node_with_a_loop___says_when_a_late_node_could_stop_it(
+    graph: Graph, settings: dict[str, str], cause: str | None
+) -> None:
+    graph.environment |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"} | settings
+    process = graph.start("daq", {"nonsense": 1})
+    process.wait_for("nonsense")
+    graph.wait(lambda: "/flexarm/daq" in graph.operator.nodes(), "the node")
+    lines = [line for line in process.printed.splitlines() if "uses shared memory" in line]
+    assert len(lines) == (cause is not None)
+    assert all(f"{cause}this node uses shared memory" in line for line in lines)
+
+
 def test_controller_on_the_topic___tells_its_set_point_and_that_samples_have_stopped(
     graph: Graph,
 ) -> None:

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.system
 def test_scheduled_controller___publishes_the_payload_that_it_detects(graph: Graph) -> None:
     heard: list[PayloadEstimate] = []
     graph.node.create_subscription(PayloadEstimate, "payload", heard.append, qos.STATUS)
-    graph.start("daq", {"time": "virtual", "payload_kg": 0.3, "samples": 900, "seed": 2})
+    graph.start("daq", {"real_time_factor": 0.0, "payload_kg": 0.3, "samples": 900, "seed": 2})
     graph.start(
         "controller",
         {"law": "pdpc_scheduled", "reference": "step", "step.amplitude_v": 4.0},

@@ -57,7 +57,7 @@ def record(graph: Graph, bag: Path, samples: int) -> States:
 def virtual_loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
     """Return a loop in virtual time, ready to sample."""
     with Graph(tmp_path_factory.mktemp("virtual")) as graph:
-        start_loop(graph, {"time": "virtual"}, {"law": "pdpc", "reference": "square"})
+        start_loop(graph, {"real_time_factor": 0.0}, {"law": "pdpc", "reference": "square"})
         yield graph
 
 
@@ -139,7 +139,7 @@ def test_law_for_another_rate___controller_ends_and_the_drive_is_at_zero(
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
     controller = start_loop(
         graph,
-        {"time": "virtual", "rate_hz": 500.0, "answer_timeout_s": 0.05},
+        {"real_time_factor": 0.0, "rate_hz": 500.0, "answer_timeout_s": 0.05},
         {"law": law, "reference": "square", "square.period_s": 0.4},
     )
     assert graph.transition("daq", "activate")
@@ -218,7 +218,7 @@ def test_real_time___500_hz_for_60_s_while_a_model_is_identified___records_every
     graph.start("ident", {"output_folder": str(tmp_path / "models")})
     start_loop(
         graph,
-        {"time": "virtual", "rate_hz": 500.0},
+        {"real_time_factor": 0.0, "rate_hz": 500.0},
         {"law": "pd", "pd.compensation_v": 0.7, "reference": "varying_square"},
     )
     record(graph, tmp_path / "other", 8000)

@@ -43,7 +43,7 @@ class BagCheck:
     messages
         Messages that could be read.
     samples
-        Those among them that are samples.
+        Those among them that are samples, or may be: in a damaged bag it is not known.
     problems
         What is wrong, one line each; empty for a good bag.
     notes

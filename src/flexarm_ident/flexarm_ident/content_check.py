@@ -82,8 +82,9 @@ class ContentCheck:
 
     @property
     def samples(self) -> int:
-        """Messages seen that are samples."""
-        return sum(each.count for each in self.topics.values() if each.type_name in _SAMPLED)
+        """Messages seen that are samples, or may be."""
+        sampled = (each.count for each in self.topics.values() if each.type_name in _SAMPLED)
+        return self._loose + sum(sampled)
 
     def connect(self, reader: AnyReader) -> None:
         """Take over topics, types and definitions of an open bag."""

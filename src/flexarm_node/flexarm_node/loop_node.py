@@ -16,6 +16,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters, ParameterSpec
+from flexarm_node.transport import complaint_about_transport
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -96,6 +97,8 @@ class LoopNode(LifecycleNode):
         self._idle_reports = self.create_timer(
             _REPORT_S, self._report_idle, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+        if warning := complaint_about_transport():
+            self.get_logger().warning(warning)
         # rclpy's own answer to a transition that the present state does not have is an exception.
         self._answer_transition = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state

@@ -5,7 +5,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from flexarm_node.transport import settings_for_a_loop
+from flexarm_node.transport import settings_for_a_loop, shared_memory_warning
 
 FAST_DDS = "/opt/lib/libfastrtps.so.2.14"
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -66,6 +66,22 @@ def test_settings___transports_or_peers_of_the_user___stand(own: str) -> None:
 @pytest.mark.parametrize("own", [variable for _, variable, _ in VERSIONS])
 def test_settings___profile_of_the_user___is_the_only_one(own: str) -> None:
     assert settings_for_a_loop({**LOCALHOST, own: "mine.xml"}, FAST_DDS) == {}
+
+
+@pytest.mark.parametrize(
+    ("environment", "beginning"),
+    [
+        ({"ROS_STATIC_PEERS": "10.0.0.1"}, "as ROS_STATIC_PEERS has it, this node uses shared"),
+        ({PROFILE: "mine.xml"}, f"as {PROFILE} has it, this node uses shared memory: "),
+        ({}, "this node uses shared memory: one that joins late may stop the loop"),
+    ],
+)
+def test_shared_memory___in_use___is_told_with_its_cause(
+    environment: dict[str, str], beginning: str
+) -> None:
+    maps = "7f00-7f10 rw-s 00000000 00:1a 5 /dev/shm/fastrtps_port7410\n"
+    assert shared_memory_warning(environment, maps).startswith(beginning)
+    assert shared_memory_warning(environment, "/usr/lib/libfastrtps.so\n") == ""
 
 
 def test_settings___other_middleware___nothing() -> None:
