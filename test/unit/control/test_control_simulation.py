@@ -60,7 +60,7 @@ def test_simulate_loop___pdpc___records_the_compensation_but_does_not_apply_it()
     with_it = simulate_loop(model, Pdpc(GAINS, Compensation(0.7)), reference_v)
     without = simulate_loop(model, Pdp(GAINS), reference_v)
 
-    assert np.array_equal(with_it.y, without.y)
+    np.testing.assert_allclose(with_it.y, without.y, rtol=0.0, atol=1e-9)
     assert set(np.unique(with_it.compensation)) <= {-0.7, 0.0, 0.7}
     assert with_it.compensation[0] == 0.7
 

@@ -70,7 +70,9 @@ def test_tune___pdp___meets_the_margins_and_names_every_gain() -> None:
 def test_tune___pi___is_tune_pi_on_one_model() -> None:
     result = tune(load_models(["nominal:0"]), TuneRequest("pi"))
 
-    assert result.parameters["pi.kp"] == tune_pi(nominal_model(0.0)).gains.kp
+    assert result.parameters["pi.kp"] == pytest.approx(
+        tune_pi(nominal_model(0.0)).gains.kp, rel=1e-6
+    )
     with pytest.raises(ControlError, match="one model, got 2"):
         tune(load_models(["nominal:0", "nominal:0.2"]), TuneRequest("pi"))
 

@@ -55,7 +55,7 @@ def test_stabilisation___mode_at_all_orders_among_wandering_ones___is_the_physic
     # The first order has none before it.
     assert mode.orders == tuple(range(5, 24))
     assert mode.count == 19
-    assert mode.share == 0.95
+    assert mode.share == pytest.approx(0.95)
     expected = 10.0 + 0.02 * np.arange(5, 24)
     assert mode.frequency_hz == pytest.approx(np.median(expected))
     assert mode.frequency_std_hz == pytest.approx(np.std(expected))

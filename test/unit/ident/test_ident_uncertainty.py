@@ -145,8 +145,9 @@ def test_mode_uncertainty___identified_model___follows_its_mode_table() -> None:
     data = arm_data(5, colour=False)
     model = identify(data, order=9, block_rows=PAST)
     found = mode_uncertainty(jackknife(data, PAST, white), model.model)
-    assert [each.frequency_hz for each in found] == [each.frequency_hz for each in model.modes]
-    assert [each.damping_ratio for each in found] == [each.damping_ratio for each in model.modes]
+    for figure in ("frequency_hz", "damping_ratio"):
+        expected = [getattr(each, figure) for each in model.modes]
+        assert [getattr(each, figure) for each in found] == pytest.approx(expected, rel=1e-9)
 
 
 def test_frequency_response_uncertainty___feedthrough___is_fitted() -> None:
