@@ -46,7 +46,7 @@ def check_request(
     IdentificationError
         If the request makes no sense.
     DataError
-        If a record is too short or an input excites nothing.
+        If the records together are too short or an input excites nothing.
     """
     if method not in ("auto", *METHODS):
         raise IdentificationError(f"method must be one of auto, {', '.join(METHODS)}: {method!r}")
@@ -56,12 +56,14 @@ def check_request(
     if order is not None:
         _check_order(records, order, block_rows, method)
     needed = shifts(method, block_rows) * _samples_a_shift(first)
-    for record in records:
-        if len(record) < needed:
-            raise DataError(
-                f"{record.label}: {len(record)} samples are too few, {block_rows} block rows need "
-                f"at least {needed}: record longer or lower block_rows"
-            )
+    usable = sum(_usable(record, needed) for record in records)
+    if usable < needed:
+        samples = sum(map(len, records))
+        holes = "" if usable == samples else f" of {samples}, holes apart,"
+        raise DataError(
+            f"{first.label}: {usable} samples{holes} are too few, {block_rows} block rows need "
+            f"at least {needed}: record longer or lower block_rows"
+        )
     constant = np.all([_constant_inputs(record) for record in records], axis=0)
     for name, is_constant in zip(first.inputs, constant, strict=True):
         if is_constant:
@@ -91,6 +93,16 @@ def _check_order(records: Sequence[Source], order: int, block_rows: int, method:
             f"most {allowed}: record longer or lower the order"
         )
     raise IdentificationError(message)
+
+
+def _usable(record: Source, needed: int) -> int:
+    """Return how many samples are not in long holes; counts no further than it must."""
+    usable = 0
+    for _, y in record.chunks(_CHUNK):
+        usable += int(np.count_nonzero(~np.isnan(y).any(axis=1)))
+        if usable >= needed:
+            break
+    return usable
 
 
 def _constant_inputs(record: Source) -> NDArray[np.bool_]:
