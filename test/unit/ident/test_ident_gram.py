@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from ident_systems import random_model, record
@@ -66,3 +68,26 @@ def test_block_gram___record_shorter_than_block_rows___raises() -> None:
     data = IoData(np.zeros(5), np.zeros((5, 4)), dt_s=0.01, source="short")
     with pytest.raises(DataError, match="short: 5 samples are fewer than the 6 block rows"):
         block_gram([data], 6)
+
+
+def test_block_gram___holes___sums_the_columns_without_one() -> None:
+    data = record(random_model(7), 900, seed=4)
+    y = data.y.copy()
+    # One long hole on a chunk's own, one that leaves a part shorter than the block rows.
+    y[300:310] = y[315:340] = np.nan
+    damaged = replace(data, y=y)
+    whole = hankel(np.hstack([data.y, data.u]), 9)
+    kept = np.array([not np.any(~damaged.usable[k : k + 9]) for k in range(whole.shape[1])])
+    explicit = whole[:, kept]
+    gram = block_gram([damaged], 9)
+    assert gram.columns == kept.sum()
+    scale = np.abs(explicit @ explicit.T).max()
+    np.testing.assert_allclose(gram.matrix, explicit @ explicit.T, atol=1e-12 * scale)
+
+
+def test_block_gram___no_part_as_long_as_the_block_rows___raises() -> None:
+    y = np.random.default_rng(1).normal(size=(200, 2))
+    y[np.arange(200) % 10 < 5] = np.nan
+    data = IoData(np.ones(200), y, dt_s=0.01, outputs=("a", "b"), source="torn")
+    with pytest.raises(DataError, match="torn: no 9 samples, the block rows, follow each other"):
+        block_gram([data], 9)

@@ -239,3 +239,28 @@ def test_simulate___pulse___gives_the_markov_parameters() -> None:
     u = np.zeros((26, 1))
     u[0] = 1.0
     np.testing.assert_allclose(simulate(model, u), pulse_responses(model)[:, :, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("schur", [False, True])
+def test_fit_inputs___holes___are_simulated_through_and_do_not_count(
+    *, schur: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if schur:
+        monkeypatch.setattr(output_fit, "_DEFECTIVE_CONDITION", 0.0)
+    model = random_model(3)
+    data = record(model, 500, seed=1)
+    rng = np.random.default_rng(2)
+    y = data.y + 0.05 * data.y.std(axis=0) * rng.normal(size=data.y.shape)
+    for start in (40, 130, 200, 333):
+        y[start : start + int(rng.integers(4, 50))] = np.nan
+    damaged = replace(data, y=y)
+    # What is in the holes must not matter at all.
+    other = replace(damaged, y=np.where(damaged.usable[:, np.newaxis], damaged.y, 1e3))
+    fit, same = (fit_inputs(model.A, model.C, [each]) for each in (damaged, other))
+    np.testing.assert_allclose(fit.B, same.B, rtol=1e-9)
+    # The truth is better than the fit nowhere but in the noise.
+    np.testing.assert_allclose(fit.B, model.B, atol=0.2 * np.abs(model.B).max())
+    fitted = named(model.A, fit.B, model.C, np.zeros((model.noutputs, model.ninputs)))
+    missed = (y - step_by_step(fitted, data.u, fit.x0[0]))[damaged.usable]
+    power = np.linalg.norm(damaged.y[damaged.usable], axis=0)
+    np.testing.assert_allclose(fit.error, np.linalg.norm(missed, axis=0) / power, rtol=1e-6)
