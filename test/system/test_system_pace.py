@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from system_graph import ROOT, Graph, States, declarations
 
+from flexarm_bringup.processes import LaunchError
 from flexarm_ident.bag_check import check_bag
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
@@ -187,3 +188,14 @@ def test_pace_that_cannot_be___is_refused_in_one_line(graph: Graph) -> None:
     assert daq.printed.splitlines() == [
         "parameter real_time_factor = 0.001: must be 0, as fast as it goes, or 0.01 to 100"
     ]
+
+
+def test_run_whose_rig_fails___is_no_run(graph: Graph) -> None:
+    graph.start("controller", LAW)
+    graph.start(
+        "daq", {"real_time_factor": 0.0, "fault": "read_error", "fault_after_samples": 100}
+    )
+    graph.configure_loop()
+    graph.operator.activate("controller")
+    with pytest.raises(LaunchError, match="^daq ended after 100 of 4000 samples"):
+        graph.operator.sample(4000, lambda _: None)

@@ -217,7 +217,8 @@ class Operator:
         Raises
         ------
         LaunchError
-            When hardly a new sample comes for a long time, or the recorder has failed.
+            When hardly a new sample comes for a long time, the DAQ node ends too early, or the
+            recorder has failed.
         """
         self._sequence = 0
         if self._figures is None:
@@ -249,11 +250,16 @@ class Operator:
             progress(samples)
             self.wait(self._has_reported, "the figures of the run")
             figures = self._figures
-            return Run(
+            run = Run(
                 int(figures["samples"]),
                 int(figures["missed periods"]),
                 float(figures["real-time factor"]),
             )
+            if run.taken + run.missed < samples:
+                raise LaunchError(
+                    f"daq ended after {run.taken} of {samples} samples{self._why('daq')}"
+                )
+            return run
         finally:
             self._node.destroy_subscription(subscription)
             self._sequence = 0

@@ -267,7 +267,7 @@ class ControllerNode(LoopNode):
         yield {
             "law": self._setup.name,
             "answered samples": self._answered,
-            "skipped samples": self._skipped,
+            "skipped periods": self._skipped,
             "answer p50 ms": f"{answer.p50 * 1e3:.3f}",
             "answer p99 ms": f"{answer.p99 * 1e3:.3f}",
         }

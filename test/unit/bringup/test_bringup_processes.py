@@ -76,6 +76,19 @@ def test_node_that_ended___last_line___is_quoted_unless_another_node_logged_it(
     assert quoted or said == ended
 
 
+def test_node_that_may_be_replaced___ends___is_told_and_no_error(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with NodeProcesses(*rig_node(monkeypatch, tmp_path, ["torn"])) as nodes:
+        nodes.let_be_replaced("rig_node")
+        deadline_s = time.monotonic() + 60.0
+        while not nodes.endings() and time.monotonic() < deadline_s:
+            nodes.check()
+            time.sleep(0.01)
+        nodes.check()
+        assert nodes.endings() == {"rig_node": "rig_node ended with exit code 3: torn"}
+
+
 def test_complaint___is_the_last_error_of_that_node_in_this_run(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+import os
+
+import click
+import pytest
+
+from flexarm_bringup.operation import Run
+from flexarm_bringup.pace import Pace, pace_text
+from flexarm_bringup.verbs.graph import _pace as chosen
+from flexarm_node.process import PRIORITY
+
+
+def test_pace___by_default___leaves_time_to_the_node_and_its_parameter_files() -> None:
+    assert Pace.WALL_CLOCK.parameters() == {}
+    assert Pace.FAST.parameters() == {"time": "virtual", "real_time_factor": 0.0}
+    assert Pace.REAL.parameters() == {"time": "real"}
+
+
+@pytest.mark.parametrize("pace", Pace)
+def test_pace___that_never_rests___asks_for_no_priority(
+    monkeypatch: pytest.MonkeyPatch, pace: Pace
+) -> None:
+    monkeypatch.setenv(PRIORITY, "15")
+    pace.prepare()
+    assert os.environ[PRIORITY] == ("0" if pace is Pace.FAST else "15")
+
+
+def test_options___choose_a_pace_and_exclude_each_other() -> None:
+    assert chosen() is Pace.WALL_CLOCK
+    assert chosen(fast=True) is Pace.FAST
+    assert chosen(real_time=True) is Pace.REAL
+    with pytest.raises(click.UsageError, match="exclude each other"):
+        chosen(fast=True, real_time=True)
+
+
+def test_pace_text___says_what_was_reached_and_missed() -> None:
+    assert pace_text(Run(12000, 0, 0.9684)) == "ran at 0.97 of real time"
+    assert (
+        pace_text(Run(11900, 100, 1.0)) == "ran at 1.00 of real time, 100 periods without a sample"
+    )
