@@ -192,9 +192,7 @@ def test_pace_that_cannot_be___is_refused_in_one_line(graph: Graph) -> None:
 
 def test_run_whose_rig_fails___is_no_run(graph: Graph) -> None:
     graph.start("controller", LAW)
-    graph.start(
-        "daq", {"real_time_factor": 0.0, "fault": "read_error", "fault_after_samples": 100}
-    )
+    graph.start("daq", {"real_time_factor": 0.0, "fault": "read_error", "fault_after_samples": 100})
     graph.configure_loop()
     graph.operator.activate("controller")
     with pytest.raises(LaunchError, match="^daq ended after 100 of 4000 samples"):
