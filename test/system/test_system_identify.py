@@ -148,7 +148,7 @@ def arm_bag(path: Path, samples: int, *, volts: float = 1.0, bad_row: int | None
     messages: list[Sent] = [reference(START_NS, 1.0)]
     for k in range(samples):
         time_ns = START_NS + k * STEP_NS
-        position_v = float("nan") if k == bad_row else filtered[k]
+        position_v = float("inf") if k == bad_row else filtered[k]
         outputs = (position_v, 0.5 * filtered[k], 0.1 * filtered[k], 2.0 * filtered[k])
         sequence = {"command_v": command_v[k], "command_sequence": k}
         messages += [
@@ -199,8 +199,8 @@ def constant_input(folder: Path) -> Path:
     return arm_bag(folder / "constant", 1200, volts=0.0)
 
 
-def not_a_number(folder: Path) -> Path:
-    return arm_bag(folder / "nan", 1200, bad_row=300)
+def not_finite(folder: Path) -> Path:
+    return arm_bag(folder / "inf", 1200, bad_row=300)
 
 
 def good_bag(folder: Path) -> Path:
@@ -222,7 +222,7 @@ def good_bag(folder: Path) -> Path:
         ),
         (short_bag, {}, "30 samples are too few, 40 block rows need at least"),
         (constant_input, {}, "input command_v is constant, it excites nothing"),
-        (not_a_number, {}, "position_v is nan in row 300"),
+        (not_finite, {}, "position_v is inf in row 300"),
         (good_bag, {"order": 25, "block_rows": 20}, "order must lie between 1 and 19 .*: 25"),
         (good_bag, {"block_rows": 1}, "block_rows must be 2 or more: 1"),
         (good_bag, {"method": "guess"}, "method must be one of auto, orse"),
