@@ -233,7 +233,7 @@ def read(run: Run, name: str) -> IoData:
             "compensation_v": run.answers[:, 1],
         },
     )
-    return arm_reading(state, None, commands, declared=[True], source=name).data
+    return arm_reading(state, None, lambda: [commands], declared=[True], source=name).data
 
 
 def linear_trials(case: tuple[int, tuple[str, ...], str | None]) -> list[Trial]:

@@ -160,21 +160,54 @@ def marks(pieces: Iterable[Recorded]) -> Marks:
     return Marks(*(np.concatenate(each) for each in zip(*columns, strict=True)))
 
 
-def answers(commands: Recorded) -> Answers:
-    """Return ``MotorCommand`` messages as what the drive was told."""
-    compensation_v = commands.real("compensation_v")
-    return Answers(
-        commands.integer("sequence"),
-        commands.integer("state_sequence"),
-        commands.stamps_ns(),
-        np.column_stack([commands.real("effort_v") + compensation_v, compensation_v]),
+def answers(pieces: Iterable[Recorded], numbers: NDArray[np.int64]) -> Answers:
+    """Return what the drive was told in answer to some samples.
+
+    Parameters
+    ----------
+    pieces
+        ``MotorCommand`` messages.
+    numbers : (ranges, 2)
+        Rising ranges of numbers of samples, the second one exclusive.
+
+    Returns
+    -------
+    Answers
+        The commands that answer samples of these numbers.
+    """
+    integers: list[NDArray[np.int64]] = [np.empty((0, 3), dtype=np.int64)]
+    values_v: list[FloatArray] = [np.empty((0, 2))]
+    for piece in pieces:
+        answered = piece.integer("state_sequence")
+        within = np.searchsorted(numbers[:, 0], answered, side="right") - 1
+        asked = (within >= 0) & (answered < numbers[within.clip(min=0), 1])
+        told = np.column_stack([piece.integer("sequence"), answered, piece.stamps_ns()])
+        integers.append(told[asked])
+        compensation_v = piece.real("compensation_v")
+        command_v = piece.real("effort_v") + compensation_v
+        values_v.append(np.column_stack([command_v, compensation_v])[asked])
+    sequence, state_sequence, stamps_ns = np.concatenate(integers).T
+    return Answers(sequence, state_sequence, stamps_ns, np.concatenate(values_v))
+
+
+def arm_timetable(found: Marks, commands: Callable[[], Iterable[Recorded]]) -> Timetable:
+    """Return the timetable of ``ArmState`` messages: their inputs stand in the messages behind.
+
+    Parameters
+    ----------
+    found
+        Their numbers and stamps.
+    commands
+        Starts to read the ``MotorCommand`` messages; called where there are holes.
+
+    Returns
+    -------
+    Timetable
+        Where the samples stand.
+    """
+    return timetable(
+        found, inputs=2, answers=lambda numbers: answers(commands(), numbers), input_behind=True
     )
-
-
-def arm_timetable(found: Marks, commands: Recorded | None) -> Timetable:
-    """Return the timetable of ``ArmState`` messages: their inputs stand in the messages behind."""
-    told = None if commands is None else answers(commands)
-    return timetable(found, inputs=2, answers=told, input_behind=True)
 
 
 def arm_rows(
@@ -199,7 +232,7 @@ def arm_header(table: Timetable, source: str) -> Header:
 def arm_reading(
     state: Recorded,
     reference: Recorded | None,
-    commands: Recorded | None,
+    commands: Callable[[], Iterable[Recorded]],
     *,
     declared: Sequence[bool],
     source: str,
@@ -217,7 +250,7 @@ def arm_reading(
     reference
         ``Float64`` messages, sent before the command that answers a sample, when it changes.
     commands
-        ``MotorCommand`` messages, for what the drive did while samples are missing.
+        Gives the ``MotorCommand`` messages, for what the drive did while samples are missing.
     declared
         Of everybody who commanded, whether the commands were computed from the outputs; empty when
         nobody declared it.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
@@ -111,7 +112,7 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
             return arm_reading(
                 bag.recorded(chosen),
                 bag.optional(_sibling(chosen, "reference"), REFERENCE),
-                bag.optional(_sibling(chosen, "command"), MOTOR_COMMAND),
+                partial(bag.every, _sibling(chosen, "command"), MOTOR_COMMAND),
                 declared=bag.declared_loops(chosen),
                 source=str(path),
             )
@@ -150,8 +151,9 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
         is_arm = bag.types[chosen] == ARM_STATE
         found = marks(bag.pieces(chosen))
         if is_arm:
-            commands = bag.optional(_sibling(chosen, "command"), MOTOR_COMMAND)
-            table = arm_timetable(found, commands)
+            command = _sibling(chosen, "command")
+            commanded = bag.has(command, MOTOR_COMMAND)
+            table = arm_timetable(found, lambda: bag.pieces(command) if commanded else ())
             header, declared = arm_header(table, source), bag.declared_loops(chosen)
         else:
             table = io_timetable(found)
@@ -288,6 +290,11 @@ class _Bag:
     def optional(self, topic: str, type_name: str) -> Recorded | None:
         """Return all messages of a topic as columns; None when there are none of that type."""
         return self.recorded(topic) if self.has(topic, type_name) else None
+
+    def every(self, topic: str, type_name: str) -> list[Recorded]:
+        """Return all messages of a topic, none or one piece."""
+        found = self.optional(topic, type_name)
+        return [] if found is None else [found]
 
     def declared_loops(self, topic: str) -> list[bool]:
         """Return of everybody who commanded, and said so, whether the outputs were used."""

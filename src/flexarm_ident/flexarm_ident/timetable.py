@@ -17,7 +17,7 @@ from flexarm_ident.grid import held, on_grid, place
 from flexarm_ident.sampling import longest_run, notices
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from numpy.typing import NDArray
 
@@ -104,7 +104,11 @@ class Timetable:
 
 
 def timetable(
-    marks: Marks, *, inputs: int, answers: Answers | None = None, input_behind: bool
+    marks: Marks,
+    *,
+    inputs: int,
+    answers: Callable[[Integers], Answers] | None = None,
+    input_behind: bool,
 ) -> Timetable:
     """Return the timetable of a record.
 
@@ -114,8 +118,9 @@ def timetable(
         Of all its messages.
     inputs : int
         Number of inputs.
-    answers : Answers or None
-        The commands that were recorded.
+    answers : callable or None
+        Gives the recorded commands that answer samples from one number up to another, exclusive;
+        asked with the numbers before and behind all holes, (holes, 2), where there are any.
     input_behind : bool
         The input of a sample stands in the message behind it, so that the last one has none.
 
@@ -235,7 +240,7 @@ def _bridge(known: Changes, edges: FloatArray, in_force: FloatArray) -> Changes:
 
 
 def _inside_holes(
-    grid: Grid, marks: Marks, answers: Answers | None, inputs: int
+    grid: Grid, marks: Marks, answers: Callable[[Integers], Answers] | None, inputs: int
 ) -> tuple[Changes, NDArray[np.bool_], NDArray[np.bool_]]:
     """Tell what the drive did while no sample was recorded.
 
@@ -248,24 +253,25 @@ def _inside_holes(
     instants: list[FloatArray] = []
     values: list[FloatArray] = []
     holes = np.flatnonzero(np.diff(grid.instants) > _HOLE)
-    if answers is None or not len(answers.sequence):
-        answers = Answers(*(np.empty(0, dtype=np.int64),) * 3, np.empty((0, inputs)))
-    order = np.argsort(answers.state_sequence, kind="stable")
-    answered = answers.state_sequence[order]
+    told = Answers(*(np.empty(0, dtype=np.int64),) * 3, np.empty((0, inputs)))
+    if answers is not None and len(holes):
+        told = answers(np.stack([marks.sequence[holes], marks.sequence[holes + 1]], axis=1))
+    order = np.argsort(told.state_sequence, kind="stable")
+    answered = told.state_sequence[order]
     for at in holes.tolist():
         gap = grid.instants[at + 1] - grid.instants[at]
         went_on = marks.command_sequence[at + 1] - marks.command_sequence[at]
         first, last = np.searchsorted(answered, marks.sequence[at : at + 2], side="left")
         own = order[first:last]
         if went_on > _RUNNING * gap:
-            ahead = answers.state_sequence[own] - marks.sequence[at]
+            ahead = told.state_sequence[own] - marks.sequence[at]
             known = ahead < gap
             instants.append(grid.instants[at] + ahead[known])
-            values.append(answers.values_v[own[known]].clip(-DRIVE_LIMIT_V, DRIVE_LIMIT_V))
+            values.append(told.values_v[own[known]].clip(-DRIVE_LIMIT_V, DRIVE_LIMIT_V))
             underway[at] = True
         elif len(own):
-            late_s = (answers.stamps_ns[own[-1]] - marks.stamps_ns[at]) / _NS
-            acted = answers.sequence[own[-1]] == marks.command_sequence[at + 1]
+            late_s = (told.stamps_ns[own[-1]] - marks.stamps_ns[at]) / _NS
+            acted = told.sequence[own[-1]] == marks.command_sequence[at + 1]
             unheeded[at] = acted and late_s > _PROMPT * grid.period_s
     changes = Changes(np.empty(0), np.empty((0, inputs)))
     if instants:

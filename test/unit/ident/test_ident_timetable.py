@@ -43,7 +43,8 @@ def commands(
 
 
 def read(state: Recorded, command: Recorded | None) -> IoData:
-    return arm_reading(state, None, command, declared=[True], source="run").data
+    told = [] if command is None else [command]
+    return arm_reading(state, None, lambda: told, declared=[True], source="run").data
 
 
 def loop() -> tuple[np.ndarray, np.ndarray]:
