@@ -11,6 +11,7 @@ from flexarm_ident.data_warning import DataWarning
 from flexarm_ident.errors import DataError
 from flexarm_ident.iodata import ARM_OUTPUTS, IoData
 from flexarm_ident.loop_kind import loop_kind
+from flexarm_ident.source import joined
 from flexarm_ident.timetable import Answers, Marks, Timetable, record_rows, timetable
 
 if TYPE_CHECKING:
@@ -269,7 +270,7 @@ def arm_reading(
     """
     found = _named(lambda: marks([state]), source)
     table = _named(lambda: arm_timetable(found, commands), source)
-    u, y = _joined(arm_rows(table, [state]))
+    u, y = joined(list(arm_rows(table, [state])))
     header = arm_header(table, source)
     followed: FloatArray | None = None
     odd: tuple[DataWarning, ...] = ()
@@ -375,7 +376,7 @@ def io_reading(samples: Recorded, channels: Channels | None, *, source: str) -> 
     """
     found = _named(lambda: marks([samples]), source)
     table = _named(lambda: io_timetable(found), source)
-    u, y = _joined(io_rows(table, [samples]))
+    u, y = joined(list(io_rows(table, [samples])))
     header = io_header(table, channels, (u.shape[1], y.shape[1]), source)
     return BagReading(
         header.record(u, y), len(samples), table.grid.lost, _duration_s(found.stamps_ns)
@@ -388,11 +389,6 @@ def _named(work: Callable[[], _Result], source: str) -> _Result:
         return work()
     except DataError as error:
         raise DataError(f"{source}: {error}") from error
-
-
-def _joined(pieces: Iterable[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-    found = list(pieces)
-    return np.concatenate([u for u, _ in found]), np.concatenate([y for _, y in found])
 
 
 def _duration_s(stamps_ns: NDArray[np.int64]) -> float:

@@ -16,6 +16,12 @@ AnyArray = NDArray[Any]
 _ROWS_TOGETHER = 64
 
 
+def runs(mask: BoolArray) -> NDArray[np.intp]:
+    """Return where a mask is true without a break, (runs, 2): first rows, and rows behind."""
+    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))
+    return np.asarray(np.flatnonzero(edges).reshape(-1, 2))
+
+
 def column_range(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the smallest and the largest value of each column of (samples, channels).
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexarm_ident.errors import DataError
 from flexarm_ident.holes import CONTEXT, filled_pieces
-from flexarm_ident.source import even_chunks
+from flexarm_ident.source import even_chunks, joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -96,9 +96,7 @@ def leading_rows(header: Header, pieces: Iterator[Rows], samples: int) -> IoData
         left -= len(u)
         if left <= 0:
             break
-    return header.record(
-        np.concatenate([u for u, _ in taken]), np.concatenate([y for _, y in taken])
-    ).head(samples)
+    return header.record(*joined(taken)).head(samples)
 
 
 def open_stream(header: Header, rows: int, pieces: Callable[[], Iterator[Rows]]) -> BagStream:

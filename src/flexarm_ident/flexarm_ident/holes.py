@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_ident.arrays import runs
+from flexarm_ident.source import joined
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
@@ -68,8 +71,7 @@ def unusable_rows(missing: BoolArray) -> BoolArray:
     """
     unusable = np.zeros(len(missing), dtype=np.bool_)
     for column in missing[:, missing.any(axis=0)].T:
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(np.int8)))
-        for start, stop in edges.reshape(-1, 2).tolist():
+        for start, stop in runs(column).tolist():
             if stop - start > LONGEST_FILLED or start == 0 or stop == len(column):
                 unusable[start:stop] = True
     return unusable
@@ -93,7 +95,7 @@ def filled_pieces(pieces: Iterable[Rows]) -> Iterator[Rows]:
     for piece in pieces:
         if not len(piece[0]):
             continue
-        u, y = piece if context is None else (_stacked(context, piece))
+        u, y = piece if context is None else joined([context, piece])
         ready = len(u) - CONTEXT
         if ready > new:
             whole = _usable(y)
@@ -104,10 +106,6 @@ def filled_pieces(pieces: Iterable[Rows]) -> Iterator[Rows]:
             context = (u, y)
     if context is not None:
         yield context[0][new:], _usable(context[1])[new:]
-
-
-def _stacked(first: Rows, second: Rows) -> Rows:
-    return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
 
 
 def _usable(y: FloatArray) -> FloatArray:

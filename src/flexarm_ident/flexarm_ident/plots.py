@@ -12,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from flexarm_ident.arrays import runs
 from flexarm_ident.channels import axis_label, label_and_unit
 from flexarm_ident.plot_style import (
     BLACK,
@@ -89,8 +90,7 @@ def match_plot(
 
 def _mark_holes(axes: Axes, time_s: FloatArray, missing: BoolArray) -> None:
     """Draw a bar along the bottom where nothing was measured, the longest holes only of many."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], missing, [False]]).astype(np.int8)))
-    holes = edges.reshape(-1, 2)
+    holes = runs(missing)
     if not len(holes):
         return
     longest = holes[np.argsort(holes[:, 0] - holes[:, 1], kind="stable")[:_SHOWN_HOLES]]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg, signal
 
+from flexarm_ident.arrays import runs
 from flexarm_ident.data_warning import DataWarning
 from flexarm_ident.dead_sensor import dead_stretches
 from flexarm_ident.feedback import feedback_test
@@ -307,20 +308,19 @@ def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
         return 0.0
     if len(np.unique(_look(x))) <= _FEW_LEVELS:
         return 0.0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
-    starts, stops = edges[::2], edges[1::2]
+    starts, stops = runs(on).T
     # What comes from before the record may be a rest.
-    runs = (stops - starts >= _PLATEAU_SAMPLES) & (starts > 1)
-    if not runs.any():
+    plateaus = (stops - starts >= _PLATEAU_SAMPLES) & (starts > 1)
+    if not plateaus.any():
         return 0.0
     steps = np.diff(x)
-    entry = np.median(np.abs(steps[starts[runs] - 2]))
+    entry = np.median(np.abs(steps[starts[plateaus] - 2]))
     if entry < _PLATEAU_SLOPE * np.sqrt(np.mean(steps**2)):
         return 0.0
     _, counts = np.unique(inward * x, return_counts=True)
     if counts[0] < _PLATEAU_COUNT * counts[1 : 1 + _NEIGHBOURS].max():
         return 0.0
-    return float((stops - starts)[runs].sum() / len(x))
+    return float((stops - starts)[plateaus].sum() / len(x))
 
 
 def _percent(share: float) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_ident.arrays import runs
 from flexarm_ident.data_warning import DataWarning
 from flexarm_ident.grid import LATEST
 from flexarm_ident.holes import LONGEST_FILLED, unusable_rows
@@ -96,8 +97,7 @@ def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
     missing = grid.missing
     if not missing.any():
         return ()
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], missing, [False]]).astype(np.int8)))
-    lengths = np.diff(edges.reshape(-1, 2), axis=1)
+    lengths = np.diff(runs(missing), axis=1)
     unusable = int(unusable_rows(missing[:, np.newaxis]).sum())
     missed = int(missing.sum())
     text = f"{missed} of {grid.rows} samples are missing, in {len(lengths)} holes"

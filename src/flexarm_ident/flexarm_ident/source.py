@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from flexarm_ident.arrays import FloatArray
     from flexarm_ident.data_warning import DataWarning
@@ -81,17 +81,18 @@ def even_chunks(
         u, y = piece
         while count + len(u) >= samples:
             cut = samples - count
-            yield _joined([*waiting, (u[:cut], y[:cut])])
+            yield joined([*waiting, (u[:cut], y[:cut])])
             u, y = u[cut:], y[cut:]
             waiting, count = [], 0
         if len(u):
             waiting.append((u, y))
             count += len(u)
     if count:
-        yield _joined(waiting)
+        yield joined(waiting)
 
 
-def _joined(pieces: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+def joined(pieces: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    """Return pieces of u and y, one or more, as one."""
     if len(pieces) == 1:
         return pieces[0]
     return np.concatenate([u for u, _ in pieces]), np.concatenate([y for _, y in pieces])

@@ -15,6 +15,7 @@ import numpy as np
 from flexarm_ident.errors import DataError
 from flexarm_ident.grid import held, on_grid, place
 from flexarm_ident.sampling import longest_run, notices
+from flexarm_ident.source import joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -170,7 +171,7 @@ def record_rows(table: Timetable, pieces: Iterable[Rows], *, input_behind: bool)
     # Kept samples that have left the context, and rows that were given out.
     left, given = 0, 0
     for piece in _kept(table, pieces):
-        u, y = piece if context is None else _stacked(context, piece)
+        u, y = piece if context is None else joined([context, piece])
         if len(y) <= 2 * _CONTEXT:
             context = (u, y)
             continue
@@ -193,10 +194,6 @@ def _kept(table: Timetable, pieces: Iterable[Rows]) -> Iterator[Rows]:
         if inside.any():
             yield u[inside], y[inside]
         first += len(y)
-
-
-def _stacked(first: Rows, second: Rows) -> Rows:
-    return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
 
 
 def _section(
