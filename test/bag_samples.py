@@ -155,6 +155,16 @@ def recorded_topics(messages: Iterable[Sent]) -> list[RecordedTopic]:
     ]
 
 
+def write_in_chunks(path: Path, messages: Sequence[Sent], per_chunk: int) -> Path:
+    """Write messages with our own writer, so many in each chunk."""
+    with BagWriter(path, recorded_topics(messages), flush_period_s=1e6) as bag:
+        for number, message in enumerate(messages, start=1):
+            bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
+            if number % per_chunk == 0:
+                bag.flush()
+    return path
+
+
 def write_bag(path: Path, messages: Sequence[Sent]) -> Path:
     """Write messages with our own writer."""
     with BagWriter(path, recorded_topics(messages)) as bag:

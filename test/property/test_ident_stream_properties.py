@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from bag_samples import START_NS, arm_state, commander_info, recorded_topics
+from bag_samples import START_NS, arm_state, commander_info, write_in_chunks
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ident_systems import arm_model, square_wave, step_by_step
 
-from flexarm_daq.recording import BagWriter
 from flexarm_ident import IdentificationError, identify, read_bag
 from flexarm_ident.bags import stream_bag
 from flexarm_ident.preprocess import remove_compensation
 from flexarm_ident.streaming import identify_stream
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from bag_samples import Sent
+
+    from flexarm_ident import IoData
+    from flexarm_ident.bag_stream import BagStream
 
 SAMPLES = 700
 
@@ -82,7 +83,7 @@ def test_bag___whole_and_in_pieces___is_one_record(
     run = messages(seed, rate_hz, losses, hole, jitter, numbered=numbered)
     if declared is not None:
         run.insert(0, commander_info(START_NS, uses_outputs=declared))
-    write(uri, run, per_chunk)
+    write_in_chunks(uri, run, per_chunk)
     whole, stream = remove_compensation(read_bag(uri)), stream_bag(uri)
     head = stream.head(SAMPLES)
     np.testing.assert_allclose(head.u, whole.u, rtol=0.0, atol=1e-9)
@@ -97,21 +98,13 @@ def test_bag___whole_and_in_pieces___is_one_record(
     assert_same_model(whole, stream)
 
 
-def assert_same_model(whole: object, stream: object) -> None:
+def assert_same_model(whole: IoData, stream: BagStream) -> None:
     try:
-        found = identify(whole, order=5, block_rows=10)  # type: ignore[arg-type]
+        found = identify(whole, order=5, block_rows=10)
     except IdentificationError as error:
-        with pytest.raises(IdentificationError, match=str(error)[-20:]):
-            identify_stream([stream], order=5, block_rows=10)  # type: ignore[list-item]
+        with pytest.raises(IdentificationError, match=re.escape(str(error))):
+            identify_stream([stream], order=5, block_rows=10)
         return
-    other = identify_stream([stream], order=5, block_rows=10)  # type: ignore[list-item]
+    other = identify_stream([stream], order=5, block_rows=10)
     np.testing.assert_allclose(other.model.A, found.model.A, atol=1e-6)
     np.testing.assert_allclose(other.fit_error, found.fit_error, rtol=1e-6)
-
-
-def write(path: Path, run: list[Sent], per_chunk: int) -> None:
-    with BagWriter(path, recorded_topics(run), flush_period_s=1e6) as bag:
-        for number, message in enumerate(run, start=1):
-            bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
-            if number % per_chunk == 0:
-                bag.flush()

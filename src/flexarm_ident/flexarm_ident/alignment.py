@@ -206,9 +206,7 @@ def arm_timetable(found: Marks, commands: Callable[[], Iterable[Recorded]]) -> T
     Timetable
         Where the samples stand.
     """
-    return timetable(
-        found, inputs=2, answers=lambda numbers: answers(commands(), numbers), input_behind=True
-    )
+    return timetable(found, answers=lambda numbers: answers(commands(), numbers), input_behind=True)
 
 
 def arm_rows(
@@ -222,7 +220,7 @@ def arm_rows(
         )
         for piece in pieces
     )
-    return record_rows(table, columns, input_behind=True)
+    return record_rows(table, columns)
 
 
 def arm_header(table: Timetable, source: str) -> Header:
@@ -293,7 +291,7 @@ def arm_reading(
 
 def io_timetable(found: Marks) -> Timetable:
     """Return the timetable of ``IoSample`` messages: inputs act from their own sample on."""
-    return timetable(found, inputs=0, input_behind=False)
+    return timetable(found, input_behind=False)
 
 
 def io_rows(
@@ -301,7 +299,7 @@ def io_rows(
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Return u and y from ``IoSample``; rows of the grid."""
     columns = ((piece.real("inputs"), piece.real("outputs")) for piece in pieces)
-    return record_rows(table, columns, input_behind=False)
+    return record_rows(table, columns)
 
 
 def io_header(

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.bags import ARM_STATE, CHANNEL_INFO, IO_SAMPLE, MOTOR_COMMAND, REFERENCE
+from flexarm_ident.bags import (
+    ARM_STATE,
+    CHANNEL_INFO,
+    COMMANDER_INFO,
+    IO_SAMPLE,
+    MOTOR_COMMAND,
+    REFERENCE,
+)
 from flexarm_ident.cdr import CdrError, Member, decode, members
 from flexarm_ident.timeline import clock_problems, number_problems, restarts
 
@@ -19,7 +26,6 @@ if TYPE_CHECKING:
 
     Integers = NDArray[np.int64]
 
-COMMANDER_INFO = "flexarm_msgs/msg/CommanderInfo"
 
 EXPECTED = {
     "state": ARM_STATE,

@@ -41,7 +41,7 @@ _SMALLEST_EIGENVALUE = 1e-13
 _SMALLEST_REMAINDER = 1e-5
 _DEPENDENT = 1e-9
 # As many samples show the background at distant lags, and the kind of loop.
-_BACKGROUND_SAMPLES = 2**14
+BACKGROUND_SAMPLES = 2**14
 # An input that changes at fewer of the samples carries no noise from sample to sample.
 _SELDOM = 0.1
 # Samples of the past: of the outputs, and of the input as far as a filtered one remembers.
@@ -187,7 +187,7 @@ def is_closed_loop(record: IoData) -> bool | None:
         values are so large that their squares overflow.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        u, y = _unit(record.u[:_BACKGROUND_SAMPLES]), _unit(record.y[:_BACKGROUND_SAMPLES])
+        u, y = _unit(record.u[:BACKGROUND_SAMPLES]), _unit(record.y[:BACKGROUND_SAMPLES])
     if not (np.isfinite(u).all() and np.isfinite(y).all()):
         return None
     if np.mean(np.any(np.diff(u, axis=0), axis=1)) < _SELDOM:
@@ -326,7 +326,7 @@ def _remainders(
     record: IoData, gram: BlockGram, layout: _Layout, predictor: FloatArray, scale: FloatArray
 ) -> FloatArray:
     """Return what the past does not predict over time, (columns, innovation and following)."""
-    z = np.hstack([record.y, record.u])[:_BACKGROUND_SAMPLES]
+    z = np.hstack([record.y, record.u])[:BACKGROUND_SAMPLES]
     channels = z.shape[1]
     keep = layout.innovation + layout.following
     # Row i of the Hankel matrix is channel i % channels, shifted by i // channels samples.

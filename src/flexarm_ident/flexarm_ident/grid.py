@@ -108,7 +108,7 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
     if len(times_s) < 2:  # noqa: PLR2004 - a period needs two samples
         raise DataError("no two samples follow each other; record again")
     numbers = (sequence - sequence[0]).astype(np.float64)
-    kept = times_s > np.concatenate([[-np.inf], np.maximum.accumulate(times_s)[:-1]])
+    kept = _rising(times_s)
     usual_s = float(np.median(np.diff(times_s) / np.diff(numbers)))
     if usual_s <= 0 or 2 * np.count_nonzero(kept) < len(kept):
         raise DataError("the stamps do not advance; set the clock of the recording machine right")
@@ -126,9 +126,14 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
         period_s, instants = _by_numbers(times_s, numbers)
     instants = np.where(_is_near(instants), np.rint(instants), instants)
     instants -= np.rint(instants[0])
-    rising = instants > np.concatenate([[-np.inf], np.maximum.accumulate(instants)[:-1]])
+    rising = _rising(instants)
     kept[np.flatnonzero(kept)[~rising]] = False
     return Grid(period_s, kept, instants[rising], len(sequence))
+
+
+def _rising(values: FloatArray) -> NDArray[np.bool_]:
+    """Return which values are above all before them."""
+    return np.asarray(values > np.concatenate([[-np.inf], np.maximum.accumulate(values)[:-1]]))
 
 
 def _is_near(instants: FloatArray) -> NDArray[np.bool_]:

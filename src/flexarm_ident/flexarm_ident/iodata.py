@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from flexarm_ident.data_warning import DataWarning
 
 ARM_OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
+DRIVE_LIMIT_V = 10.0
+"""Limit of our own rig's drive: beyond it the drive does not follow its command."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +86,7 @@ class IoData:
         if not (math.isfinite(self.dt_s) and self.dt_s > 0.0):
             raise DataError(f"{self.label}: dt_s must be a positive number of seconds: {self.dt_s}")
         self._set("u", self._checked(self.u, "u", self.inputs))
-        self._fill()
-        self._set("y", self._checked(self.y, "y", self.outputs))
+        self._set("y", self._finite(self._filled(), self.outputs))
         if len(self.u) != len(self.y):
             raise DataError(f"{self.label}: u has {len(self.u)} samples, y has {len(self.y)}")
         if self.compensation is not None:
@@ -166,31 +167,33 @@ class IoData:
             missing=None if self.missing is None else self.missing[rows],
         )
 
-    def _fill(self) -> None:
-        """Find what is missing of the outputs and fill it in."""
-        y = np.asarray(self.y, dtype=np.float64)
-        y = y[:, np.newaxis] if y.ndim == 1 else y
+    def _filled(self) -> FloatArray:
+        """Return the outputs with what is missing filled in, and keep where that is."""
+        y = self._shaped(self.y, "y", self.outputs)
         unknown = np.isnan(y)
-        missing = np.zeros(y.shape, dtype=np.bool_) if self.missing is None else self.missing
-        if missing.shape != y.shape:
-            raise DataError(f"{self.label}: missing must be {y.shape} as y: {missing.shape}")
-        missing = missing | unknown
+        missing = unknown
+        if self.missing is not None:
+            missing = np.asarray(self.missing, dtype=np.bool_)
+            if missing.shape != y.shape:
+                raise DataError(f"{self.label}: missing must be {y.shape} as y: {missing.shape}")
+            missing = missing | unknown
+        self._set("missing", missing if missing.any() else None)
         if not missing.any():
-            self._set("missing", None)
-            return
-        if missing.ndim == 2 and missing.all(axis=0).any():  # noqa: PLR2004 (samples, channels)
-            never = int(np.flatnonzero(missing.all(axis=0))[0])
-            name = self.outputs[never] if never < len(self.outputs) else f"column {never}"
+            return y
+        never = np.flatnonzero(missing.all(axis=0))
+        if len(never):
+            name = self.outputs[never[0]]
             raise DataError(f"{self.label}: {name} was never measured: leave it out")
         missing.setflags(write=False)
-        self._set("missing", missing)
-        if unknown.any():
-            self._set("y", filled(y, missing))
+        return filled(y, missing) if unknown.any() else y
 
     def _set(self, field: str, value: object) -> None:
         object.__setattr__(self, field, value)
 
     def _checked(self, values: ArrayLike, field: str, names: Sequence[str]) -> FloatArray:
+        return self._finite(self._shaped(values, field, names), names)
+
+    def _shaped(self, values: ArrayLike, field: str, names: Sequence[str]) -> FloatArray:
         array = np.array(values, dtype=np.float64, order="C")
         if array.ndim == 1:
             array = array[:, np.newaxis]
@@ -200,6 +203,9 @@ class IoData:
             raise DataError(
                 f"{self.label}: {field} has {array.shape[1]} channels, but {len(names)} names"
             )
+        return array
+
+    def _finite(self, array: FloatArray, names: Sequence[str]) -> FloatArray:
         bad = np.argwhere(~np.isfinite(array))
         if len(bad):
             row, channel = bad[0]

@@ -6,15 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.feedback import is_closed_loop
+from flexarm_ident.feedback import BACKGROUND_SAMPLES, is_closed_loop
 from flexarm_ident.gram import stretches
 from flexarm_ident.iodata import IoData
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-JUDGED_SAMPLES = 2**14
-"""The data are judged by so many samples from the start."""
 
 
 def loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> bool | None:
@@ -34,7 +31,7 @@ def loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> bool
     """
     if declared:
         return any(declared)
-    record = judged(JUDGED_SAMPLES)
+    record = judged(BACKGROUND_SAMPLES)
     longest = max(stretches(record.y_usable), key=lambda rows: rows.stop - rows.start, default=None)
     if longest is None or not np.any(record.u):
         return None

@@ -14,6 +14,7 @@ import numpy as np
 
 from flexarm_ident.errors import DataError
 from flexarm_ident.grid import held, on_grid, place
+from flexarm_ident.iodata import DRIVE_LIMIT_V
 from flexarm_ident.sampling import longest_run, notices
 from flexarm_ident.source import joined
 
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     Integers = NDArray[np.int64]
     Rows = tuple[FloatArray, FloatArray]
 
-# Beyond it a drive does not follow its command.
-DRIVE_LIMIT_V = 10.0
 # A step between two samples, in periods, in which another one should have been.
 _HOLE = 1.5
 # So many commands for each period of a hole, and the loop ran while nothing was recorded.
@@ -85,6 +84,8 @@ class Timetable:
         Their instants.
     rows : int
         Rows of the record.
+    input_behind : bool
+        The input of a sample stands in the message behind it.
     changes : Changes
         Inputs inside holes.
     unheeded : ndarray of bool, (kept samples,)
@@ -98,6 +99,7 @@ class Timetable:
     run: Run
     grid: Grid
     rows: int
+    input_behind: bool
     changes: Changes
     unheeded: NDArray[np.bool_]
     underway: NDArray[np.bool_]
@@ -107,7 +109,6 @@ class Timetable:
 def timetable(
     marks: Marks,
     *,
-    inputs: int,
     answers: Callable[[Integers], Answers] | None = None,
     input_behind: bool,
 ) -> Timetable:
@@ -117,8 +118,6 @@ def timetable(
     ----------
     marks : Marks
         Of all its messages.
-    inputs : int
-        Number of inputs.
     answers : callable or None
         Gives the recorded commands that answer samples from one number up to another, exclusive;
         asked with the numbers before and behind all holes, (holes, 2), where there are any.
@@ -142,15 +141,15 @@ def timetable(
         raise DataError(f"only {len(used.sequence)} samples follow each other; record again")
     grid = place(used.sequence, used.stamps_ns)
     kept = Marks(*(each[grid.kept] for each in used))
-    changes, unheeded, underway = _inside_holes(grid, kept, answers, inputs)
+    changes, unheeded, underway = _inside_holes(grid, kept, answers)
     rows = grid.rows - (1 if input_behind else 0)
     if rows < 1:
         raise DataError("only one sample is left on the grid of the stamps; record again")
     said = notices(run, grid, len(marks.sequence))
-    return Timetable(run, grid, rows, changes, unheeded, underway, said)
+    return Timetable(run, grid, rows, input_behind, changes, unheeded, underway, said)
 
 
-def record_rows(table: Timetable, pieces: Iterable[Rows], *, input_behind: bool) -> Iterator[Rows]:
+def record_rows(table: Timetable, pieces: Iterable[Rows]) -> Iterator[Rows]:
     """Turn messages into rows of the grid.
 
     Parameters
@@ -159,8 +158,6 @@ def record_rows(table: Timetable, pieces: Iterable[Rows], *, input_behind: bool)
         Where they stand.
     pieces : iterable of (inputs, outputs)
         Columns of all messages of the topic, in the order of sending and in pieces of any length.
-    input_behind : bool
-        As in `timetable`.
 
     Yields
     ------
@@ -176,12 +173,12 @@ def record_rows(table: Timetable, pieces: Iterable[Rows], *, input_behind: bool)
             context = (u, y)
             continue
         ready = int(np.rint(table.grid.instants[left + len(y) - 1 - _CONTEXT]))
-        yield _section(table, (u, y), left, range(given, ready), input_behind=input_behind)
+        yield _section(table, (u, y), left, range(given, ready))
         given = max(given, ready)
         keep = max(0, len(y) - 3 * _CONTEXT)
         context, left = (u[keep:], y[keep:]), left + keep
     if context is not None and given < table.rows:
-        yield _section(table, context, left, range(given, table.rows), input_behind=input_behind)
+        yield _section(table, context, left, range(given, table.rows))
 
 
 def _kept(table: Timetable, pieces: Iterable[Rows]) -> Iterator[Rows]:
@@ -196,15 +193,13 @@ def _kept(table: Timetable, pieces: Iterable[Rows]) -> Iterator[Rows]:
         first += len(y)
 
 
-def _section(
-    table: Timetable, samples: Rows, left: int, rows: range, *, input_behind: bool
-) -> Rows:
+def _section(table: Timetable, samples: Rows, left: int, rows: range) -> Rows:
     """Return some rows, from samples that reach beyond them on both sides."""
     u, y = samples
     here = slice(left, left + len(y))
     instants, unheeded = table.grid.instants[here], table.unheeded[here]
     wanted = np.arange(rows.start, max(rows.start, rows.stop))
-    if input_behind:
+    if table.input_behind:
         before, behind = u[:-1], u[1:]
         acting = np.where(unheeded[:-1, np.newaxis], before, behind)
         since = instants[:-1]
@@ -237,7 +232,7 @@ def _bridge(known: Changes, edges: FloatArray, in_force: FloatArray) -> Changes:
 
 
 def _inside_holes(
-    grid: Grid, marks: Marks, answers: Callable[[Integers], Answers] | None, inputs: int
+    grid: Grid, marks: Marks, answers: Callable[[Integers], Answers] | None
 ) -> tuple[Changes, NDArray[np.bool_], NDArray[np.bool_]]:
     """Tell what the drive did while no sample was recorded.
 
@@ -250,9 +245,9 @@ def _inside_holes(
     instants: list[FloatArray] = []
     values: list[FloatArray] = []
     holes = np.flatnonzero(np.diff(grid.instants) > _HOLE)
-    told = Answers(*(np.empty(0, dtype=np.int64),) * 3, np.empty((0, inputs)))
-    if answers is not None and len(holes):
-        told = answers(np.stack([marks.sequence[holes], marks.sequence[holes + 1]], axis=1))
+    if answers is None or not len(holes):
+        return Changes(np.empty(0), np.empty((0, 0))), unheeded, underway
+    told = answers(np.stack([marks.sequence[holes], marks.sequence[holes + 1]], axis=1))
     order = np.argsort(told.state_sequence, kind="stable")
     answered = told.state_sequence[order]
     for at in holes.tolist():
@@ -270,7 +265,8 @@ def _inside_holes(
             late_s = (told.stamps_ns[own[-1]] - marks.stamps_ns[at]) / _NS
             acted = told.sequence[own[-1]] == marks.command_sequence[at + 1]
             unheeded[at] = acted and late_s > _PROMPT * grid.period_s
-    changes = Changes(np.empty(0), np.empty((0, inputs)))
-    if instants:
-        changes = Changes(np.concatenate(instants), np.concatenate(values))
+    changes = Changes(
+        np.concatenate([np.empty(0), *instants]),
+        np.concatenate([told.values_v[:0], *values]),
+    )
     return changes, unheeded, underway

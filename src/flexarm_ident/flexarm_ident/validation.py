@@ -9,6 +9,7 @@ import control
 import numpy as np
 
 from flexarm_ident.errors import IdentificationError
+from flexarm_ident.iodata import DRIVE_LIMIT_V
 from flexarm_ident.output_fit import fit_initial_states
 from flexarm_ident.preprocess import remove_compensation
 from flexarm_ident.simulation import simulate
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from flexarm_ident.arrays import ComplexArray, FloatArray
     from flexarm_ident.iodata import IoData
 
-# Drive's limit: beyond it the effort is not what the law asked for.
-DRIVE_LIMIT_V = 10.0
 _LAW_OUTPUTS = ("position_v", "speed_v", "middle_strain_v")
 _LAW_RESIDUAL = 1e-6
 # Share of the rows that a law must explain, and the reweightings that find it.

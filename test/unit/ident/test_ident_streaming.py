@@ -14,15 +14,14 @@ from bag_samples import (
     channel_info,
     commander_info,
     io_sample,
-    recorded_topics,
     write_foreign_bag,
+    write_in_chunks,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ident_systems import arm_model, random_model, record, square_wave, step_by_step
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from flexarm_daq.recording import BagWriter
 from flexarm_ident import DataError, IdentificationError, IoData, identify, job, read_bag
 from flexarm_ident.bags import BagError, stream_bag
 from flexarm_ident.gram import LagSums
@@ -175,15 +174,6 @@ def arm_messages(sequences: Sequence[int]) -> list[Sent]:
         )
         for k in sequences
     ]
-
-
-def write_in_chunks(path: Path, messages: list[Sent], per_chunk: int) -> Path:
-    with BagWriter(path, recorded_topics(messages), flush_period_s=1e6) as bag:
-        for number, message in enumerate(messages, start=1):
-            bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
-            if number % per_chunk == 0:
-                bag.flush()
-    return path
 
 
 def rows(uri: Path, samples: int = 16) -> tuple[Array, Array]:

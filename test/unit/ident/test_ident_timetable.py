@@ -82,33 +82,23 @@ def test_hole___samples_and_commands_lost___lines_between_what_is_known(
     np.testing.assert_allclose(data.u[:, 0], expected[:-1], rtol=1e-12)
 
 
-def test_hole___sampling_stood_still___the_answer_before_is_held() -> None:
+# The machine stands still from row 20 to 30. An answer to sample 19 that is sent within its period
+# acts from then on; one that is sent three periods late acts only when sampling goes on.
+@pytest.mark.parametrize(("sent", "acting"), [(19.2, 19), (22.0, 18)])
+def test_hole___sampling_stood_still___holds_the_answer_that_came_in_time(
+    sent: float, acting: int
+) -> None:
     rows, answer = loop()
-    kept = (rows < 20) | (rows >= 30)
-    taken = rows[kept]
-    answers = answer[kept]
+    taken = rows[(rows < 20) | (rows >= 30)]
+    answers = answer[taken]
     number = np.arange(len(taken))
     in_force = np.concatenate([[0.0], answers[:-1]])
-    told = commands(taken + 0.2, taken + 1, answers, number + 1)
+    instants = taken + 0.2
+    instants[19] = sent
+    told = commands(instants, taken + 1, answers, number + 1)
     data = read(states(taken, in_force, number), told)
     expected = answer.copy()
-    expected[19:30] = answer[19]
-    np.testing.assert_allclose(data.u[:, 0], expected[:-1], rtol=1e-12)
-
-
-def test_hole___answer_came_while_sampling_stood_still___acts_at_its_end() -> None:
-    rows, answer = loop()
-    kept = (rows < 20) | (rows >= 30)
-    taken = rows[kept]
-    answers = answer[kept]
-    number = np.arange(len(taken))
-    in_force = np.concatenate([[0.0], answers[:-1]])
-    sent = taken + 0.2
-    # The answer to sample 19 is sent three periods late; the machine stands still until 30.
-    sent[19] = 22.0
-    data = read(states(taken, in_force, number), commands(sent, taken + 1, answers, number + 1))
-    expected = answer.copy()
-    expected[19:30] = answer[18]
+    expected[19:30] = answer[acting]
     np.testing.assert_allclose(data.u[:, 0], expected[:-1], rtol=1e-12)
 
 
