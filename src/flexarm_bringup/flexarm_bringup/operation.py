@@ -17,6 +17,7 @@ from flexarm_bringup.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import Identify, Tune
 from flexarm_node import qos
+from flexarm_node.stamps import stamp_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -415,8 +416,7 @@ class Operator:
 
     def _on_state(self, state: ArmState) -> None:
         self._sequence = state.sequence
-        stamp = state.header.stamp
-        self._sampled_s = f"{stamp.sec}.{stamp.nanosec:09d}"
+        self._sampled_s = stamp_text(state.header.stamp)
 
     def _on_report(self, message: DiagnosticArray) -> None:
         for status in message.status:

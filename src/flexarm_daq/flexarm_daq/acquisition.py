@@ -313,9 +313,8 @@ class Acquisition:
             self.unanswered += 1
         in_force = self._applied
         self._look_for_faults(sample)
-        if in_force != _NOTHING and not self.safety.driving:
-            self._write(_NOTHING)
-            self._limiter.reset()
+        if not self.safety.driving:
+            self._let_go()
         self.missed += skipped
         self.sequence += 1 + skipped
         self.taken += 1
@@ -396,6 +395,10 @@ class Acquisition:
         self._is_answered = False
         self.commander.release()
         self.safety.on(Event.STALE)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Take the drive to zero, if it is not there; the next command starts from zero."""
         if self._applied != _NOTHING:
             self._write(_NOTHING)
             self._limiter.reset()

@@ -33,7 +33,7 @@ from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode, wait_until
 from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
-from flexarm_node.stamps import set_stamp, stamp_ns
+from flexarm_node.stamps import set_stamp, stamp_ns, stamp_text
 from flexarm_node.statistics import Rate
 from flexarm_node.waiting import TopicWaiter
 
@@ -286,8 +286,7 @@ class _TopicLink:
     @property
     def newest_s(self) -> str:
         """Stamp of the newest sample, in seconds since the epoch."""
-        stamp = self._state.header.stamp
-        return f"{stamp.sec}.{stamp.nanosec:09d}"
+        return stamp_text(self._state.header.stamp)
 
     def has_commander(self) -> bool:
         """Tell whether somebody is there who could send commands."""

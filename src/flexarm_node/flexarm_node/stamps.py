@@ -15,6 +15,11 @@ def stamp_ns(stamp: Time) -> int:
     return int(stamp.sec) * _NS + int(stamp.nanosec)
 
 
+def stamp_text(stamp: Time) -> str:
+    """Return a stamp as seconds since the epoch, to the nanosecond."""
+    return f"{stamp.sec}.{stamp.nanosec:09d}"
+
+
 def set_stamp(stamp: Time, time_ns: int) -> None:
     """Set a stamp to an instant in nanoseconds since the epoch."""
     stamp.sec, stamp.nanosec = divmod(time_ns, _NS)
