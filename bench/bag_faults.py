@@ -28,12 +28,13 @@ from rich.console import Console
 from rich.progress import track
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from flexarm_daq.bag_metadata import RecordedTopic
-from flexarm_daq.definitions import describe
-from flexarm_daq.recording import BagWriter, RecordingError
-from flexarm_daq.repair import repair_bag
-from flexarm_ident.bag_check import check_bag
-from flexarm_ident.bags import BagError, read_bag
+from flexarm_bags.check import check_bag
+from flexarm_bags.metadata import RecordedTopic
+from flexarm_bags.repair import repair_bag
+from flexarm_bags.schema import describe
+from flexarm_bags.writer import BagWriter, RecordingError
+from flexarm_core.errors import BagError
+from flexarm_ident.reading.read import read_bag
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.definitions import load_typestore
-from flexarm_daq.stamped import restamped
+from flexarm_bags.schema import load_typestore
+from flexarm_bags.stamped import restamped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

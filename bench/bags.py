@@ -19,10 +19,10 @@ from rich.console import Console
 from rich.table import Table
 from rosbags.highlevel import AnyReader
 
-from flexarm_daq.bag_metadata import RecordedTopic
-from flexarm_daq.definitions import describe
-from flexarm_daq.recording import BagWriter
-from flexarm_ident.bags import read_bag
+from flexarm_bags.metadata import RecordedTopic
+from flexarm_bags.schema import describe
+from flexarm_bags.writer import BagWriter
+from flexarm_ident.reading.read import read_bag
 
 _SHORT_S = 40.0
 _REPEATS = 3

@@ -36,12 +36,12 @@ from flexarm_control import (
     step_figures,
     tune_pdp,
 )
-from flexarm_control.arm_model import BASE_STRAIN, MIDDLE_STRAIN, POSITION
-from flexarm_control.criteria import position_itae, strain_itae
-from flexarm_control.margins import LoopResponse
-from flexarm_control.pdpc import Pdp, Pdpc
-from flexarm_control.pdpc_plus import PdpcPlus
-from flexarm_control.tuning import PDP_BOUNDS, PDP_STARTS
+from flexarm_control.design.criteria import position_itae, strain_itae
+from flexarm_control.design.margins import LoopResponse
+from flexarm_control.design.tuning import PDP_BOUNDS, PDP_STARTS
+from flexarm_control.laws.pdpc import Pdp, Pdpc
+from flexarm_control.laws.pdpc_plus import PdpcPlus
+from flexarm_control.models.arm_model import BASE_STRAIN, MIDDLE_STRAIN, POSITION
 from flexarm_daq import RigParameters
 from flexarm_reproduction.law_runs import step_to
 

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from flexarm_bringup import terminal
-from flexarm_bringup.graph import running_graph
-from flexarm_bringup.processes import LaunchError
-from flexarm_ident.bag_check import check_bag
-from flexarm_ident.bags import read_bag_report
+from flexarm_bags.check import check_bag
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_ident.reading.read import read_bag_report
 
 if TYPE_CHECKING:
-    from flexarm_bringup.operation import Run
+    from flexarm_bringup.graph.operation import Run
 
 
 @click.command()

@@ -30,7 +30,7 @@ from fault_campaign import MAX_AGE_PERIODS, Campaign, random_moments_s  # noqa: 
 from fault_injection import CASES, RATE_HZ, inject  # noqa: E402
 from system_graph import Graph  # noqa: E402
 
-from flexarm_daq.faulty_rig import SENSOR_FAULTS  # noqa: E402
+from flexarm_daq.rigs.faulty import SENSOR_FAULTS  # noqa: E402
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -28,15 +28,16 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from flexarm_control.laws import build_law
+from flexarm_bags.reader import Recorded
+from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
+from flexarm_core.errors import IdentificationError
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_daq.catalogue import experiment
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident import IoData, identify, preprocess, validate_dmv
-from flexarm_ident.alignment import Recorded, arm_reading
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.iodata import ARM_OUTPUTS
+from flexarm_ident.reading.alignment import arm_reading
+from flexarm_ident.records.iodata import ARM_OUTPUTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

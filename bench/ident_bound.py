@@ -23,8 +23,8 @@ from rich.table import Table
 from scipy import signal
 
 from flexarm_ident import IoData, identify
-from flexarm_ident.modes import modal_form
-from flexarm_ident.simulation import simulate
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.modes import modal_form
 
 if TYPE_CHECKING:
     from ident_plant import Trial

@@ -23,8 +23,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from flexarm_bringup.graph import running_graph
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.graph.processes import LaunchError
 from flexarm_node import qos
 from flexarm_node.process import prefer_realtime
 from flexarm_node.statistics import Percentiles, Window

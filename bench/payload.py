@@ -20,13 +20,13 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from flexarm_control.criteria import step_figures
-from flexarm_control.payload import PayloadDetection, PayloadEstimator
-from flexarm_control.pdpc import Pdpc
-from flexarm_control.schedule import ScheduleGains
-from flexarm_control.scheduled import ScheduledPdpc
+from flexarm_control.design.criteria import step_figures
+from flexarm_control.laws.payload import PayloadDetection, PayloadEstimator
+from flexarm_control.laws.pdpc import Pdpc
+from flexarm_control.laws.schedule import ScheduleGains
+from flexarm_control.laws.scheduled import ScheduledPdpc
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
 
 RATE_HZ, LENGTH_S, DETECTED_S = 300.0, 4.0, 2.0
 PAYLOADS_KG = (0.0, 0.1, 0.2, 0.3, 0.4)

@@ -22,14 +22,14 @@ from rich.progress import track
 from rich.table import Table
 
 from flexarm_daq import RigParameters
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_daq.catalogue import experiment
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident import reduce_model, validate_dmv
-from flexarm_ident.balanced_truncation import balanced_truncation
-from flexarm_ident.preprocess import output_scale
-from flexarm_ident.rank_table import rank_table
-from flexarm_ident.thesis_realisation import realisation_difference, thesis_realisation
-from flexarm_ident.workflow import Request, run
+from flexarm_ident.models.rank_table import rank_table
+from flexarm_ident.records.preprocess import output_scale
+from flexarm_ident.reduction.balanced import balanced_truncation
+from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
+from flexarm_ident.workflow.workflow import Request, run
 from flexarm_reproduction.records import simulated_record
 
 EXPERIMENTS = ("C_dat3", "C_dat11")

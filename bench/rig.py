@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.plant import Plant, simulate
+from flexarm_daq.rigs.plant import Plant, simulate
 
 RATE_HZ = 300.0
 _REPEATS = 5

@@ -29,8 +29,8 @@ from flexarm_control import (
     step_figures,
     tune_pdp,
 )
-from flexarm_control.pdpc import Pdpc
-from flexarm_control.pdpc_plus import PdpcPlus
+from flexarm_control.laws.pdpc import Pdpc
+from flexarm_control.laws.pdpc_plus import PdpcPlus
 from flexarm_daq import RigParameters
 from flexarm_reproduction.law_runs import step_to
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.acquisition import Acquisition, LockStep, Record
-from flexarm_daq.commander import Command
-from flexarm_daq.limiter import Limiter, LimiterSettings
-from flexarm_daq.rig import RigError, RigSample
-from flexarm_daq.sensor_check import SensorCheck, SensorLimits
-from flexarm_daq.watchdog import Watchdog
+from flexarm_daq.loop.acquisition import Acquisition, LockStep, Record
+from flexarm_daq.loop.commander import Command
+from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
+from flexarm_daq.loop.watchdog import Watchdog
+from flexarm_daq.rigs.rig import RigError, RigSample
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

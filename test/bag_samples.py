@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-from flexarm_daq.bag_metadata import RecordedTopic
-from flexarm_daq.definitions import describe, load_typestore
-from flexarm_daq.recording import BagWriter
+from flexarm_bags.metadata import RecordedTopic
+from flexarm_bags.schema import describe, load_typestore
+from flexarm_bags.writer import BagWriter
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -14,19 +14,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.acquisition import Acquisition, LockStep
-from flexarm_daq.channels import CHANNEL_NAMES
-from flexarm_daq.commander import Command
-from flexarm_daq.faulty_rig import SENSOR_FAULTS, Fault, FaultyRig
-from flexarm_daq.limiter import Limiter
-from flexarm_daq.rig import RigError
-from flexarm_daq.sensor_check import SensorCheck
-from flexarm_daq.simulated_rig import SimulatedRig
-from flexarm_daq.watchdog import Watchdog
+from flexarm_core.channels import CHANNEL_NAMES
+from flexarm_daq.loop.acquisition import Acquisition, LockStep
+from flexarm_daq.loop.commander import Command
+from flexarm_daq.loop.limiter import Limiter
+from flexarm_daq.loop.sensor_check import SensorCheck
+from flexarm_daq.loop.watchdog import Watchdog
+from flexarm_daq.rigs.faulty import SENSOR_FAULTS, Fault, FaultyRig
+from flexarm_daq.rigs.rig import RigError
+from flexarm_daq.rigs.simulated import SimulatedRig
 
 if TYPE_CHECKING:
-    from flexarm_daq.acquisition import Record
-    from flexarm_daq.rig import Rig, RigSample
+    from flexarm_daq.loop.acquisition import Record
+    from flexarm_daq.rigs.rig import Rig, RigSample
 
 RATE_HZ = 300.0
 SAMPLES_AFTER = 300

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_daq.channels import CHANNELS
-from flexarm_daq.parameters import RigParameters
-from flexarm_daq.plant import Plant
+from flexarm_core.channels import CHANNELS
+from flexarm_daq.rigs.plant import Plant
+from flexarm_daq.rigs.rig_parameters import RigParameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,7 +6,7 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(),
-    package_data={PACKAGE: ["catalogue.yaml"]},
+    package_data={f"{PACKAGE}.experiments": ["catalogue.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -19,10 +19,10 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "daq_node = flexarm_daq.daq_node:main",
-            "experiment_node = flexarm_daq.experiment_node:main",
-            "recorder_node = flexarm_daq.recorder_node:main",
-            "player_node = flexarm_daq.player_node:main",
+            "daq_node = flexarm_daq.nodes.daq_node:main",
+            "experiment_node = flexarm_daq.nodes.experiment_node:main",
+            "recorder_node = flexarm_daq.nodes.recorder_node:main",
+            "player_node = flexarm_daq.nodes.player_node:main",
         ],
     },
 )

@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 from fault_injection import CASES, RATE_HZ, inject
 
-from flexarm_daq.faulty_rig import Fault
-from flexarm_daq.sensor_check import SensorLimits
+from flexarm_daq.loop.sensor_check import SensorLimits
+from flexarm_daq.rigs.faulty import Fault
 
 LIMITS = SensorLimits()
 # A floating input takes some samples to the end of its range.

@@ -17,9 +17,9 @@ from flexarm_control import (
     build_reference,
     step_figures,
 )
+from flexarm_control.laws.switching import FADE_V, Handover
 from flexarm_control.references import TRAVEL_V
-from flexarm_control.switching import FADE_V, Handover
-from flexarm_daq.limiter import LimiterSettings
+from flexarm_daq.loop.limiter import LimiterSettings
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 ANY = st.floats()

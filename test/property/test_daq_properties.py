@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flexarm_core.channels import CHANNELS, Channel
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_daq.channels import CHANNELS, Channel
-from flexarm_daq.limiter import Limiter, LimiterSettings
-from flexarm_daq.plant import Plant
-from flexarm_daq.watchdog import Watchdog
+from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+from flexarm_daq.loop.watchdog import Watchdog
+from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_daq.rigs.plant import Plant
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
 VOLTS = st.floats(-20.0, 20.0)

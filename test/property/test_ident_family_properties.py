@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ident_systems import named, pulse_responses, random_model, record, step_by_step
 
 from flexarm_ident import identify, reduce_model
-from flexarm_ident.gram import block_gram
+from flexarm_ident.subspace.gram import block_gram
 
 if TYPE_CHECKING:
     import control

@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 
 from flexarm_daq import RigParameters
-from flexarm_daq.catalogue import catalogue, experiment
-from flexarm_ident.feedback import is_closed_loop
+from flexarm_daq.experiments.catalogue import catalogue, experiment
+from flexarm_ident.subspace.feedback import is_closed_loop
 from flexarm_reproduction.records import run_experiment
 
 # One of each waveform, law and rate; the others take a minute.

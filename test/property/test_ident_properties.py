@@ -16,11 +16,11 @@ from ident_systems import (
 )
 
 from flexarm_ident import IoData, identify, reduce_model, validate_dmv
-from flexarm_ident.gram import block_gram
-from flexarm_ident.modes import modal_form, mode_table
-from flexarm_ident.orse import innovation_scaled
-from flexarm_ident.poles import stabilise
-from flexarm_ident.simulation import simulate
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.modes import modal_form, mode_table
+from flexarm_ident.models.poles import stabilise
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.orse import innovation_scaled
 
 SEEDS = st.integers(0, 10_000)
 few = settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])

@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from ident_systems import arm_model, square_wave, step_by_step
 
 from flexarm_ident import IdentificationError, identify, read_bag
-from flexarm_ident.bags import stream_bag
-from flexarm_ident.preprocess import remove_compensation
-from flexarm_ident.streaming import identify_stream
+from flexarm_ident.estimation.streaming import identify_stream
+from flexarm_ident.reading.read import stream_bag
+from flexarm_ident.records.preprocess import remove_compensation
 
 if TYPE_CHECKING:
     from bag_samples import Sent
 
     from flexarm_ident import IoData
-    from flexarm_ident.bag_stream import BagStream
+    from flexarm_ident.reading.stream import BagStream
 
 SAMPLES = 700
 

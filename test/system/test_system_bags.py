@@ -14,8 +14,8 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 from system_graph import States, fill_disk
 
-from flexarm_daq.repair import repair_bag
-from flexarm_ident.bag_check import check_bag
+from flexarm_bags.check import check_bag
+from flexarm_bags.repair import repair_bag
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 

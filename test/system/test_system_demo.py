@@ -9,7 +9,7 @@ import pytest
 from system_graph import ROOT, eventually
 
 from flexarm_daq import RigParameters
-from flexarm_daq.beam import natural_frequencies_hz
+from flexarm_daq.rigs.beam import natural_frequencies_hz
 
 if TYPE_CHECKING:
     from pathlib import Path

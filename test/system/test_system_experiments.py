@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from system_graph import ROOT, States, declarations, fill_disk
 
-from flexarm_daq.excitation import BOUND_V
-from flexarm_ident.bag_check import check_bag
-from flexarm_ident.model_io import write_parameter_file
+from flexarm_bags.check import check_bag
+from flexarm_daq.experiments.excitation import BOUND_V
+from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 

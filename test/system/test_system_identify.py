@@ -16,7 +16,7 @@ from scipy.signal import cont2discrete
 from system_graph import ROOT, Graph, ros_arguments
 
 from flexarm_daq import RigParameters
-from flexarm_daq.beam import natural_frequencies_hz
+from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from rclpy.action import ActionClient
 from rclpy.action.client import GoalStatus
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from flexarm_ident.exports import load_model
-from flexarm_ident.model_parameters import model_from_parameters
+from flexarm_ident.models.files import load_model
+from flexarm_ident.models.model_parameters import model_from_parameters
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.srv import Identify
 

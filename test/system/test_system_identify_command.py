@@ -11,8 +11,8 @@ import yaml
 from system_graph import ROOT, eventually
 
 from flexarm_bringup.verbs.models import identify, report
-from flexarm_ident.exports import load_model
-from flexarm_ident.workflow import Request
+from flexarm_ident.models.files import load_model
+from flexarm_ident.workflow.workflow import Request
 
 if TYPE_CHECKING:
     from system_graph import Graph, Process

@@ -15,7 +15,7 @@ CONNECTING = {
         f"flexarm_node.{name}"
         for name in ("waiting", "qos", "parameters", "process", "loop_node", "transport")
     ),
-    "flexarm_daq.rigs",
+    "flexarm_daq.nodes.rig_choice",
 }
 """What talks to ROS beside the nodes themselves."""
 
@@ -54,7 +54,11 @@ def computing_modules() -> list[str]:
 
 def test_computing_modules___are_imported_without_ros() -> None:
     modules = computing_modules()
-    assert {"flexarm_ident.orse", "flexarm_daq.plant", "flexarm_control.laws"} < set(modules)
+    assert {
+        "flexarm_ident.subspace.orse",
+        "flexarm_daq.rigs.plant",
+        "flexarm_control.laws.registry",
+    } < set(modules)
     paths = ":".join(str(SOURCES / package) for package in COMPUTING_PACKAGES)
 
     finished = subprocess.run(  # noqa: S603 - our own interpreter
@@ -68,7 +72,7 @@ def test_computing_modules___are_imported_without_ros() -> None:
     assert finished.returncode == 0
 
 
-@pytest.mark.parametrize("module", ["flexarm_node.waiting", "flexarm_daq.daq_node"])
+@pytest.mark.parametrize("module", ["flexarm_node.waiting", "flexarm_daq.nodes.daq_node"])
 def test_connecting_module___is_what_the_block_stops(module: str) -> None:
     paths = ":".join(str(SOURCES / package) for package in COMPUTING_PACKAGES)
     finished = subprocess.run(  # noqa: S603 - our own interpreter

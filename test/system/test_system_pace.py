@@ -13,8 +13,8 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from system_graph import ROOT, Graph, States, declarations
 
-from flexarm_bringup.processes import LaunchError
-from flexarm_ident.bag_check import check_bag
+from flexarm_bags.check import check_bag
+from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from flexarm_bringup.operation import Run
+    from flexarm_bringup.graph.operation import Run
 
 pytestmark = pytest.mark.system
 

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import Trigger
 from system_graph import Graph, States
 
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import Identify
 from flexarm_node import qos

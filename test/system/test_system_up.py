@@ -11,8 +11,8 @@ from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Float64
 from system_graph import ROOT, States
 
-from flexarm_ident.bag_check import check_bag
-from flexarm_ident.model_io import write_parameter_file
+from flexarm_bags.check import check_bag
+from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 

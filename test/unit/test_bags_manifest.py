@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_daq.parameters import RigParameters
+from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_ident import read_bag_report
 
 BAGS = Path(__file__).parents[2] / "bags"

@@ -11,14 +11,14 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from flexarm_bringup.docs import build_docs, build_site
-from flexarm_bringup.doctests import (
+from flexarm_bringup.checkout.docs import build_docs, build_site
+from flexarm_bringup.checkout.doctests import (
     failures_in_module,
     failures_in_page,
     modules_with_examples,
     pages_with_examples,
 )
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.graph.processes import LaunchError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,8 +61,8 @@ def test_site___pages_of_the_checkout___build_without_a_warning(tmp_path: Path) 
     pages = {page.relative_to(site).with_suffix(".md") for page in site.rglob("*.html")}
     written = {page.relative_to(ROOT / "docs") for page in (ROOT / "docs").rglob("*.md")}
     assert written - {Path("README.md")} <= pages
-    assert 'id="flexarm_ident.orse.past_instruments"' in (
-        site / "api" / "flexarm_ident.orse.html"
+    assert 'id="flexarm_ident.subspace.orse.past_instruments"' in (
+        site / "api" / "flexarm_ident.subspace.orse.html"
     ).read_text("utf-8")
     for page in site.rglob("*.html"):
         text = page.read_text("utf-8")

@@ -18,10 +18,10 @@ import yaml
 import zstandard
 from rosbags.highlevel import AnyReader
 
-from flexarm_ident.bags import BagError
-from flexarm_ident.content_check import ContentCheck, one_line
-from flexarm_ident.mcap_check import McapExamination, TopicMessages
-from flexarm_ident.mcap_chunks import Messages
+from flexarm_bags.chunks import Messages
+from flexarm_bags.content import ContentCheck
+from flexarm_bags.mcap_check import McapExamination, TopicMessages
+from flexarm_core.errors import BagError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

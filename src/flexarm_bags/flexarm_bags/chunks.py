@@ -24,13 +24,15 @@ from mcap.records import Chunk
 from mcap.stream_reader import get_chunk_data_stream
 from numpy.lib.stride_tricks import sliding_window_view
 
+from flexarm_core.errors import FlexarmError
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from mcap.records import ChunkIndex
     from numpy.typing import NDArray
 
-    from flexarm_ident.cdr import ByteRows
+    from flexarm_bags.columns import ByteRows
 
 _MESSAGE_HEADER = np.dtype(
     [
@@ -63,7 +65,7 @@ class Messages:
     log_times_ns : (messages,)
         When each was sent.
     groups
-        Message numbers and bytes by size, as :func:`flexarm_ident.cdr.decode` takes them.
+        Message numbers and bytes by size, as :func:`flexarm_bags.columns.decode` takes them.
     """
 
     log_times_ns: NDArray[np.int64]
@@ -122,7 +124,7 @@ class _Collector:
         return Messages(np.concatenate(self._log_times_ns), groups)
 
 
-class NotIndexedError(ValueError):
+class NotIndexedError(FlexarmError):
     """A file is not fully chunked and indexed: only a message by message reader can take it."""
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
+from flexarm_core.errors import FlexarmError
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -43,7 +45,7 @@ _DTYPES = {
 _COUNT = np.dtype("<u4")
 
 
-class CdrError(ValueError):
+class CdrError(FlexarmError):
     """Bytes that do not follow the definition, or a definition that has no columns."""
 
 

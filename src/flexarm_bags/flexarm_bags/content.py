@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.bags import (
+from flexarm_bags.columns import CdrError, Member, decode, members
+from flexarm_bags.reader import (
     ARM_STATE,
     CHANNEL_INFO,
     COMMANDER_INFO,
@@ -15,14 +16,14 @@ from flexarm_ident.bags import (
     MOTOR_COMMAND,
     REFERENCE,
 )
-from flexarm_ident.cdr import CdrError, Member, decode, members
-from flexarm_ident.timeline import clock_problems, number_problems, restarts
+from flexarm_bags.timeline import clock_problems, number_problems, restarts
+from flexarm_core.errors import one_line
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from rosbags.highlevel import AnyReader
 
-    from flexarm_ident.mcap_check import TopicMessages
+    from flexarm_bags.mcap_check import TopicMessages
 
     Integers = NDArray[np.int64]
 
@@ -185,8 +186,3 @@ def _restarted(topic: TopicContent, last: Integers) -> str:
     work, each = ("sampling", "sample") if topic.type_name in _SAMPLED else ("control", "command")
     times = f" {len(last)} times, the first" if len(last) > 1 else ""
     return f"{work} was started again{times} after {each} {last[0]}"
-
-
-def one_line(error: BaseException) -> str:
-    """Return what an error says, on one line."""
-    return " ".join(str(error).split()) or type(error).__name__

@@ -22,7 +22,7 @@ from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
-from flexarm_ident.mcap_chunks import Messages, chunk_content, gathered, heads_at
+from flexarm_bags.chunks import Messages, chunk_content, gathered, heads_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -10,7 +10,7 @@ import yaml
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_daq.definitions import MessageDefinition
+    from flexarm_bags.schema import MessageDefinition
 
 VERSION = 9
 # What rosbag2 writes while it has seen no message: the largest time there is.

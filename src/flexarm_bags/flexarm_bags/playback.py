@@ -15,7 +15,8 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
 
-from flexarm_daq.bag_metadata import TopicQos
+from flexarm_bags.metadata import TopicQos
+from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 _NS = 1_000_000_000
 
 
-class PlaybackError(ValueError):
+class PlaybackError(FlexarmError):
     """The bag cannot be played."""
 
 

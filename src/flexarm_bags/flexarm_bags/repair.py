@@ -19,9 +19,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, McapRecord, Message, Schema, Statistics
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from flexarm_daq.bag_metadata import RecordedTopic, TopicQos
-from flexarm_daq.definitions import MessageDefinition
-from flexarm_daq.recording import BagWriter, RecordingError
+from flexarm_bags.metadata import RecordedTopic, TopicQos
+from flexarm_bags.schema import MessageDefinition
+from flexarm_bags.writer import BagWriter, RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

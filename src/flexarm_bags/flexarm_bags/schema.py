@@ -16,6 +16,8 @@ from rosbags.typesys import (
     get_typestore,
 )
 
+from flexarm_core.errors import FlexarmError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 
-class DefinitionError(ValueError):
+class DefinitionError(FlexarmError):
     """A message type is unknown or its definition cannot be read."""
 
 

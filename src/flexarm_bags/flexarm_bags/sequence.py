@@ -6,7 +6,7 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flexarm_daq.stamped import COMMANDS, SEQUENCED, sequence_of
+from flexarm_bags.stamped import COMMANDS, SEQUENCED, sequence_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

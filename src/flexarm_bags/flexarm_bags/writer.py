@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING, NoReturn
 
 from mcap.writer import CompressionType, Writer
 
-from flexarm_daq.bag_metadata import (
+from flexarm_bags.metadata import (
     RecordedTopic,
     Tally,
     as_yaml,
     bag_information,
 )
-from flexarm_daq.sequence_check import SequenceCheck
+from flexarm_bags.sequence import SequenceCheck
+from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +40,7 @@ LATEST_TIME_NS = 2**63 - 1
 _CHUNK_BYTES = 1 << 16
 
 
-class RecordingError(RuntimeError):
+class RecordingError(FlexarmError):
     """The bag cannot be created or written."""
 
 

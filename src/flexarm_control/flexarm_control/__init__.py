@@ -1,19 +1,19 @@
 """Control laws, margins and the controller node."""
 
-from flexarm_control.criteria import StepFigures, itae, step_figures
-from flexarm_control.errors import ControlError
-from flexarm_control.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains
-from flexarm_control.ilqr import Ilqr, IlqrWeights, design_ilqr
-from flexarm_control.law import Effort, Law
-from flexarm_control.laws import LAWS, Pd, Pi, build_law
-from flexarm_control.lqg import LqgWeights, design_lqg
-from flexarm_control.margins import Margins, margins
-from flexarm_control.nominal_models import nominal_model, nominal_payloads_kg
-from flexarm_control.pdpc import Pdp, Pdpc
-from flexarm_control.pdpc_plus import PdpcPlus
+from flexarm_control.design.criteria import StepFigures, itae, step_figures
+from flexarm_control.design.margins import Margins, margins
+from flexarm_control.design.tuning import PdpTuning, PiTuning, tune_pdp, tune_pi
+from flexarm_control.laws.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains
+from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
+from flexarm_control.laws.law import Effort, Law
+from flexarm_control.laws.lqg import LqgWeights, design_lqg
+from flexarm_control.laws.pdpc import Pdp, Pdpc
+from flexarm_control.laws.pdpc_plus import PdpcPlus
+from flexarm_control.laws.registry import LAWS, Pd, Pi, build_law
+from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.simulation import LoopRun, simulate_loop
-from flexarm_control.tuning import PdpTuning, PiTuning, tune_pdp, tune_pi
+from flexarm_core.errors import ControlError
 
 __all__ = [
     "LAWS",

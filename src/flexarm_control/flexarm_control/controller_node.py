@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 from std_msgs.msg import Float64
 
-from flexarm_control.errors import ControlError
-from flexarm_control.laws import LAWS, build_law, law_rate_hz
+from flexarm_control.laws.registry import LAWS, build_law, law_rate_hz
+from flexarm_control.laws.scheduled import ScheduledPdpc
+from flexarm_control.laws.switching import Handover
 from flexarm_control.references import REFERENCES, TRAVEL_V, Reference, build_reference
 from flexarm_control.sample_rate import SampleRate, suits
-from flexarm_control.scheduled import ScheduledPdpc
-from flexarm_control.switching import Handover
+from flexarm_core.errors import ControlError
 from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand, PayloadEstimate
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
     from builtin_interfaces.msg import Time
 
-    from flexarm_control.law import Law
-    from flexarm_control.parameters import ParameterSpec as Bound
+    from flexarm_control.laws.law import Law
+    from flexarm_core.specs import ParameterSpec as Bound
 
 _WAIT_S = 0.1
 # A recorder that was not heard of yet when the reference changed learns it so soon.

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from flexarm_control.errors import ControlError
-from flexarm_control.parameters import (
+from flexarm_core.errors import ControlError
+from flexarm_core.specs import (
     Bounded,
     ParameterSpec,
     limits,

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.arm_model import check_arm_model, check_no_feedthrough
+from flexarm_control.models.arm_model import check_arm_model, check_no_feedthrough
 
 if TYPE_CHECKING:
     import control
 
-    from flexarm_control.arrays import FloatArray
-    from flexarm_control.law import Law
+    from flexarm_control.laws.law import Law
+    from flexarm_core.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) 
     Parameters
     ----------
     model
-        Model of the arm; `flexarm_control.arm_model.delayed` gives it a loop delay.
+        Model of the arm; `flexarm_control.models.arm_model.delayed` gives it a loop delay.
     law
         The law; it is reset first.
     reference_v

@@ -5,8 +5,8 @@ from __future__ import annotations
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from flexarm_control.errors import ControlError
-from flexarm_control.tuning_job import TuneRequest, load_models, tune
+from flexarm_control.design.tuning_job import TuneRequest, load_models, tune
+from flexarm_core.errors import ControlError
 from flexarm_msgs.srv import Tune
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run

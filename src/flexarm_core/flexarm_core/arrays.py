@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+# Of any precision: what numpy's own signatures give.
+RealArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
 # Real in one caller and complex in the other.

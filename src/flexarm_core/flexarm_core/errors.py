@@ -1,11 +1,35 @@
-"""What can go wrong in an identification, as one line each."""
+"""Errors that a user can mend: one base class, one line of text each."""
 
 from __future__ import annotations
 
 
-class IdentificationError(ValueError):
+class FlexarmError(Exception):
+    """Base of every error whose text is meant for the user.
+
+    The text is one line. It names the file, field or value, and what to do about it.
+    """
+
+
+class SettingError(FlexarmError):
+    """A setting from which nothing can be built; the message states what is allowed."""
+
+
+class IdentificationError(FlexarmError):
     """The data or the request does not allow an identification."""
 
 
 class DataError(IdentificationError):
     """An experiment's record is malformed."""
+
+
+class BagError(IdentificationError):
+    """A bag cannot be read as the record of an experiment."""
+
+
+class ControlError(FlexarmError):
+    """A gain, reference or model that cannot be used; the message names it and what to do."""
+
+
+def one_line(error: BaseException) -> str:
+    """Return the text of any error in one line, or its kind where it has no text."""
+    return " ".join(str(error).split()) or type(error).__name__

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import MISSING, dataclass, fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexarm_control.errors import ControlError
+from flexarm_core.errors import ControlError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """The rig: beam and motor simulation, DAQ driver node, recording and replay."""
 
-from flexarm_daq.parameters import RigParameters
-from flexarm_daq.simulated_rig import SimulatedRig
+from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_daq.rigs.simulated import SimulatedRig
 
 __all__ = ["RigParameters", "SimulatedRig"]

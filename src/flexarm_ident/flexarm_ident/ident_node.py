@@ -21,11 +21,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
+from flexarm_core.errors import IdentificationError
 from flexarm_ident.background import Background, Cancelled
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.exports import parse_exports
 from flexarm_ident.job import Results, identify_bags, model_name
-from flexarm_ident.workflow import Outcome, Request
+from flexarm_ident.models.files import parse_exports
+from flexarm_ident.workflow.workflow import Outcome, Request
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.msg import ModeSummary
 from flexarm_msgs.srv import Identify
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
     from rclpy.action.server import ServerGoalHandle
 
-    from flexarm_ident.modes import Mode
-    from flexarm_ident.progress import Progress
+    from flexarm_ident.estimation.progress import Progress
+    from flexarm_ident.models.modes import Mode
 
     Asked: TypeAlias = "Identify.Request | IdentifyBags.Goal"
     Answer: TypeAlias = "Identify.Response | IdentifyBags.Result"

@@ -6,18 +6,18 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flexarm_ident import progress as stages
-from flexarm_ident import workflow
-from flexarm_ident.bags import read_bag, sample_count, stream_bag
+from flexarm_ident.estimation import progress as stages
+from flexarm_ident.reading.read import read_bag, sample_count, stream_bag
 from flexarm_ident.results import write_report, write_results
+from flexarm_ident.workflow import workflow
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from flexarm_ident.model_parameters import ParameterValue
-    from flexarm_ident.progress import Progress
-    from flexarm_ident.source import Source
+    from flexarm_ident.estimation.progress import Progress
+    from flexarm_ident.models.model_parameters import ParameterValue
+    from flexarm_ident.records.source import Source
 
 LARGEST_IN_MEMORY = 1_000_000
 """Samples of a bag from which it is read in pieces, each time it is gone through."""

@@ -12,13 +12,13 @@ from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
-from flexarm_ident.iodata import IoData
+from flexarm_ident.records.iodata import IoData
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.source import Source
-    from flexarm_ident.workflow import Outcome
+    from flexarm_ident.records.source import Source
+    from flexarm_ident.workflow.workflow import Outcome
 
 _CHUNK = 16_384
 _PACKAGES = ("flexarm_ident", "numpy", "scipy", "control")

@@ -6,18 +6,18 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_ident.exports import FORMATS, save_model
-from flexarm_ident.friction_parameters import friction_fields
-from flexarm_ident.model_parameters import model_parameters
+from flexarm_ident.friction.friction_parameters import friction_fields
+from flexarm_ident.models.files import FORMATS, save_model
+from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.provenance import model_provenance
-from flexarm_ident.report import render_report
+from flexarm_ident.report.page import render_report
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from flexarm_ident.model_parameters import ParameterValue
-    from flexarm_ident.source import Source
-    from flexarm_ident.workflow import Outcome
+    from flexarm_ident.models.model_parameters import ParameterValue
+    from flexarm_ident.records.source import Source
+    from flexarm_ident.workflow.workflow import Outcome
 
 MODEL_FILE = "model.yaml"
 REPORT_FILE = "report.html"

@@ -14,6 +14,8 @@ from rcl_interfaces.msg import (
 )
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 
+from flexarm_core.errors import FlexarmError
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 _MIDDLEWARE = "qos_overrides."
 
 
-class ParameterError(ValueError):
+class ParameterError(FlexarmError):
     """A parameter has a value that the node cannot start with."""
 
 
@@ -85,7 +87,7 @@ class Parameters:
     specs
         The table. Overrides from the command line or a parameter file are checked against it.
     accept
-        Called with the complete set of values that a change would lead to. It raises ValueError
+        Called with the complete set of values that a change would lead to. It raises a FlexarmError
         with one line when the set does not fit together, and the whole change is refused with
         that line. What it returns is ignored; it must not act on the values.
     apply
@@ -161,7 +163,7 @@ class Parameters:
         if self._accept is not None:
             try:
                 self._accept(values)
-            except ValueError as error:
+            except FlexarmError as error:
                 return str(error)
         return None
 

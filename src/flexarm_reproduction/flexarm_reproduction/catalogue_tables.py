@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-from flexarm_daq.catalogue import experiment
-from flexarm_daq.channels import TRAVEL_DEG
+from flexarm_core.channels import TRAVEL_DEG
+from flexarm_daq.experiments.catalogue import experiment
 from flexarm_reproduction.findings import Finding, SideBySide, judged
 from flexarm_reproduction.record_facts import RecordFacts, record_facts
 from flexarm_reproduction.subjects import Call, Subject
@@ -15,7 +15,7 @@ from flexarm_reproduction.thesis_values import thesis_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from flexarm_daq.catalogue import Experiment
+    from flexarm_daq.experiments.catalogue import Experiment
     from flexarm_reproduction.subjects import Results
 
     Check = Callable[[Mapping[str, Any], Experiment, RecordFacts], dict[str, tuple[str, str]]]

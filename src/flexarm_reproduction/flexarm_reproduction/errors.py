@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from flexarm_core.errors import FlexarmError
 
-class ReproductionError(ValueError):
+
+class ReproductionError(FlexarmError):
     """What was asked for cannot be run."""
 
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
+from flexarm_core.channels import DRIVE_A_PER_V, MAX_COMMAND_V
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.channels import DRIVE_A_PER_V, MAX_COMMAND_V
-from flexarm_daq.excitation import BOUND_V, DIRECTION_HZ, VARYING_HZ
-from flexarm_ident.plot_style import DOTTED, SOLID, STYLE, figure_of
-from flexarm_ident.svg import inline_svg
+from flexarm_daq.experiments.excitation import BOUND_V, DIRECTION_HZ, VARYING_HZ
+from flexarm_ident.report.plots.plot_style import DOTTED, SOLID, STYLE, figure_of
+from flexarm_ident.report.plots.svg import inline_svg
 from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
 from flexarm_reproduction.records import simulated_record
 from flexarm_reproduction.subjects import Call, Subject

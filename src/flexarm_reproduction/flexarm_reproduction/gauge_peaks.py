@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.validation import frequency_response
+from flexarm_ident.fitting.validation import frequency_response
 
 if TYPE_CHECKING:
     import control

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.criteria import step_figures
-from flexarm_control.ilqr import Ilqr, design_ilqr
-from flexarm_control.laws import build_law
-from flexarm_control.nominal_models import identified_model
+from flexarm_control.design.criteria import step_figures
+from flexarm_control.laws.ilqr import Ilqr, design_ilqr
+from flexarm_control.laws.registry import build_law
+from flexarm_control.models.nominal_models import identified_model
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
 from flexarm_reproduction.evidence import SEEDS, spread

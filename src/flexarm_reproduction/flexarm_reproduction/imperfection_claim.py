@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_daq import RigParameters
-from flexarm_daq.catalogue import experiment
-from flexarm_daq.parameters import THESIS_NOISE_V
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
 from flexarm_reproduction.order_survey import best_error, prepared

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.criteria import step_figures
+from flexarm_control.design.criteria import step_figures
 from flexarm_daq import SimulatedRig
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_control.law import Law
+    from flexarm_control.laws.law import Law
     from flexarm_daq import RigParameters
 
 RATE_HZ = 300.0

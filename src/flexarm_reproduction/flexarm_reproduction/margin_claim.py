@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_control.gains import Compensation, PdpGains
-from flexarm_control.pdpc import Pdpc
+from flexarm_control.laws.gains import Compensation, PdpGains
+from flexarm_control.laws.pdpc import Pdpc
 from flexarm_daq import RigParameters
 from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged

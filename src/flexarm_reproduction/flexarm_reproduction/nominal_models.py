@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm_control.nominal_models import nominal_model
+from flexarm_control.models.nominal_models import nominal_model
+from flexarm_core.channels import POSITION_V_PER_RAD, SPEED_V_S_PER_RAD
 from flexarm_daq import RigParameters
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_daq.channels import POSITION_V_PER_RAD, SPEED_V_S_PER_RAD
-from flexarm_daq.parameters import THESIS_NOISE_V
-from flexarm_ident.modes import frequency_and_damping
-from flexarm_ident.pipeline import identify
-from flexarm_ident.preprocess import preprocess
-from flexarm_ident.reduction import reduce_model
-from flexarm_ident.validation import frequency_response
+from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
+from flexarm_ident.estimation.pipeline import identify
+from flexarm_ident.fitting.validation import frequency_response
+from flexarm_ident.models.modes import frequency_and_damping
+from flexarm_ident.records.preprocess import preprocess
+from flexarm_ident.reduction.modal import reduce_model
 from flexarm_reproduction.evidence import SEEDS, spread
 from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
 from flexarm_reproduction.records import simulated_record

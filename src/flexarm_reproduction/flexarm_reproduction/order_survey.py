@@ -15,15 +15,15 @@ import control
 import numpy as np
 
 from flexarm_daq import RigParameters
-from flexarm_daq.catalogue import experiment
-from flexarm_daq.parameters import THESIS_NOISE_V
-from flexarm_ident.order import LARGEST_ORDER, SMALLEST_ORDER
-from flexarm_ident.orse import plain
-from flexarm_ident.output_fit import fit_inputs
-from flexarm_ident.pipeline import identify
-from flexarm_ident.poles import is_stable, stabilise
-from flexarm_ident.preprocess import preprocess
-from flexarm_ident.validation import Gains, frequency_response, validate_dmv, validate_sfv
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
+from flexarm_ident.estimation.pipeline import identify
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.fitting.validation import Gains, frequency_response, validate_dmv, validate_sfv
+from flexarm_ident.models.poles import is_stable, stabilise
+from flexarm_ident.records.preprocess import preprocess
+from flexarm_ident.subspace.order import LARGEST_ORDER, SMALLEST_ORDER
+from flexarm_ident.subspace.orse import plain
 from flexarm_reproduction.evidence import SEEDS
 from flexarm_reproduction.records import run_experiment, simulated_record
 from flexarm_reproduction.thesis_values import thesis_table

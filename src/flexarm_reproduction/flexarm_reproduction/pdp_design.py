@@ -8,13 +8,20 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from flexarm_control.gains import PdpGains
-from flexarm_control.margins import margins
-from flexarm_control.nominal_models import nominal_model, nominal_payloads_kg
-from flexarm_control.tuning import tune_pdp
-from flexarm_ident.plot_style import DASHED, DOTTED, SOLID, STYLE, figure_of, legend_above
-from flexarm_ident.svg import inline_svg
-from flexarm_ident.validation import frequency_response
+from flexarm_control.design.margins import margins
+from flexarm_control.design.tuning import tune_pdp
+from flexarm_control.laws.gains import PdpGains
+from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
+from flexarm_ident.fitting.validation import frequency_response
+from flexarm_ident.report.plots.plot_style import (
+    DASHED,
+    DOTTED,
+    SOLID,
+    STYLE,
+    figure_of,
+    legend_above,
+)
+from flexarm_ident.report.plots.svg import inline_svg
 from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.thesis_values import thesis_table

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from flexarm_control.laws import build_law
+from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
 from flexarm_daq import RigParameters
 from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_control.criteria import step_figures
-from flexarm_control.gains import Sampling
-from flexarm_control.law import Effort
-from flexarm_control.laws import Pi
+from flexarm_control.design.criteria import step_figures
+from flexarm_control.design.tuning import tune_pi
+from flexarm_control.laws.gains import Sampling
+from flexarm_control.laws.law import Effort
+from flexarm_control.laws.registry import Pi
 from flexarm_control.simulation import simulate_loop
-from flexarm_control.tuning import tune_pi
 from flexarm_daq import RigParameters
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_daq.catalogue import experiment
-from flexarm_ident.workflow import Request
-from flexarm_ident.workflow import run as identify_record
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_ident.workflow.workflow import Request
+from flexarm_ident.workflow.workflow import run as identify_record
 from flexarm_reproduction.law_runs import RATE_HZ, STEP_S, step_to
 from flexarm_reproduction.records import simulated_record
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flexarm_control.law import Law
+    from flexarm_control.laws.law import Law
 
 SETPOINT_V = 3.0
 TYPE_WITHOUT_FRICTION = "II"

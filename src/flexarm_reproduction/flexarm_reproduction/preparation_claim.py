@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from flexarm_daq.parameters import THESIS_NOISE_V
-from flexarm_ident.preprocess import preprocess
+from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
+from flexarm_ident.records.preprocess import preprocess
 from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
 from flexarm_reproduction.order_survey import CUTOFF_HZ, best_error, prepared

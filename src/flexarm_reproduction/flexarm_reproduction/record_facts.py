@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexarm_daq.catalogue import catalogue
-from flexarm_daq.channels import POSITION_V_PER_RAD
-from flexarm_ident.validation import recover_gains
+from flexarm_core.channels import POSITION_V_PER_RAD
+from flexarm_daq.experiments.catalogue import catalogue
+from flexarm_ident.fitting.validation import recover_gains
 from flexarm_reproduction.records import simulated_record
 
 
@@ -49,7 +49,7 @@ def record_facts(kind: str, seed: int) -> tuple[RecordFacts, ...]:
     Parameters
     ----------
     kind
-        A key of `flexarm_daq.catalogue.KINDS`.
+        A key of `flexarm_daq.experiments.catalogue.KINDS`.
     seed
         Of noise and random excitations.
     """

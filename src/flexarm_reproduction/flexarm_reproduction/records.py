@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.laws import build_law
+from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.catalogue import experiment
-from flexarm_daq.excitation import EXCITATIONS
-from flexarm_daq.parameters import LOW_NOISE_V
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.experiments.excitation import EXCITATIONS
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V
 from flexarm_ident import IoData
 
 if TYPE_CHECKING:
-    from flexarm_daq.catalogue import Experiment
+    from flexarm_daq.experiments.catalogue import Experiment
 
 
 def simulated_record(

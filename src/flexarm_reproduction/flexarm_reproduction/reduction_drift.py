@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm_daq import RigParameters
-from flexarm_daq.catalogue import experiment
-from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
 from flexarm_ident import identify, validate_dmv
 from flexarm_reproduction.findings import SideBySide
 from flexarm_reproduction.order_survey import METHOD, fitted_half, prepared

@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 from flexarm_daq import RigParameters
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_daq.catalogue import experiment
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.beam import natural_frequencies_hz
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

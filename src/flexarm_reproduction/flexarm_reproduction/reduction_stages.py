@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from flexarm_ident.arrays import FloatArray
+from flexarm_core.arrays import FloatArray
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_ident.modes import Mode
+    from flexarm_ident.models.modes import Mode
 
 Matrices: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """A, B and C of a model; a `StateSpace` cannot be pickled."""

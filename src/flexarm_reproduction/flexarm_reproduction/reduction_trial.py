@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import control
 import numpy as np
 
-from flexarm_daq.catalogue import experiment
-from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
 from flexarm_ident import (
     IdentificationError,
     identify,
@@ -18,10 +18,10 @@ from flexarm_ident import (
     validate_dmv,
     validate_sfv,
 )
-from flexarm_ident.balanced_truncation import balanced_truncation
-from flexarm_ident.poles import stabilise
-from flexarm_ident.preprocess import output_scale, preprocess
-from flexarm_ident.thesis_realisation import realisation_difference, thesis_realisation
+from flexarm_ident.models.poles import stabilise
+from flexarm_ident.records.preprocess import output_scale, preprocess
+from flexarm_ident.reduction.balanced import balanced_truncation
+from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
 from flexarm_reproduction.order_survey import (
     CUTOFF_HZ,
     METHOD,
@@ -50,8 +50,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from flexarm_core.arrays import FloatArray
     from flexarm_ident import Identification, IoData, Reduction
-    from flexarm_ident.arrays import FloatArray
     from flexarm_reproduction.reduction_examples import Example, Kept
     from flexarm_reproduction.reduction_stages import Matrices
 

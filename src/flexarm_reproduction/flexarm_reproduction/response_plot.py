@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from flexarm_ident.plot_style import (
+from flexarm_ident.report.plots.plot_style import (
     DASHED,
     SHADE,
     SOLID,
@@ -16,7 +16,7 @@ from flexarm_ident.plot_style import (
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.svg import inline_svg
+from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.catalogue import experiment
-from flexarm_ident.poles import is_stable
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_ident.models.poles import is_stable
 from flexarm_reproduction.evidence import OFTEN, SEEDS, spread
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
 from flexarm_reproduction.order_survey import TABLE_OF, fitted_half, identified, thesis_record

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from flexarm_control.gains import PdpGains
-from flexarm_control.margins import margins
-from flexarm_control.nominal_models import nominal_model, nominal_payloads_kg
+from flexarm_control.design.margins import margins
+from flexarm_control.laws.gains import PdpGains
+from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_reproduction.findings import Finding, SideBySide, judged
 from flexarm_reproduction.pdp_design import CLOSE, SIGNS, tuned_pdp
 from flexarm_reproduction.subjects import Call, Subject

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.catalogue import catalogue
+from flexarm_daq.experiments.catalogue import catalogue
 from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
 from flexarm_reproduction.subjects import Subject

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_daq import RigParameters
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_ident.modes import frequency_and_damping
+from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_reproduction.evidence import LEVEL, OFTEN, SEEDS, p_text, sign_test
 from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
 from flexarm_reproduction.gauge_peaks import CAPTURED, gains, has_peak

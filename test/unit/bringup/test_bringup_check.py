@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import pytest
 from click.testing import CliRunner
 
-from flexarm_bringup.check import check_everything
+from flexarm_bringup.checkout.check import check_everything
 from flexarm_bringup.verbs.checkout import test as verb
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from bag_samples import START_NS, io_sample, write_bag
 
-from flexarm_bringup.files import check_bags
+from flexarm_bringup.offline.files import check_bags
 
 if TYPE_CHECKING:
     from pathlib import Path

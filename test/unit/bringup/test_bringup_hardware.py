@@ -10,8 +10,8 @@ from nidaq_board import Board
 from nidaqmx_double import CALL_SITES, REMOVED, Fault, NidaqmxDouble
 
 from flexarm_bringup.cli import main
-from flexarm_bringup.hardware import examine_hardware
-from flexarm_daq.nidaq_channels import NidaqSettings
+from flexarm_bringup.health.hardware import examine_hardware
+from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_bringup.interruption import interruptible
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.graph.interruption import interruptible
+from flexarm_bringup.graph.processes import LaunchError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

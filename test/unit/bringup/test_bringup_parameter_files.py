@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_bringup.parameter_files import unknown_nodes
+from flexarm_bringup.graph.parameter_files import unknown_nodes
 
 if TYPE_CHECKING:
     from pathlib import Path

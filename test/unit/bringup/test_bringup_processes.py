@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from flexarm_bringup import processes
-from flexarm_bringup.processes import LaunchError, NodeProcesses, NodeProgram
+from flexarm_bringup.graph import processes
+from flexarm_bringup.graph.processes import LaunchError, NodeProcesses, NodeProgram
 
 
 @pytest.mark.parametrize(

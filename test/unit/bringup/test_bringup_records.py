@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 import pytest
 from bag_samples import START_NS, Sent, arm_state, recorded_topics, write_bag
 
-from flexarm_bringup.processes import LaunchError
-from flexarm_bringup.records import new_record, put_in_place, require_whole, workplace
-from flexarm_daq.recording import BagWriter
-from flexarm_ident.bag_check import check_bag
-from flexarm_ident.bags import read_bag_report
+from flexarm_bags.check import check_bag
+from flexarm_bags.writer import BagWriter
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.runs.run_record import new_record, put_in_place, require_whole, workplace
+from flexarm_ident.reading.read import read_bag_report
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flexarm_ident.alignment import BagReading
+    from flexarm_ident.reading.alignment import BagReading
 
 
 def samples(count: int) -> list[Sent]:

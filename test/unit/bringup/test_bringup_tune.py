@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import pytest
 from click.testing import CliRunner
 
-from flexarm_bringup.tune import tune_models
+from flexarm_bringup.offline.tune import tune_models
 from flexarm_bringup.verbs.models import tune
-from flexarm_control.errors import ControlError
-from flexarm_control.tuning import tune_pdp
+from flexarm_control.design.tuning import tune_pdp
+from flexarm_core.errors import ControlError
 
 if TYPE_CHECKING:
     from pathlib import Path

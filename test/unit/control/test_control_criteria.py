@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_control import ControlError, itae, step_figures
-from flexarm_control.criteria import position_itae, strain_itae
+from flexarm_control.design.criteria import position_itae, strain_itae
 
 DT_S = 1 / 300
 TIME_S = np.arange(3000) * DT_S

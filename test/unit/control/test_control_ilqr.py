@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from flexarm_control.criteria import step_figures
-from flexarm_control.errors import ControlError
-from flexarm_control.ilqr import Ilqr, IlqrWeights, design_ilqr
-from flexarm_control.lqg import LqgWeights, design_lqg
-from flexarm_control.nominal_models import identified_model, nominal_model
+from flexarm_control.design.criteria import step_figures
+from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
+from flexarm_control.laws.lqg import LqgWeights, design_lqg
+from flexarm_control.models.nominal_models import identified_model, nominal_model
+from flexarm_core.errors import ControlError
 from flexarm_daq import RigParameters, SimulatedRig
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexarm_control import ControlError, Margins, PdpGains, margins, nominal_model
-from flexarm_control.arm_model import delayed
+from flexarm_control.models.arm_model import delayed
 
 DT_S = 1 / 300
 TRIAL = PdpGains(0.5, 3.3, 0.07)

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from flexarm_control import ControlError, nominal_model, nominal_payloads_kg
-from flexarm_control.arm_model import (
+from flexarm_control.models.arm_model import (
     OUTPUTS,
     check_arm_model,
     check_no_feedthrough,

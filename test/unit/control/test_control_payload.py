@@ -10,16 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lsim
 
-from flexarm_control.errors import ControlError
-from flexarm_control.payload import (
+from flexarm_control.laws.payload import (
     MAX_PAYLOAD_KG,
     PayloadDetection,
     PayloadEstimate,
     PayloadEstimator,
 )
-from flexarm_control.pdpc import Pdpc
+from flexarm_control.laws.pdpc import Pdpc
+from flexarm_core.errors import ControlError
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
 
 DETECTION = PayloadDetection()
 RATE_HZ = DETECTION.rate_hz

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_control import Compensation, Pdpc, PdpcPlus, PdpGains, step_figures
-from flexarm_control.pdpc_plus import Rest
+from flexarm_control.laws.pdpc_plus import Rest
 from flexarm_daq import RigParameters, SimulatedRig
 
 RATE_HZ = 300.0

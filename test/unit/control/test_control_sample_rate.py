@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_control.laws import LAWS, law_rate_hz
+from flexarm_control.laws.registry import LAWS, law_rate_hz
 from flexarm_control.sample_rate import TOLERANCE, SampleRate, suits
 
 

@@ -9,20 +9,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_control.criteria import step_figures
-from flexarm_control.errors import ControlError
-from flexarm_control.gains import Compensation, PdpGains
-from flexarm_control.margins import LoopResponse
-from flexarm_control.nominal_models import nominal_model
-from flexarm_control.payload import PayloadDetection
-from flexarm_control.pdpc import Pdpc
-from flexarm_control.schedule import GainSchedule, ScheduleGains, between
-from flexarm_control.scheduled import ScheduledPdpc
-from flexarm_control.tuning import tune_pdp
+from flexarm_control.design.criteria import step_figures
+from flexarm_control.design.margins import LoopResponse
+from flexarm_control.design.tuning import tune_pdp
+from flexarm_control.laws.gains import Compensation, PdpGains
+from flexarm_control.laws.payload import PayloadDetection
+from flexarm_control.laws.pdpc import Pdpc
+from flexarm_control.laws.schedule import GainSchedule, ScheduleGains, between
+from flexarm_control.laws.scheduled import ScheduledPdpc
+from flexarm_control.models.nominal_models import nominal_model
+from flexarm_core.errors import ControlError
 from flexarm_daq import RigParameters, SimulatedRig
 
 if TYPE_CHECKING:
-    from flexarm_control.law import Law
+    from flexarm_control.laws.law import Law
 
 RATE_HZ = 300.0
 ROBUST, FASTEST = ScheduleGains().robust, ScheduleGains().schedule

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_control import Effort, Pdp, PdpGains, build_law
-from flexarm_control.switching import FADE_V, Handover
+from flexarm_control.laws.switching import FADE_V, Handover
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

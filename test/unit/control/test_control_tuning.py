@@ -22,7 +22,7 @@ from flexarm_control import (
     tune_pdp,
     tune_pi,
 )
-from flexarm_control.arm_model import delayed
+from flexarm_control.models.arm_model import delayed
 
 DT_S = 1 / 300
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from flexarm_control import ControlError, nominal_model, tune_pdp, tune_pi
-from flexarm_control.tuning_job import TuneRequest, load_models, tune
-from flexarm_ident.model_io import write_parameter_file
-from flexarm_ident.model_parameters import model_parameters
+from flexarm_control.design.tuning_job import TuneRequest, load_models, tune
+from flexarm_ident.models.model_parameters import model_parameters
+from flexarm_ident.models.ros_yaml import write_parameter_file
 
 BAGS = Path(__file__).parents[3] / "bags"
 

@@ -17,11 +17,11 @@ from acquisition_bench import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_daq.acquisition import LockStep, Record
-from flexarm_daq.commander import Command, Verdict
-from flexarm_daq.limiter import LimiterSettings
-from flexarm_daq.rig import RigError, RigSample
-from flexarm_daq.safety import DriveState, Event
+from flexarm_daq.loop.acquisition import LockStep, Record
+from flexarm_daq.loop.commander import Command, Verdict
+from flexarm_daq.loop.limiter import LimiterSettings
+from flexarm_daq.loop.safety import DriveState, Event
+from flexarm_daq.rigs.rig import RigError, RigSample
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr("flexarm_daq.acquisition.time", made)
+    monkeypatch.setattr("flexarm_daq.loop.acquisition.time", made)
     return made
 
 
@@ -224,7 +224,7 @@ def test_pace_and_delays___any___give_the_same_samples(factor: float, delays: li
     def commands(pace: float, waits_s: list[float]) -> list[tuple[float, ...]]:
         with pytest.MonkeyPatch.context() as patch:
             made = Clock()
-            patch.setattr("flexarm_daq.acquisition.time", made)
+            patch.setattr("flexarm_daq.loop.acquisition.time", made)
             bench = Bench(
                 made,
                 lambda record: [
@@ -492,7 +492,7 @@ def test_real_time___any_stalls___a_gap_in_the_numbers_is_a_gap_in_time(
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
         made = Clock()
-        patch.setattr("flexarm_daq.acquisition.time", made)
+        patch.setattr("flexarm_daq.loop.acquisition.time", made)
         bench = Bench(
             made,
             lambda record: [

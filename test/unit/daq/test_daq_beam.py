@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexarm_daq.beam import arm_modes, carried_over, hub_beam_modes, natural_frequencies_hz
-from flexarm_daq.parameters import RigParameters
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.beam import arm_modes, carried_over, hub_beam_modes, natural_frequencies_hz
+from flexarm_daq.rigs.rig_parameters import RigParameters
 
 BARE = RigParameters(tip_mass_kg=0.0)
 
@@ -77,7 +78,7 @@ def test_frequencies___of_the_rig___are_its_true_modes(
 
 @pytest.mark.parametrize("count", [0, -1, 25])
 def test_frequencies___beyond_the_mesh___are_refused(count: int) -> None:
-    with pytest.raises(ValueError, match=r"^count must be between 1 and 24"):
+    with pytest.raises(SettingError, match=r"^count must be between 1 and 24"):
         natural_frequencies_hz(RigParameters(), count)
 
 

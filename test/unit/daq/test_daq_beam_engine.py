@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_daq.parameters import RigParameters
+from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_daq.rigs.rig_parameters import RigParameters
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,8 +7,8 @@ from collections import Counter
 
 import pytest
 
-from flexarm_daq.catalogue import CatalogueError, Experiment, catalogue, experiment
-from flexarm_daq.excitation import EXCITATIONS
+from flexarm_daq.experiments.catalogue import CatalogueError, Experiment, catalogue, experiment
+from flexarm_daq.experiments.excitation import EXCITATIONS
 
 # Name: datafile, samples, gains (kp, kd, c), payload in g, reference in V, period or range in s.
 CLOSED_LOOP = """

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from flexarm_daq.channels import CHANNEL_NAMES, CHANNELS, COMMAND, MAX_COMMAND_V, TRAVEL_V
+from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, COMMAND, MAX_COMMAND_V, TRAVEL_V
 
 
 def test_channels___names___in_the_order_of_the_analogue_inputs() -> None:

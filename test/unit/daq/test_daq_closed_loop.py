@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.parameters import THESIS_NOISE_V
+from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 
 Law = Callable[[NDArray[np.float64]], float]
 

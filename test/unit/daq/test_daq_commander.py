@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_daq.commander import Command, Commander, Verdict
+from flexarm_daq.loop.commander import Command, Commander, Verdict
 
 NEWEST = 10_000
 

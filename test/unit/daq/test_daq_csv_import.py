@@ -10,10 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 
-from flexarm_daq.csv_import import CsvImportError, import_csv
-from flexarm_daq.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
-from flexarm_daq.recording import RecordingError
-from flexarm_ident.bags import read_bag
+from flexarm_bags.writer import RecordingError
+from flexarm_daq.importing.csv_import import CsvImportError, import_csv
+from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
+from flexarm_ident.reading.read import read_bag
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexarm_daq.excitation import (
+from flexarm_daq.experiments.excitation import (
     BOUND_V,
     EXCITATIONS,
     HOLD_S,

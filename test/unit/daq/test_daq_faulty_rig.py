@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from flexarm_daq.channels import CHANNEL_NAMES
-from flexarm_daq.faulty_rig import SENSOR_FAULTS, Fault, FaultyRig
-from flexarm_daq.rig import RigError, RigSample
-from flexarm_daq.simulated_rig import SimulatedRig
+from flexarm_core.channels import CHANNEL_NAMES
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.faulty import SENSOR_FAULTS, Fault, FaultyRig
+from flexarm_daq.rigs.rig import RigError, RigSample
+from flexarm_daq.rigs.simulated import SimulatedRig
 
 GOOD = 5
 
@@ -115,5 +116,5 @@ def test_write_error___lets_safe_stop_through_and_heals_at_the_next_opening() ->
 def test_rig___with_an_impossible_fault___is_refused(
     channel: str, after: int, complaint: str
 ) -> None:
-    with pytest.raises(ValueError, match=complaint):
+    with pytest.raises(SettingError, match=complaint):
         FaultyRig(SimulatedRig(), Fault.OPEN, after_samples=after, channel=channel)

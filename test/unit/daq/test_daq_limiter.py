@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from flexarm_daq.limiter import Limiter, LimiterSettings
+from flexarm_core.errors import SettingError
+from flexarm_daq.loop.limiter import Limiter, LimiterSettings
 
 PERIOD_S = 0.002
 
@@ -85,10 +86,10 @@ def test_anything___not_finite___gives_zero_at_once(bad: float, argument: int) -
 @pytest.mark.parametrize("name", ["max_command_v", "max_slew_v_per_s", "position_bound_v"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 def test_settings___not_a_positive_number___are_refused_by_name(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f"^{name} must be a positive number"):
+    with pytest.raises(SettingError, match=f"^{name} must be a positive number"):
         LimiterSettings(**{name: value})
 
 
 def test_settings___beyond_the_drive___are_refused() -> None:
-    with pytest.raises(ValueError, match="max_command_v must not exceed the drive's 10 V"):
+    with pytest.raises(SettingError, match="max_command_v must not exceed the drive's 10 V"):
         LimiterSettings(max_command_v=10.1)

@@ -28,10 +28,11 @@ from nidaqmx_double import (
     NidaqmxDouble,
 )
 
-from flexarm_daq.nidaq_channels import NidaqSettings
-from flexarm_daq.nidaq_driver import load_nidaqmx
-from flexarm_daq.nidaq_rig import NidaqRig
-from flexarm_daq.rig import DriveNotStoppedError, RigError
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.nidaq.board import NidaqRig
+from flexarm_daq.rigs.nidaq.driver import load_nidaqmx
+from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
+from flexarm_daq.rigs.rig import DriveNotStoppedError, RigError
 
 CODES = (OVERRUN, TIMEOUT, REMOVED, RESERVED, UNKNOWN_DEVICE, -50405, -123456)
 MAGNITUDE, DIRECTION = "Dev1/ao0", "Dev1/ao1"
@@ -273,7 +274,7 @@ _LEAVES_WITHOUT_CLOSING = """
 import atexit, sys
 from nidaq_board import Board
 from nidaqmx_double import NidaqmxDouble
-from flexarm_daq.nidaq_rig import NidaqRig
+from flexarm_daq.rigs.nidaq.board import NidaqRig
 
 board = Board()
 atexit.register(lambda: print("ao0", board.outputs_v["Dev1/ao0"]))
@@ -387,7 +388,7 @@ def test_load_nidaqmx___package_missing___names_the_command_that_installs_it(
     ],
 )
 def test_settings___unusable___are_refused(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(SettingError, match=message):
         NidaqSettings(**options)
 
 

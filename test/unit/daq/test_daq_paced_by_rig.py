@@ -9,14 +9,14 @@ import pytest
 from nidaq_board import Board, VirtualClock
 from nidaqmx_double import NidaqmxDouble
 
-from flexarm_daq import acquisition
-from flexarm_daq.acquisition import Acquisition, Record
-from flexarm_daq.commander import Command
-from flexarm_daq.limiter import Limiter
-from flexarm_daq.nidaq_channels import NidaqSettings
-from flexarm_daq.nidaq_rig import NidaqRig
-from flexarm_daq.sensor_check import SensorCheck
-from flexarm_daq.watchdog import Watchdog
+from flexarm_daq.loop import acquisition
+from flexarm_daq.loop.acquisition import Acquisition, Record
+from flexarm_daq.loop.commander import Command
+from flexarm_daq.loop.limiter import Limiter
+from flexarm_daq.loop.sensor_check import SensorCheck
+from flexarm_daq.loop.watchdog import Watchdog
+from flexarm_daq.rigs.nidaq.board import NidaqRig
+from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -5,8 +5,8 @@ import threading
 import pytest
 from bag_samples import START_NS, arm_state
 
-from flexarm_daq.pacing import Pacer, StandIn
-from flexarm_daq.stamped import sequence_of, stamp_of
+from flexarm_bags.stamped import sequence_of, stamp_of
+from flexarm_daq.nodes.play_clock import Pacer, StandIn
 
 PATIENCE_S = 30.0
 

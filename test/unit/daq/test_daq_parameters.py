@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from flexarm_daq.parameters import LOW_NOISE_V, RigParameters
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, RigParameters
 
 SCALARS = [
     field.name
@@ -32,7 +33,7 @@ def test_inertia___with_payload___adds_its_mass_at_the_tip() -> None:
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 def test_scalar___not_a_magnitude___is_refused_by_name(name: str, value: float) -> None:
     changed: dict[str, Any] = {name: value}
-    with pytest.raises(ValueError, match=f"^{name} must"):
+    with pytest.raises(SettingError, match=f"^{name} must"):
         replace(RigParameters(), **changed)
 
 
@@ -55,7 +56,7 @@ def test_scalar___not_a_magnitude___is_refused_by_name(name: str, value: float) 
 )
 def test_parameter___out_of_range___is_refused_by_name(name: str, value: object) -> None:
     changed: dict[str, Any] = {name: value}
-    with pytest.raises(ValueError, match=f"^{name} must"):
+    with pytest.raises(SettingError, match=f"^{name} must"):
         replace(RigParameters(), **changed)
 
 

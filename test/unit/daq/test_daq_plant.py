@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from flexarm_daq import plant as plant_module
-from flexarm_daq.beam import arm_modes
-from flexarm_daq.integrator import ARM, MOTOR, POSITION, VELOCITY, compiled
-from flexarm_daq.parameters import RigParameters
-from flexarm_daq.plant import Plant, simulate
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs import plant as plant_module
+from flexarm_daq.rigs.beam import arm_modes
+from flexarm_daq.rigs.integrator import ARM, MOTOR, POSITION, VELOCITY, compiled
+from flexarm_daq.rigs.plant import Plant, simulate
+from flexarm_daq.rigs.rig_parameters import RigParameters
 
 RATE_HZ = 300.0
 RIG = RigParameters(loop_delay_s=0.0)
@@ -339,7 +340,7 @@ def test_reset___after_motion___is_a_new_plant() -> None:
 def test_advance___bad_argument___is_refused(
     command_v: float, interval_s: float, message: str
 ) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(SettingError, match=message):
         Plant(RIG).advance(command_v, interval_s)
 
 
@@ -396,7 +397,7 @@ def test_payload___changed_within_a_run___turns_as_the_heavier_arm() -> None:
 @pytest.mark.parametrize("payload_kg", [-0.1, math.nan])
 def test_payload___impossible___is_refused_and_nothing_changes(payload_kg: float) -> None:
     plant = Plant(RIG)
-    with pytest.raises(ValueError, match="payload_kg must"):
+    with pytest.raises(SettingError, match="payload_kg must"):
         plant.change_payload(payload_kg)
     assert plant.parameters == RIG
 
@@ -413,8 +414,8 @@ def test_simulate___in_two_parts___is_the_whole() -> None:
 def test_response___of_the_plain_loop___is_that_of_the_compiled_one() -> None:
     script = (
         "import json, numpy as np\n"
-        "from flexarm_daq.plant import Plant, simulate\n"
-        "from flexarm_daq.parameters import RigParameters\n"
+        "from flexarm_daq.rigs.plant import Plant, simulate\n"
+        "from flexarm_daq.rigs.rig_parameters import RigParameters\n"
         "u = 5.0 * np.sign(np.sin(np.arange(60) / 7.0))\n"
         "print(json.dumps(simulate(Plant(RigParameters()), u, 300.0).tolist()))\n"
     )
@@ -462,7 +463,7 @@ def test_simulate___with_a_delay___lets_each_command_act_late(delay_s: float) ->
 def test_simulate___bad_argument___is_refused(
     command_v: NDArray[np.float64], rate_hz: float, delay_s: float, message: str
 ) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(SettingError, match=message):
         simulate(Plant(replace(RIG, loop_delay_s=delay_s)), command_v, rate_hz)
 
 
@@ -480,7 +481,8 @@ def test_compiling___with_no_place_for_a_cache___goes_without(
 def test_package___with_ros_blocked___imports() -> None:
     script = (
         "import sys; sys.modules['rclpy'] = None\n"
-        "import flexarm_daq.plant, flexarm_daq.limiter, flexarm_daq.watchdog, flexarm_daq.rig\n"
+        "import flexarm_daq.rigs.plant, flexarm_daq.rigs.rig\n"
+        "import flexarm_daq.loop.limiter, flexarm_daq.loop.watchdog\n"
         "assert not [name for name in sys.modules if name.endswith('_msgs')]\n"
         "assert flexarm_daq.SimulatedRig and flexarm_daq.RigParameters\n"
     )

@@ -18,9 +18,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from flexarm_daq.bag_metadata import RecordedTopic, TopicQos
-from flexarm_daq.playback import DueMessage, PlaybackError, PlaybackPlan, PlayedTopic
-from flexarm_daq.recording import BagWriter
+from flexarm_bags.metadata import RecordedTopic, TopicQos
+from flexarm_bags.playback import DueMessage, PlaybackError, PlaybackPlan, PlayedTopic
+from flexarm_bags.writer import BagWriter
 
 if TYPE_CHECKING:
     from pathlib import Path

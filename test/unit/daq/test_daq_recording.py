@@ -26,9 +26,9 @@ from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
 
-from flexarm_daq.bag_metadata import NO_START_NS, RecordedTopic, TopicQos
-from flexarm_daq.definitions import DefinitionError, describe, load_typestore
-from flexarm_daq.recording import BagWriter, RecordingError
+from flexarm_bags.metadata import NO_START_NS, RecordedTopic, TopicQos
+from flexarm_bags.schema import DefinitionError, describe, load_typestore
+from flexarm_bags.writer import BagWriter, RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -330,7 +330,7 @@ import os, signal, sys
 from pathlib import Path
 sys.path[:0] = sys.argv[2:]
 from bag_samples import recorded_topics, reference
-from flexarm_daq.recording import BagWriter
+from flexarm_bags.writer import BagWriter
 messages = [reference(k, float(k)) for k in range(150)]
 bag = BagWriter(Path(sys.argv[1]), recorded_topics(messages), flush_period_s=1e6)
 for k, message in enumerate(messages):

@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
 
-from flexarm_daq.bag_metadata import TopicQos
-from flexarm_daq.recording import BagWriter, RecordingError
-from flexarm_daq.repair import repair_bag
+from flexarm_bags.metadata import TopicQos
+from flexarm_bags.repair import repair_bag
+from flexarm_bags.writer import BagWriter, RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from flexarm_daq.rigs import is_virtual
+from flexarm_daq.nodes.rig_choice import is_virtual
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import pytest
 from acquisition_bench import Bench, Clock, reply
 
-from flexarm_daq.rig import RigError
-from flexarm_daq.safety import TRANSITIONS, DriveState, Event, Safety
+from flexarm_daq.loop.safety import TRANSITIONS, DriveState, Event, Safety
+from flexarm_daq.rigs.rig import RigError
 
 if TYPE_CHECKING:
-    from flexarm_daq.acquisition import Record
-    from flexarm_daq.commander import Command
+    from flexarm_daq.loop.acquisition import Record
+    from flexarm_daq.loop.commander import Command
 
 DRAWING = Path(__file__).parents[3] / "docs" / "safety.md"
 RUNNING = (DriveState.READY, DriveState.DRIVING, DriveState.HELD)
@@ -104,7 +104,7 @@ def test_loop___every_state_and_cause___goes_as_drawn_and_drives_in_no_other_sta
     monkeypatch: pytest.MonkeyPatch, state: DriveState, event: Event
 ) -> None:
     clock = Clock()
-    monkeypatch.setattr("flexarm_daq.acquisition.time", clock)
+    monkeypatch.setattr("flexarm_daq.loop.acquisition.time", clock)
 
     walk = Walk(clock, state, event)
 
@@ -120,7 +120,7 @@ def test_emergency_stop___in_the_middle_of_a_period___lets_no_more_command_act(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = Clock()
-    monkeypatch.setattr("flexarm_daq.acquisition.time", clock)
+    monkeypatch.setattr("flexarm_daq.loop.acquisition.time", clock)
 
     def answer(record: Record) -> list[tuple[float, Command]]:
         if record.sequence == 4:
@@ -138,7 +138,7 @@ def test_error_after_a_hold___keeps_the_first_reason_and_ends_off(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = Clock()
-    monkeypatch.setattr("flexarm_daq.acquisition.time", clock)
+    monkeypatch.setattr("flexarm_daq.loop.acquisition.time", clock)
     bench = Bench(clock, lambda record: [(0.0, reply(record, 2.0))], virtual=True, samples=9)
     bench.acquisition.emergency_stop()
     bench.rig.fails_at = 3

@@ -7,13 +7,10 @@ import pytest
 from nidaq_board import Board
 from nidaqmx_double import NidaqmxDouble
 
-from flexarm_daq.channels import CHANNEL_NAMES
-from flexarm_daq.limiter import Limiter, LimiterSettings
-from flexarm_daq.nidaq_channels import NidaqSettings
-from flexarm_daq.nidaq_rig import NidaqRig
-from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
-from flexarm_daq.rig import Rig, RigError, RigSample
-from flexarm_daq.self_test import (
+from flexarm_core.channels import CHANNEL_NAMES
+from flexarm_core.errors import SettingError
+from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+from flexarm_daq.loop.self_test import (
     PULSE_V,
     RIGHT,
     SATURATED,
@@ -26,7 +23,11 @@ from flexarm_daq.self_test import (
     profile_v,
     run_self_test,
 )
-from flexarm_daq.simulated_rig import SimulatedRig
+from flexarm_daq.rigs.nidaq.board import NidaqRig
+from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
+from flexarm_daq.rigs.rig import Rig, RigError, RigSample
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
+from flexarm_daq.rigs.simulated import SimulatedRig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -260,13 +261,13 @@ def test_judge___each_verdict___is_of_its_own_channel() -> None:
 
 @pytest.mark.parametrize("commands_v", [[0.0, 0.0, 0.0], [0.0, 2.0, 2.0], []])
 def test_judge___nothing_to_compare___is_an_error(commands_v: list[float]) -> None:
-    with pytest.raises(ValueError, match="two samples of rest"):
+    with pytest.raises(SettingError, match="two samples of rest"):
         judge(np.array(commands_v), np.zeros((len(commands_v), 4)))
 
 
 def test_check_possible___too_slow_or_too_tight___is_an_error() -> None:
     check_possible(200.0, 2.0)
-    with pytest.raises(ValueError, match="rate_hz of 200 or more, got 150"):
+    with pytest.raises(SettingError, match="rate_hz of 200 or more, got 150"):
         check_possible(150.0, 10.0)
-    with pytest.raises(ValueError, match="max_command_v of 2 or more, got 1"):
+    with pytest.raises(SettingError, match="max_command_v of 2 or more, got 1"):
         check_possible(300.0, 1.0)

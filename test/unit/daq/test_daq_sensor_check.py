@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_daq.channels import CHANNEL_NAMES, INPUT_RANGE_V
-from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
-from flexarm_daq.sensor_check import SensorCheck, SensorLimits
-from flexarm_daq.simulated_rig import SimulatedRig
+from flexarm_core.channels import CHANNEL_NAMES, INPUT_RANGE_V
+from flexarm_core.errors import SettingError
+from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
+from flexarm_daq.rigs.simulated import SimulatedRig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -169,5 +170,5 @@ def test_gap_in_time___is_not_integrated() -> None:
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 def test_limit___that_is_no_positive_number___is_refused(value: float) -> None:
-    with pytest.raises(ValueError, match="max_position_v must be a positive number"):
+    with pytest.raises(SettingError, match="max_position_v must be a positive number"):
         SensorLimits(max_position_v=value)

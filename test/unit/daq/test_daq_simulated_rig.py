@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from flexarm_core.errors import SettingError
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.parameters import LOW_NOISE_V
-from flexarm_daq.plant import Plant
-from flexarm_daq.rig import Rig, RigError, RigSample
-from flexarm_daq.simulated_rig import MAX_CATCH_UP_S
+from flexarm_daq.rigs.plant import Plant
+from flexarm_daq.rigs.rig import Rig, RigError, RigSample
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V
+from flexarm_daq.rigs.simulated import MAX_CATCH_UP_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -241,12 +242,12 @@ def test_write___not_finite___is_refused(command_v: float) -> None:
 
 @pytest.mark.parametrize("rate_hz", [0.0, -300.0, math.nan, math.inf])
 def test_rate___not_positive___is_refused(rate_hz: float) -> None:
-    with pytest.raises(ValueError, match="rate_hz must be positive"):
+    with pytest.raises(SettingError, match="rate_hz must be positive"):
         SimulatedRig(rate_hz=rate_hz)
 
 
 def test_loop_delay___not_within_the_period___is_refused() -> None:
-    with pytest.raises(ValueError, match="loop_delay_s must be less than the period"):
+    with pytest.raises(SettingError, match="loop_delay_s must be less than the period"):
         SimulatedRig(RigParameters(loop_delay_s=1.0 / 300.0))
 
 
@@ -269,6 +270,6 @@ def test_payload___changed_between_samples___takes_effect_without_a_jump() -> No
 
 def test_payload___impossible___is_refused() -> None:
     rig = opened()
-    with pytest.raises(ValueError, match="payload_kg must not be negative"):
+    with pytest.raises(SettingError, match="payload_kg must not be negative"):
         rig.change_payload(-0.1)
     assert rig.parameters.payload_kg == 0.0

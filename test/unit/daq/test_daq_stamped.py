@@ -8,8 +8,8 @@ from bag_samples import START_NS, Sent, arm_state, io_sample, motor_command, typ
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_daq.sequence_check import SequenceCheck
-from flexarm_daq.stamped import restamped, sequence_of, stamp_of
+from flexarm_bags.sequence import SequenceCheck
+from flexarm_bags.stamped import restamped, sequence_of, stamp_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

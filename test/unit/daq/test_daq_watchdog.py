@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from flexarm_daq.watchdog import Watchdog
+from flexarm_core.errors import SettingError
+from flexarm_daq.loop.watchdog import Watchdog
 
 
 def test_watchdog___before_any_command___is_stale_without_a_lapse() -> None:
@@ -51,10 +52,10 @@ def test_lapse___followed_by_a_command___is_over() -> None:
 
 @pytest.mark.parametrize("period_s", [0.0, -1.0, math.nan, math.inf])
 def test_period___not_positive___is_refused(period_s: float) -> None:
-    with pytest.raises(ValueError, match="period_s must be positive"):
+    with pytest.raises(SettingError, match="period_s must be positive"):
         Watchdog(period_s)
 
 
 def test_age___below_one_period___is_refused() -> None:
-    with pytest.raises(ValueError, match="max_age_periods must be at least 1"):
+    with pytest.raises(SettingError, match="max_age_periods must be at least 1"):
         Watchdog(0.25, max_age_periods=0)

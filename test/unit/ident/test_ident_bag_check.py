@@ -26,11 +26,12 @@ from mcap.writer import CompressionType, Writer
 from ros2_bags import LAYOUTS, Layout, write_ros2_bag
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from flexarm_daq.playback import PlaybackPlan
-from flexarm_daq.recording import BagWriter
-from flexarm_ident.bag_check import check_bag
-from flexarm_ident.bags import BagError, read_bag
-from flexarm_ident.timeline import clock_problems, number_problems, restarts
+from flexarm_bags.check import check_bag
+from flexarm_bags.playback import PlaybackPlan
+from flexarm_bags.timeline import clock_problems, number_problems, restarts
+from flexarm_bags.writer import BagWriter
+from flexarm_core.errors import BagError
+from flexarm_ident.reading.read import read_bag
 
 if TYPE_CHECKING:
     from collections.abc import Callable

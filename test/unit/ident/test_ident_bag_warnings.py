@@ -10,9 +10,9 @@ from bag_samples import START_NS, io_sample, write_bag
 from ident_systems import random_model, step_by_step
 
 from flexarm_ident import identify, job, read_bag
-from flexarm_ident.bags import stream_bag
 from flexarm_ident.job import identify_bags
-from flexarm_ident.workflow import Request
+from flexarm_ident.reading.read import stream_bag
+from flexarm_ident.workflow.workflow import Request
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -22,10 +22,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from flexarm_daq.recording import BagWriter
-from flexarm_ident.bags import BagError, read_bag, read_bag_report
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.iodata import ARM_OUTPUTS
+from flexarm_bags.writer import BagWriter
+from flexarm_core.errors import BagError, IdentificationError
+from flexarm_ident.reading.read import read_bag, read_bag_report
+from flexarm_ident.records.iodata import ARM_OUTPUTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

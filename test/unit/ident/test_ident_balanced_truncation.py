@@ -8,8 +8,8 @@ from ident_systems import named, pulse_responses, random_model
 from scipy import linalg
 
 from flexarm_ident import IdentificationError
-from flexarm_ident.balanced_truncation import balanced_truncation
-from flexarm_ident.validation import frequency_response
+from flexarm_ident.fitting.validation import frequency_response
+from flexarm_ident.reduction.balanced import balanced_truncation
 
 if TYPE_CHECKING:
     import control

@@ -10,8 +10,8 @@ from ident_systems import DT_S, arm_model, random_model, square_wave, step_by_st
 from scipy import linalg, signal, stats
 
 from flexarm_ident import IoData, preprocess, read_bag
-from flexarm_ident.feedback import feedback_test, is_closed_loop
-from flexarm_ident.gram import block_gram
+from flexarm_ident.subspace.feedback import feedback_test, is_closed_loop
+from flexarm_ident.subspace.gram import block_gram
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,12 +9,12 @@ import pytest
 from ident_systems import DT_S, arm_model, named
 
 from flexarm_ident import IdentificationError, IoData
-from flexarm_ident.arm_layout import Drive
-from flexarm_ident.coulomb import estimate_coulomb
-from flexarm_ident.dead_sensor import live_samples
-from flexarm_ident.friction import DryFriction, simulate_with_friction
-from flexarm_ident.simulation import simulate
-from flexarm_ident.stick_slip import friction_force
+from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
+from flexarm_ident.friction.layout import Drive
+from flexarm_ident.friction.levels import estimate_coulomb
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.stick_slip import friction_force
+from flexarm_ident.records.dead_sensor import live_samples
 
 if TYPE_CHECKING:
     import control

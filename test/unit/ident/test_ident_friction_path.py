@@ -14,15 +14,20 @@ from hypothesis import strategies as st
 from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 from flexarm_ident import IoData, identify, load_model, read_bag, validate_dmv
-from flexarm_ident.arm_layout import Drive, arm_layout
-from flexarm_ident.exports import EXPORTS
-from flexarm_ident.friction import DryFriction, net_records, refer_friction, simulate_with_friction
-from flexarm_ident.friction_parameters import friction_fields, friction_from_parameters
-from flexarm_ident.model_parameters import ModelFileError, flat_parameters, model_parameters
-from flexarm_ident.reduction import truncate
+from flexarm_ident.friction.dry_friction import (
+    DryFriction,
+    net_records,
+    refer_friction,
+    simulate_with_friction,
+)
+from flexarm_ident.friction.friction_parameters import friction_fields, friction_from_parameters
+from flexarm_ident.friction.layout import Drive, arm_layout
+from flexarm_ident.models.files import EXPORTS
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.model_parameters import ModelFileError, flat_parameters, model_parameters
+from flexarm_ident.reduction.modal import truncate
 from flexarm_ident.results import write_results
-from flexarm_ident.simulation import simulate
-from flexarm_ident.workflow import Outcome, Request, run
+from flexarm_ident.workflow.workflow import Outcome, Request, run
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

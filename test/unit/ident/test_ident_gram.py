@@ -8,7 +8,7 @@ from ident_systems import random_model, record
 from numpy.typing import NDArray
 
 from flexarm_ident import DataError, IoData
-from flexarm_ident.gram import LagSums, block_gram
+from flexarm_ident.subspace.gram import LagSums, block_gram
 
 Array = NDArray[np.float64]
 

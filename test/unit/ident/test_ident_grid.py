@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_ident import DataError
-from flexarm_ident.grid import held, on_grid, place
+from flexarm_ident.reading.grid import held, on_grid, place
 
 START_NS = 1_700_000_000_000_000_000
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexarm_ident import DataError, IoData
-from flexarm_ident.holes import filled, filled_pieces, unusable_rows
+from flexarm_ident.records.holes import filled, filled_pieces, unusable_rows
 
 
 def test_filled___short_holes_in_a_cubic___are_exact() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexarm_ident import DataError, IoData
-from flexarm_ident.iodata import as_records
+from flexarm_ident.records.iodata import as_records
 
 Y = np.arange(40.0).reshape(10, 4)
 U = np.linspace(-1.0, 1.0, 10)

@@ -14,11 +14,11 @@ from ident_systems import random_model, step_by_step
 
 from flexarm_ident import IdentificationError, IoData, read_bag
 from flexarm_ident.background import Background, Cancelled
-from flexarm_ident.exports import load_model
+from flexarm_ident.estimation.progress import whole
 from flexarm_ident.job import identify_bags, model_name
-from flexarm_ident.progress import whole
+from flexarm_ident.models.files import load_model
 from flexarm_ident.provenance import record_hash
-from flexarm_ident.workflow import Request, run
+from flexarm_ident.workflow.workflow import Request, run
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,13 +10,13 @@ import yaml
 from ident_systems import DT_S, random_model
 
 from flexarm_ident import IdentificationError
-from flexarm_ident.model_io import read_parameter_file, write_parameter_file
-from flexarm_ident.model_parameters import (
+from flexarm_ident.models.model_parameters import (
     ModelFileError,
     model_from_parameters,
     model_hash,
     model_parameters,
 )
+from flexarm_ident.models.ros_yaml import read_parameter_file, write_parameter_file
 
 if TYPE_CHECKING:
     from pathlib import Path

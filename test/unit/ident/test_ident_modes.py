@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from ident_systems import DT_S, arm_model, named, random_model, record, step_by_step
 
-from flexarm_ident.modes import (
+from flexarm_ident.models.modes import (
     frequency_and_damping,
     modal_form,
     modal_response,
@@ -12,7 +12,7 @@ from flexarm_ident.modes import (
     mode_singular_values,
     mode_table,
 )
-from flexarm_ident.poles import is_stable, stabilise
+from flexarm_ident.models.poles import is_stable, stabilise
 
 
 @pytest.mark.parametrize("hz", [0.5, 9.4, 45.6])

@@ -11,9 +11,9 @@ from ident_systems import DT_S, arm_model, random_model, record, square_wave, st
 from scipy import signal
 
 from flexarm_ident import IoData, identify
-from flexarm_ident.gram import block_gram
-from flexarm_ident.order import overdispersion
-from flexarm_ident.predictor import past_length, predictor_space
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.order import overdispersion
+from flexarm_ident.subspace.pbsid import past_length, predictor_space
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,9 +17,9 @@ from ident_systems import (
 from scipy import signal
 
 from flexarm_ident import IdentificationError, IoData, identify
-from flexarm_ident.gram import block_gram
-from flexarm_ident.orse import innovation_scaled, past_instruments
-from flexarm_ident.poles import is_stable
+from flexarm_ident.models.poles import is_stable
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.orse import innovation_scaled, past_instruments
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,7 +17,7 @@ from ident_systems import (
 )
 
 from flexarm_ident import DataError, IdentificationError, IoData, identify, validate_dmv
-from flexarm_ident.order import suggest_order
+from flexarm_ident.subspace.order import suggest_order
 
 
 def arm_experiment(seed: int, samples: int = 12_000) -> IoData:

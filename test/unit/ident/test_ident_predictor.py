@@ -12,9 +12,9 @@ from ident_systems import DT_S, pulse_responses, random_model, record
 from scipy import signal
 
 from flexarm_ident import IdentificationError, IoData
-from flexarm_ident.gram import block_gram
-from flexarm_ident.orse import innovation_scaled
-from flexarm_ident.predictor import predictor_space
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.orse import innovation_scaled
+from flexarm_ident.subspace.pbsid import predictor_space
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

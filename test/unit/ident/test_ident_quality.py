@@ -9,9 +9,9 @@ from ident_systems import DT_S, arm_model, random_model, record, square_wave, st
 from scipy import signal
 
 from flexarm_ident import IoData
-from flexarm_ident.data_warning import DataWarning
-from flexarm_ident.gram import block_gram
-from flexarm_ident.quality import assess, excited_band_hz
+from flexarm_ident.diagnostics.quality import assess, excited_band_hz
+from flexarm_ident.records.data_warning import DataWarning
+from flexarm_ident.subspace.gram import block_gram
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -16,8 +16,8 @@ from ident_systems import (
 )
 
 from flexarm_ident import IdentificationError, IoData, identify, reduce_model, validate_dmv
-from flexarm_ident.modes import modal_form
-from flexarm_ident.reduction import truncate
+from flexarm_ident.models.modes import modal_form
+from flexarm_ident.reduction.modal import truncate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -8,7 +8,7 @@ from ident_systems import random_model, record
 from scipy import signal
 
 from flexarm_ident import Identification, identify, reduce_model
-from flexarm_ident.reduction_costs import cost_over_orders, rankings, step_costs
+from flexarm_ident.reduction.costs import cost_over_orders, rankings, step_costs
 
 
 @pytest.fixture(scope="module")

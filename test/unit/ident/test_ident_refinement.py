@@ -13,13 +13,13 @@ from ident_systems import pulse_responses, random_model, record
 from scipy import optimize
 
 from flexarm_ident import IdentificationError, IoData
-from flexarm_ident.arm_error import Part, SimulationError
-from flexarm_ident.arm_fit import fit_arm
-from flexarm_ident.arm_layout import Drive
-from flexarm_ident.flexible_arm import FlexibleArm
-from flexarm_ident.least_squares import Normal, minimise
-from flexarm_ident.refinement import _Modal, refine_model
-from flexarm_ident.stick_slip import run
+from flexarm_ident.fitting.levenberg_marquardt import Normal, minimise
+from flexarm_ident.fitting.refinement import _Modal, refine_model
+from flexarm_ident.friction.arm import FlexibleArm
+from flexarm_ident.friction.arm_error import Part, SimulationError
+from flexarm_ident.friction.arm_fit import fit_arm
+from flexarm_ident.friction.layout import Drive
+from flexarm_ident.models.stick_slip import run
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

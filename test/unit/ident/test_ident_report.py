@@ -12,23 +12,23 @@ import numpy as np
 import pytest
 from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
+from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident import IdentificationError, IoData
-from flexarm_ident.channels import axis_label, label_and_unit
-from flexarm_ident.cost_plot import cost_plot
-from flexarm_ident.exports import load_model
-from flexarm_ident.frequency_plot import frequency_grid, frequency_plot
-from flexarm_ident.model_parameters import model_parameters
-from flexarm_ident.modes import mode_table
-from flexarm_ident.plots import (
+from flexarm_ident.models.files import load_model
+from flexarm_ident.models.model_parameters import model_parameters
+from flexarm_ident.models.modes import mode_table
+from flexarm_ident.provenance import model_provenance, record_hash
+from flexarm_ident.report.page import Section, append_section, render_report
+from flexarm_ident.report.plots.cost_plot import cost_plot
+from flexarm_ident.report.plots.frequency_plot import frequency_grid, frequency_plot
+from flexarm_ident.report.plots.plots import (
     input_plot,
     match_plot,
     singular_value_plot,
     step_plot,
 )
-from flexarm_ident.pole_plot import damping_plot, pole_plot
-from flexarm_ident.provenance import model_provenance, record_hash
-from flexarm_ident.report import Section, append_section, render_report
-from flexarm_ident.workflow import Outcome, Request, run
+from flexarm_ident.report.plots.pole_plot import damping_plot, pole_plot
+from flexarm_ident.workflow.workflow import Outcome, Request, run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flexarm_ident.modes import Mode
+    from flexarm_ident.models.modes import Mode
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 KNOWN_HZ = (9.4, 24.1, 45.6)

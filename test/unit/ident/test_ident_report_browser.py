@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from flexarm_ident.job import report_bags
-from flexarm_ident.workflow import Request
+from flexarm_ident.workflow.workflow import Request
 
 pytestmark = pytest.mark.slow
 

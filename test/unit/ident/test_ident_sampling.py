@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexarm_ident.grid import Grid, place
-from flexarm_ident.sampling import Run, longest_run, notices
+from flexarm_ident.reading.grid import Grid, place
+from flexarm_ident.reading.sampling import Run, longest_run, notices
 
 PERIOD_NS = 3_333_333
 

@@ -10,13 +10,13 @@ import pytest
 from ident_systems import DT_S, arm_model, square_wave, step_by_step
 
 from flexarm_ident import IoData, preprocess, read_bag
-from flexarm_ident.gram import block_gram
-from flexarm_ident.orse import StateMatrices, innovation_scaled, past_instruments
-from flexarm_ident.stabilisation import Criteria, mac, stabilisation, subspace_matrices
-from flexarm_ident.stabilisation_plot import stabilisation_plot
+from flexarm_ident.diagnostics.stabilisation import Criteria, mac, stabilisation, subspace_matrices
+from flexarm_ident.report.plots.stabilisation_plot import stabilisation_plot
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.orse import StateMatrices, innovation_scaled, past_instruments
 
 if TYPE_CHECKING:
-    from flexarm_ident.stabilisation import Stabilisation
+    from flexarm_ident.diagnostics.stabilisation import Stabilisation
 
 BAGS = Path(__file__).parents[3] / "bags"
 ARM_HZ = (9.4, 24.1, 45.6)

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexarm_bags.check import check_bag
 from flexarm_daq import RigParameters
-from flexarm_daq.beam import natural_frequencies_hz
+from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident import identify, preprocess
-from flexarm_ident.bag_check import check_bag
-from flexarm_ident.bags import read_bag_report
+from flexarm_ident.reading.read import read_bag_report
 
 BAG = Path(__file__).parents[4] / "shared" / "data" / "stalled_demo"
 

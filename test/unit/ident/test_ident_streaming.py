@@ -22,15 +22,16 @@ from hypothesis import strategies as st
 from ident_systems import arm_model, random_model, record, square_wave, step_by_step
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
+from flexarm_core.errors import BagError
 from flexarm_ident import DataError, IdentificationError, IoData, identify, job, read_bag
-from flexarm_ident.bags import BagError, stream_bag
-from flexarm_ident.gram import LagSums
-from flexarm_ident.preprocess import ZERO_MEAN_OUTPUTS, remove_compensation
+from flexarm_ident.estimation.streaming import EXCERPT_SAMPLES, identify_stream
 from flexarm_ident.provenance import record_hash
-from flexarm_ident.report_data import record_table
-from flexarm_ident.source import even_chunks
-from flexarm_ident.streaming import EXCERPT_SAMPLES, identify_stream
-from flexarm_ident.workflow import Request, run
+from flexarm_ident.reading.read import stream_bag
+from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, remove_compensation
+from flexarm_ident.records.source import even_chunks
+from flexarm_ident.report.data import record_table
+from flexarm_ident.subspace.gram import LagSums
+from flexarm_ident.workflow.workflow import Request, run
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from ident_systems import random_model, record
 
-from flexarm_ident import orse
-from flexarm_ident.gram import block_gram
-from flexarm_ident.predictor import predictor_space
+from flexarm_ident.subspace import orse
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.pbsid import predictor_space
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_ident import IoData
-    from flexarm_ident.orse import RangeSpace
+    from flexarm_ident.subspace.orse import RangeSpace
 
     Array = NDArray[np.float64]
 

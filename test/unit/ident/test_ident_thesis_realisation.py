@@ -5,7 +5,7 @@ import pytest
 from ident_systems import DT_S, arm_model, named, random_model, record, square_wave, step_by_step
 
 from flexarm_ident import IoData, identify, reduce_model
-from flexarm_ident.thesis_realisation import realisation_difference, thesis_realisation
+from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
 
 
 def arm_record() -> IoData:

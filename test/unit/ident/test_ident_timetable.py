@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexarm_ident.alignment import Recorded, arm_reading
-from flexarm_ident.iodata import ARM_OUTPUTS, IoData
+from flexarm_bags.reader import Recorded
+from flexarm_ident.reading.alignment import arm_reading
+from flexarm_ident.records.iodata import ARM_OUTPUTS, IoData
 
 START_NS = 1_700_000_000_000_000_000
 RATE_HZ = 300.0

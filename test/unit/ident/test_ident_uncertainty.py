@@ -17,14 +17,18 @@ from ident_systems import (
 from scipy import signal
 
 from flexarm_ident import DataError, IoData, identify
-from flexarm_ident.gram import BlockGram, block_gram
-from flexarm_ident.modes import mode_table
-from flexarm_ident.orse import StateMatrices, innovation_scaled, past_instruments
-from flexarm_ident.output_fit import fit_inputs
-from flexarm_ident.poles import stabilise
-from flexarm_ident.preprocess import output_scale
-from flexarm_ident.uncertainty import frequency_response_uncertainty, jackknife, mode_uncertainty
-from flexarm_ident.validation import frequency_response
+from flexarm_ident.diagnostics.uncertainty import (
+    frequency_response_uncertainty,
+    jackknife,
+    mode_uncertainty,
+)
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.fitting.validation import frequency_response
+from flexarm_ident.models.modes import mode_table
+from flexarm_ident.models.poles import stabilise
+from flexarm_ident.records.preprocess import output_scale
+from flexarm_ident.subspace.gram import BlockGram, block_gram
+from flexarm_ident.subspace.orse import StateMatrices, innovation_scaled, past_instruments
 
 PAST = 12
 FREQUENCIES_HZ = np.array([2.0, 5.0, 9.4, 15.0, 24.1, 40.0, 70.0])

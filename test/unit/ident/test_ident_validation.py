@@ -15,7 +15,7 @@ from flexarm_ident import (
     validate_dmv,
     validate_sfv,
 )
-from flexarm_ident.validation import frequency_response, relative_errors
+from flexarm_ident.fitting.validation import frequency_response, relative_errors
 
 KP, KD, KSG = 0.6, 0.4, 0.05
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexarm_control.nominal_models import nominal_model, nominal_payloads_kg
-from flexarm_daq.catalogue import catalogue
-from flexarm_daq.channels import POSITION_V_PER_RAD, SPEED_V_S_PER_RAD
+from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
+from flexarm_core.channels import POSITION_V_PER_RAD, SPEED_V_S_PER_RAD
+from flexarm_daq.experiments.catalogue import catalogue
 from flexarm_reproduction import excitation_figures, nominal_models, strain_sign
 from flexarm_reproduction.appendices import SUBJECTS
 from flexarm_reproduction.catalogue_tables import compare, controlled, excited, implemented

@@ -6,8 +6,8 @@ import control
 import numpy as np
 import pytest
 
-from flexarm_daq.catalogue import catalogue, experiment
-from flexarm_ident.validation import validate_dmv
+from flexarm_daq.experiments.catalogue import catalogue, experiment
+from flexarm_ident.fitting.validation import validate_dmv
 from flexarm_reproduction import (
     closed_loop_response,
     gauge_peaks,

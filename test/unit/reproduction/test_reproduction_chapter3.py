@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from flexarm_ident.modes import Mode
+from flexarm_ident.models.modes import Mode
 from flexarm_reproduction import (
     ranking_claims,
     reduction_errors,

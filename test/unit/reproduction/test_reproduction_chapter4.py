@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flexarm_control.laws import build_law
+from flexarm_control.laws.registry import build_law
 from flexarm_daq import RigParameters
 from flexarm_reproduction import (
     ilqr_claims,

@@ -195,6 +195,10 @@ def test_source_digest___function_that_reads_files___depends_on_the_data(package
 def test_source_digest___simulated_record___reaches_the_equations_but_no_node_or_plot() -> None:
     places, data = digests._reached((simulated_record.__module__, simulated_record.__name__))
     modules = {module for module, _ in places}
-    assert {"flexarm_daq.integrator", "flexarm_daq.beam", "flexarm_control.pdpc"} <= modules
+    assert {
+        "flexarm_daq.rigs.integrator",
+        "flexarm_daq.rigs.beam",
+        "flexarm_control.laws.pdpc",
+    } <= modules
     assert not {each for each in modules if each.endswith("_node") or "plot" in each}
     assert "catalogue.yaml" in {path.name for path in data}

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import pytest
 from click.testing import CliRunner
 
-from flexarm_bringup import reproduce as verb
-from flexarm_bringup import terminal
+from flexarm_bringup.checkout import reproduce as verb
 from flexarm_bringup.cli import main
+from flexarm_bringup.console import terminal
 from flexarm_reproduction.findings import Finding, SideBySide, Verdict, judged
 from flexarm_reproduction.subjects import Call, Subject
 

@@ -8,8 +8,8 @@ import sys
 import time
 from pathlib import Path
 
-from flexarm_bringup import terminal
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.processes import LaunchError
 
 _READ = (
     ("lint", ["ruff", "check"]),

@@ -9,16 +9,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from flexarm_bringup import terminal
-from flexarm_bringup.api_pages import toctree, write_api_pages
-from flexarm_bringup.check import checkout
-from flexarm_bringup.doctests import (
+from flexarm_bringup.checkout.api_pages import toctree, write_api_pages
+from flexarm_bringup.checkout.check import checkout
+from flexarm_bringup.checkout.doctests import (
     failures_in_module,
     failures_in_page,
     modules_with_examples,
     pages_with_examples,
 )
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.processes import LaunchError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

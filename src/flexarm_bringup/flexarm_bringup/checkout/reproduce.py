@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from flexarm_bringup import terminal
+from flexarm_bringup.console import terminal
 from flexarm_reproduction.document import write_document
 from flexarm_reproduction.findings import Verdict, count
 from flexarm_reproduction.run import reproduce

@@ -10,12 +10,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from flexarm_ident.channels import label_and_unit
+from flexarm_core.labels import label_and_unit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from flexarm_ident.modes import Mode
+    from flexarm_ident.models.modes import Mode
     from flexarm_msgs.msg import ModeSummary
 
 # Without a terminal there is nothing to wrap for.

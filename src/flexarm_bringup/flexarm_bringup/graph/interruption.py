@@ -6,7 +6,7 @@ import signal
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.graph.processes import LaunchError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,11 +15,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from flexarm_bringup import terminal
-from flexarm_bringup.interruption import interruptible
-from flexarm_bringup.operation import NAMESPACE, Operator
-from flexarm_bringup.parameter_files import unknown_nodes
-from flexarm_bringup.processes import LaunchError, NodeProcesses, NodeProgram
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.interruption import interruptible
+from flexarm_bringup.graph.operation import NAMESPACE, Operator
+from flexarm_bringup.graph.parameter_files import unknown_nodes
+from flexarm_bringup.graph.processes import LaunchError, NodeProcesses, NodeProgram
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

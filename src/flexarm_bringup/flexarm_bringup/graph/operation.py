@@ -13,7 +13,7 @@ from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool
 
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import Identify, Tune
 from flexarm_node import qos

@@ -15,11 +15,11 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
-from flexarm_bringup import terminal
-from flexarm_bringup.graph import initialised, ros_domain
-from flexarm_bringup.interruption import interruptible
-from flexarm_bringup.operation import NAMESPACE, Operator
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.interruption import interruptible
+from flexarm_bringup.graph.laboratory import initialised, ros_domain
+from flexarm_bringup.graph.operation import NAMESPACE, Operator
+from flexarm_bringup.graph.processes import LaunchError
 from flexarm_control.references import TRAVEL_V
 from flexarm_node import qos
 

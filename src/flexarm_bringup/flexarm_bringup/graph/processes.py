@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
+from flexarm_core.errors import FlexarmError
 from flexarm_node.process import DIE_WITH_PARENT
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _AFTER = {"daq_node": ": a board keeps its last voltage, so at a real rig press 
 _LOGGER = re.compile(r"\[flexarm\.(\w+)")
 
 
-class LaunchError(RuntimeError):
+class LaunchError(FlexarmError):
     """A program cannot be found or did not do what was expected."""
 
 

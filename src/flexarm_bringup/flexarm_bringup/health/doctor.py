@@ -10,8 +10,8 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
-from flexarm_bringup import terminal
-from flexarm_bringup.processes import LaunchError, find_executable
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.processes import LaunchError, find_executable
 
 if TYPE_CHECKING:
     from collections.abc import Callable

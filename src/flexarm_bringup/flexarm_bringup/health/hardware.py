@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from flexarm_bringup import terminal
-from flexarm_daq.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V, TRAVEL_V
-from flexarm_daq.nidaq_channels import DIRECTION_HIGH_V, Sensors
-from flexarm_daq.nidaq_driver import load_nidaqmx, named_errors
-from flexarm_daq.parameters import THESIS_NOISE_V
-from flexarm_daq.rig import RigError
+from flexarm_bringup.console import terminal
+from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V, TRAVEL_V
+from flexarm_daq.rigs.nidaq.driver import load_nidaqmx, named_errors
+from flexarm_daq.rigs.nidaq.terminals import DIRECTION_HIGH_V, Sensors
+from flexarm_daq.rigs.rig import RigError
+from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from flexarm_daq.nidaq_channels import NidaqSettings
-    from flexarm_daq.nidaq_driver import Nidaqmx
+    from flexarm_daq.rigs.nidaq.driver import Nidaqmx
+    from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 
 _REST_S: Final = 1.0
 _MAX_NOISE: Final = 3.0

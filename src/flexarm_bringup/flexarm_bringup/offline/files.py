@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from ament_index_python.packages import get_package_share_directory
 
-from flexarm_bringup import terminal
-from flexarm_daq import repair
-from flexarm_daq.csv_import import import_csv
-from flexarm_daq.csv_map import load_csv_map
-from flexarm_daq.definitions import load_typestore
-from flexarm_ident.bag_check import check_bag
+from flexarm_bags import repair
+from flexarm_bags.check import check_bag
+from flexarm_bags.schema import load_typestore
+from flexarm_bringup.console import terminal
+from flexarm_daq.importing.csv_import import import_csv
+from flexarm_daq.importing.csv_map import load_csv_map
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

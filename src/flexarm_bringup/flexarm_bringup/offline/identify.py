@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from flexarm_bringup import terminal
+from flexarm_bringup.console import terminal
 from flexarm_ident import job
-from flexarm_ident.exports import parse_exports
-from flexarm_ident.workflow import Request
+from flexarm_ident.models.files import parse_exports
+from flexarm_ident.workflow.workflow import Request
 
 if TYPE_CHECKING:
     from pathlib import Path

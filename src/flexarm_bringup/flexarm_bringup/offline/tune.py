@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from flexarm_bringup import terminal
-from flexarm_control.tuning_job import TuneRequest, load_models, tune
-from flexarm_ident.model_io import write_parameter_file
+from flexarm_bringup.console import terminal
+from flexarm_control.design.tuning_job import TuneRequest, load_models, tune
+from flexarm_ident.models.ros_yaml import write_parameter_file
 
 if TYPE_CHECKING:
     from pathlib import Path

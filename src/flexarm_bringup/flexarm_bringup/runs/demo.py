@@ -20,25 +20,25 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from rclpy.parameter import Parameter
 
-from flexarm_bringup import terminal
-from flexarm_bringup.graph import running_graph
-from flexarm_bringup.pace import Pace, in_lockstep, pace_text
-from flexarm_bringup.records import require_whole, samples_hash
-from flexarm_control.criteria import step_figures
-from flexarm_daq.beam import natural_frequencies_hz
-from flexarm_daq.parameters import RigParameters
-from flexarm_ident.bags import read_bag_report
-from flexarm_ident.iodata import ARM_OUTPUTS
-from flexarm_ident.plots import step_plot
-from flexarm_ident.report import Section, append_section
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.runs.pace import Pace, in_lockstep, pace_text
+from flexarm_bringup.runs.run_record import require_whole, samples_hash
+from flexarm_control.design.criteria import step_figures
+from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_ident.reading.read import read_bag_report
+from flexarm_ident.records.iodata import ARM_OUTPUTS
+from flexarm_ident.report.page import Section, append_section
+from flexarm_ident.report.plots.plots import step_plot
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from flexarm_bringup.operation import Operator, Run
-    from flexarm_control.criteria import StepFigures
-    from flexarm_ident.alignment import BagReading
+    from flexarm_bringup.graph.operation import Operator, Run
+    from flexarm_control.design.criteria import StepFigures
+    from flexarm_ident.reading.alignment import BagReading
 
 RATE_HZ = 300.0
 EXPERIMENT_SAMPLES = 12000

@@ -10,29 +10,29 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from flexarm_bringup import terminal
-from flexarm_bringup.graph import running_graph
-from flexarm_bringup.pace import Pace, in_lockstep, pace_text
-from flexarm_bringup.processes import LaunchError
-from flexarm_bringup.records import (
+from flexarm_bags.check import check_bag
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.runs.pace import Pace, in_lockstep, pace_text
+from flexarm_bringup.runs.run_record import (
     new_record,
     put_in_place,
     require_whole,
     samples_hash,
     workplace,
 )
-from flexarm_daq.catalogue import KINDS, catalogue
-from flexarm_daq.limiter import LimiterSettings
-from flexarm_ident.bag_check import check_bag
-from flexarm_ident.bags import read_bag_report
+from flexarm_daq.experiments.catalogue import KINDS, catalogue
+from flexarm_daq.loop.limiter import LimiterSettings
+from flexarm_ident.reading.read import read_bag_report
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from flexarm_bringup.operation import Operator, Run
-    from flexarm_daq.catalogue import Experiment
-    from flexarm_ident.alignment import BagReading
+    from flexarm_bringup.graph.operation import Operator, Run
+    from flexarm_daq.experiments.catalogue import Experiment
+    from flexarm_ident.reading.alignment import BagReading
 
 MANIFEST = "experiments.json"
 _NODES = ("recorder", "controller", "experiment", "daq")

@@ -6,11 +6,11 @@ import os
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from flexarm_daq.rigs import is_virtual
+from flexarm_daq.nodes.rig_choice import is_virtual
 from flexarm_node.process import PRIORITY
 
 if TYPE_CHECKING:
-    from flexarm_bringup.operation import Operator, Run
+    from flexarm_bringup.graph.operation import Operator, Run
 
 
 class Pace(Enum):

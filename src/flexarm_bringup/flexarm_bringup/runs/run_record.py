@@ -8,16 +8,16 @@ from contextlib import contextmanager
 from itertools import count
 from typing import TYPE_CHECKING
 
-from flexarm_bringup import terminal
-from flexarm_bringup.processes import LaunchError
-from flexarm_ident.bag_check import check_bag
+from flexarm_bags.check import check_bag
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.processes import LaunchError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from flexarm_ident.alignment import BagReading
-    from flexarm_ident.iodata import IoData
+    from flexarm_ident.reading.alignment import BagReading
+    from flexarm_ident.records.iodata import IoData
 
 
 def workplace(bag: Path) -> Path:

@@ -7,12 +7,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from flexarm_bringup import terminal
-from flexarm_bringup.graph import running_graph
-from flexarm_bringup.processes import LaunchError
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.graph.processes import LaunchError
 
 if TYPE_CHECKING:
-    from flexarm_bringup.pace import Pace
+    from flexarm_bringup.runs.pace import Pace
 
 _REPLACE = (
     "the drive is at zero; for another one: "

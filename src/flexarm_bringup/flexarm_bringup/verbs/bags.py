@@ -26,7 +26,7 @@ from flexarm_bringup.verbs.verb import examples
 @examples("import run.csv --map columns.yaml -o bags/run")
 def import_(csv: Path, map_file: Path, output: Path) -> None:
     """Turn a CSV file with named columns into a bag."""
-    from flexarm_bringup.files import import_measurements  # noqa: PLC0415
+    from flexarm_bringup.offline.files import import_measurements  # noqa: PLC0415
 
     click.echo(import_measurements(csv, map_file, output))
 
@@ -54,7 +54,7 @@ def play(bag: Path, rate: float, *, loop: bool, stand_in: bool) -> None:
 
 
 def _exec_node(executable: str, parameters: dict[str, object]) -> None:
-    from flexarm_bringup.processes import NodeProgram  # noqa: PLC0415
+    from flexarm_bringup.graph.processes import NodeProgram  # noqa: PLC0415
 
     command = NodeProgram("flexarm_daq", executable, parameters).command()
     os.execv(command[0], command)  # noqa: S606 - our own node
@@ -73,7 +73,7 @@ def bag() -> None:
 @examples("bag repair out/run1 -o out/run1_repaired")
 def repair(damaged: Path, output: Path) -> None:
     """Copy every whole message of a damaged bag into a new one."""
-    from flexarm_bringup.files import repair_bag  # noqa: PLC0415
+    from flexarm_bringup.offline.files import repair_bag  # noqa: PLC0415
 
     click.echo(repair_bag(damaged, output))
 
@@ -86,6 +86,6 @@ def check(bags: tuple[Path, ...]) -> None:
 
     A folder of bags stands for all of them.
     """
-    from flexarm_bringup.files import check_bags  # noqa: PLC0415
+    from flexarm_bringup.offline.files import check_bags  # noqa: PLC0415
 
     sys.exit(0 if check_bags(bags) else 1)

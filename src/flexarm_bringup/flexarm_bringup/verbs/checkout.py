@@ -16,7 +16,7 @@ from flexarm_bringup.verbs.verb import RUN_ON, examples
 @examples("test", "test --quick", "test test/unit -k margins")
 def test(arguments: tuple[str, ...], *, quick: bool) -> None:
     """Lint, check types and run the tests; with arguments, run pytest with them only."""
-    from flexarm_bringup.check import check_everything  # noqa: PLC0415
+    from flexarm_bringup.checkout.check import check_everything  # noqa: PLC0415
 
     if quick and arguments:
         raise click.UsageError(
@@ -38,7 +38,7 @@ def test(arguments: tuple[str, ...], *, quick: bool) -> None:
 @examples("docs")
 def docs(out: Path) -> None:
     """Build the pages as a site that works offline, and run their examples."""
-    from flexarm_bringup.docs import build_docs  # noqa: PLC0415
+    from flexarm_bringup.checkout.docs import build_docs  # noqa: PLC0415
 
     sys.exit(build_docs(out))
 
@@ -96,7 +96,7 @@ def _add_bench(name: str, words: str, examples: tuple[str, ...]) -> None:
     )
     @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
     def measure(arguments: tuple[str, ...]) -> None:
-        from flexarm_bringup.check import run_bench  # noqa: PLC0415
+        from flexarm_bringup.checkout.check import run_bench  # noqa: PLC0415
 
         sys.exit(run_bench(name, arguments))
 

@@ -12,7 +12,7 @@ import click
 from flexarm_bringup.verbs.verb import RUN_ON, examples
 
 if TYPE_CHECKING:
-    from flexarm_bringup.pace import Pace
+    from flexarm_bringup.runs.pace import Pace
 
 _PARAMETERS = click.option(
     "--params-file",
@@ -30,7 +30,7 @@ _REAL_TIME = click.option(
 
 
 def _pace(*, fast: bool = False, real_time: bool = False) -> Pace:
-    from flexarm_bringup.pace import Pace  # noqa: PLC0415
+    from flexarm_bringup.runs.pace import Pace  # noqa: PLC0415
 
     if fast and real_time:
         raise click.UsageError("--fast and --real-time exclude each other: give one of them.")
@@ -61,7 +61,7 @@ def demo(payload: float, seed: int, out: Path, *, keep_bag: bool, **pace: bool) 
 
     The arm's time follows the wall clock and waits for a machine that is late: no sample is lost.
     """
-    from flexarm_bringup.demo import DemoSettings, run_demo  # noqa: PLC0415
+    from flexarm_bringup.runs.demo import DemoSettings, run_demo  # noqa: PLC0415
 
     run_demo(DemoSettings(out, payload, seed, _pace(**pace), keep_bag))
 
@@ -95,7 +95,7 @@ def up(payload: float, rate: float, *, real_time: bool, **settings: Any) -> None
     The simulated arm's time follows the wall clock and waits for a machine that is late. A board
     runs in real time.
     """
-    from flexarm_bringup.up import UpSettings, run_graph  # noqa: PLC0415
+    from flexarm_bringup.runs.up import UpSettings, run_graph  # noqa: PLC0415
 
     pace = _pace(real_time=real_time)
     run_graph(UpSettings(payload_kg=payload, rate_hz=rate, pace=pace, **settings))
@@ -111,7 +111,7 @@ def up(payload: float, rate: float, *, real_time: bool, **settings: Any) -> None
 )
 def run(package: str, executable: str, arguments: tuple[str, ...]) -> None:
     """Run one node, as `ros2 run` does."""
-    from flexarm_bringup.processes import find_executable  # noqa: PLC0415
+    from flexarm_bringup.graph.processes import find_executable  # noqa: PLC0415
 
     path = str(find_executable(package, executable))
     os.execv(path, [path, *arguments])  # noqa: S606 - this is what the verb is for
@@ -172,8 +172,8 @@ def experiment(
     The simulated arm's time follows the wall clock and waits for a machine that is late: no sample
     is lost. A board runs in real time.
     """
-    from flexarm_bringup.experiment import ExperimentSettings, run_experiments  # noqa: PLC0415
-    from flexarm_daq import catalogue as experiments  # noqa: PLC0415
+    from flexarm_bringup.runs.experiment import ExperimentSettings, run_experiments  # noqa: PLC0415
+    from flexarm_daq.experiments import catalogue as experiments  # noqa: PLC0415
 
     entries = [experiments.experiment(name) for name in names]
     pace = _pace(fast=fast, real_time=real_time)
@@ -198,12 +198,12 @@ def catalogue(
     **settings: Any,  # noqa: ANN401
 ) -> None:
     """List the experiments of the thesis, or run all of them."""
-    from flexarm_bringup.experiment import (  # noqa: PLC0415
+    from flexarm_bringup.runs.experiment import (  # noqa: PLC0415
         ExperimentSettings,
         run_experiments,
         show_catalogue,
     )
-    from flexarm_daq import catalogue as experiments  # noqa: PLC0415
+    from flexarm_daq.experiments import catalogue as experiments  # noqa: PLC0415
 
     if not everything:
         show_catalogue()
@@ -232,10 +232,10 @@ def catalogue(
 def doctor(*, hardware: bool, sensors: str, rate: float, **names: Any) -> None:  # noqa: ANN401
     """Say what this environment consists of and whether nodes can talk."""
     if not hardware:
-        from flexarm_bringup.doctor import examine  # noqa: PLC0415
+        from flexarm_bringup.health.doctor import examine  # noqa: PLC0415
 
         sys.exit(examine())
-    from flexarm_bringup.hardware import examine_hardware  # noqa: PLC0415
-    from flexarm_daq.nidaq_channels import NidaqSettings  # noqa: PLC0415
+    from flexarm_bringup.health.hardware import examine_hardware  # noqa: PLC0415
+    from flexarm_daq.rigs.nidaq.terminals import NidaqSettings  # noqa: PLC0415
 
     sys.exit(examine_hardware(NidaqSettings(sensors=tuple(sensors.split()), rate_hz=rate, **names)))

@@ -102,7 +102,7 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
 )
 def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
     """Identify a model from bags, without any node; write parameters, exports and report."""
-    from flexarm_bringup.identify import identify_bags  # noqa: PLC0415
+    from flexarm_bringup.offline.identify import identify_bags  # noqa: PLC0415
 
     identify_bags(bags, out, **options)
 
@@ -126,7 +126,7 @@ def identify(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa
 )
 def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
     """Identify, reduce by MRM, refit B, and write one HTML file that has everything inside."""
-    from flexarm_bringup.identify import report_bags  # noqa: PLC0415
+    from flexarm_bringup.offline.identify import report_bags  # noqa: PLC0415
 
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
@@ -168,7 +168,7 @@ def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: A
 
     nominal:KG:flipped turns the sign of the middle gauge y3, which the thesis seems to have had.
     """
-    from flexarm_bringup.tune import tune_models  # noqa: PLC0415
+    from flexarm_bringup.offline.tune import tune_models  # noqa: PLC0415
 
     source = click.get_current_context().get_parameter_source
     given = {k: v for k, v in options.items() if source(k) is not ParameterSource.DEFAULT}
@@ -199,7 +199,7 @@ def reproduce(
     keys: tuple[str, ...], out: Path, jobs: int | None, dask: str, *, listing: bool
 ) -> None:
     """Set tables, figures and claims of the thesis beside our own, with a verdict each."""
-    from flexarm_bringup.reproduce import reproduce_subjects, show_subjects  # noqa: PLC0415
+    from flexarm_bringup.checkout.reproduce import reproduce_subjects, show_subjects  # noqa: PLC0415
     from flexarm_reproduction.computing import Workers  # noqa: PLC0415
 
     if listing:

@@ -14,7 +14,7 @@ def stop() -> None:
 
     It takes seconds to start: at a real rig, press the button.
     """
-    from flexarm_bringup.remote import emergency_stop  # noqa: PLC0415
+    from flexarm_bringup.graph.operator import emergency_stop  # noqa: PLC0415
 
     emergency_stop()
 
@@ -23,7 +23,7 @@ def stop() -> None:
 @examples("status")
 def status() -> None:
     """Show what every running node reports: state, reasons, rates, percentiles, counts."""
-    from flexarm_bringup.remote import show_status  # noqa: PLC0415
+    from flexarm_bringup.graph.operator import show_status  # noqa: PLC0415
 
     show_status()
 
@@ -33,7 +33,7 @@ def status() -> None:
 @examples("reference 1.5", "reference -3")
 def reference(volts: float) -> None:
     """Send one set-point, V, to the running controller."""
-    from flexarm_bringup.remote import set_reference  # noqa: PLC0415
+    from flexarm_bringup.graph.operator import set_reference  # noqa: PLC0415
 
     set_reference(volts)
 
@@ -44,7 +44,7 @@ def reference(volts: float) -> None:
 @examples("set controller law=pdpc_plus", "set daq max_command_v=2 payload_kg=0.2")
 def set_(node: str, assignments: tuple[str, ...]) -> None:
     """Set parameters of a running node, all or none."""
-    from flexarm_bringup.remote import set_parameters  # noqa: PLC0415
+    from flexarm_bringup.graph.operator import set_parameters  # noqa: PLC0415
 
     set_parameters(node, assignments)
 
@@ -54,7 +54,7 @@ def set_(node: str, assignments: tuple[str, ...]) -> None:
 @examples("activate daq")
 def activate(node: str) -> None:
     """Activate a running node: daq, controller or experiment."""
-    from flexarm_bringup.remote import change_state  # noqa: PLC0415
+    from flexarm_bringup.graph.operator import change_state  # noqa: PLC0415
 
     change_state(node, active=True)
 
@@ -64,6 +64,6 @@ def activate(node: str) -> None:
 @examples("deactivate daq")
 def deactivate(node: str) -> None:
     """Deactivate a running node; the drive goes to zero."""
-    from flexarm_bringup.remote import change_state  # noqa: PLC0415
+    from flexarm_bringup.graph.operator import change_state  # noqa: PLC0415
 
     change_state(node, active=False)

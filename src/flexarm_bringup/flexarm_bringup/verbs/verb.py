@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from flexarm_core.errors import FlexarmError, one_line
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -30,10 +32,10 @@ class Verbs(click.Group):
             sys.exit(130)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
-        except (ValueError, RuntimeError, OSError) as error:
+        except (FlexarmError, OSError) as error:
             if os.environ.get("FLEXARM_DEBUG"):
                 raise
-            click.echo(f"flexarm: {' '.join(str(error).split())}", err=True)
+            click.echo(f"flexarm: {one_line(error)}", err=True)
             sys.exit(1)
 
     def list_commands(self, context: click.Context) -> list[str]:  # noqa: ARG002

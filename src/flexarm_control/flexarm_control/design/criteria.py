@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.errors import ControlError
+from flexarm_core.errors import ControlError
 
 if TYPE_CHECKING:
-    from flexarm_control.arrays import FloatArray
+    from flexarm_core.arrays import RealArray
 
 _MEAN_WINDOW_S = 2.0
 _SETTLING_BAND = 0.05
 _RISE_FROM, _RISE_TO = 0.1, 0.9
 
 
-def itae(error: FloatArray, *, dt_s: float) -> float:
+def itae(error: RealArray, *, dt_s: float) -> float:
     """Integral of time-multiplied absolute error (4-1).
 
     Parameters
@@ -37,7 +37,7 @@ def itae(error: FloatArray, *, dt_s: float) -> float:
     return float(dt_s * time_s @ np.abs(error))
 
 
-def position_itae(position_v: FloatArray, reference_v: float, *, dt_s: float) -> float:
+def position_itae(position_v: RealArray, reference_v: float, *, dt_s: float) -> float:
     """ITAE of the position error normalised by the set-point (4-4), s^2.
 
     Parameters
@@ -52,7 +52,7 @@ def position_itae(position_v: FloatArray, reference_v: float, *, dt_s: float) ->
     return itae((reference_v - position_v) / reference_v, dt_s=dt_s)
 
 
-def strain_itae(base_strain_v: FloatArray, middle_strain_v: FloatArray, *, dt_s: float) -> float:
+def strain_itae(base_strain_v: RealArray, middle_strain_v: RealArray, *, dt_s: float) -> float:
     """ITAE of both strain signals, each normalised by its own peak (4-5), s^2.
 
     Parameters
@@ -96,7 +96,7 @@ class StepFigures:
 
 
 def step_figures(
-    time_s: FloatArray, position_v: FloatArray, reference_v: float, start_v: float = 0.0
+    time_s: RealArray, position_v: RealArray, reference_v: float, start_v: float = 0.0
 ) -> StepFigures:
     """Figures of a step response that starts with the first sample.
 
@@ -134,7 +134,7 @@ def step_figures(
     )
 
 
-def _settling_s(since_step_s: FloatArray, progress: FloatArray) -> float:
+def _settling_s(since_step_s: RealArray, progress: RealArray) -> float:
     outside = np.flatnonzero(np.abs(progress - 1.0) > _SETTLING_BAND)
     if len(outside) == 0:
         return 0.0
@@ -142,7 +142,7 @@ def _settling_s(since_step_s: FloatArray, progress: FloatArray) -> float:
     return float(since_step_s[first_inside]) if first_inside < len(since_step_s) else inf
 
 
-def _rise_s(since_step_s: FloatArray, progress: FloatArray) -> float:
+def _rise_s(since_step_s: RealArray, progress: RealArray) -> float:
     if np.max(progress) < _RISE_TO:
         return inf
     start, end = int(np.argmax(progress >= _RISE_FROM)), int(np.argmax(progress >= _RISE_TO))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_control.arm_model import (
+from flexarm_control.models.arm_model import (
     MIDDLE_STRAIN,
     POSITION,
     SPEED,
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_control.arrays import ComplexArray, FloatArray
-    from flexarm_control.gains import PdpGains
+    from flexarm_control.laws.gains import PdpGains
+    from flexarm_core.arrays import ComplexArray, FloatArray
 
 _SLOW_FREQUENCIES, _FREQUENCIES = 1500, 7500
 _SLOWEST = 1e-5
@@ -205,7 +205,7 @@ def margins(
     Examples
     --------
     >>> from flexarm_control import PdpGains, nominal_model
-    >>> from flexarm_control.margins import margins
+    >>> from flexarm_control.design.margins import margins
     >>> found = margins(nominal_model(0.0), PdpGains(kp=0.5, kd=3.3, ksg=0.07))
     >>> round(found.gain_margin_db, 1), round(found.gain_margin_hz, 2)
     (11.2, 0.96)

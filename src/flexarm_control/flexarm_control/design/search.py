@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 import numpy as np
 from scipy.optimize import NonlinearConstraint, minimize
 
-from flexarm_control.gains import PdpGains, PiGains
+from flexarm_control.laws.gains import PdpGains, PiGains
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flexarm_control.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
 _GainsT = TypeVar("_GainsT", PdpGains, PiGains)
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.arm_model import POSITION
+from flexarm_control.models.arm_model import POSITION
 
 if TYPE_CHECKING:
     import control
 
-    from flexarm_control.arrays import FloatArray
-    from flexarm_control.gains import PdpGains, PiGains
+    from flexarm_control.laws.gains import PdpGains, PiGains
+    from flexarm_core.arrays import FloatArray
 
 
 def pdp_step_response(model: control.StateSpace, gains: PdpGains, samples: int) -> FloatArray:

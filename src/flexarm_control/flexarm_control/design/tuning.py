@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.arm_model import (
+from flexarm_control.design.criteria import itae, position_itae, strain_itae
+from flexarm_control.design.margins import LoopResponse, Margins
+from flexarm_control.design.search import Search, gain_values, search, unconstrained
+from flexarm_control.design.step_response import pdp_step_response, pi_step_response
+from flexarm_control.laws.gains import PdpGains, PiGains
+from flexarm_control.models.arm_model import (
     BASE_STRAIN,
     MIDDLE_STRAIN,
     POSITION,
@@ -15,19 +20,14 @@ from flexarm_control.arm_model import (
     check_no_feedthrough,
     delayed,
 )
-from flexarm_control.criteria import itae, position_itae, strain_itae
-from flexarm_control.errors import ControlError
-from flexarm_control.gains import PdpGains, PiGains
-from flexarm_control.margins import LoopResponse, Margins
-from flexarm_control.search import Search, gain_values, search, unconstrained
-from flexarm_control.step_response import pdp_step_response, pi_step_response
+from flexarm_core.errors import ControlError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
 
-    from flexarm_control.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
 #: Bounds of the search of Table 4-2: Kp, Kd, Ksg.
 PDP_BOUNDS = ((0.005, 1.0), (0.05, 15.0), (0.005, 2.0))

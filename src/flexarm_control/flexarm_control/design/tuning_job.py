@@ -6,20 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexarm_control.errors import ControlError
-from flexarm_control.nominal_models import nominal_model
-from flexarm_control.tuning import tune_pdp, tune_pi
-from flexarm_ident import workflow
-from flexarm_ident.bags import read_bag_report
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.model_io import read_parameter_file
+from flexarm_control.design.tuning import tune_pdp, tune_pi
+from flexarm_control.models.nominal_models import nominal_model
+from flexarm_core.errors import ControlError, IdentificationError
+from flexarm_ident.models.ros_yaml import read_parameter_file
+from flexarm_ident.reading.read import read_bag_report
+from flexarm_ident.workflow import workflow
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     import control
 
-    from flexarm_control.margins import Margins
+    from flexarm_control.design.margins import Margins
 
 TUNABLE = ("pdp", "pi")
 _NOMINAL = "nominal:"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from flexarm_control.parameters import Bounded, limits
+from flexarm_core.specs import Bounded, limits
 
 KP = limits(0.0, 5.0, "V/V", "proportional gain on the position error")
 KD = limits(0.0, 20.0, "V/V", "gain of the speed feedback")

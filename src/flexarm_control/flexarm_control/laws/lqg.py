@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.ilqr import (
+from flexarm_control.laws.ilqr import (
     IlqrDesign,
     RegulatorWeights,
     design_regulator,
     quadratic_gain,
     radius,
 )
-from flexarm_control.parameters import limits
+from flexarm_core.specs import limits
 
 if TYPE_CHECKING:
     import control

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.signal import butter, cont2discrete
 
-from flexarm_control.parameters import Bounded, limits
+from flexarm_core.specs import Bounded, limits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from flexarm_control.gains import Compensation, PdpGains
-from flexarm_control.law import limited
+from flexarm_control.laws.gains import Compensation, PdpGains
+from flexarm_control.laws.law import limited
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_control.law import Effort
+    from flexarm_control.laws.law import Effort
 
 
 @dataclass(frozen=True)

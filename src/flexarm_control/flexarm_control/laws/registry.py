@@ -7,24 +7,24 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from flexarm_control.errors import ControlError
-from flexarm_control.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains, Sampling
-from flexarm_control.ilqr import Ilqr, IlqrWeights, design_ilqr
-from flexarm_control.law import NO_EFFORT, SATURATION_V, Effort, Law, limited
-from flexarm_control.lqg import LqgWeights, design_lqg
-from flexarm_control.nominal_models import identified_model
-from flexarm_control.parameters import (
+from flexarm_control.laws.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains, Sampling
+from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
+from flexarm_control.laws.law import NO_EFFORT, SATURATION_V, Effort, Law, limited
+from flexarm_control.laws.lqg import LqgWeights, design_lqg
+from flexarm_control.laws.payload import PayloadDetection
+from flexarm_control.laws.pdpc import Pdp, Pdpc
+from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest
+from flexarm_control.laws.schedule import ScheduleGains
+from flexarm_control.laws.scheduled import ScheduledPdpc
+from flexarm_control.models.nominal_models import identified_model
+from flexarm_core.errors import ControlError
+from flexarm_core.specs import (
     Bounded,
     ParameterSpec,
     parameter_specs,
     refuse_unknown,
     select,
 )
-from flexarm_control.payload import PayloadDetection
-from flexarm_control.pdpc import Pdp, Pdpc
-from flexarm_control.pdpc_plus import PdpcPlus, Rest
-from flexarm_control.schedule import ScheduleGains
-from flexarm_control.scheduled import ScheduledPdpc
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

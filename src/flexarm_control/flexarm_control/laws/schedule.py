@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from flexarm_control.errors import ControlError
-from flexarm_control.gains import KD, KP, KSG, PdpGains
-from flexarm_control.parameters import Bounded, limits
+from flexarm_control.laws.gains import KD, KP, KSG, PdpGains
+from flexarm_core.errors import ControlError
+from flexarm_core.specs import Bounded, limits
 
 _MEDIUM = limits(0.01, 0.3, "kg", "payload of the medium gains")
 _HEAVY = limits(0.31, 1.0, "kg", "payload of the heavy gains")

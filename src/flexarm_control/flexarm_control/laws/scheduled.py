@@ -5,15 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from flexarm_control.payload import NO_ESTIMATE, PayloadDetection, PayloadEstimate, PayloadEstimator
-from flexarm_control.pdpc import Pdpc
-from flexarm_control.schedule import ScheduleGains, between
+from flexarm_control.laws.payload import (
+    NO_ESTIMATE,
+    PayloadDetection,
+    PayloadEstimate,
+    PayloadEstimator,
+)
+from flexarm_control.laws.pdpc import Pdpc
+from flexarm_control.laws.schedule import ScheduleGains, between
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_control.gains import Compensation
-    from flexarm_control.law import Effort
+    from flexarm_control.laws.gains import Compensation
+    from flexarm_control.laws.law import Effort
 
 _ASK_EVERY = 10
 _RAMP_S = 0.05
@@ -54,7 +59,7 @@ class ScheduledPdpc:
         return self._payload
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
-        """Answer one sample; see `flexarm_control.law.Law.step`."""
+        """Answer one sample; see `flexarm_control.laws.law.Law.step`."""
         self._estimator.step(volts)
         self._samples += 1
         if self._samples % _ASK_EVERY == 0:

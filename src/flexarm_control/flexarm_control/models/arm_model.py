@@ -9,10 +9,10 @@ import control
 import numpy as np
 from scipy.linalg import fractional_matrix_power
 
-from flexarm_control.errors import ControlError
+from flexarm_core.errors import ControlError
 
 if TYPE_CHECKING:
-    from flexarm_control.arrays import ComplexArray, FloatArray
+    from flexarm_core.arrays import ComplexArray, FloatArray
 
 #: The measured signals, in the order of the thesis (y1 to y4).
 OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")

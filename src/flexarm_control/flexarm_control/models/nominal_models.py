@@ -8,13 +8,13 @@ from importlib.resources import files
 import control
 import yaml
 
-from flexarm_control.arm_model import MIDDLE_STRAIN
-from flexarm_control.errors import ControlError
+from flexarm_control.models.arm_model import MIDDLE_STRAIN
+from flexarm_core.errors import ControlError
 
 
 @cache
 def _available() -> dict[float, str]:
-    folder = files("flexarm_control") / "models"
+    folder = files("flexarm_control.models")
     documents = [file.read_text("utf-8") for file in folder.iterdir() if file.name.endswith("yaml")]
     texts = {float(yaml.safe_load(text)["payload_kg"]): text for text in documents}
     return dict(sorted(texts.items()))
@@ -77,7 +77,7 @@ def identified_model() -> control.StateSpace:
     control.StateSpace
         As `nominal_model`.
     """
-    file = files("flexarm_control") / "identified" / "payload_300g.yaml"
+    file = files("flexarm_control.models") / "identified" / "payload_300g.yaml"
     return _read(file.read_text("utf-8"))
 
 

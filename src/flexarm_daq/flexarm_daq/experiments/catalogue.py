@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from flexarm_core.errors import FlexarmError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -24,7 +26,7 @@ KINDS: Mapping[str, str] = MappingProxyType(
 """Kinds of experiments, and where the thesis describes them."""
 
 
-class CatalogueError(ValueError):
+class CatalogueError(FlexarmError):
     """There is no such experiment; the message lists what there is."""
 
 
@@ -48,7 +50,7 @@ class Experiment:
     payload_kg
         Payload at the tip, kg.
     waveform, magnitude_v
-        A key of `flexarm_daq.excitation.EXCITATIONS`, empty with a law, and its magnitude, V.
+        A key of `excitation.EXCITATIONS`, empty with a law, and its magnitude, V.
     law, gains
         Law of the controller, empty with a waveform, and its gains that differ from the defaults.
     reference, profile
@@ -92,7 +94,7 @@ class Experiment:
 @cache
 def catalogue() -> Mapping[str, Experiment]:
     """Every experiment by its name, in the order of the tables."""
-    text = (files("flexarm_daq") / "catalogue.yaml").read_text("utf-8")
+    text = (files("flexarm_daq.experiments") / "catalogue.yaml").read_text("utf-8")
     entries: dict[str, dict[str, Any]] = yaml.safe_load(text)
     return MappingProxyType({name: Experiment(name, **entry) for name, entry in entries.items()})
 

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.bag_metadata import RecordedTopic, TopicQos
-from flexarm_daq.definitions import describe
-from flexarm_daq.recording import BagWriter
+from flexarm_bags.metadata import RecordedTopic, TopicQos
+from flexarm_bags.schema import describe
+from flexarm_bags.writer import BagWriter
+from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from rosbags.typesys.store import Msg, Typestore
 
-    from flexarm_daq.csv_map import CsvChannel, CsvMap
+    from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
 
 IO_TOPIC = "/flexarm/io"
 CHANNELS_TOPIC = "/flexarm/io_channels"
@@ -38,7 +39,7 @@ _BLOCK_ROWS = 50_000
 _NS = 1_000_000_000
 
 
-class CsvImportError(ValueError):
+class CsvImportError(FlexarmError):
     """The CSV file does not hold what the map says."""
 
 
@@ -77,11 +78,11 @@ def import_csv(
     csv_path
         Comma separated, first line with the column names, SI or any units as the map says.
     mapping
-        Which columns, under which names; see :func:`flexarm_daq.csv_map.load_csv_map`.
+        Which columns, under which names; see :func:`flexarm_daq.importing.csv_map.load_csv_map`.
     bag_path
         Folder to create.
     typestore
-        Knows ``flexarm_msgs``; see :func:`flexarm_daq.definitions.load_typestore`.
+        Knows ``flexarm_msgs``; see :func:`flexarm_bags.schema.load_typestore`.
 
     Returns
     -------

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import yaml
 
+from flexarm_core.errors import FlexarmError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
@@ -15,7 +17,7 @@ _KEYS = {"time", "rate_hz", "inputs", "outputs", "closed_loop", "description"}
 _CHANNEL_KEYS = {"column", "name", "unit"}
 
 
-class CsvMapError(ValueError):
+class CsvMapError(FlexarmError):
     """The map of a CSV import cannot be used."""
 
 

@@ -20,10 +20,10 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from flexarm_daq.channels import CHANNELS
-from flexarm_daq.commander import Commander, Verdict
-from flexarm_daq.rig import RigError
-from flexarm_daq.safety import Event, Safety
+from flexarm_core.channels import CHANNELS
+from flexarm_daq.loop.commander import Commander, Verdict
+from flexarm_daq.loop.safety import Event, Safety
+from flexarm_daq.rigs.rig import RigError
 from flexarm_node.statistics import Window
 
 if TYPE_CHECKING:
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from flexarm_daq.commander import Command
-    from flexarm_daq.limiter import Limiter, LimiterSettings
-    from flexarm_daq.rig import Rig, RigSample
-    from flexarm_daq.sensor_check import SensorCheck
-    from flexarm_daq.watchdog import Watchdog
+    from flexarm_daq.loop.commander import Command
+    from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+    from flexarm_daq.loop.sensor_check import SensorCheck
+    from flexarm_daq.loop.watchdog import Watchdog
+    from flexarm_daq.rigs.rig import Rig, RigSample
 
 # The middleware's timed wait wakes up late; the rest of the period is slept.
 _WAKE_MARGIN_S = 2e-4

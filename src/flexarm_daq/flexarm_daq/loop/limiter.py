@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import Final, NamedTuple
 
-from flexarm_daq.channels import MAX_COMMAND_V
+from flexarm_core.channels import MAX_COMMAND_V
+from flexarm_core.errors import SettingError
 
 NOT_FINITE: Final = "not_finite"
 MAGNITUDE: Final = "magnitude"
@@ -31,7 +32,7 @@ class LimiterSettings:
 
     Raises
     ------
-    ValueError
+    SettingError
         If a limit is not a positive number, or the magnitude exceeds the drive's.
     """
 
@@ -43,9 +44,9 @@ class LimiterSettings:
         for field in fields(self):
             value = getattr(self, field.name)
             if not 0.0 < value < math.inf:
-                raise ValueError(f"{field.name} must be a positive number, got {value}")
+                raise SettingError(f"{field.name} must be a positive number, got {value}")
         if self.max_command_v > MAX_COMMAND_V:
-            raise ValueError(
+            raise SettingError(
                 f"max_command_v must not exceed the drive's {MAX_COMMAND_V:g} V, "
                 f"got {self.max_command_v}"
             )

@@ -15,14 +15,15 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from flexarm_daq.channels import CHANNEL_NAMES, CHANNELS, INPUT_RANGE_V
-from flexarm_daq.rig import RigError
+from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, INPUT_RANGE_V
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.rig import RigError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_daq.limiter import Limiter
-    from flexarm_daq.rig import Rig
+    from flexarm_daq.loop.limiter import Limiter
+    from flexarm_daq.rigs.rig import Rig
 
 PULSE_V: Final = 2.0
 """Height of the pulses: 1 A, three times what breaks the friction; it turns the arm 6 degrees."""
@@ -113,12 +114,12 @@ def judge(command_v: NDArray[np.float64], volts: NDArray[np.float64]) -> tuple[A
 
     Raises
     ------
-    ValueError
+    SettingError
         If there are less than two samples of rest, or no command.
     """
     moving = np.flatnonzero(command_v)
     if not moving.size or moving[0] < 2:  # noqa: PLR2004 - a standard deviation takes two
-        raise ValueError("the self-test needs two samples of rest, and a command after them")
+        raise SettingError("the self-test needs two samples of rest, and a command after them")
     rest = volts[: moving[0]]
     course = np.column_stack([np.cumsum(command_v), command_v, -command_v, command_v])[moving[0] :]
     noise_v = np.maximum(rest.std(axis=0, ddof=1), _LEAST_NOISE_V)
@@ -222,15 +223,15 @@ def check_possible(rate_hz: float, max_command_v: float) -> None:
 
     Raises
     ------
-    ValueError
+    SettingError
         If the sampling is too slow for the pulses or the limit is below them.
     """
     if rate_hz < MIN_RATE_HZ:
-        raise ValueError(
+        raise SettingError(
             f"the self-test needs a rate_hz of {MIN_RATE_HZ:g} or more, got {rate_hz:g}"
         )
     if max_command_v < PULSE_V:
-        raise ValueError(
+        raise SettingError(
             f"the self-test needs a max_command_v of {PULSE_V:g} or more, got {max_command_v:g}"
         )
 

@@ -18,7 +18,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final
 
-from flexarm_daq.channels import CHANNEL_NAMES, CHANNELS, INPUT_RANGE_V
+from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, INPUT_RANGE_V
+from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -57,7 +58,7 @@ class SensorLimits:
 
     Raises
     ------
-    ValueError
+    SettingError
         If a limit is negative or not a number, or one other than `stuck_samples` is zero.
     """
 
@@ -74,7 +75,7 @@ class SensorLimits:
             value = getattr(self, field.name)
             may_be_zero = field.name == "stuck_samples"
             if not (0.0 < value < math.inf or (may_be_zero and value == 0)):
-                raise ValueError(f"{field.name} must be a positive number, got {value}")
+                raise SettingError(f"{field.name} must be a positive number, got {value}")
 
 
 class SensorCheck:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from flexarm_core.errors import SettingError
+
 
 class Watchdog:
     """Tells whether the last command is too old to be in force.
@@ -29,15 +31,15 @@ class Watchdog:
 
     Raises
     ------
-    ValueError
+    SettingError
         If the period is not positive or the age is not at least one period.
     """
 
     def __init__(self, period_s: float, max_age_periods: int = 3) -> None:
         if not 0.0 < period_s < math.inf:
-            raise ValueError(f"period_s must be positive, got {period_s}")
+            raise SettingError(f"period_s must be positive, got {period_s}")
         if max_age_periods < 1:
-            raise ValueError(f"max_age_periods must be at least 1, got {max_age_periods}")
+            raise SettingError(f"max_age_periods must be at least 1, got {max_age_periods}")
         self.feeds = 0
         self.lapses = 0
         self._max_age_samples = max_age_periods

@@ -15,19 +15,20 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from flexarm_daq.acquisition import Acquisition, LockStep, Record
-from flexarm_daq.channels import CHANNEL_NAMES, CHANNELS, COMMAND, DRIVE_A_PER_V
-from flexarm_daq.commander import Command, Verdict
-from flexarm_daq.faulty_rig import Fault, FaultyRig
-from flexarm_daq.limiter import LIMITS, Limiter, LimiterSettings
-from flexarm_daq.parameters import RigParameters
-from flexarm_daq.rig import Rig, RigError
-from flexarm_daq.rigs import RIG_PARAMETERS, is_virtual, make_rig, wants_self_test
-from flexarm_daq.safety import COUNTED
-from flexarm_daq.self_test import run_self_test
-from flexarm_daq.sensor_check import SensorCheck, SensorLimits
-from flexarm_daq.simulated_rig import SimulatedRig
-from flexarm_daq.watchdog import Watchdog
+from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, COMMAND, DRIVE_A_PER_V
+from flexarm_core.errors import SettingError
+from flexarm_daq.loop.acquisition import Acquisition, LockStep, Record
+from flexarm_daq.loop.commander import Command, Verdict
+from flexarm_daq.loop.limiter import LIMITS, Limiter, LimiterSettings
+from flexarm_daq.loop.safety import COUNTED
+from flexarm_daq.loop.self_test import run_self_test
+from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
+from flexarm_daq.loop.watchdog import Watchdog
+from flexarm_daq.nodes.rig_choice import RIG_PARAMETERS, is_virtual, make_rig, wants_self_test
+from flexarm_daq.rigs.faulty import Fault, FaultyRig
+from flexarm_daq.rigs.rig import Rig, RigError
+from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode, wait_until
@@ -232,7 +233,7 @@ class DaqNode(LoopNode):
         before = self.parameters.values()
         fixed = [name for name in values if values[name] != before[name] and name not in _LIVE]
         if fixed:
-            raise ValueError(f"{', '.join(fixed)}: deactivate the node first")
+            raise SettingError(f"{', '.join(fixed)}: deactivate the node first")
 
     def _on_changed(self, values: Mapping[str, Any]) -> None:
         """Take the limits and the payload at once."""
@@ -374,7 +375,7 @@ def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
     if values["fault"] == _NO_FAULT:
         return rig, settings
     if values["rig"] != "simulated":
-        raise ValueError(f"fault = '{values['fault']}' needs rig = 'simulated'")
+        raise SettingError(f"fault = '{values['fault']}' needs rig = 'simulated'")
     faulty = FaultyRig(
         rig,
         Fault(values["fault"]),
@@ -386,7 +387,7 @@ def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
 
 def _check_pace(factor: float) -> None:
     if 0.0 < factor < _SLOWEST_PACE:
-        raise ValueError(
+        raise SettingError(
             f"parameter real_time_factor = {factor:g}: must be 0, as fast as it goes, or "
             f"{_SLOWEST_PACE:g} to 100"
         )

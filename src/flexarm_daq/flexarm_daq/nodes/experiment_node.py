@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from flexarm_daq.excitation import BOUND_V, EXCITATIONS, Excitation
+from flexarm_daq.experiments.excitation import BOUND_V, EXCITATIONS, Excitation
 from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode

@@ -18,8 +18,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 
-from flexarm_daq.pacing import Pacer, StandIn
-from flexarm_daq.playback import PlaybackError, PlaybackPlan, PlayedTopic
+from flexarm_bags.playback import PlaybackError, PlaybackPlan, PlayedTopic
+from flexarm_daq.nodes.play_clock import Pacer, StandIn
 from flexarm_node.loop_node import wait_until
 from flexarm_node.parameters import ParameterError, Parameters, ParameterSpec
 from flexarm_node.process import request_stop, run

@@ -24,10 +24,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
-from flexarm_daq.bag_metadata import RecordedTopic, TopicQos
-from flexarm_daq.definitions import describe, load_typestore
-from flexarm_daq.kept_messages import KeptMessages
-from flexarm_daq.recording import BagWriter, RecordingError
+from flexarm_bags.metadata import RecordedTopic, TopicQos
+from flexarm_bags.schema import describe, load_typestore
+from flexarm_bags.writer import BagWriter, RecordingError
+from flexarm_core.errors import SettingError
+from flexarm_daq.nodes.kept_messages import KeptMessages
 from flexarm_msgs.msg import ArmState, ChannelInfo, CommanderInfo, IoSample, MotorCommand
 from flexarm_node import qos
 from flexarm_node.parameters import ParameterError, Parameters, ParameterSpec
@@ -222,7 +223,7 @@ def _is_kept(name: str) -> bool:
 def _known_topics(values: Mapping[str, Any]) -> list[str]:
     unknown = [name for name in values["topics"] if name not in TOPICS]
     if unknown:
-        raise ValueError(f"parameter topics: no {unknown[0]}; choose from {', '.join(TOPICS)}")
+        raise SettingError(f"parameter topics: no {unknown[0]}; choose from {', '.join(TOPICS)}")
     return list(values["topics"])
 
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from flexarm_daq.nidaq_channels import TERMINALS, NidaqSettings
-from flexarm_daq.nidaq_rig import NidaqRig
-from flexarm_daq.parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
-from flexarm_daq.self_test import check_possible
-from flexarm_daq.simulated_rig import SimulatedRig
+from flexarm_core.errors import SettingError
+from flexarm_daq.loop.self_test import check_possible
+from flexarm_daq.rigs.nidaq.board import NidaqRig
+from flexarm_daq.rigs.nidaq.terminals import TERMINALS, NidaqSettings
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
+from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_node.parameters import ParameterSpec
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_daq.rig import Rig
+    from flexarm_daq.rigs.rig import Rig
 
 NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
 
@@ -79,7 +80,7 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
 
     Raises
     ------
-    ValueError
+    SettingError
         When they do not fit together.
     """
     if wants_self_test(values):
@@ -87,7 +88,7 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
     if values["rig"] == "simulated":
         return _simulated(values)
     if values["time"] == "virtual":
-        raise ValueError("time = 'virtual' needs rig = 'simulated': a real rig has real time")
+        raise SettingError("time = 'virtual' needs rig = 'simulated': a real rig has real time")
     return NidaqRig(
         NidaqSettings(
             device=values["nidaq.device"],
@@ -106,7 +107,7 @@ def _simulated(values: Mapping[str, Any]) -> SimulatedRig:
     # In real time a command acts when it arrives.
     delay_s = values["reply_delay_s"] if virtual else 0.0
     if not delay_s < 1.0 / values["rate_hz"]:
-        raise ValueError(
+        raise SettingError(
             f"reply_delay_s must be from 0 to less than the period {1.0 / values['rate_hz']:g} s, "
             f"got {delay_s:g}"
         )

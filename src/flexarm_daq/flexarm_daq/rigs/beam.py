@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigh
 
+from flexarm_core.errors import SettingError
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_daq.parameters import RigParameters
+    from flexarm_daq.rigs.rig_parameters import RigParameters
 
 ELEMENTS = 24
 FLEXIBLE_MODES = 6
@@ -67,11 +69,11 @@ def natural_frequencies_hz(parameters: RigParameters, count: int = 3) -> NDArray
 
     Raises
     ------
-    ValueError
+    SettingError
         If `count` is not between 1 and the number of elements, beyond which the mesh says nothing.
     """
     if not 1 <= count <= ELEMENTS:
-        raise ValueError(f"count must be between 1 and {ELEMENTS}, got {count}")
+        raise SettingError(f"count must be between 1 and {ELEMENTS}, got {count}")
     hub_kg_m2 = parameters.motor_inertia_kg_m2 + parameters.load_inertia_kg_m2
     modes = hub_beam_modes(parameters, hub_kg_m2, count)
     return modes.omega_rad_per_s[1:] / (2.0 * np.pi)

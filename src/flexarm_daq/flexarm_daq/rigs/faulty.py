@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from flexarm_daq.channels import CHANNEL_NAMES, INPUT_RANGE_V
-from flexarm_daq.rig import RigError, RigSample
+from flexarm_core.channels import CHANNEL_NAMES, INPUT_RANGE_V
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.rig import RigError, RigSample
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_daq.rig import Rig
+    from flexarm_daq.rigs.rig import Rig
 
 _BURST_SAMPLES: Final = 30
 _BURST_V: Final = 1.0
@@ -57,7 +58,7 @@ SENSOR_FAULTS: Final = (
 
 
 class FaultyRig:
-    """A `flexarm_daq.rig.Rig` around another one, with a fault.
+    """A `flexarm_daq.rigs.rig.Rig` around another one, with a fault.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ class FaultyRig:
 
     Raises
     ------
-    ValueError
+    SettingError
         If there is no such channel or the number of samples is negative.
     """
 
@@ -80,9 +81,9 @@ class FaultyRig:
         self, rig: Rig, fault: Fault, *, after_samples: int, channel: str = CHANNEL_NAMES[0]
     ) -> None:
         if channel not in CHANNEL_NAMES:
-            raise ValueError(f"channel must be one of {', '.join(CHANNEL_NAMES)}, got {channel}")
+            raise SettingError(f"channel must be one of {', '.join(CHANNEL_NAMES)}, got {channel}")
         if after_samples < 0:
-            raise ValueError(f"after_samples must not be negative, got {after_samples}")
+            raise SettingError(f"after_samples must not be negative, got {after_samples}")
         self._rig = rig
         self._fault = fault
         self._after_samples = after_samples

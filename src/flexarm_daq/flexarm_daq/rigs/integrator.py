@@ -8,7 +8,7 @@ of its elastic energy), so that teeth and stops which meet within a sub-step giv
 none but by their damping. Dry friction is a constraint on the kicked speed, so a motor below
 break-away stands still and does not creep.
 
-The functions write arrays in place and check nothing; `flexarm_daq.plant.Plant` is their user.
+The functions write arrays in place and check nothing; `flexarm_daq.rigs.plant.Plant` is their user.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 import numpy as np
 from numba import njit
 
-from flexarm_daq.beam import FLEXIBLE_MODES
-from flexarm_daq.channels import CHANNELS, MAX_COMMAND_V
+from flexarm_core.channels import CHANNELS, MAX_COMMAND_V
+from flexarm_daq.rigs.beam import FLEXIBLE_MODES
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,13 +1,13 @@
 """Equations of motion of the rig: a motor and a flexible arm across a backlash.
 
 Both bodies are referred to the arm's axis. The motor has inertia, viscous and dry friction; the
-arm moves in its free modes `flexarm_daq.beam.arm_modes`. With the contact torque t_c, the stop
+arm moves in its free modes `flexarm_daq.rigs.beam.arm_modes`. With the contact torque t_c, the stop
 torque t_s and the modal hub angles phi_i::
 
     J_m theta_m'' = K_t sat(u) - b theta_m' - t_f - t_c
     q_i'' + (alpha + beta w_i^2) q_i' + w_i^2 q_i = phi_i (t_c + t_s),  theta_l = sum phi_i q_i
 
-`flexarm_daq.integrator` solves them; `docs/rig.md` has them in full, with their sources.
+`flexarm_daq.rigs.integrator` solves them; `docs/rig.md` has them in full, with their sources.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq import integrator
-from flexarm_daq.beam import BeamModes, arm_modes, carried_over
-from flexarm_daq.channels import CHANNELS
-from flexarm_daq.integrator import (
+from flexarm_core.channels import CHANNELS
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs import integrator
+from flexarm_daq.rigs.beam import BeamModes, arm_modes, carried_over
+from flexarm_daq.rigs.integrator import (
     ARM,
     COLUMNS,
     MOTOR,
@@ -35,7 +36,7 @@ from flexarm_daq.integrator import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from flexarm_daq.parameters import RigParameters
+    from flexarm_daq.rigs.rig_parameters import RigParameters
 
 
 class Plant:
@@ -89,7 +90,7 @@ class Plant:
 
         Raises
         ------
-        ValueError
+        SettingError
             If the mass is negative or not finite.
         """
         before = self._modes
@@ -108,13 +109,13 @@ class Plant:
 
         Raises
         ------
-        ValueError
+        SettingError
             If `command_v` is not finite, or `interval_s` is not finite or negative.
         """
         if not math.isfinite(command_v):
-            raise ValueError(f"command_v must be finite, got {command_v}")
+            raise SettingError(f"command_v must be finite, got {command_v}")
         if not 0.0 <= interval_s < math.inf:
-            raise ValueError(f"interval_s must be finite and not negative, got {interval_s}")
+            raise SettingError(f"interval_s must be finite and not negative, got {interval_s}")
         self.command_v = command_v
         integrator.advance(self.state, self._record, command_v, interval_s)
 
@@ -124,7 +125,7 @@ class Plant:
         Returns
         -------
         ndarray, shape (4,)
-            Voltages in the order of `flexarm_daq.channels.CHANNELS`.
+            Voltages in the order of `flexarm_core.channels.CHANNELS`.
         """
         volts: NDArray[np.float64] = self._equations.output_rows @ self.state[POSITION]
         return volts
@@ -187,31 +188,31 @@ def simulate(plant: Plant, command_v: ArrayLike, rate_hz: float) -> NDArray[np.f
     Returns
     -------
     ndarray, shape (samples, 4)
-        Voltages in the order of `flexarm_daq.channels.CHANNELS`; row k is sampled at k / rate_hz,
+        Voltages in the order of `flexarm_core.channels.CHANNELS`; row k is sampled at k / rate_hz,
         before its command acts.
 
     Raises
     ------
-    ValueError
+    SettingError
         If the command is not one finite column, the rate is not positive or the loop delay is not
         within a period.
 
     Examples
     --------
-    >>> from flexarm_daq.parameters import RigParameters
+    >>> from flexarm_daq.rigs.rig_parameters import RigParameters
     >>> simulate(Plant(RigParameters(payload_kg=0.2)), [0.0, 2.0, 2.0], 300.0).shape
     (3, 4)
     """
     commands_v = np.ascontiguousarray(command_v, dtype=np.float64)
     if commands_v.ndim != 1:
-        raise ValueError(f"command_v must have shape (samples,), got {commands_v.shape}")
+        raise SettingError(f"command_v must have shape (samples,), got {commands_v.shape}")
     if not np.isfinite(commands_v).all():
-        raise ValueError("command_v must be finite throughout")
+        raise SettingError("command_v must be finite throughout")
     if not 0.0 < rate_hz < math.inf:
-        raise ValueError(f"rate_hz must be positive, got {rate_hz}")
+        raise SettingError(f"rate_hz must be positive, got {rate_hz}")
     delay_s = plant.parameters.loop_delay_s
     if delay_s >= 1.0 / rate_hz:
-        raise ValueError(
+        raise SettingError(
             f"loop_delay_s must be less than the period {1.0 / rate_hz:g} s, got {delay_s}"
         )
     return plant.run(commands_v, 1.0 / rate_hz)

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from flexarm_core.errors import FlexarmError
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
 
-class RigError(RuntimeError):
+class RigError(FlexarmError):
     """A rig that cannot be opened, read or written; the message says what to do."""
 
 
@@ -30,7 +32,7 @@ class RigSample(NamedTuple):
     time_s : float
         Instant of the sample, since the rig was opened.
     volts : ndarray, shape (4,)
-        Voltages in the order of `flexarm_daq.channels.CHANNELS`.
+        Voltages in the order of `flexarm_core.channels.CHANNELS`.
     """
 
     time_s: float

@@ -6,13 +6,14 @@ import math
 from dataclasses import dataclass, fields
 from typing import Final
 
-from flexarm_daq.channels import (
+from flexarm_core.channels import (
     BASE_STRAIN_V_PER_NM,
     MIDDLE_STRAIN_V_PER_NM,
     POSITION_V_PER_RAD,
     SPEED_V_S_PER_RAD,
     TRAVEL_DEG,
 )
+from flexarm_core.errors import SettingError
 
 LOW_NOISE_V: Final = (0.005, 0.05, 0.03, 0.02)
 """Standard deviation of the sensor noise of a well shielded rig, position to speed."""
@@ -95,7 +96,7 @@ class RigParameters:
 
     Raises
     ------
-    ValueError
+    SettingError
         If a parameter is not finite, has the wrong sign, or lies off the beam or out of range.
     """
 
@@ -144,15 +145,17 @@ class RigParameters:
             else:
                 _check_scalar(field.name, getattr(self, field.name))
         if self.breakaway_ratio < 1.0:
-            raise ValueError(f"breakaway_ratio must be at least 1, got {self.breakaway_ratio}")
+            raise SettingError(f"breakaway_ratio must be at least 1, got {self.breakaway_ratio}")
         for name in ("base_gauge_at_m", "middle_gauge_at_m"):
             if getattr(self, name) > self.length_m:
-                raise ValueError(
+                raise SettingError(
                     f"{name} must lie on the beam, at most length_m = {self.length_m}, "
                     f"got {getattr(self, name)}"
                 )
         if self.tacho_damping_ratio >= 1.0:
-            raise ValueError(f"tacho_damping_ratio must be below 1, got {self.tacho_damping_ratio}")
+            raise SettingError(
+                f"tacho_damping_ratio must be below 1, got {self.tacho_damping_ratio}"
+            )
 
     @property
     def bending_stiffness_nm2(self) -> float:
@@ -175,21 +178,21 @@ class RigParameters:
 
 def _check_scalar(name: str, value: float) -> None:
     if not math.isfinite(value):
-        raise ValueError(f"{name} must be finite, got {value}")
+        raise SettingError(f"{name} must be finite, got {value}")
     if name in _MAY_BE_ZERO:
         if value < 0.0:
-            raise ValueError(f"{name} must not be negative, got {value}")
+            raise SettingError(f"{name} must not be negative, got {value}")
     elif value <= 0.0:
-        raise ValueError(f"{name} must be positive, got {value}")
+        raise SettingError(f"{name} must be positive, got {value}")
 
 
 def _check_noise(noise_v: tuple[float, ...]) -> None:
     if len(noise_v) != len(LOW_NOISE_V):
-        raise ValueError(f"noise_v must have 4 entries, position to speed, got {len(noise_v)}")
+        raise SettingError(f"noise_v must have 4 entries, position to speed, got {len(noise_v)}")
     if not all(math.isfinite(sigma) and sigma >= 0.0 for sigma in noise_v):
-        raise ValueError(f"noise_v must be finite and not negative, got {noise_v}")
+        raise SettingError(f"noise_v must be finite and not negative, got {noise_v}")
 
 
 def _check_bits(name: str, bits: int) -> None:
     if bits not in _CONVERTER_BITS:
-        raise ValueError(f"{name} must be an integer from 1 to 32, got {bits}")
+        raise SettingError(f"{name} must be an integer from 1 to 32, got {bits}")

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from flexarm_daq.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
-from flexarm_daq.parameters import RigParameters
-from flexarm_daq.plant import Plant
-from flexarm_daq.rig import RigError, RigSample
+from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.plant import Plant
+from flexarm_daq.rigs.rig import RigError, RigSample
+from flexarm_daq.rigs.rig_parameters import RigParameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +24,7 @@ MAX_CATCH_UP_S: Final = 1.0
 
 
 class SimulatedRig:
-    """A `flexarm_daq.rig.Rig` without hardware.
+    """A `flexarm_daq.rigs.rig.Rig` without hardware.
 
     In virtual time, the default, sample k stands at k / `rate_hz` however long the caller takes,
     and a command acts the rig's `loop_delay_s` after the last sample: the same seed and the same
@@ -49,7 +50,7 @@ class SimulatedRig:
 
     Raises
     ------
-    ValueError
+    SettingError
         If the rate is not positive or the loop delay is not within a period.
 
     Examples
@@ -72,10 +73,10 @@ class SimulatedRig:
         clock: Callable[[], float] | None = None,
     ) -> None:
         if not 0.0 < rate_hz < math.inf:
-            raise ValueError(f"rate_hz must be positive, got {rate_hz}")
+            raise SettingError(f"rate_hz must be positive, got {rate_hz}")
         self.parameters = parameters if parameters is not None else RigParameters()
         if self.parameters.loop_delay_s >= 1.0 / rate_hz:
-            raise ValueError(
+            raise SettingError(
                 f"loop_delay_s must be less than the period {1.0 / rate_hz:g} s, "
                 f"got {self.parameters.loop_delay_s}"
             )
@@ -158,7 +159,7 @@ class SimulatedRig:
 
         Raises
         ------
-        ValueError
+        SettingError
             If the mass is negative or not finite.
         """
         self.parameters = replace(self.parameters, payload_kg=payload_kg)

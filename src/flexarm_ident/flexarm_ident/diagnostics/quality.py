@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg, signal
 
-from flexarm_ident.arrays import runs
-from flexarm_ident.data_warning import DataWarning
-from flexarm_ident.dead_sensor import dead_stretches
-from flexarm_ident.feedback import feedback_test
-from flexarm_ident.orse import SINGULAR_CONDITION
+from flexarm_core.arrays import runs
+from flexarm_ident.records.data_warning import DataWarning
+from flexarm_ident.records.dead_sensor import dead_stretches
+from flexarm_ident.subspace.feedback import feedback_test
+from flexarm_ident.subspace.orse import SINGULAR_CONDITION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.gram import BlockGram
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
 
 # A fall of 40 dB: no window leaks as much.
 _EXCITED = 1e-4

@@ -17,14 +17,14 @@ import numpy as np
 from scipy.cluster import hierarchy
 from scipy.spatial.distance import squareform
 
-from flexarm_ident.modes import frequency_and_damping
-from flexarm_ident.order import candidate_orders
+from flexarm_ident.models.modes import frequency_and_damping
+from flexarm_ident.subspace.order import candidate_orders
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from flexarm_ident.arrays import ComplexArray, FloatArray
-    from flexarm_ident.orse import StateMatrices, Subspace
+    from flexarm_core.arrays import ComplexArray, FloatArray
+    from flexarm_ident.subspace.orse import StateMatrices, Subspace
 
 
 class Criteria(NamedTuple):

@@ -17,23 +17,23 @@ import control
 import numpy as np
 from scipy import optimize
 
-from flexarm_ident.iodata import as_records
-from flexarm_ident.modes import frequency_and_damping, modal_form
-from flexarm_ident.output_fit import fit_inputs
-from flexarm_ident.poles import stabilise
-from flexarm_ident.segments import SEGMENTS, cut, rows, segment_grams
-from flexarm_ident.validation import frequency_response
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.fitting.validation import frequency_response
+from flexarm_ident.models.modes import frequency_and_damping, modal_form
+from flexarm_ident.models.poles import stabilise
+from flexarm_ident.records.iodata import as_records
+from flexarm_ident.subspace.segments import SEGMENTS, cut, rows, segment_grams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike
 
-    from flexarm_ident.arrays import ComplexArray, FloatArray
-    from flexarm_ident.gram import BlockGram
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.orse import StateMatrices
-    from flexarm_ident.segments import Segment
+    from flexarm_core.arrays import ComplexArray, FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
+    from flexarm_ident.subspace.orse import StateMatrices
+    from flexarm_ident.subspace.segments import Segment
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,36 +8,40 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident import orse
-from flexarm_ident.errors import DataError
-from flexarm_ident.friction import net_records
-from flexarm_ident.modes import mode_table
-from flexarm_ident.order import candidate_orders, stable_orders, suggest_order
-from flexarm_ident.predictor import predictor_space
-from flexarm_ident.preprocess import output_scale
-from flexarm_ident.quality import assess
-from flexarm_ident.stabilisation import stabilisation, subspace_matrices
-from flexarm_ident.uncertainty import (
+from flexarm_core.errors import DataError
+from flexarm_ident.diagnostics.quality import assess
+from flexarm_ident.diagnostics.stabilisation import stabilisation, subspace_matrices
+from flexarm_ident.diagnostics.uncertainty import (
     frequency_response_uncertainty,
     jackknife,
     mode_uncertainty,
 )
+from flexarm_ident.friction.dry_friction import net_records
+from flexarm_ident.models.modes import mode_table
+from flexarm_ident.records.preprocess import output_scale
+from flexarm_ident.subspace import orse
+from flexarm_ident.subspace.order import candidate_orders, stable_orders, suggest_order
+from flexarm_ident.subspace.pbsid import predictor_space
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.coulomb import CoulombEstimate
-    from flexarm_ident.data_warning import DataWarning
-    from flexarm_ident.friction import DryFriction
-    from flexarm_ident.gram import BlockGram
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.modes import Mode
-    from flexarm_ident.orse import Subspace
-    from flexarm_ident.stabilisation import Stabilisation
-    from flexarm_ident.uncertainty import Jackknife, ModeUncertainty, ResponseUncertainty
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.diagnostics.stabilisation import Stabilisation
+    from flexarm_ident.diagnostics.uncertainty import (
+        Jackknife,
+        ModeUncertainty,
+        ResponseUncertainty,
+    )
+    from flexarm_ident.friction.dry_friction import DryFriction
+    from flexarm_ident.friction.levels import CoulombEstimate
+    from flexarm_ident.models.modes import Mode
+    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
+    from flexarm_ident.subspace.orse import Subspace
 
 
 @dataclass(frozen=True, eq=False)

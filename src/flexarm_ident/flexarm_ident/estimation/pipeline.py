@@ -6,23 +6,23 @@ from typing import TYPE_CHECKING
 
 import control
 
-from flexarm_ident.gram import block_gram
-from flexarm_ident.identification import Identification, subspace
-from flexarm_ident.iodata import as_records
-from flexarm_ident.order import choose_order
-from flexarm_ident.output_fit import fit_inputs
-from flexarm_ident.poles import is_stable, stabilise
-from flexarm_ident.request_check import check_request, shifts
-from flexarm_ident.selection import select_method
-from flexarm_ident.simulation_fit import refined, with_friction
+from flexarm_ident.estimation.identification import Identification, subspace
+from flexarm_ident.estimation.simulation_fit import refined, with_friction
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.models.poles import is_stable, stabilise
+from flexarm_ident.records.iodata import as_records
+from flexarm_ident.subspace.choice import select_method
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.order import choose_order
+from flexarm_ident.subspace.request_check import check_request, shifts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.orse import Subspace
-    from flexarm_ident.progress import Progress
-    from flexarm_ident.source import Source
+    from flexarm_ident.estimation.progress import Progress
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.source import Source
+    from flexarm_ident.subspace.orse import Subspace
 
 
 def identify(

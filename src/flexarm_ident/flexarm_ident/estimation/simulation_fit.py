@@ -13,28 +13,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.arm_fit import fit_arm
-from flexarm_ident.arm_layout import arm_layout
-from flexarm_ident.channels import label_and_unit
-from flexarm_ident.coulomb import estimate_coulomb
-from flexarm_ident.dead_sensor import live_samples
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.refinement import refine_model
-from flexarm_ident.simulation import simulate
-from flexarm_ident.validation import relative_errors
+from flexarm_core.errors import IdentificationError
+from flexarm_core.labels import label_and_unit
+from flexarm_ident.fitting.refinement import refine_model
+from flexarm_ident.fitting.validation import relative_errors
+from flexarm_ident.friction.arm_fit import fit_arm
+from flexarm_ident.friction.layout import arm_layout
+from flexarm_ident.friction.levels import estimate_coulomb
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.records.dead_sensor import live_samples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
 
-    from flexarm_ident.arm_fit import ArmFit
-    from flexarm_ident.arm_layout import ArmLayout
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.coulomb import CoulombEstimate
-    from flexarm_ident.identification import Identification
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.progress import Progress
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.estimation.progress import Progress
+    from flexarm_ident.friction.arm_fit import ArmFit
+    from flexarm_ident.friction.layout import ArmLayout
+    from flexarm_ident.friction.levels import CoulombEstimate
+    from flexarm_ident.records.iodata import IoData
 
 ARM = "arm"
 """Method of a model that is an arm with dry friction."""

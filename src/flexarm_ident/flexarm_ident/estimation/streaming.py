@@ -11,23 +11,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.errors import DataError
-from flexarm_ident.iodata import IoData, as_records
-from flexarm_ident.pipeline import identify_records
-from flexarm_ident.preprocess import ZERO_MEAN_OUTPUTS, preprocess
-from flexarm_ident.simulation import BlockSimulation
-from flexarm_ident.validation import Dmv
+from flexarm_core.errors import DataError
+from flexarm_ident.estimation.pipeline import identify_records
+from flexarm_ident.fitting.validation import Dmv
+from flexarm_ident.models.free_run import BlockSimulation
+from flexarm_ident.records.iodata import IoData, as_records
+from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, preprocess
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     import control
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.data_warning import DataWarning
-    from flexarm_ident.identification import Identification
-    from flexarm_ident.progress import Progress
-    from flexarm_ident.source import Source
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.estimation.progress import Progress
+    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.records.source import Source
 
 EXCERPT_SAMPLES = 65_536
 """Samples of a record that are held in memory."""

@@ -14,10 +14,10 @@ from scipy import linalg
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from flexarm_ident.arrays import ComplexArray, FloatArray
-    from flexarm_ident.modal_regression import Missed, ModalRegression, Products
-    from flexarm_ident.schur_regression import SchurRegression
-    from flexarm_ident.source import Samples
+    from flexarm_core.arrays import ComplexArray, FloatArray
+    from flexarm_ident.fitting.modal_regression import Missed, ModalRegression, Products
+    from flexarm_ident.fitting.schur_regression import SchurRegression
+    from flexarm_ident.records.source import Samples
 
 # Six of sixteen digits are lost by squaring it.
 _WELL_CONDITIONED = 1e3

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
 _FIRST_DAMPING = 1e-2
 _SMALLEST_DAMPING = 1e-8

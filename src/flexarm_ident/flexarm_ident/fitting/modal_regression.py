@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flexarm_ident.arrays import ComplexArray, FloatArray
-    from flexarm_ident.source import Samples
+    from flexarm_core.arrays import ComplexArray, FloatArray
+    from flexarm_ident.records.source import Samples
 
 _BLOCK = 32
 # The lifted rows of this many samples fit into a core's own cache.

@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.joint_regression import ModalProblem, SchurProblem, least_squares
-from flexarm_ident.modal_regression import ModalRegression
-from flexarm_ident.schur_regression import SchurRegression
-from flexarm_ident.simulation import simulate, simulate_states
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.joint_regression import ModalProblem, SchurProblem, least_squares
+from flexarm_ident.fitting.modal_regression import ModalRegression
+from flexarm_ident.fitting.schur_regression import SchurRegression
+from flexarm_ident.models.free_run import simulate, simulate_states
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     import control
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.source import Samples, Source
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.source import Samples, Source
 
 _DEFECTIVE_CONDITION = 1e8
 _LARGEST_GROWTH = 100.0

@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING
 import control
 import numpy as np
 
-from flexarm_ident.iodata import as_records
-from flexarm_ident.least_squares import Normal, minimise
-from flexarm_ident.modes import modal_form
-from flexarm_ident.simulation import simulate
-from flexarm_ident.stick_slip import run_sensitivity
+from flexarm_ident.fitting.levenberg_marquardt import Normal, minimise
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.modes import modal_form
+from flexarm_ident.models.stick_slip import run_sensitivity
+from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
 
 _CHUNK = 2048
 _DEFECTIVE_CONDITION = 1e8

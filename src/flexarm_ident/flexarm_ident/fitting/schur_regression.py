@@ -15,8 +15,8 @@ import numpy as np
 from scipy import linalg
 
 if TYPE_CHECKING:
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.source import Samples
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.source import Samples
 
 _BLOCK = 32
 _CHUNK = 32 * _BLOCK

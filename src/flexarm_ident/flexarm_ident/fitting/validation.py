@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 import control
 import numpy as np
 
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.iodata import DRIVE_LIMIT_V
-from flexarm_ident.output_fit import fit_initial_states
-from flexarm_ident.preprocess import remove_compensation
-from flexarm_ident.simulation import simulate
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.output_fit import fit_initial_states
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.records.iodata import DRIVE_LIMIT_V
+from flexarm_ident.records.preprocess import remove_compensation
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from flexarm_ident.arrays import ComplexArray, FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import ComplexArray, FloatArray
+    from flexarm_ident.records.iodata import IoData
 
 _LAW_OUTPUTS = ("position_v", "speed_v", "middle_strain_v")
 _LAW_RESIDUAL = 1e-6

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import linalg
 
 if TYPE_CHECKING:
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
 
 class ArmMatrices(NamedTuple):

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.least_squares import Normal
-from flexarm_ident.stick_slip import run, run_sensitivity
+from flexarm_ident.fitting.levenberg_marquardt import Normal
+from flexarm_ident.models.stick_slip import run, run_sensitivity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.flexible_arm import FlexibleArm
-    from flexarm_ident.least_squares import Minimum
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.fitting.levenberg_marquardt import Minimum
+    from flexarm_ident.friction.arm import FlexibleArm
 
 _LEAST_INDEPENDENCE = 0.05
 

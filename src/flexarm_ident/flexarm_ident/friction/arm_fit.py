@@ -13,23 +13,23 @@ from typing import TYPE_CHECKING
 import control
 import numpy as np
 
-from flexarm_ident.arm_error import Part, SimulationError, deviations
-from flexarm_ident.arm_layout import drive_columns
-from flexarm_ident.bandwidth import bandwidth_hz, smoothed
-from flexarm_ident.dead_sensor import live_samples
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.flexible_arm import FlexibleArm
-from flexarm_ident.friction import DryFriction, simulate_with_friction
-from flexarm_ident.iodata import as_records
-from flexarm_ident.least_squares import minimise
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.levenberg_marquardt import minimise
+from flexarm_ident.friction.arm import FlexibleArm
+from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
+from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
+from flexarm_ident.friction.layout import drive_columns
+from flexarm_ident.records.bandwidth import bandwidth_hz, smoothed
+from flexarm_ident.records.dead_sensor import live_samples
+from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from flexarm_ident.arm_layout import Drive
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.least_squares import Minimum
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.fitting.levenberg_marquardt import Minimum
+    from flexarm_ident.friction.layout import Drive
+    from flexarm_ident.records.iodata import IoData
 
 # A period of the highest frequency gets ten samples; above 0.3 of the new rate nothing may fold.
 _SAMPLES_PER_PERIOD = 10.0

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.simulation import simulate_states
-from flexarm_ident.stick_slip import run
-from flexarm_ident.validation import Dmv, relative_errors
+from flexarm_ident.fitting.validation import Dmv, relative_errors
+from flexarm_ident.models.free_run import simulate_states
+from flexarm_ident.models.stick_slip import run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.friction import DryFriction
-from flexarm_ident.model_parameters import ModelFileError, model_fields, model_from_parameters
+from flexarm_ident.friction.dry_friction import DryFriction
+from flexarm_ident.models.model_parameters import (
+    ModelFileError,
+    model_fields,
+    model_from_parameters,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_ident.model_parameters import ParameterValue
+    from flexarm_ident.models.model_parameters import ParameterValue
 
 # In the order of `DryFriction`.
 FIELDS = (

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import optimize
 
-from flexarm_ident.bandwidth import bandwidth_hz, smoothed
-from flexarm_ident.errors import IdentificationError
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.records.bandwidth import bandwidth_hz, smoothed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
 
 # RMS speed over RMS deviation of the fastest position, as a part of that of the slowest other.
 _SLOW = 0.5

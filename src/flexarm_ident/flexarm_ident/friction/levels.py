@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from flexarm_ident.arm_layout import SMOOTHING, drive_columns
-from flexarm_ident.bandwidth import bandwidth_hz, smoothed
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.iodata import as_records
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.friction.layout import SMOOTHING, drive_columns
+from flexarm_ident.records.bandwidth import bandwidth_hz, smoothed
+from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.arm_layout import Drive
-    from flexarm_ident.arrays import BoolArray, FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.friction.layout import Drive
+    from flexarm_ident.records.iodata import IoData
 
 _SLIPPING = 0.05
 _RESAMPLES = 200

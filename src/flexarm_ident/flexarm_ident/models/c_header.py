@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-from flexarm_ident.model_parameters import FIELDS, model_fields
+from flexarm_ident.models.model_parameters import FIELDS, model_fields
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from flexarm_ident.model_parameters import ParameterValue
+    from flexarm_ident.models.model_parameters import ParameterValue
 
 _PER_LINE = 4
 

@@ -7,23 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_ident.c_header import c_header
-from flexarm_ident.mat_file import mat_bytes, models_in_mat
-from flexarm_ident.model_io import models_in_text, parameter_text
-from flexarm_ident.model_parameters import (
+from flexarm_ident.models.c_header import c_header
+from flexarm_ident.models.mat import mat_bytes, models_in_mat
+from flexarm_ident.models.model_parameters import (
     ModelFileError,
     flat_parameters,
     model_parameters,
     models_in,
     nested_parameters,
 )
+from flexarm_ident.models.ros_yaml import models_in_text, parameter_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     import control
 
-    from flexarm_ident.model_parameters import ParameterValue, Provenance
+    from flexarm_ident.models.model_parameters import ParameterValue, Provenance
 
 
 @dataclass(frozen=True)

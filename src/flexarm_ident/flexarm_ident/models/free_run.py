@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     import control
 
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
 _BLOCK = 32
 

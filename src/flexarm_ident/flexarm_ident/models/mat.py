@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.io import loadmat, savemat
 
-from flexarm_ident.model_parameters import (
+from flexarm_ident.models.model_parameters import (
     FIELDS,
     ModelFileError,
     flat_parameters,
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import control
     from numpy.typing import NDArray
 
-    from flexarm_ident.model_parameters import ParameterValue
+    from flexarm_ident.models.model_parameters import ParameterValue
 
 _MATRICES = ("A", "B", "C", "D")
 _NAMES = ("input_names", "output_names")

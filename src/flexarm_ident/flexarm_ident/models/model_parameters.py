@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 import control
 import numpy as np
 
-from flexarm_ident.errors import IdentificationError
+from flexarm_core.errors import IdentificationError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
     ParameterValue = str | int | float | list[float] | list[str]
     Provenance = Mapping[str, str | list[str] | list[float]]

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_ident.arrays import ComplexArray, FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import ComplexArray, FloatArray
+    from flexarm_ident.records.iodata import IoData
 
 # exp of it is still a double.
 _LARGEST_LOG = 700.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
 STABLE_RADIUS = 0.9999
 

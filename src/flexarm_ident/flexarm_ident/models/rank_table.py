@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.modes import Mode
+    from flexarm_ident.models.modes import Mode
 
 
 class RankTable(NamedTuple):

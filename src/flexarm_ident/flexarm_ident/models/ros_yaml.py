@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import yaml
 
-from flexarm_ident.model_parameters import (
+from flexarm_ident.models.model_parameters import (
     ModelFileError,
     flat_parameters,
     models_in,
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_ident.model_parameters import ParameterValue
+    from flexarm_ident.models.model_parameters import ParameterValue
 
 
 def write_parameter_file(

@@ -6,7 +6,7 @@ against the motion. So a drive below its level stands still and does not creep o
 step is piecewise linear, which gives exact derivatives.
 Moreau, "Unilateral contact and dry friction in finite freedom dynamics" (1988).
 
-The functions check nothing; `flexarm_ident.friction` and `flexarm_ident.refinement` use them.
+The functions check nothing; `dry_friction` and `refinement` use them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numba import njit
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
     Function = TypeVar("Function", bound=Callable[..., object])
 

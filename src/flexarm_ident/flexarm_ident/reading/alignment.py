@@ -7,88 +7,25 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from flexarm_ident.data_warning import DataWarning
-from flexarm_ident.errors import DataError
-from flexarm_ident.iodata import ARM_OUTPUTS, IoData
-from flexarm_ident.loop_kind import loop_kind
-from flexarm_ident.source import joined
-from flexarm_ident.timetable import Answers, Marks, Timetable, record_rows, timetable
+from flexarm_core.errors import DataError
+from flexarm_ident.reading.loop_kind import loop_kind
+from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_rows, timetable
+from flexarm_ident.records.data_warning import DataWarning
+from flexarm_ident.records.iodata import ARM_OUTPUTS, IoData
+from flexarm_ident.records.source import joined
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.cdr import Column
+    from flexarm_bags.reader import Channels, Recorded
+    from flexarm_core.arrays import FloatArray
 
 # A declared rate further off than this from the stamps is worth a warning.
 RATE_TOLERANCE = 1e-2
 _NS = 1_000_000_000
 _Result = TypeVar("_Result")
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """The messages of one topic as columns.
-
-    Attributes
-    ----------
-    log_times_ns : (messages,)
-        When each was sent.
-    columns
-        Member name -> values, first axis messages.
-    """
-
-    log_times_ns: NDArray[np.int64]
-    columns: Mapping[str, Column]
-
-    def __len__(self) -> int:
-        return len(self.log_times_ns)
-
-    def real(self, name: str) -> FloatArray:
-        """Return a column as floating point.
-
-        Raises
-        ------
-        DataError
-            If the recorded message type has no such member.
-        """
-        return np.asarray(self._column(name), dtype=np.float64)
-
-    def integer(self, name: str) -> NDArray[np.int64]:
-        """Return a column as integers.
-
-        Raises
-        ------
-        DataError
-            If the recorded message type has no such member.
-        """
-        return np.asarray(self._column(name)).astype(np.int64)
-
-    def stamps_ns(self) -> NDArray[np.int64]:
-        """Return the instants in the headers."""
-        return self.integer("header.stamp.sec") * _NS + self.integer("header.stamp.nanosec")
-
-    def has(self, name: str) -> bool:
-        """Return whether the recorded message type has such a member."""
-        return name in self.columns
-
-    def _column(self, name: str) -> Column:
-        if name not in self.columns:
-            raise DataError(f"the recorded messages have no member {name}")
-        return self.columns[name]
-
-
-@dataclass(frozen=True)
-class Channels:
-    """What the arrays of IoSample mean, from ChannelInfo."""
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    rate_hz: float
-    closed_loop: bool
-    source: str
 
 
 @dataclass(frozen=True)

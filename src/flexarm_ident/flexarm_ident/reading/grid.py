@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.errors import DataError
-from flexarm_ident.holes import lagrange
+from flexarm_core.errors import DataError
+from flexarm_ident.records.holes import lagrange
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
     Integers = NDArray[np.int64]
 

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.arrays import runs
-from flexarm_ident.data_warning import DataWarning
-from flexarm_ident.grid import LATEST
-from flexarm_ident.holes import LONGEST_FILLED, unusable_rows
+from flexarm_core.arrays import runs
+from flexarm_ident.reading.grid import LATEST
+from flexarm_ident.records.data_warning import DataWarning
+from flexarm_ident.records.holes import LONGEST_FILLED, unusable_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_ident.grid import Grid
+    from flexarm_ident.reading.grid import Grid
 
 # Instants that scatter by this part of the period, RMS, matter to a model of even ones.
 JITTER_TOLERANCE = 0.1

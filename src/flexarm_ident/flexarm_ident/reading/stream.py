@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.errors import DataError
-from flexarm_ident.holes import CONTEXT, filled_pieces
-from flexarm_ident.source import even_chunks, joined
+from flexarm_core.errors import DataError
+from flexarm_ident.records.holes import CONTEXT, filled_pieces
+from flexarm_ident.records.source import even_chunks, joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from flexarm_ident.alignment import Header
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.data_warning import DataWarning
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.reading.alignment import Header
+    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.records.iodata import IoData
 
     Rows = tuple[FloatArray, FloatArray]
 

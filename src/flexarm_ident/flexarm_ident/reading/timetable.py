@@ -12,21 +12,21 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.errors import DataError
-from flexarm_ident.grid import held, on_grid, place
-from flexarm_ident.iodata import DRIVE_LIMIT_V
-from flexarm_ident.sampling import longest_run, notices
-from flexarm_ident.source import joined
+from flexarm_core.errors import DataError
+from flexarm_ident.reading.grid import held, on_grid, place
+from flexarm_ident.reading.sampling import longest_run, notices
+from flexarm_ident.records.iodata import DRIVE_LIMIT_V
+from flexarm_ident.records.source import joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from numpy.typing import NDArray
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.data_warning import DataWarning
-    from flexarm_ident.grid import Grid
-    from flexarm_ident.sampling import Run
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.reading.grid import Grid
+    from flexarm_ident.reading.sampling import Run
+    from flexarm_ident.records.data_warning import DataWarning
 
     Integers = NDArray[np.int64]
     Rows = tuple[FloatArray, FloatArray]

@@ -10,8 +10,8 @@ from scipy import signal
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
 
 _POWER_IN_BAND = 0.999
 _ORDER = 2

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
 
 _CONTINUOUS = 0.95
 _LONGEST_HOLD = 20

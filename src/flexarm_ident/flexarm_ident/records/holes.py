@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.arrays import runs
-from flexarm_ident.source import joined
+from flexarm_core.arrays import runs
+from flexarm_ident.records.source import joined
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
-    from flexarm_ident.arrays import BoolArray, FloatArray
+    from flexarm_core.arrays import BoolArray, FloatArray
 
     Rows = tuple[FloatArray, FloatArray]
 

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.errors import DataError
-from flexarm_ident.holes import filled, unusable_rows
+from flexarm_core.errors import DataError
+from flexarm_ident.records.holes import filled, unusable_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import ArrayLike
 
-    from flexarm_ident.arrays import BoolArray, FloatArray
-    from flexarm_ident.data_warning import DataWarning
+    from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
 
 ARM_OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
 DRIVE_LIMIT_V = 10.0

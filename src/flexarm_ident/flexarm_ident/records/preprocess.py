@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from scipy import signal
 
-from flexarm_ident.arrays import column_range
-from flexarm_ident.errors import DataError
-from flexarm_ident.iodata import as_records
+from flexarm_core.arrays import column_range
+from flexarm_core.errors import DataError
+from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
 
 ZERO_MEAN_OUTPUTS = ("base_strain_v", "middle_strain_v")
 _LONGEST_REST_S = 1.0

@@ -9,9 +9,9 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.data_warning import DataWarning
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.records.iodata import IoData
 
 
 class Samples(Protocol):

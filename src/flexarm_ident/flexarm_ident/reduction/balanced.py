@@ -15,12 +15,12 @@ import control
 import numpy as np
 from scipy import linalg
 
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.modes import modal_form
-from flexarm_ident.reduction import truncate
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.models.modes import modal_form
+from flexarm_ident.reduction.modal import truncate
 
 if TYPE_CHECKING:
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
 _REACHABLE = 1e-12
 

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.reduction import reduce_model
-from flexarm_ident.validation import relative_errors, validate_dmv, validate_sfv
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.validation import relative_errors, validate_dmv, validate_sfv
+from flexarm_ident.reduction.modal import reduce_model
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.identification import Identification
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.reduction import Reduction
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.reduction.modal import Reduction
 
 UPDATES = ("none", "b", "c")
 

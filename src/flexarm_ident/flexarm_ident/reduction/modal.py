@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import control
 import numpy as np
 
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.iodata import as_records
-from flexarm_ident.modes import modal_form, mode_table
-from flexarm_ident.output_fit import fit_initial_states, fit_inputs, fit_outputs
-from flexarm_ident.poles import stabilise
-from flexarm_ident.preprocess import output_scale
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs, fit_outputs
+from flexarm_ident.models.modes import modal_form, mode_table
+from flexarm_ident.models.poles import stabilise
+from flexarm_ident.records.iodata import as_records
+from flexarm_ident.records.preprocess import output_scale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.identification import Identification
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.modes import ModalForm, Mode
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.models.modes import ModalForm, Mode
+    from flexarm_ident.records.iodata import IoData
 
 # A flexible mode may be this far from its known frequency (natural logarithm of the ratio) ...
 _FARTHEST = 0.3

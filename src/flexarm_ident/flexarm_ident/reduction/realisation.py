@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING
 import control
 import numpy as np
 
-from flexarm_ident import orse
-from flexarm_ident.gram import block_gram
-from flexarm_ident.iodata import as_records
-from flexarm_ident.output_fit import fit_inputs
-from flexarm_ident.preprocess import output_scale
-from flexarm_ident.simulation import simulate
-from flexarm_ident.validation import frequency_response, relative_errors
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.fitting.validation import frequency_response, relative_errors
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.records.iodata import as_records
+from flexarm_ident.records.preprocess import output_scale
+from flexarm_ident.subspace import orse
+from flexarm_ident.subspace.gram import block_gram
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.iodata import IoData
+    from flexarm_ident.records.iodata import IoData
 
 _FREQUENCIES = 200
 # Of the Nyquist frequency: the lowest one at which responses are compared.

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from flexarm_ident.channels import label_and_unit
+from flexarm_core.labels import label_and_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.workflow import Outcome
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.workflow.workflow import Outcome
 
 _LIGHT_DAMPING = 0.2
 _LARGE = 1e3

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident import plots
-from flexarm_ident.channels import label_and_unit
-from flexarm_ident.quality import excited_band_hz
-from flexarm_ident.report_content import Table, error_text, short_labels
+from flexarm_core.labels import label_and_unit
+from flexarm_ident.diagnostics.quality import excited_band_hz
+from flexarm_ident.report.content import Table, error_text, short_labels
+from flexarm_ident.report.plots import plots
 
 if TYPE_CHECKING:
-    from flexarm_ident.data_warning import DataWarning
-    from flexarm_ident.workflow import Outcome
+    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.workflow.workflow import Outcome
 
 _LOOPS = {True: "closed", False: "open", None: "unknown"}
 _CHECKS = {

@@ -6,13 +6,13 @@ import base64
 import json
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flexarm_ident.exports import FORMATS
-from flexarm_ident.model_parameters import model_fields
+from flexarm_ident.models.files import FORMATS
+from flexarm_ident.models.model_parameters import model_fields
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_ident.model_parameters import ParameterValue
+    from flexarm_ident.models.model_parameters import ParameterValue
 
 _USES = {
     ".yaml": "ROS parameters, for --params-file and load_model",

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident import plots
-from flexarm_ident.channels import label_and_unit
-from flexarm_ident.frequency_plot import frequency_grid, frequency_plot
-from flexarm_ident.pole_plot import damping_plot, pole_plot
-from flexarm_ident.report_content import error_text, mode_scatter_words, short_labels
-from flexarm_ident.stabilisation_plot import stabilisation_plot
+from flexarm_core.labels import label_and_unit
+from flexarm_ident.report.content import error_text, mode_scatter_words, short_labels
+from flexarm_ident.report.plots import plots
+from flexarm_ident.report.plots.frequency_plot import frequency_grid, frequency_plot
+from flexarm_ident.report.plots.pole_plot import damping_plot, pole_plot
+from flexarm_ident.report.plots.stabilisation_plot import stabilisation_plot
 
 if TYPE_CHECKING:
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.workflow import Outcome
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.workflow.workflow import Outcome
 
 _RECORDS_SHOWN = 3
 # Keeps a report below 1.5 MB whatever its number of channels.

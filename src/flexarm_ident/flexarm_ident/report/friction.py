@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_ident.channels import label_and_unit
-from flexarm_ident.report_content import Table
+from flexarm_core.labels import label_and_unit
+from flexarm_ident.report.content import Table
 
 if TYPE_CHECKING:
-    from flexarm_ident.workflow import Outcome
+    from flexarm_ident.workflow.workflow import Outcome
 
 
 def friction_table(outcome: Outcome) -> Table | None:

@@ -9,21 +9,19 @@ from typing import TYPE_CHECKING
 
 import jinja2
 
-from flexarm_ident import (
-    report_content,
-    report_data,
-    report_export,
-    report_friction,
-    report_plots,
-    report_reduction,
-)
-from flexarm_ident.errors import IdentificationError
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.report import content as report_content
+from flexarm_ident.report import data as report_data
+from flexarm_ident.report import export as report_export
+from flexarm_ident.report import figures as report_plots
+from flexarm_ident.report import friction as report_friction
+from flexarm_ident.report import reduction as report_reduction
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from flexarm_ident.model_parameters import ParameterValue
-    from flexarm_ident.workflow import Outcome
+    from flexarm_ident.models.model_parameters import ParameterValue
+    from flexarm_ident.workflow.workflow import Outcome
 
 _END, _NAV_END = "</main>", "</ul></nav>"
 _EXTRA = '<section id="more-'
@@ -40,7 +38,7 @@ class Section:
     words : str
         A paragraph of plain text.
     svg : str
-        Plot, from `flexarm_ident.plots`; may be empty.
+        Plot, from `flexarm_ident.report.plots.plots`; may be empty.
     """
 
     title: str
@@ -162,7 +160,7 @@ def append_section(text: str, section: Section) -> str:
 
 @cache
 def _environment() -> jinja2.Environment:
-    folder = files("flexarm_ident") / "templates"
+    folder = files("flexarm_ident.report") / "templates"
     return jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: (folder / name).read_text("utf-8")),
         autoescape=True,

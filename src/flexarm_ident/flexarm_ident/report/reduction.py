@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.channels import label_and_unit
-from flexarm_ident.cost_plot import cost_plot
-from flexarm_ident.friction import net_records
-from flexarm_ident.rank_table import rank_table
-from flexarm_ident.reduction_costs import cost_over_orders, step_costs
-from flexarm_ident.report_content import Table, error_text
+from flexarm_core.labels import label_and_unit
+from flexarm_ident.friction.dry_friction import net_records
+from flexarm_ident.models.rank_table import rank_table
+from flexarm_ident.reduction.costs import cost_over_orders, step_costs
+from flexarm_ident.report.content import Table, error_text
+from flexarm_ident.report.plots.cost_plot import cost_plot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.modes import Mode
-    from flexarm_ident.reduction_costs import StepCost
-    from flexarm_ident.workflow import Outcome
+    from flexarm_ident.models.modes import Mode
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.reduction.costs import StepCost
+    from flexarm_ident.workflow.workflow import Outcome
 
 _ORDERS_SHOWN = 12
 _LOWEST_ORDER = 2

@@ -15,19 +15,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from flexarm_ident.feedback import reaches_inputs
-from flexarm_ident.gram import block_gram
-from flexarm_ident.orse import innovation_scaled, past_instruments
-from flexarm_ident.predictor import predictor_space
-from flexarm_ident.request_check import shifts
-from flexarm_ident.whiteness import whiteness_test
+from flexarm_ident.subspace.feedback import reaches_inputs
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.orse import innovation_scaled, past_instruments
+from flexarm_ident.subspace.pbsid import predictor_space
+from flexarm_ident.subspace.request_check import shifts
+from flexarm_ident.subspace.whiteness import whiteness_test
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.gram import BlockGram
-    from flexarm_ident.orse import Subspace
-    from flexarm_ident.source import Source
+    from flexarm_ident.records.source import Source
+    from flexarm_ident.subspace.gram import BlockGram
+    from flexarm_ident.subspace.orse import Subspace
 
 
 class Selection(NamedTuple):

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.gram import BlockGram
-    from flexarm_ident.iodata import IoData
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
 
 # One false alarm in a million records.
 SIGNIFICANCE = 1e-6

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from flexarm_ident.errors import DataError
+from flexarm_core.errors import DataError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.source import Source
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.source import Source
 
 _BLOCK = 8
 # Matrix products of this length are the fastest: BLAS takes them without packing.

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.errors import DataError
-from flexarm_ident.poles import is_stable
-from flexarm_ident.predictor import past_length, predictor_space
-from flexarm_ident.segments import cut, segment_grams
+from flexarm_core.errors import DataError
+from flexarm_ident.models.poles import is_stable
+from flexarm_ident.subspace.pbsid import past_length, predictor_space
+from flexarm_ident.subspace.segments import cut, segment_grams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.gram import BlockGram
-    from flexarm_ident.iodata import IoData
-    from flexarm_ident.orse import Subspace
-    from flexarm_ident.predictor import PredictorSpace
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
+    from flexarm_ident.subspace.orse import Subspace
+    from flexarm_ident.subspace.pbsid import PredictorSpace
 
 # Tables 2-1 to 2-4 look at these orders.
 SMALLEST_ORDER = 7

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 from scipy import linalg
 
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.feedback import reaches_inputs
-from flexarm_ident.gram import equilibrated
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.subspace.feedback import reaches_inputs
+from flexarm_ident.subspace.gram import equilibrated
 
 if TYPE_CHECKING:
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.gram import BlockGram
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.subspace.gram import BlockGram
 
 # Of a product matrix: half the digits of the data's own condition.
 SINGULAR_CONDITION = 1e12

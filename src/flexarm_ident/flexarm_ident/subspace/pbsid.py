@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import linalg
 
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.gram import equilibrated
-from flexarm_ident.orse import StateMatrices, normalised
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.subspace.gram import equilibrated
+from flexarm_ident.subspace.orse import StateMatrices, normalised
 
 if TYPE_CHECKING:
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.gram import BlockGram
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.subspace.gram import BlockGram
 
 _SMALLEST_EIGENVALUE = 1e-13
 # An innovation below this part of an output's RMS is rounding, not noise.

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.errors import DataError, IdentificationError
+from flexarm_core.errors import DataError, IdentificationError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_ident.source import Source
+    from flexarm_ident.records.source import Source
 
 METHODS = ("orse", "orse_iv", "pbsid", "orse_thesis")
 _SMALLEST_BLOCK_ROWS = 2

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.errors import DataError
-from flexarm_ident.gram import block_gram
+from flexarm_core.errors import DataError
+from flexarm_ident.subspace.gram import block_gram
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_ident.gram import BlockGram
-    from flexarm_ident.iodata import IoData
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
 
 # More would leave edges of short segments in the scatter, fewer would scatter themselves.
 SEGMENTS = 10

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from flexarm_ident.orse import RangeSpace
+    from flexarm_ident.subspace.orse import RangeSpace
 
 _DEVIATIONS = 6.0
 # The scaling is an estimate as well: a spread as small has no visible effect on a model.

@@ -11,35 +11,35 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.errors import IdentificationError
-from flexarm_ident.friction import refer_friction, validate_with_friction
-from flexarm_ident.iodata import IoData, as_records
-from flexarm_ident.pipeline import identify
-from flexarm_ident.preprocess import preprocess
-from flexarm_ident.reduction import reduce_model
-from flexarm_ident.simulation_fit import is_compensated
-from flexarm_ident.streaming import (
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.estimation.pipeline import identify
+from flexarm_ident.estimation.simulation_fit import is_compensated
+from flexarm_ident.estimation.streaming import (
     excerpt,
     identify_stream,
     leading,
     validate_stream,
     without_bias,
 )
-from flexarm_ident.validation import validate_dmv, validate_sfv
+from flexarm_ident.fitting.validation import validate_dmv, validate_sfv
+from flexarm_ident.friction.dry_friction import refer_friction, validate_with_friction
+from flexarm_ident.records.iodata import IoData, as_records
+from flexarm_ident.records.preprocess import preprocess
+from flexarm_ident.reduction.modal import reduce_model
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
 
-    from flexarm_ident.arrays import FloatArray
-    from flexarm_ident.friction import DryFriction
-    from flexarm_ident.identification import Identification
-    from flexarm_ident.modes import Mode
-    from flexarm_ident.progress import Progress
-    from flexarm_ident.reduction import Reduction
-    from flexarm_ident.source import Source
-    from flexarm_ident.validation import Dmv, Sfv
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.estimation.progress import Progress
+    from flexarm_ident.fitting.validation import Dmv, Sfv
+    from flexarm_ident.friction.dry_friction import DryFriction
+    from flexarm_ident.models.modes import Mode
+    from flexarm_ident.records.source import Source
+    from flexarm_ident.reduction.modal import Reduction
 
 REDUCTIONS = ("none", "mrm", "msv", "mrmc")
 UPDATES = ("none", "b", "c")

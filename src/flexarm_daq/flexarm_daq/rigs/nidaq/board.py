@@ -6,19 +6,19 @@ import atexit
 import math
 from typing import TYPE_CHECKING
 
-from flexarm_daq.nidaq_channels import Drive, NidaqSettings, Sensors
-from flexarm_daq.nidaq_driver import load_nidaqmx
-from flexarm_daq.rig import DriveNotStoppedError, RigError
+from flexarm_daq.rigs.nidaq.driver import load_nidaqmx
+from flexarm_daq.rigs.nidaq.terminals import Drive, NidaqSettings, Sensors
+from flexarm_daq.rigs.rig import DriveNotStoppedError, RigError
 
 if TYPE_CHECKING:
-    from flexarm_daq.nidaq_driver import Nidaqmx
-    from flexarm_daq.rig import RigSample
+    from flexarm_daq.rigs.nidaq.driver import Nidaqmx
+    from flexarm_daq.rigs.rig import RigSample
 
 
 class NidaqRig:
-    """A `flexarm_daq.rig.Rig` on a board of National Instruments.
+    """A `flexarm_daq.rigs.rig.Rig` on a board of National Instruments.
 
-    The voltages are the thesis's channels as they are; `flexarm_daq.channels` has their scale.
+    The voltages are the thesis's channels as they are; `flexarm_core.channels` has their scale.
     Whatever fails, the magnitude is set to zero before the error goes on: by the running task,
     else by a new one, else by a reset of the board. The same happens when the interpreter ends
     with the rig open.

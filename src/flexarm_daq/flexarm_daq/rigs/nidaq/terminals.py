@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from flexarm_daq.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
-from flexarm_daq.nidaq_driver import named_errors, succeeds
-from flexarm_daq.rig import RigError, RigSample
+from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.nidaq.driver import named_errors, succeeds
+from flexarm_daq.rigs.rig import RigError, RigSample
 
 if TYPE_CHECKING:
-    from flexarm_daq.nidaq_driver import Nidaqmx
+    from flexarm_daq.rigs.nidaq.driver import Nidaqmx
 
 DIRECTION_HIGH_V: Final = 5.0
 """Level of DAC1 for counter-clockwise rotation seen from the top; 0 V is clockwise."""
@@ -56,7 +57,7 @@ class NidaqSettings:
 
     Raises
     ------
-    ValueError
+    SettingError
         If a name is empty or used twice, or a value is out of range.
     """
 
@@ -70,21 +71,21 @@ class NidaqSettings:
 
     def __post_init__(self) -> None:
         if len(self.sensors) != len(CHANNELS):
-            raise ValueError(
+            raise SettingError(
                 f"sensors must name {len(CHANNELS)} inputs, position, base gauge, middle gauge and "
                 f"speed, got {', '.join(self.sensors) or 'none'}"
             )
         names = (*self.sensors, self.magnitude, self.direction)
         for name in (self.device, *names):
             if not name or not name.isprintable() or set(name) & set(" ,:/"):
-                raise ValueError(f"'{name}' names no board or channel: write such as Dev1 or ai0")
+                raise SettingError(f"'{name}' names no board or channel: write such as Dev1 or ai0")
         twice = {name for name in names if names.count(name) > 1}
         if twice:
-            raise ValueError(f"{', '.join(sorted(twice))} is used for two channels")
+            raise SettingError(f"{', '.join(sorted(twice))} is used for two channels")
         if self.terminals not in TERMINALS:
-            raise ValueError(f"terminals must be one of {TERMINALS}, got '{self.terminals}'")
+            raise SettingError(f"terminals must be one of {TERMINALS}, got '{self.terminals}'")
         if not 0.0 < self.rate_hz < math.inf:
-            raise ValueError(f"rate_hz must be positive, got {self.rate_hz}")
+            raise SettingError(f"rate_hz must be positive, got {self.rate_hz}")
 
     def path(self, channel: str) -> str:
         """Return a channel's name for the driver, such as ``Dev1/ai0``."""

@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from flexarm_ident.plot_style import (
+from flexarm_ident.report.plots.plot_style import (
     DASHED,
     DOTTED,
     MARK,
@@ -18,7 +18,7 @@ from flexarm_ident.plot_style import (
     figure_of,
     legend_above,
 )
-from flexarm_ident.svg import inline_svg
+from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -8,9 +8,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import MultipleLocator, NullFormatter
 
-from flexarm_ident.channels import label_and_unit
-from flexarm_ident.modes import frequency_and_damping
-from flexarm_ident.plot_style import (
+from flexarm_core.labels import label_and_unit
+from flexarm_ident.fitting.validation import frequency_response
+from flexarm_ident.models.modes import frequency_and_damping
+from flexarm_ident.report.plots.plot_style import (
     BLUE,
     DASHED,
     SOLID,
@@ -20,15 +21,14 @@ from flexarm_ident.plot_style import (
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.svg import inline_svg
-from flexarm_ident.validation import frequency_response
+from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
 
-    from flexarm_ident.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray
 
 _GRID_POINTS = 400
 _SMALLEST_GAIN = 1e-12

@@ -12,9 +12,9 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from flexarm_ident.arrays import runs
-from flexarm_ident.channels import axis_label, label_and_unit
-from flexarm_ident.plot_style import (
+from flexarm_core.arrays import runs
+from flexarm_core.labels import axis_label, label_and_unit
+from flexarm_ident.report.plots.plot_style import (
     BLACK,
     DASHED,
     DOTTED,
@@ -27,13 +27,13 @@ from flexarm_ident.plot_style import (
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.svg import inline_svg
+from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from flexarm_ident.arrays import BoolArray, FloatArray
+    from flexarm_core.arrays import BoolArray, FloatArray
 
 CURVE_POINTS = 2000
 

@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from flexarm_ident.plot_style import (
+from flexarm_ident.report.plots.plot_style import (
     BLACK,
     BLUE,
     MARK,
@@ -17,15 +17,15 @@ from flexarm_ident.plot_style import (
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.svg import inline_svg
+from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
 
-    from flexarm_ident.modes import Mode
-    from flexarm_ident.uncertainty import ModeUncertainty
+    from flexarm_ident.diagnostics.uncertainty import ModeUncertainty
+    from flexarm_ident.models.modes import Mode
 
 _LEFT_OUT: Any = {"color": MARK, "marker": "o", "linestyle": "none", "fillstyle": "none"}
 _KEPT: Any = {"color": BLACK, "marker": "x", "linestyle": "none"}

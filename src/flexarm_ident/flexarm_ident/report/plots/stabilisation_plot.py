@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 from matplotlib.ticker import MaxNLocator
 
-from flexarm_ident.plot_style import (
+from flexarm_ident.report.plots.plot_style import (
     BLACK,
     BLUE,
     MARK,
@@ -17,12 +17,12 @@ from flexarm_ident.plot_style import (
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.svg import inline_svg
+from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.stabilisation import Pole, Stabilisation
+    from flexarm_ident.diagnostics.stabilisation import Pole, Stabilisation
 
 _ROOM = 1.3
 _SPREAD = 2.0

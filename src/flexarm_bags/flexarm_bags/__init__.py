@@ -1,0 +1,1 @@
+"""The rosbag2 format over MCAP, without ROS: writing, reading, checks, repair, playback."""

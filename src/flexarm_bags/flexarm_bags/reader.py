@@ -1,0 +1,298 @@
+"""Open bags: topics, and the messages of one topic as columns."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+import yaml
+from rosbags.highlevel import AnyReader
+
+from flexarm_bags.chunks import Messages, NotIndexedError, read_topic, topic_pieces
+from flexarm_bags.columns import CdrError, decode, members
+from flexarm_core.errors import BagError, DataError, one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from flexarm_bags.columns import Column
+    from flexarm_core.arrays import FloatArray
+
+ARM_STATE = "flexarm_msgs/msg/ArmState"
+IO_SAMPLE = "flexarm_msgs/msg/IoSample"
+CHANNEL_INFO = "flexarm_msgs/msg/ChannelInfo"
+MOTOR_COMMAND = "flexarm_msgs/msg/MotorCommand"
+COMMANDER_INFO = "flexarm_msgs/msg/CommanderInfo"
+REFERENCE = "std_msgs/msg/Float64"
+
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """The messages of one topic as columns.
+
+    Attributes
+    ----------
+    log_times_ns : (messages,)
+        When each was sent.
+    columns
+        Member name -> values, first axis messages.
+    """
+
+    log_times_ns: NDArray[np.int64]
+    columns: Mapping[str, Column]
+
+    def __len__(self) -> int:
+        return len(self.log_times_ns)
+
+    def real(self, name: str) -> FloatArray:
+        """Return a column as floating point.
+
+        Raises
+        ------
+        DataError
+            If the recorded message type has no such member.
+        """
+        return np.asarray(self._column(name), dtype=np.float64)
+
+    def integer(self, name: str) -> NDArray[np.int64]:
+        """Return a column as integers.
+
+        Raises
+        ------
+        DataError
+            If the recorded message type has no such member.
+        """
+        return np.asarray(self._column(name)).astype(np.int64)
+
+    def stamps_ns(self) -> NDArray[np.int64]:
+        """Return the instants in the headers."""
+        return self.integer("header.stamp.sec") * _NS + self.integer("header.stamp.nanosec")
+
+    def has(self, name: str) -> bool:
+        """Return whether the recorded message type has such a member."""
+        return name in self.columns
+
+    def _column(self, name: str) -> Column:
+        if name not in self.columns:
+            raise DataError(f"the recorded messages have no member {name}")
+        return self.columns[name]
+
+
+@dataclass(frozen=True)
+class Channels:
+    """What the arrays of IoSample mean, from ChannelInfo."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    rate_hz: float
+    closed_loop: bool
+    source: str
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Bag]:
+    """Open a bag; whatever the parsers raise on a damaged one becomes one line.
+
+    Parameters
+    ----------
+    path
+        rosbag2 folder or a single ``.mcap`` or ``.db3`` file.
+
+    Yields
+    ------
+    Bag
+        The open bag.
+
+    Raises
+    ------
+    BagError
+        If the bag is missing or damaged.
+    """
+    _require_bag(path)
+    try:
+        with AnyReader([path]) as reader:
+            yield Bag(path, reader, _plain_mcap_files(path))
+    except BagError:
+        raise
+    except DataError as error:
+        message = str(error)
+        raise BagError(
+            message if message.startswith(str(path)) else f"{path}: {message}"
+        ) from error
+    except Exception as error:
+        raise BagError(
+            f"{path}: truncated or damaged: {one_line(error)}; "
+            f"try `flexarm bag repair {path} -o NEW`"
+        ) from error
+
+
+def _require_bag(path: Path) -> None:
+    if not path.exists():
+        raise BagError(f"{path}: no such bag")
+    if path.is_dir():
+        if not (path / "metadata.yaml").is_file():
+            raise BagError(f"{path}: no bag: the folder has no metadata.yaml")
+    elif path.suffix not in {".mcap", ".db3"}:
+        raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
+
+
+def _plain_mcap_files(path: Path) -> tuple[Path, ...]:
+    """Return the files whose chunks can be read directly; none when rosbag2 compressed them."""
+    if not path.is_dir():
+        return (path,) if path.suffix == ".mcap" else ()
+    content = yaml.safe_load((path / "metadata.yaml").read_text("utf-8"))
+    information = content["rosbag2_bagfile_information"]
+    compressed = (information.get("compression_mode") or "none").lower() != "none"
+    if information["storage_identifier"] != "mcap" or compressed:
+        return ()
+    return tuple(path / PurePath(name).name for name in information["relative_file_paths"])
+
+
+def sibling(topic: str, name: str) -> str:
+    """Return the topic of another name in the same namespace."""
+    return f"{topic.rpartition('/')[0]}/{name}"
+
+
+@dataclass(frozen=True)
+class Bag:
+    """An open bag.
+
+    Attributes
+    ----------
+    path
+        Where it is.
+    reader
+        Its messages one by one.
+    mcap_files
+        Its files, where their chunks can be read directly.
+    """
+
+    path: Path
+    reader: AnyReader
+    mcap_files: tuple[Path, ...]
+
+    @property
+    def types(self) -> dict[str, str]:
+        """Message type of each topic."""
+        return {entry.topic: entry.msgtype for entry in self.reader.connections}
+
+    def count(self, topic: str) -> int:
+        """Return how many messages a topic has, from the index."""
+        return sum(entry.msgcount for entry in self.reader.connections if entry.topic == topic)
+
+    def has(self, topic: str, type_name: str) -> bool:
+        """Return whether a topic has messages, and of that type."""
+        return self.types.get(topic) == type_name and self.count(topic) > 0
+
+    def choose(self, topic: str | None) -> str:
+        """Return the topic of the samples: the one asked for, or the only one, ArmState first."""
+        types = self.types
+        listed = ", ".join(f"{name} ({types[name]})" for name in sorted(types)) or "none"
+        if topic is not None:
+            if types.get(topic) not in {ARM_STATE, IO_SAMPLE}:
+                raise BagError(f"{self.path}: {topic} holds no samples; topics: {listed}")
+            return topic
+        for wanted in (ARM_STATE, IO_SAMPLE):
+            found = sorted(name for name, type_name in types.items() if type_name == wanted)
+            if len(found) > 1:
+                raise BagError(f"{self.path}: choose one topic of {', '.join(found)}")
+            if found:
+                return found[0]
+        raise BagError(f"{self.path}: neither ArmState nor IoSample in there; topics: {listed}")
+
+    def optional(self, topic: str, type_name: str) -> Recorded | None:
+        """Return all messages of a topic as columns; None when there are none of that type."""
+        return self.recorded(topic) if self.has(topic, type_name) else None
+
+    def every(self, topic: str, type_name: str) -> list[Recorded]:
+        """Return all messages of a topic, none or one piece."""
+        found = self.optional(topic, type_name)
+        return [] if found is None else [found]
+
+    def declared_loops(self, topic: str) -> list[bool]:
+        """Return of everybody who commanded, and said so, whether the outputs were used."""
+        commander = sibling(topic, "commander")
+        if not self.has(commander, COMMANDER_INFO):
+            return []
+        connections = [entry for entry in self.reader.connections if entry.topic == commander]
+        infos = (
+            self.reader.deserialize(raw, COMMANDER_INFO)
+            for _, _, raw in self.reader.messages(connections)
+        )
+        # The member is generated from the bag's own definition.
+        return [bool(getattr(info, "uses_outputs")) for info in infos]  # noqa: B009
+
+    def recorded(self, topic: str) -> Recorded:
+        """Return all messages of a topic as columns."""
+        messages = self._chunked_messages(topic)
+        if messages is None:
+            messages = self._single_messages(topic)
+        if not len(messages.log_times_ns):
+            raise BagError(f"{self.path}: no messages on {topic}")
+        layout = members(self.types[topic], self.reader.typestore.fielddefs)
+        try:
+            columns = decode(messages.groups, layout)
+        except CdrError as error:
+            raise BagError(f"{self.path}: {topic}: {error}") from error
+        return Recorded(messages.log_times_ns, columns)
+
+    def pieces(self, topic: str) -> Iterator[Recorded]:
+        """Return the messages of a topic as columns, chunk by chunk of the file."""
+        if not self.mcap_files:
+            raise BagError(f"{self.path}: only a plain MCAP bag can be read piece by piece")
+        layout = members(self.types[topic], self.reader.typestore.fielddefs)
+        with ExitStack() as stack:
+            streams = [stack.enter_context(file.open("rb")) for file in self.mcap_files]
+            try:
+                for messages in topic_pieces(streams, topic):
+                    yield Recorded(messages.log_times_ns, decode(messages.groups, layout))
+            except NotIndexedError as error:
+                raise BagError(f"{self.path}: {error}: read it as a whole") from error
+
+    def channels(self, topic: str) -> Channels | None:
+        """Return the last ChannelInfo of a topic, None when there is none."""
+        if self.types.get(topic) != CHANNEL_INFO:
+            return None
+        connections = [entry for entry in self.reader.connections if entry.topic == topic]
+        info = None
+        for _, _, raw in self.reader.messages(connections):
+            info = self.reader.deserialize(raw, CHANNEL_INFO)
+        if info is None:
+            return None
+        return Channels(
+            tuple(getattr(info, "input_names")),  # noqa: B009 - generated from the bag's definition
+            tuple(getattr(info, "output_names")),  # noqa: B009
+            rate_hz=float(getattr(info, "sampling_rate_hz")),  # noqa: B009
+            closed_loop=bool(getattr(info, "closed_loop")),  # noqa: B009
+            source=str(getattr(info, "source")),  # noqa: B009
+        )
+
+    def _chunked_messages(self, topic: str) -> Messages | None:
+        """Return None when the files are not fully chunked and indexed."""
+        if not self.mcap_files:
+            return None
+        with ExitStack() as stack:
+            streams = [stack.enter_context(file.open("rb")) for file in self.mcap_files]
+            return read_topic(streams, topic)
+
+    def _single_messages(self, topic: str) -> Messages:
+        connections = [entry for entry in self.reader.connections if entry.topic == topic]
+        times_ns: list[int] = []
+        raws: list[bytes] = []
+        for _, time_ns, raw in self.reader.messages(connections):
+            times_ns.append(time_ns)
+            raws.append(raw)
+        sizes = np.array([len(raw) for raw in raws], dtype=np.int64)
+        groups = []
+        for size in np.unique(sizes).tolist():
+            numbers = np.flatnonzero(sizes == size)
+            joined = b"".join(raws[number] for number in numbers)
+            groups.append((numbers, np.frombuffer(joined, np.uint8).reshape(-1, size)))
+        return Messages(np.array(times_ns, dtype=np.int64), groups)

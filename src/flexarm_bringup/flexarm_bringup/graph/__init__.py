@@ -1,0 +1,1 @@
+"""The node graph as processes, and its operator."""

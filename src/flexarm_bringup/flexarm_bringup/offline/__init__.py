@@ -1,0 +1,1 @@
+"""Work without nodes: files, identification, tuning."""

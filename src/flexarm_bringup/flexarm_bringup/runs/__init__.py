@@ -1,0 +1,1 @@
+"""Runs on the graph: demo, experiments, the kept laboratory."""

@@ -1,0 +1,1 @@
+"""Design of controllers: criteria, margins, tuning."""

@@ -1,0 +1,1 @@
+"""Models of the arm: nominal ones, and what a controller asks of one."""

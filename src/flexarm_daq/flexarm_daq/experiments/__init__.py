@@ -1,0 +1,1 @@
+"""Experiments of the thesis and their excitation signals."""

@@ -1,0 +1,1 @@
+"""Import of measurements from other files."""

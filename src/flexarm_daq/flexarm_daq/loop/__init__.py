@@ -1,0 +1,1 @@
+"""The sampling loop: acquisition, commands, limits and safety."""

@@ -1,0 +1,1 @@
+"""Nodes of the rig: DAQ driver, exciter, recorder and player."""

@@ -1,0 +1,1 @@
+"""Rigs: the simulated arm, a faulty one, a National Instruments board."""

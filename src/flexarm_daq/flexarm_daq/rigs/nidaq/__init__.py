@@ -1,0 +1,1 @@
+"""The rig behind a National Instruments board."""

@@ -1,0 +1,1 @@
+"""Diagnostics of data and models: quality, stabilisation diagram, uncertainty."""

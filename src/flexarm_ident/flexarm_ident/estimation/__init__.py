@@ -1,0 +1,1 @@
+"""From records to an identified model, in memory or as a stream."""

@@ -1,0 +1,1 @@
+"""Least squares: inputs and initial states, refinement by simulation error, validation."""

@@ -1,0 +1,1 @@
+"""Dry friction: levels, and a flexible arm fitted with it."""

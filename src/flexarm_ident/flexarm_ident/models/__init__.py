@@ -1,0 +1,1 @@
+"""State-space models: poles, modes, simulation, and their forms in files."""

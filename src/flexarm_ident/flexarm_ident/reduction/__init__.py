@@ -1,0 +1,1 @@
+"""Model reduction: modal rankings, updating, balanced truncation."""

@@ -1,0 +1,1 @@
+"""Subspace estimators: Gram matrix, range spaces, order, and the choice between them."""
