@@ -26,11 +26,10 @@ _ROOT = Path(__file__).parents[1]
 # The campaign shares its injections and its graph with the tests.
 sys.path.insert(0, str(_ROOT / "test"))
 
-from fault_campaign import MAX_AGE_PERIODS, Campaign, random_moments_s  # noqa: E402
-from fault_injection import CASES, RATE_HZ, inject  # noqa: E402
-from system_graph import Graph  # noqa: E402
-
 from flexarm_daq.rigs.faulty import SENSOR_FAULTS  # noqa: E402
+from support.fault_campaign import MAX_AGE_PERIODS, Campaign, random_moments_s  # noqa: E402
+from support.fault_injection import CASES, RATE_HZ, inject  # noqa: E402
+from support.system_graph import Graph  # noqa: E402
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

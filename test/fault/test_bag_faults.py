@@ -6,9 +6,12 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-BENCH = Path(__file__).parents[2] / "bench"
+from support.project import BENCH
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def run_bench(name: str, *options: str) -> subprocess.CompletedProcess[str]:

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
 import pytest
-from fault_injection import CASES, RATE_HZ, inject
 
 from flexarm_daq.loop.sensor_check import SensorLimits
 from flexarm_daq.rigs.faulty import Fault
+from support.fault_injection import CASES, RATE_HZ, inject
 
 LIMITS = SensorLimits()
 # A floating input takes some samples to the end of its range.

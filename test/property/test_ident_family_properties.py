@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from ident_systems import named, pulse_responses, random_model, record, step_by_step
 
 from flexarm_ident import identify, reduce_model
 from flexarm_ident.subspace.gram import block_gram
+from support.ident_systems import named, pulse_responses, random_model, record, step_by_step
 
 if TYPE_CHECKING:
     import control

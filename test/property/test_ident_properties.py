@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from ident_systems import (
+
+from flexarm_ident import IoData, identify, reduce_model, validate_dmv
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.modes import modal_form, mode_table
+from flexarm_ident.models.poles import stabilise
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.orse import innovation_scaled
+from support.ident_systems import (
     arm_model,
     named,
     pulse_responses,
@@ -14,13 +21,6 @@ from ident_systems import (
     square_wave,
     step_by_step,
 )
-
-from flexarm_ident import IoData, identify, reduce_model, validate_dmv
-from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.modes import modal_form, mode_table
-from flexarm_ident.models.poles import stabilise
-from flexarm_ident.subspace.gram import block_gram
-from flexarm_ident.subspace.orse import innovation_scaled
 
 SEEDS = st.integers(0, 10_000)
 few = settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])

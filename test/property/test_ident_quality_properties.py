@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 from flexarm_ident import IoData
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.subspace.gram import block_gram
+from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 SEEDS = st.integers(0, 10_000)
 few = settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])

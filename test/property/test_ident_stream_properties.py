@@ -7,21 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from bag_samples import START_NS, arm_state, commander_info, write_in_chunks
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from ident_systems import arm_model, square_wave, step_by_step
 
 from flexarm_ident import IdentificationError, identify, read_bag
 from flexarm_ident.estimation.streaming import identify_stream
 from flexarm_ident.reading.read import stream_bag
 from flexarm_ident.records.preprocess import remove_compensation
+from support.bag_samples import START_NS, arm_state, commander_info, write_in_chunks
+from support.ident_systems import arm_model, square_wave, step_by_step
 
 if TYPE_CHECKING:
-    from bag_samples import Sent
-
     from flexarm_ident import IoData
     from flexarm_ident.reading.stream import BagStream
+    from support.bag_samples import Sent
 
 SAMPLES = 700
 

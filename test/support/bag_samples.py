@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,13 +11,14 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from flexarm_bags.metadata import RecordedTopic
 from flexarm_bags.schema import describe, load_typestore
 from flexarm_bags.writer import BagWriter
+from support.project import PROJECT
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+    from pathlib import Path
 
     from rosbags.typesys.store import Msg, Typestore
 
-PROJECT = Path(__file__).parents[1]
 MESSAGE_PACKAGES = {"flexarm_msgs": PROJECT / "src" / "flexarm_msgs"}
 START_NS = 1_700_000_000_000_000_000
 

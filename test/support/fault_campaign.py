@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from system_graph import Graph, States, eventually
 
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns
+from support.system_graph import Graph, States, eventually
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from system_graph import Process
+    from support.system_graph import Process
 
 # A step whose error stays, so that the command never is zero by itself.
 RESTLESS = {"law": "pd", "reference": "square", "square.period_s": 0.4, "pd.compensation_v": 0.7}

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from nidaq_board import Board
     from numpy.typing import NDArray
+
+    from support.nidaq_board import Board
 
 OVERRUN = -200279
 TIMEOUT = -200284

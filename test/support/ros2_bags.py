@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING
 
 import yaml
 import zstandard
-from bag_samples import recorded_topics
 from mcap.writer import CompressionType, Writer
+
+from support.bag_samples import recorded_topics
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from bag_samples import Sent
+    from support.bag_samples import Sent
 
 RECEIVED_NS = 350_000
 """From sending to receiving."""

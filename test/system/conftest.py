@@ -3,7 +3,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from system_graph import Graph
+
+from support.system_graph import Graph
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,23 +6,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import yaml
-from bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
-from system_graph import States, fill_disk
 
 from flexarm_bags.check import check_bag
 from flexarm_bags.repair import repair_bag
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
+from support.bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
+from support.system_graph import States, fill_disk
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from system_graph import Graph, Process
+    from support.system_graph import Graph, Process
 
 pytestmark = pytest.mark.system
 

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from system_graph import ROOT, eventually
 
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
+from support.system_graph import ROOT, eventually
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from system_graph import Graph
+    from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
 

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from system_graph import ROOT, States, declarations, fill_disk
 
 from flexarm_bags.check import check_bag
 from flexarm_daq.experiments.excitation import BOUND_V
 from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
+from support.system_graph import ROOT, States, declarations, fill_disk
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from system_graph import Graph
+    from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
 

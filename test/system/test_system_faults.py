@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from fault_campaign import MAX_AGE_PERIODS, Campaign, random_moments_s
 from rosgraph_msgs.msg import Clock  # type: ignore[import-untyped,unused-ignore]
-from system_graph import Graph, States, eventually
 
 from flexarm_msgs.msg import MotorCommand
 from flexarm_node import qos
+from support.fault_campaign import MAX_AGE_PERIODS, Campaign, random_moments_s
+from support.system_graph import Graph, States, eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from system_graph import Process
+    from support.system_graph import Process
 
 pytestmark = pytest.mark.system
 

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import rclpy
-from bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
 from scipy.signal import cont2discrete
-from system_graph import ROOT, Graph, ros_arguments
 
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_msgs.srv import Identify
+from support.bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
+from support.project import PROJECT, SHARED
+from support.system_graph import ROOT, Graph, ros_arguments
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -27,8 +28,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 STEP_NS = 2_000_000
-PROJECT = Path(__file__).parents[2]
-QUANSER = PROJECT.parent / "shared" / "data" / "quanser_2dsfl_fsf.csv"
+QUANSER = SHARED / "data" / "quanser_2dsfl_fsf.csv"
 ARM_OUTPUTS = ["position_v", "base_strain_v", "middle_strain_v", "speed_v"]
 
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import signal
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -14,16 +13,18 @@ from flexarm_ident.models.files import load_model
 from flexarm_ident.models.model_parameters import model_from_parameters
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.srv import Identify
+from support.project import BAGS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
-    from system_graph import Graph, Process
+    from support.system_graph import Graph, Process
 
 pytestmark = pytest.mark.system
 
 # Takes some seconds, most of them for the choice of the order.
-BAG = Path(__file__).parents[2] / "bags" / "c_dat3_0g"
+BAG = BAGS / "c_dat3_0g"
 PATIENCE_S = 120.0
 STAGES = ["reading", "gram", "range space", "order", "fit", "reduction", "validation", "writing"]
 

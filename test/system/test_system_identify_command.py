@@ -3,23 +3,25 @@ from __future__ import annotations
 import re
 import signal
 from dataclasses import fields
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 import yaml
-from system_graph import ROOT, eventually
 
 from flexarm_bringup.verbs.models import identify, report
 from flexarm_ident.models.files import load_model
 from flexarm_ident.workflow.workflow import Request
+from support.project import BAGS
+from support.system_graph import ROOT, eventually
 
 if TYPE_CHECKING:
-    from system_graph import Graph, Process
+    from pathlib import Path
+
+    from support.system_graph import Graph, Process
 
 pytestmark = pytest.mark.system
 
-BAG = Path(__file__).parents[2] / "bags" / "c_dat3_0g"
+BAG = BAGS / "c_dat3_0g"
 
 
 def command(graph: Graph, *arguments: str) -> Process:

@@ -2,13 +2,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
+from support.project import PROJECT
+
 pytestmark = pytest.mark.system
 
-SOURCES = Path(__file__).parents[2] / "src"
+SOURCES = PROJECT / "src"
 COMPUTING_PACKAGES = ("flexarm_node", "flexarm_daq", "flexarm_ident", "flexarm_control")
 CONNECTING = {
     *(

@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import os
 import signal
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
+from support.project import PROJECT
 
 if TYPE_CHECKING:
-    from system_graph import Graph, Process
+    from pathlib import Path
+
+    from support.system_graph import Graph, Process
 
 pytestmark = pytest.mark.system
 
-TEST_FOLDER = Path(__file__).parents[1]
+TEST_FOLDER = PROJECT / "test"
 RESTLESS = {"law": "pd", "reference": "square", "square.period_s": 0.4, "pd.compensation_v": 0.7}
 
 # Writes to the outputs outlive the process in a file; the file `removed` pulls the board out.
 PACKAGE = """
 import sys
 from pathlib import Path
-from nidaq_board import Board, RealClock
-from nidaqmx_double import NidaqmxDouble
+from support.nidaq_board import Board, RealClock
+from support.nidaqmx_double import NidaqmxDouble
 
 here = Path({folder!r})
 log = (here / "writes").open("a", buffering=1)

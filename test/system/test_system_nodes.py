@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from bag_samples import START_NS, reference, write_bag
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -16,13 +15,14 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
-from system_graph import PACKAGES, executable
 
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
+from support.bag_samples import START_NS, reference, write_bag
+from support.system_graph import PACKAGES, executable
 
 if TYPE_CHECKING:
-    from system_graph import Graph, Process
+    from support.system_graph import Graph, Process
 
 pytestmark = pytest.mark.system
 

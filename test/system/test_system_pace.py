@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
-from system_graph import ROOT, Graph, States, declarations
 
 from flexarm_bags.check import check_bag
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns
+from support.system_graph import ROOT, Graph, States, declarations
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

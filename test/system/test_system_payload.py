@@ -10,7 +10,7 @@ from flexarm_msgs.msg import PayloadEstimate
 from flexarm_node import qos
 
 if TYPE_CHECKING:
-    from system_graph import Graph
+    from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
 

@@ -4,13 +4,13 @@ import re
 from typing import TYPE_CHECKING
 
 import pytest
-from system_graph import ROOT
 
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
+from support.system_graph import ROOT
 
 if TYPE_CHECKING:
-    from system_graph import Graph
+    from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
 

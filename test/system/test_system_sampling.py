@@ -8,19 +8,20 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import Trigger
-from system_graph import Graph, States
 
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import Identify
 from flexarm_node import qos
+from support.system_graph import Graph, States
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from rclpy.task import Future
-    from system_graph import Process
+
+    from support.system_graph import Process
 
 pytestmark = pytest.mark.system
 

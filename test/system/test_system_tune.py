@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from rclpy.parameter import Parameter
-from system_graph import ROOT
 
 from flexarm_msgs.srv import Tune
+from support.system_graph import ROOT
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from system_graph import Graph
+    from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
 

@@ -6,20 +6,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from fault_campaign import MAX_AGE_PERIODS, RESTLESS
 from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Float64
-from system_graph import ROOT, States
 
 from flexarm_bags.check import check_bag
 from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
+from support.fault_campaign import MAX_AGE_PERIODS, RESTLESS
+from support.system_graph import ROOT, States
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from system_graph import Graph
+    from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,8 @@ import pytest
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_ident import read_bag_report
+from support.project import BAGS
 
-BAGS = Path(__file__).parents[2] / "bags"
 ENTRIES = json.loads((BAGS / "manifest.json").read_text())
 
 

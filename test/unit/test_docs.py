@@ -19,11 +19,12 @@ from flexarm_bringup.checkout.doctests import (
     pages_with_examples,
 )
 from flexarm_bringup.graph.processes import LaunchError
+from support.project import PROJECT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-ROOT = Path(__file__).parents[2]
+ROOT = PROJECT
 CONFIG = ROOT / "src" / "flexarm_bringup" / "config"
 TYPES = {
     "/flexarm/reference": "std_msgs/Float64",

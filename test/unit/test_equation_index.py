@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import importlib
 import re
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from support.project import PROJECT
+
+ROOT = PROJECT
 # The thesis's last equation of each chapter.
 LAST = {2: 28, 3: 21, 4: 9}
 EQUATIONS = [f"{chapter}-{i}" for chapter, last in LAST.items() for i in range(1, last + 1)]

@@ -4,7 +4,14 @@ from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
 import pytest
-from bag_samples import (
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+
+from flexarm_bags.metadata import RecordedTopic, TopicQos
+from flexarm_bags.playback import DueMessage, PlaybackError, PlaybackPlan, PlayedTopic
+from flexarm_bags.writer import BagWriter
+from support.bag_samples import (
     START_NS,
     Sent,
     arm_state,
@@ -14,13 +21,6 @@ from bag_samples import (
     write_bag,
     write_foreign_bag,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from rosbags.rosbag2 import CompressionMode, StoragePlugin
-
-from flexarm_bags.metadata import RecordedTopic, TopicQos
-from flexarm_bags.playback import DueMessage, PlaybackError, PlaybackPlan, PlayedTopic
-from flexarm_bags.writer import BagWriter
 
 if TYPE_CHECKING:
     from pathlib import Path

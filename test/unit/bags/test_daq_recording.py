@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 
 import pytest
 import yaml
-from bag_samples import (
+from mcap.reader import make_reader
+from mcap.records import Chunk, DataEnd, Message
+from mcap.stream_reader import StreamReader
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
+
+from flexarm_bags.metadata import NO_START_NS, RecordedTopic, TopicQos
+from flexarm_bags.schema import DefinitionError, describe, load_typestore
+from flexarm_bags.writer import BagWriter, RecordingError
+from support.bag_samples import (
     MESSAGE_PACKAGES,
     START_NS,
     Sent,
@@ -20,15 +29,6 @@ from bag_samples import (
     typestore,
     write_bag,
 )
-from mcap.reader import make_reader
-from mcap.records import Chunk, DataEnd, Message
-from mcap.stream_reader import StreamReader
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
-
-from flexarm_bags.metadata import NO_START_NS, RecordedTopic, TopicQos
-from flexarm_bags.schema import DefinitionError, describe, load_typestore
-from flexarm_bags.writer import BagWriter, RecordingError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -329,7 +329,7 @@ KILLED_RECORDER = """
 import os, signal, sys
 from pathlib import Path
 sys.path[:0] = sys.argv[2:]
-from bag_samples import recorded_topics, reference
+from support.bag_samples import recorded_topics, reference
 from flexarm_bags.writer import BagWriter
 messages = [reference(k, float(k)) for k in range(150)]
 bag = BagWriter(Path(sys.argv[1]), recorded_topics(messages), flush_period_s=1e6)

@@ -5,7 +5,15 @@ import struct
 from typing import TYPE_CHECKING
 
 import pytest
-from bag_samples import (
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
+
+from flexarm_bags.metadata import TopicQos
+from flexarm_bags.repair import repair_bag
+from flexarm_bags.writer import BagWriter, RecordingError
+from support.bag_samples import (
     START_NS,
     Sent,
     arm_state,
@@ -15,14 +23,6 @@ from bag_samples import (
     reference,
     write_bag,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from rosbags.highlevel import AnyReader
-from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
-
-from flexarm_bags.metadata import TopicQos
-from flexarm_bags.repair import repair_bag
-from flexarm_bags.writer import BagWriter, RecordingError
 
 if TYPE_CHECKING:
     from pathlib import Path

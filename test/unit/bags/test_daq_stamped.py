@@ -4,12 +4,12 @@ import struct
 from typing import TYPE_CHECKING
 
 import pytest
-from bag_samples import START_NS, Sent, arm_state, io_sample, motor_command, typestore
 from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_bags.sequence import SequenceCheck
 from flexarm_bags.stamped import restamped, sequence_of, stamp_of
+from support.bag_samples import START_NS, Sent, arm_state, io_sample, motor_command, typestore
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,7 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import yaml
-from bag_samples import (
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, Writer
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+
+from flexarm_bags.check import check_bag
+from flexarm_bags.playback import PlaybackPlan
+from flexarm_bags.timeline import clock_problems, number_problems, restarts
+from flexarm_bags.writer import BagWriter
+from flexarm_core.errors import BagError
+from flexarm_ident.reading.read import read_bag
+from support.bag_samples import (
     START_NS,
     Sent,
     arm_state,
@@ -20,18 +31,7 @@ from bag_samples import (
     write_bag,
     write_foreign_bag,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from mcap.writer import CompressionType, Writer
-from ros2_bags import LAYOUTS, Layout, write_ros2_bag
-from rosbags.rosbag2 import CompressionMode, StoragePlugin
-
-from flexarm_bags.check import check_bag
-from flexarm_bags.playback import PlaybackPlan
-from flexarm_bags.timeline import clock_problems, number_problems, restarts
-from flexarm_bags.writer import BagWriter
-from flexarm_core.errors import BagError
-from flexarm_ident.reading.read import read_bag
+from support.ros2_bags import LAYOUTS, Layout, write_ros2_bag
 
 if TYPE_CHECKING:
     from collections.abc import Callable

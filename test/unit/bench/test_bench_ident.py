@@ -3,13 +3,16 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-pytestmark = pytest.mark.slow
+from support.project import BENCH
 
-BENCH = Path(__file__).parents[3] / "bench"
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = pytest.mark.slow
 
 
 def run_ident(*options: str, cache: Path) -> subprocess.CompletedProcess[str]:

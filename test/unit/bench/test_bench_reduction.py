@@ -4,15 +4,19 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from support.project import BENCH
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
 pytestmark = pytest.mark.slow
 
-BENCH = Path(__file__).parents[3] / "bench" / "reduction.py"
+SCRIPT = BENCH / "reduction.py"
 
 
 def test_bench_reduction___few_records___bear_out_the_claims_of_tables_3_1_to_3_3(
@@ -20,7 +24,7 @@ def test_bench_reduction___few_records___bear_out_the_claims_of_tables_3_1_to_3_
 ) -> None:
     file = tmp_path / "trials.json"
     done = subprocess.run(  # noqa: S603 - our own benchmark
-        [sys.executable, str(BENCH), "--seeds", "3", "--json", str(file)],
+        [sys.executable, str(SCRIPT), "--seeds", "3", "--json", str(file)],
         capture_output=True,
         text=True,
         check=False,

@@ -4,14 +4,16 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-pytestmark = pytest.mark.slow
+from support.project import BENCH
 
-BENCH = Path(__file__).parents[3] / "bench"
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize(

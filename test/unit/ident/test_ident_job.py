@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from bag_samples import START_NS, io_sample, write_bag
 from hypothesis import given
 from hypothesis import strategies as st
-from ident_systems import random_model, step_by_step
 
 from flexarm_ident import IdentificationError, IoData, read_bag
 from flexarm_ident.background import Background, Cancelled
@@ -19,6 +17,8 @@ from flexarm_ident.job import identify_bags, model_name
 from flexarm_ident.models.files import load_model
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.workflow.workflow import Request, run
+from support.bag_samples import START_NS, io_sample, write_bag
+from support.ident_systems import random_model, step_by_step
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from nidaq_board import Board
-from nidaqmx_double import CALL_SITES, REMOVED, Fault, NidaqmxDouble
 
 from flexarm_bringup.cli import main
 from flexarm_bringup.health.hardware import examine_hardware
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
+from support.nidaq_board import Board
+from support.nidaqmx_double import CALL_SITES, REMOVED, Fault, NidaqmxDouble
 
 if TYPE_CHECKING:
     from collections.abc import Callable

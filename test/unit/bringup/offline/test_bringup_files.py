@@ -3,9 +3,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from bag_samples import START_NS, io_sample, write_bag
 
 from flexarm_bringup.offline.files import check_bags
+from support.bag_samples import START_NS, io_sample, write_bag
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -4,13 +4,13 @@ import shutil
 from typing import TYPE_CHECKING
 
 import pytest
-from bag_samples import START_NS, Sent, arm_state, recorded_topics, write_bag
 
 from flexarm_bags.check import check_bag
 from flexarm_bags.writer import BagWriter
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.run_record import new_record, put_in_place, require_whole, workplace
 from flexarm_ident.reading.read import read_bag_report
+from support.bag_samples import START_NS, Sent, arm_state, recorded_topics, write_bag
 
 if TYPE_CHECKING:
     from pathlib import Path

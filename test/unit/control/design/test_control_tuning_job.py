@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from inspect import signature
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,8 +13,10 @@ from flexarm_control import ControlError, nominal_model, tune_pdp, tune_pi
 from flexarm_control.design.tuning_job import TuneRequest, load_models, tune
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.models.ros_yaml import write_parameter_file
+from support.project import BAGS
 
-BAGS = Path(__file__).parents[3] / "bags"
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def test_load_models___file_and_nominal___are_the_models(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from bag_samples import PROJECT, typestore
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
@@ -14,12 +13,14 @@ from flexarm_bags.writer import RecordingError
 from flexarm_daq.importing.csv_import import CsvImportError, import_csv
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
 from flexarm_ident.reading.read import read_bag
+from support.bag_samples import typestore
+from support.project import PROJECT, SHARED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-QUANSER_CSV = PROJECT.parent / "shared" / "data" / "quanser_2dsfl_fsf.csv"
+QUANSER_CSV = SHARED / "data" / "quanser_2dsfl_fsf.csv"
 QUANSER_MAP = PROJECT / "src" / "flexarm_bringup" / "config" / "quanser_2dsfl.yaml"
 ONE_IN_ONE_OUT = CsvMap(
     inputs=(CsvChannel("i", "current_a", "A"),),

@@ -5,15 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from acquisition_bench import (
-    PERIOD_S,
-    TIMEOUT_S,
-    Bench,
-    Clock,
-    at_once,
-    never,
-    reply,
-)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,6 +13,15 @@ from flexarm_daq.loop.commander import Command, Verdict
 from flexarm_daq.loop.limiter import LimiterSettings
 from flexarm_daq.loop.safety import DriveState, Event
 from flexarm_daq.rigs.rig import RigError, RigSample
+from support.acquisition_bench import (
+    PERIOD_S,
+    TIMEOUT_S,
+    Bench,
+    Clock,
+    at_once,
+    never,
+    reply,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable

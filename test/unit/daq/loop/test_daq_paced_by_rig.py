@@ -6,8 +6,6 @@ import threading
 from typing import TYPE_CHECKING
 
 import pytest
-from nidaq_board import Board, VirtualClock
-from nidaqmx_double import NidaqmxDouble
 
 from flexarm_daq.loop import acquisition
 from flexarm_daq.loop.acquisition import Acquisition, Record
@@ -17,6 +15,8 @@ from flexarm_daq.loop.sensor_check import SensorCheck
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
+from support.nidaq_board import Board, VirtualClock
+from support.nidaqmx_double import NidaqmxDouble
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

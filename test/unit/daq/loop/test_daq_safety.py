@@ -2,20 +2,20 @@ from __future__ import annotations
 
 import re
 import threading
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from acquisition_bench import Bench, Clock, reply
 
 from flexarm_daq.loop.safety import TRANSITIONS, DriveState, Event, Safety
 from flexarm_daq.rigs.rig import RigError
+from support.acquisition_bench import Bench, Clock, reply
+from support.project import PROJECT
 
 if TYPE_CHECKING:
     from flexarm_daq.loop.acquisition import Record
     from flexarm_daq.loop.commander import Command
 
-DRAWING = Path(__file__).parents[3] / "docs" / "safety.md"
+DRAWING = PROJECT / "docs" / "safety.md"
 RUNNING = (DriveState.READY, DriveState.DRIVING, DriveState.HELD)
 CAUSE_AT, LOOK_AT = 8, 12
 """Samples at which an event is caused, and at which its effect is looked at."""

@@ -4,8 +4,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from nidaq_board import Board
-from nidaqmx_double import NidaqmxDouble
 
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
@@ -28,6 +26,8 @@ from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig import Rig, RigError, RigSample
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
 from flexarm_daq.rigs.simulated import SimulatedRig
+from support.nidaq_board import Board
+from support.nidaqmx_double import NidaqmxDouble
 
 if TYPE_CHECKING:
     from collections.abc import Callable

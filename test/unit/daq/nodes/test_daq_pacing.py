@@ -3,10 +3,10 @@ from __future__ import annotations
 import threading
 
 import pytest
-from bag_samples import START_NS, arm_state
 
 from flexarm_bags.stamped import sequence_of, stamp_of
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
+from support.bag_samples import START_NS, arm_state
 
 PATIENCE_S = 30.0
 

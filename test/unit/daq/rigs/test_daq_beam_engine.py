@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +10,12 @@ import pytest
 
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
+from support.project import PROJECT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-STORED = json.loads((Path(__file__).parents[2] / "data" / "beam_mujoco.json").read_text("utf-8"))
+STORED = json.loads((PROJECT / "test" / "data" / "beam_mujoco.json").read_text("utf-8"))
 PAYLOADS_KG = tuple(map(float, STORED["frequencies_hz"]))
 
 

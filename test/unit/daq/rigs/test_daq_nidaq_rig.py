@@ -6,16 +6,21 @@ import subprocess
 import sys
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
-import nidaqmx_double as double_module
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nidaq_board import Board
-from nidaqmx_double import (
+
+from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.nidaq.board import NidaqRig
+from flexarm_daq.rigs.nidaq.driver import load_nidaqmx
+from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
+from flexarm_daq.rigs.rig import DriveNotStoppedError, RigError
+from support import nidaqmx_double as double_module
+from support.nidaq_board import Board
+from support.nidaqmx_double import (
     CALL_SITES,
     NOT_SUPPORTED,
     OVERRUN,
@@ -27,12 +32,7 @@ from nidaqmx_double import (
     Fault,
     NidaqmxDouble,
 )
-
-from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.nidaq.board import NidaqRig
-from flexarm_daq.rigs.nidaq.driver import load_nidaqmx
-from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
-from flexarm_daq.rigs.rig import DriveNotStoppedError, RigError
+from support.project import PROJECT
 
 CODES = (OVERRUN, TIMEOUT, REMOVED, RESERVED, UNKNOWN_DEVICE, -50405, -123456)
 MAGNITUDE, DIRECTION = "Dev1/ao0", "Dev1/ao1"
@@ -272,8 +272,8 @@ def test_safe_stop_and_close___in_any_state___do_no_harm() -> None:
 
 _LEAVES_WITHOUT_CLOSING = """
 import atexit, sys
-from nidaq_board import Board
-from nidaqmx_double import NidaqmxDouble
+from support.nidaq_board import Board
+from support.nidaqmx_double import NidaqmxDouble
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 
 board = Board()
@@ -294,7 +294,7 @@ def test_interpreter_ends_with_the_rig_open___drive_is_at_zero(leave: str) -> No
         text=True,
         check=False,
         env={"PYTHONPATH": ":".join(["test", *filter(None, sys.path)])},
-        cwd=Path(__file__).parents[3],
+        cwd=PROJECT,
     )
     assert ended.stdout.splitlines() == ["driven 3.0", "ao0 0.0"], ended.stderr
 

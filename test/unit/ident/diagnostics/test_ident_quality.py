@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 from scipy import signal
 
 from flexarm_ident import IoData
 from flexarm_ident.diagnostics.quality import assess, excited_band_hz
 from flexarm_ident.records.data_warning import DataWarning
 from flexarm_ident.subspace.gram import block_gram
+from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 if TYPE_CHECKING:
     from collections.abc import Callable

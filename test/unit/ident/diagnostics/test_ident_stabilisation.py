@@ -1,24 +1,23 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, square_wave, step_by_step
 
 from flexarm_ident import IoData, preprocess, read_bag
 from flexarm_ident.diagnostics.stabilisation import Criteria, mac, stabilisation, subspace_matrices
 from flexarm_ident.report.plots.stabilisation_plot import stabilisation_plot
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.orse import StateMatrices, innovation_scaled, past_instruments
+from support.ident_systems import DT_S, arm_model, square_wave, step_by_step
+from support.project import BAGS
 
 if TYPE_CHECKING:
     from flexarm_ident.diagnostics.stabilisation import Stabilisation
 
-BAGS = Path(__file__).parents[3] / "bags"
 ARM_HZ = (9.4, 24.1, 45.6)
 ARM_DAMPING = (0.04, 0.03, 0.02)
 

@@ -5,15 +5,6 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from ident_systems import (
-    DT_S,
-    arm_model,
-    pulse_responses,
-    random_model,
-    record,
-    square_wave,
-    step_by_step,
-)
 from scipy import signal
 
 from flexarm_ident import DataError, IoData, identify
@@ -29,6 +20,15 @@ from flexarm_ident.models.poles import stabilise
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.gram import BlockGram, block_gram
 from flexarm_ident.subspace.orse import StateMatrices, innovation_scaled, past_instruments
+from support.ident_systems import (
+    DT_S,
+    arm_model,
+    pulse_responses,
+    random_model,
+    record,
+    square_wave,
+    step_by_step,
+)
 
 PAST = 12
 FREQUENCIES_HZ = np.array([2.0, 5.0, 9.4, 15.0, 24.1, 40.0, 70.0])

@@ -5,7 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ident_systems import (
+
+from flexarm_ident import DataError, IdentificationError, IoData, identify, validate_dmv
+from flexarm_ident.subspace.order import suggest_order
+from support.ident_systems import (
     DT_S,
     arm_model,
     named,
@@ -15,9 +18,6 @@ from ident_systems import (
     square_wave,
     step_by_step,
 )
-
-from flexarm_ident import DataError, IdentificationError, IoData, identify, validate_dmv
-from flexarm_ident.subspace.order import suggest_order
 
 
 def arm_experiment(seed: int, samples: int = 12_000) -> IoData:

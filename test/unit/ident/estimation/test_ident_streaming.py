@@ -7,19 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from bag_samples import (
-    START_NS,
-    Sent,
-    arm_state,
-    channel_info,
-    commander_info,
-    io_sample,
-    write_foreign_bag,
-    write_in_chunks,
-)
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ident_systems import arm_model, random_model, record, square_wave, step_by_step
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from flexarm_core.errors import BagError
@@ -32,6 +21,17 @@ from flexarm_ident.records.source import even_chunks
 from flexarm_ident.report.data import record_table
 from flexarm_ident.subspace.gram import LagSums
 from flexarm_ident.workflow.workflow import Request, run
+from support.bag_samples import (
+    START_NS,
+    Sent,
+    arm_state,
+    channel_info,
+    commander_info,
+    io_sample,
+    write_foreign_bag,
+    write_in_chunks,
+)
+from support.ident_systems import arm_model, random_model, record, square_wave, step_by_step
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, named, pulse_responses, random_model, record, step_by_step
 from scipy import linalg
 
 from flexarm_ident import IdentificationError, IoData, identify
 from flexarm_ident.fitting import output_fit
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs, fit_outputs
 from flexarm_ident.models.free_run import simulate, simulate_states
+from support.ident_systems import DT_S, named, pulse_responses, random_model, record, step_by_step
 
 if TYPE_CHECKING:
     import control

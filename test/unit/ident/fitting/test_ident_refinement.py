@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ident_systems import pulse_responses, random_model, record
 from scipy import optimize
 
 from flexarm_ident import IdentificationError, IoData
@@ -20,6 +19,7 @@ from flexarm_ident.friction.arm_error import Part, SimulationError
 from flexarm_ident.friction.arm_fit import fit_arm
 from flexarm_ident.friction.layout import Drive
 from flexarm_ident.models.stick_slip import run
+from support.ident_systems import pulse_responses, random_model, record
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -5,7 +5,6 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, named, random_model, record, square_wave
 
 from flexarm_ident import (
     Gains,
@@ -16,6 +15,7 @@ from flexarm_ident import (
     validate_sfv,
 )
 from flexarm_ident.fitting.validation import frequency_response, relative_errors
+from support.ident_systems import DT_S, arm_model, named, random_model, record, square_wave
 
 KP, KD, KSG = 0.6, 0.4, 0.05
 

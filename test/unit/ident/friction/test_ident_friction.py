@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, named
 
 from flexarm_ident import IdentificationError, IoData
 from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
@@ -15,6 +14,7 @@ from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.stick_slip import friction_force
 from flexarm_ident.records.dead_sensor import live_samples
+from support.ident_systems import DT_S, arm_model, named
 
 if TYPE_CHECKING:
     import control

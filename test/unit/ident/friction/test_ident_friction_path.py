@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 from flexarm_ident import IoData, identify, load_model, read_bag, validate_dmv
 from flexarm_ident.friction.dry_friction import (
@@ -28,13 +26,17 @@ from flexarm_ident.models.model_parameters import ModelFileError, flat_parameter
 from flexarm_ident.reduction.modal import truncate
 from flexarm_ident.results import write_results
 from flexarm_ident.workflow.workflow import Outcome, Request, run
+from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
+from support.project import BAGS
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
 
-BAG = Path(__file__).parents[3] / "bags" / "quanser_2dsfl"
+BAG = BAGS / "quanser_2dsfl"
 HUBS, DEFLECTIONS = [0, 2], [1, 3]
 
 

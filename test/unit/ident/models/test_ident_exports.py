@@ -12,11 +12,11 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from ident_systems import DT_S, random_model
 from scipy.io import loadmat, savemat
 
 from flexarm_ident.models.files import EXPORTS, FORMATS, load_model, parse_exports, save_model
 from flexarm_ident.models.model_parameters import ModelFileError, model_hash, model_parameters
+from support.ident_systems import DT_S, random_model
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

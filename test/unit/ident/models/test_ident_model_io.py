@@ -7,7 +7,6 @@ import control
 import numpy as np
 import pytest
 import yaml
-from ident_systems import DT_S, random_model
 
 from flexarm_ident import IdentificationError
 from flexarm_ident.models.model_parameters import (
@@ -17,6 +16,7 @@ from flexarm_ident.models.model_parameters import (
     model_parameters,
 )
 from flexarm_ident.models.ros_yaml import read_parameter_file, write_parameter_file
+from support.ident_systems import DT_S, random_model
 
 if TYPE_CHECKING:
     from pathlib import Path

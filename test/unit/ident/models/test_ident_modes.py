@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, named, random_model, record, step_by_step
 
 from flexarm_ident.models.modes import (
     frequency_and_damping,
@@ -13,6 +12,7 @@ from flexarm_ident.models.modes import (
     mode_table,
 )
 from flexarm_ident.models.poles import is_stable, stabilise
+from support.ident_systems import DT_S, arm_model, named, random_model, record, step_by_step
 
 
 @pytest.mark.parametrize("hz", [0.5, 9.4, 45.6])

@@ -1,11 +1,11 @@
 from __future__ import annotations
 
 import numpy as np
-from ident_systems import arm_model, square_wave, step_by_step
 
 from flexarm_ident import IoData
 from flexarm_ident.models.modes import mode_table
 from flexarm_ident.models.rank_table import rank_table
+from support.ident_systems import arm_model, square_wave, step_by_step
 
 
 def test_rank_table___arm___both_orders_fall_and_hold_every_mode() -> None:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from bag_samples import START_NS, io_sample, write_bag
-from ident_systems import random_model, step_by_step
 
 from flexarm_ident import identify, job, read_bag
 from flexarm_ident.job import identify_bags
 from flexarm_ident.reading.read import stream_bag
 from flexarm_ident.workflow.workflow import Request
+from support.bag_samples import START_NS, io_sample, write_bag
+from support.ident_systems import random_model, step_by_step
 
 if TYPE_CHECKING:
     from pathlib import Path

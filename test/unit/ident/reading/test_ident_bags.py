@@ -4,7 +4,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from bag_samples import (
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+
+from flexarm_bags.writer import BagWriter
+from flexarm_core.errors import BagError, IdentificationError
+from flexarm_ident.reading.read import read_bag, read_bag_report
+from flexarm_ident.records.iodata import ARM_OUTPUTS
+from support.bag_samples import (
     START_NS,
     Sent,
     arm_state,
@@ -18,14 +26,6 @@ from bag_samples import (
     write_bag,
     write_foreign_bag,
 )
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from rosbags.rosbag2 import CompressionMode, StoragePlugin
-
-from flexarm_bags.writer import BagWriter
-from flexarm_core.errors import BagError, IdentificationError
-from flexarm_ident.reading.read import read_bag, read_bag_report
-from flexarm_ident.records.iodata import ARM_OUTPUTS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,8 +10,9 @@ from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident import identify, preprocess
 from flexarm_ident.reading.read import read_bag_report
+from support.project import SHARED
 
-BAG = Path(__file__).parents[4] / "shared" / "data" / "stalled_demo"
+BAG = SHARED / "data" / "stalled_demo"
 
 pytestmark = pytest.mark.skipif(not BAG.is_dir(), reason=f"{BAG} is not there")
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, square_wave, step_by_step
 from scipy import signal
 
 from flexarm_ident import DataError, IoData, identify, preprocess, recover_gains
 from flexarm_ident.records.preprocess import low_pass, output_scale, remove_compensation
+from support.ident_systems import DT_S, arm_model, square_wave, step_by_step
 
 OFFSET = np.array([0.3, -0.2, 0.1, 0.05])
 

@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from ident_systems import named, pulse_responses, random_model
 from scipy import linalg
 
 from flexarm_ident import IdentificationError
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.reduction.balanced import balanced_truncation
+from support.ident_systems import named, pulse_responses, random_model
 
 if TYPE_CHECKING:
     import control

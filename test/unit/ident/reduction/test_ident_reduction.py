@@ -4,7 +4,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from ident_systems import (
+
+from flexarm_ident import IdentificationError, IoData, identify, reduce_model, validate_dmv
+from flexarm_ident.models.modes import modal_form
+from flexarm_ident.reduction.modal import truncate
+from support.ident_systems import (
     DT_S,
     arm_model,
     named,
@@ -14,10 +18,6 @@ from ident_systems import (
     square_wave,
     step_by_step,
 )
-
-from flexarm_ident import IdentificationError, IoData, identify, reduce_model, validate_dmv
-from flexarm_ident.models.modes import modal_form
-from flexarm_ident.reduction.modal import truncate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

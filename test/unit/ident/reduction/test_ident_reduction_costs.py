@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ident_systems import random_model, record
 from scipy import signal
 
 from flexarm_ident import Identification, identify, reduce_model
 from flexarm_ident.reduction.costs import cost_over_orders, rankings, step_costs
+from support.ident_systems import random_model, record
 
 
 @pytest.fixture(scope="module")

@@ -2,10 +2,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, named, random_model, record, square_wave, step_by_step
 
 from flexarm_ident import IoData, identify, reduce_model
 from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
+from support.ident_systems import (
+    DT_S,
+    arm_model,
+    named,
+    random_model,
+    record,
+    square_wave,
+    step_by_step,
+)
 
 
 def arm_record() -> IoData:

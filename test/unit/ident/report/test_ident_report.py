@@ -10,7 +10,6 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident import IdentificationError, IoData
@@ -29,6 +28,7 @@ from flexarm_ident.report.plots.plots import (
 )
 from flexarm_ident.report.plots.pole_plot import damping_plot, pole_plot
 from flexarm_ident.workflow.workflow import Outcome, Request, run
+from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,17 +8,20 @@ import re
 import shutil
 import subprocess
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from flexarm_ident.job import report_bags
 from flexarm_ident.workflow.workflow import Request
+from support.project import BAGS
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 pytestmark = pytest.mark.slow
 
-BAG = Path(__file__).parents[3] / "bags" / "c_dat3_0g"
+BAG = BAGS / "c_dat3_0g"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 DEADLINE_S = 90.0
 WIDTH_PX = 400

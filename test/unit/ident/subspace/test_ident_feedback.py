@@ -1,17 +1,17 @@
 from __future__ import annotations
 
 from collections import deque
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, random_model, square_wave, step_by_step
 from scipy import linalg, signal, stats
 
 from flexarm_ident import IoData, preprocess, read_bag
 from flexarm_ident.subspace.feedback import feedback_test, is_closed_loop
 from flexarm_ident.subspace.gram import block_gram
+from support.ident_systems import DT_S, arm_model, random_model, square_wave, step_by_step
+from support.project import BAGS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-
-BAGS = Path(__file__).parents[3] / "bags"
 
 
 def open_loop(seed: int, *, colour: str = "white", samples: int = 3000) -> IoData:

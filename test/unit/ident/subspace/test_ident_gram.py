@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ident_systems import random_model, record
 from numpy.typing import NDArray
 
 from flexarm_ident import DataError, IoData
 from flexarm_ident.subspace.gram import LagSums, block_gram
+from support.ident_systems import random_model, record
 
 Array = NDArray[np.float64]
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 from scipy import signal
 
 from flexarm_ident import IoData, identify
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.order import overdispersion
 from flexarm_ident.subspace.pbsid import past_length, predictor_space
+from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

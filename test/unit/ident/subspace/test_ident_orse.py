@@ -5,7 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from ident_systems import (
+from scipy import signal
+
+from flexarm_ident import IdentificationError, IoData, identify
+from flexarm_ident.models.poles import is_stable
+from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.orse import innovation_scaled, past_instruments
+from support.ident_systems import (
     DT_S,
     arm_model,
     pulse_responses,
@@ -14,12 +20,6 @@ from ident_systems import (
     square_wave,
     step_by_step,
 )
-from scipy import signal
-
-from flexarm_ident import IdentificationError, IoData, identify
-from flexarm_ident.models.poles import is_stable
-from flexarm_ident.subspace.gram import block_gram
-from flexarm_ident.subspace.orse import innovation_scaled, past_instruments
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

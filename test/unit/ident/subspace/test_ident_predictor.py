@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ident_systems import DT_S, pulse_responses, random_model, record
 from scipy import signal
 
 from flexarm_ident import IdentificationError, IoData
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.orse import innovation_scaled
 from flexarm_ident.subspace.pbsid import predictor_space
+from support.ident_systems import DT_S, pulse_responses, random_model, record
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

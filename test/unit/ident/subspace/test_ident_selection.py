@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 from scipy import signal
 
 from flexarm_ident import IoData, identify
@@ -15,6 +14,7 @@ from flexarm_ident.subspace.feedback import feedback_test, reaches_inputs
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.orse import innovation_scaled
 from flexarm_ident.subspace.whiteness import whiteness_test
+from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 Q, COLUMNS = 20, 4000
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pytest
-from ident_systems import random_model, record
 
 from flexarm_ident.subspace import orse
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.pbsid import predictor_space
+from support.ident_systems import random_model, record
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
