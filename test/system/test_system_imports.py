@@ -10,7 +10,14 @@ from support.project import PROJECT
 pytestmark = pytest.mark.system
 
 SOURCES = PROJECT / "src"
-COMPUTING_PACKAGES = ("flexarm_node", "flexarm_daq", "flexarm_ident", "flexarm_control")
+COMPUTING_PACKAGES = (
+    "flexarm_core",
+    "flexarm_bags",
+    "flexarm_node",
+    "flexarm_daq",
+    "flexarm_ident",
+    "flexarm_control",
+)
 CONNECTING = {
     *(
         f"flexarm_node.{name}"
@@ -45,9 +52,9 @@ for name in sys.argv[2:]:
 def computing_modules() -> list[str]:
     """Return every module that has to do without ROS."""
     names = {
-        f"{package}.{file.stem}"
+        ".".join(file.relative_to(SOURCES / package).with_suffix("").parts)
         for package in COMPUTING_PACKAGES
-        for file in (SOURCES / package / package).glob("*.py")
+        for file in (SOURCES / package / package).rglob("*.py")
         if not file.stem.endswith("_node") and file.stem != "__init__"
     }
     return sorted(names - CONNECTING)

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PACKAGES = (
+    "flexarm_core",
+    "flexarm_bags",
     "flexarm_ident",
     "flexarm_control",
     "flexarm_daq",
@@ -44,9 +46,12 @@ def write_api_pages(sources: Path, folder: Path) -> None:
 
 def _modules(folder: Path) -> dict[str, str]:
     """Return the docstrings of the public modules of a package by their names."""
-    paths = sorted(path for path in folder.glob("*.py") if not path.stem.startswith("_"))
+    paths = sorted(path for path in folder.rglob("*.py") if not path.stem.startswith("_"))
     return {
-        f"{folder.name}.{path.stem}": ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
+        ".".join(path.relative_to(folder.parent).with_suffix("").parts): ast.get_docstring(
+            ast.parse(path.read_text("utf-8"))
+        )
+        or ""
         for path in paths
     }
 

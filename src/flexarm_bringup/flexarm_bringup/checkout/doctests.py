@@ -23,9 +23,10 @@ def modules_with_examples(sources: Path) -> Iterator[str]:
     sources
         The folder of the packages' sources.
     """
-    for path in sorted(sources.glob("*/*/*.py")):
-        if f"\n    {_PROMPT}" in path.read_text("utf-8"):
-            yield f"{path.parent.name}.{path.stem}"
+    for package in sorted(sources.iterdir()):
+        for path in sorted((package / package.name).rglob("*.py")):
+            if f"\n    {_PROMPT}" in path.read_text("utf-8"):
+                yield ".".join(path.relative_to(package).with_suffix("").parts)
 
 
 def pages_with_examples(folder: Path) -> Iterator[Path]:
