@@ -1,29 +1,69 @@
-"""The verb reproduce: tables and figures of the thesis beside our own, without any node."""
+"""Program of the study, run by the verb `reproduce`: what is asked for, shown and written."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
 from rich.markup import escape
 from rich.table import Table
 
 from flexarm_bringup.console import terminal
-from flexarm_reproduction.document import write_document
-from flexarm_reproduction.findings import Verdict, count
-from flexarm_reproduction.run import reproduce
-from flexarm_reproduction.selection import all_subjects, select
-from flexarm_reproduction.store import Store
+from flexarm_bringup.verbs.verb import Verbs, examples
+from reproduction.contents import all_subjects, select
+from reproduction.framework.computing import Workers
+from reproduction.framework.document import write_document
+from reproduction.framework.findings import Verdict, count
+from reproduction.framework.run import reproduce
+from reproduction.framework.store import Store
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_reproduction.computing import Workers
-    from flexarm_reproduction.findings import Finding, Judgement, SideBySide
-    from flexarm_reproduction.run import Outcome
+    from reproduction.framework.findings import Finding, Judgement, SideBySide
+    from reproduction.framework.run import Outcome
 
 CACHE = Path("out/reproduction/cache")
 _COLOURS = {Verdict.AGREES: "green", Verdict.SAME_RANKING: "yellow", Verdict.DIFFERS: "red"}
+
+
+@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+def main() -> None:
+    """Be the command whose verb this program is: its usage, error lines and exit codes."""
+
+
+@main.command("reproduce")
+@click.argument("keys", nargs=-1)
+@click.option("--list", "listing", is_flag=True, help="Say what there is.")
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("out/reproduction"),
+    show_default=True,
+    help="Folder of the pages.",
+)
+@click.option("--jobs", type=click.IntRange(1), help="Processes; by default one per core.")
+@click.option("--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster.")
+@examples(
+    "reproduce --list",
+    "reproduce table-2-4",
+    "reproduce 'figure-4-*' chapter-3",
+    "reproduce all -o docs/reproduction",
+    "reproduce all --dask tcp://10.0.0.7:8786",
+)
+def command(
+    keys: tuple[str, ...], out: Path, jobs: int | None, dask: str, *, listing: bool
+) -> None:
+    """Set tables, figures and claims of the thesis beside our own, with a verdict each."""
+    if listing:
+        show_subjects(keys)
+        return
+    if not keys:
+        raise click.UsageError("say what, such as table-2-4 or all; --list says what there is")
+    sys.exit(reproduce_subjects(keys, out, Workers(jobs or -1, dask)))
 
 
 def show_subjects(wanted: Sequence[str]) -> None:
@@ -89,3 +129,7 @@ def _rich_table(side_by_side: SideBySide) -> Table:
 def _show_counts(judgements: Sequence[Judgement]) -> None:
     words = (f"[{_COLOURS[kind]}]{kind.value} {n}[/]" for kind, n in count(judgements).items())
     terminal.CONSOLE.print(", ".join(words))
+
+
+if __name__ == "__main__":
+    main(["reproduce", *sys.argv[1:]], prog_name="flexarm")

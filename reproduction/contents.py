@@ -7,13 +7,13 @@ import re
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from flexarm_reproduction import appendices, chapter2, chapter3, chapter4
-from flexarm_reproduction.errors import ReproductionError
+from reproduction import appendices, chapter2, chapter3, chapter4
+from reproduction.framework.errors import ReproductionError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_reproduction.subjects import Subject
+    from reproduction.framework.subjects import Subject
 
 ALL = "all"
 APPENDICES = "appendices"

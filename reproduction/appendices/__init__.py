@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_reproduction import (
-    catalogue_tables,
-    excitation_figures,
-    nominal_models,
-    strain_sign,
-)
+from reproduction.appendices import catalogue_tables, nominal_models, strain_sign
+from reproduction.chapter2 import excitation_figures
 
 if TYPE_CHECKING:
-    from flexarm_reproduction.subjects import Subject
+    from reproduction.framework.subjects import Subject
 
 SUBJECTS: tuple[Subject, ...] = (
     *excitation_figures.SUBJECTS,

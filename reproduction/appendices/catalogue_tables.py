@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_core.channels import TRAVEL_DEG
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_reproduction.findings import Finding, SideBySide, judged
-from flexarm_reproduction.record_facts import RecordFacts, record_facts
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.appendices.record_facts import RecordFacts, record_facts
+from reproduction.framework.findings import Finding, SideBySide, judged
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from flexarm_daq.experiments.catalogue import Experiment
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
     Check = Callable[[Mapping[str, Any], Experiment, RecordFacts], dict[str, tuple[str, str]]]
 

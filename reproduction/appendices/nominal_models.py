@@ -17,19 +17,19 @@ from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.reduction.modal import reduce_model
-from flexarm_reproduction.evidence import SEEDS, spread
-from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
-from flexarm_reproduction.records import simulated_record
-from flexarm_reproduction.response_plot import range_plot
-from flexarm_reproduction.sensors import SENSORS
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.framework.evidence import SEEDS, spread
+from reproduction.framework.findings import Finding, Plot, SideBySide, judged
+from reproduction.framework.records import simulated_record
+from reproduction.framework.response_plot import range_plot
+from reproduction.framework.sensors import SENSORS
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     import control
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 FREQUENCIES_HZ = np.geomspace(0.3, 50.0, 120)
 BANDS_HZ = ((0.3, 1.0), (1.0, 6.0), (6.0, 30.0), (30.0, 50.0))

@@ -9,7 +9,7 @@ import numpy as np
 from flexarm_core.channels import POSITION_V_PER_RAD
 from flexarm_daq.experiments.catalogue import catalogue
 from flexarm_ident.fitting.validation import recover_gains
-from flexarm_reproduction.records import simulated_record
+from reproduction.framework.records import simulated_record
 
 
 @dataclass(frozen=True)

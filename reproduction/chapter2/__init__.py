@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexarm_reproduction import (
+from reproduction.chapter2 import (
     closed_loop_response,
     imperfection_claim,
     model_validation,

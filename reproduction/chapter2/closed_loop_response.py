@@ -6,27 +6,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_reproduction.evidence import OFTEN, SEEDS
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
-from flexarm_reproduction.gauge_peaks import CAPTURED, FREQUENCIES_HZ, GAUGES, gains, has_peak
-from flexarm_reproduction.order_survey import (
+from reproduction.chapter2.gauge_peaks import CAPTURED, FREQUENCIES_HZ, GAUGES, gains, has_peak
+from reproduction.chapter2.order_survey import (
     fitted_half,
     identified,
     model_of,
     printed_order,
     thesis_record,
 )
-from flexarm_reproduction.response_plot import range_plot
-from flexarm_reproduction.sensors import SENSORS
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.waveform_modes import MODES_HZ
+from reproduction.chapter2.waveform_modes import MODES_HZ
+from reproduction.framework.evidence import OFTEN, SEEDS
+from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, judged
+from reproduction.framework.response_plot import range_plot
+from reproduction.framework.sensors import SENSORS
+from reproduction.framework.subjects import Call, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 RECORD = "C_dat3"
 LARGER_ORDER = 27

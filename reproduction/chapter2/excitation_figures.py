@@ -13,16 +13,16 @@ from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.experiments.excitation import BOUND_V, DIRECTION_HZ, VARYING_HZ
 from flexarm_ident.report.plots.plot_style import DOTTED, SOLID, STYLE, figure_of
 from flexarm_ident.report.plots.svg import inline_svg
-from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
-from flexarm_reproduction.records import simulated_record
-from flexarm_reproduction.subjects import Call, Subject
+from reproduction.framework.findings import Finding, Plot, SideBySide, judged
+from reproduction.framework.records import simulated_record
+from reproduction.framework.subjects import Call, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 SEED = 1
 SHOWN_S = 6.0

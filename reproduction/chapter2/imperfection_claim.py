@@ -10,17 +10,17 @@ import numpy as np
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
-from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.order_survey import best_error, prepared
-from flexarm_reproduction.records import run_experiment
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.survey_tables import METHOD_TEXT, survey_calls, survey_of
+from reproduction.chapter2.order_survey import best_error, prepared
+from reproduction.chapter2.survey_tables import METHOD_TEXT, survey_calls, survey_of
+from reproduction.framework.evidence import LEVEL, SEEDS, p_text, sign_test, spread
+from reproduction.framework.findings import Finding, Judgement, SideBySide, judged
+from reproduction.framework.records import run_experiment
+from reproduction.framework.subjects import Call, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 NOISELESS_V = (0.0, 0.0, 0.0, 0.0)
 RIG_RECORD = "O_dat2"

@@ -12,9 +12,7 @@ from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.fitting.validation import validate_dmv, validate_sfv
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 from flexarm_ident.report.plots.plots import match_plot
-from flexarm_reproduction.evidence import OFTEN, spread
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
-from flexarm_reproduction.order_survey import (
+from reproduction.chapter2.order_survey import (
     SET_POINT_GAINS,
     TABLE_OF,
     fitted_half,
@@ -24,17 +22,19 @@ from flexarm_reproduction.order_survey import (
     set_point_record,
     thesis_record,
 )
-from flexarm_reproduction.sensors import SENSORS
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.survey_tables import CLOSE, survey_calls, survey_of
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter2.survey_tables import CLOSE, survey_calls, survey_of
+from reproduction.framework.evidence import OFTEN, spread
+from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, judged
+from reproduction.framework.sensors import SENSORS
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 Validation: TypeAlias = Literal["dmv", "sfv"]
 

@@ -24,9 +24,9 @@ from flexarm_ident.models.poles import is_stable, stabilise
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.subspace.order import LARGEST_ORDER, SMALLEST_ORDER
 from flexarm_ident.subspace.orse import plain
-from flexarm_reproduction.evidence import SEEDS
-from flexarm_reproduction.records import run_experiment, simulated_record
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.framework.evidence import SEEDS
+from reproduction.framework.records import run_experiment, simulated_record
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 from flexarm_ident.records.preprocess import preprocess
-from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.order_survey import CUTOFF_HZ, best_error, prepared
-from flexarm_reproduction.records import simulated_record
-from flexarm_reproduction.subjects import Call, Subject
+from reproduction.chapter2.order_survey import CUTOFF_HZ, best_error, prepared
+from reproduction.framework.evidence import LEVEL, SEEDS, p_text, sign_test, spread
+from reproduction.framework.findings import Finding, Judgement, SideBySide, judged
+from reproduction.framework.records import simulated_record
+from reproduction.framework.subjects import Call, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 RECORDS = ("O_dat2", "C_dat3")
 """A record of each kind that the later chapters use."""

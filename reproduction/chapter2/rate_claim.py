@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_daq.experiments.catalogue import catalogue
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.imperfection_claim import least_error
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.survey_tables import METHOD_TEXT, survey_calls, survey_of
+from reproduction.chapter2.imperfection_claim import least_error
+from reproduction.chapter2.survey_tables import METHOD_TEXT, survey_calls, survey_of
+from reproduction.framework.evidence import LEVEL, p_text, sign_test, spread
+from reproduction.framework.findings import Finding, Judgement, SideBySide, judged
+from reproduction.framework.subjects import Call, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 PAIRS = {
     "O_dat1": "O_dat3",

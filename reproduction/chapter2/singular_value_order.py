@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.report.plots.plots import singular_value_plot
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
-from flexarm_reproduction.subjects import Subject
-from flexarm_reproduction.survey_tables import survey_calls, survey_of
+from reproduction.chapter2.survey_tables import survey_calls, survey_of
+from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, judged
+from reproduction.framework.subjects import Subject
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 RECORD = "O_dat2"
 """The thesis does not say whose singular values it shows; this is the record of its Ao2_19."""

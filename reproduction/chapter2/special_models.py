@@ -8,17 +8,17 @@ import numpy as np
 
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.models.poles import is_stable
-from flexarm_reproduction.evidence import OFTEN, SEEDS, spread
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.order_survey import TABLE_OF, fitted_half, identified, thesis_record
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.survey_tables import errors_judgement, survey_calls, survey_of
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter2.order_survey import TABLE_OF, fitted_half, identified, thesis_record
+from reproduction.chapter2.survey_tables import errors_judgement, survey_calls, survey_of
+from reproduction.framework.evidence import OFTEN, SEEDS, spread
+from reproduction.framework.findings import Finding, Judgement, SideBySide, judged
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 _SPECIAL = thesis_table("table_2_5")
 _TYPICAL = thesis_table("table_2_6")

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_daq.experiments.catalogue import catalogue
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.subjects import Subject
-from flexarm_reproduction.survey_tables import METHOD_TEXT, survey_calls, survey_of
+from reproduction.chapter2.survey_tables import METHOD_TEXT, survey_calls, survey_of
+from reproduction.framework.evidence import LEVEL, p_text, sign_test, spread
+from reproduction.framework.findings import Finding, Judgement, SideBySide, judged
+from reproduction.framework.subjects import Subject
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.evidence import Figures
-    from flexarm_reproduction.order_survey import OrderSurvey
-    from flexarm_reproduction.subjects import Results
+    from reproduction.chapter2.order_survey import OrderSurvey
+    from reproduction.framework.evidence import Figures
+    from reproduction.framework.subjects import Results
 
     Figure = Callable[[OrderSurvey], NDArray[np.float64]]
 

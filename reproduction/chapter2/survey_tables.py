@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import stats
 
-from flexarm_reproduction.evidence import LEVEL, OFTEN, SEEDS, p_text, spread
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.order_survey import ORDERS, survey
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter2.order_survey import ORDERS, survey
+from reproduction.framework.evidence import LEVEL, OFTEN, SEEDS, p_text, spread
+from reproduction.framework.findings import Finding, Judgement, SideBySide, judged
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from flexarm_reproduction.order_survey import OrderSurvey
-    from flexarm_reproduction.subjects import Results
+    from reproduction.chapter2.order_survey import OrderSurvey
+    from reproduction.framework.subjects import Results
 
 CLOSE = 1.5
 """Errors agree within this factor: C_dat7 and C_dat10 of the thesis, which differ by a fifth in

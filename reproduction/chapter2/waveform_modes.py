@@ -10,19 +10,19 @@ import numpy as np
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident.models.modes import frequency_and_damping
-from flexarm_reproduction.evidence import LEVEL, OFTEN, SEEDS, p_text, sign_test
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.gauge_peaks import CAPTURED, gains, has_peak
-from flexarm_reproduction.order_survey import fitted_half, identified, model_of, thesis_record
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter2.gauge_peaks import CAPTURED, gains, has_peak
+from reproduction.chapter2.order_survey import fitted_half, identified, model_of, thesis_record
+from reproduction.framework.evidence import LEVEL, OFTEN, SEEDS, p_text, sign_test
+from reproduction.framework.findings import Finding, Judgement, SideBySide, judged
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 RECORDS = {
     "square": "O_dat2",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexarm_reproduction import (
+from reproduction.chapter3 import (
     ranking_claims,
     reduction_errors,
     reduction_figures,

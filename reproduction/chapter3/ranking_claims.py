@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test
-from flexarm_reproduction.findings import Finding, SideBySide, judged
-from flexarm_reproduction.reduction_calls import errors_text, means
-from flexarm_reproduction.reduction_claims import NOISES, claim_subject
+from reproduction.chapter3.reduction_calls import errors_text, means
+from reproduction.chapter3.reduction_claims import NOISES, claim_subject
+from reproduction.framework.evidence import LEVEL, p_text, sign_test
+from reproduction.framework.findings import Finding, SideBySide, judged
 
 if TYPE_CHECKING:
-    from flexarm_reproduction.reduction_claims import Trials
-    from flexarm_reproduction.reduction_stages import ReductionTrial
+    from reproduction.chapter3.reduction_claims import Trials
+    from reproduction.chapter3.reduction_stages import ReductionTrial
 
 RIGID_STATES = 2
 """Section 3.2: the rigid motion takes two states or three."""

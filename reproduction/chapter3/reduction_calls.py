@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from flexarm_reproduction.evidence import SEEDS
-from flexarm_reproduction.reduction_stages import LOW, THESIS
-from flexarm_reproduction.reduction_trial import reduction_trial
-from flexarm_reproduction.subjects import Call
+from reproduction.chapter3.reduction_stages import LOW, THESIS
+from reproduction.chapter3.reduction_trial import reduction_trial
+from reproduction.framework.evidence import SEEDS
+from reproduction.framework.subjects import Call
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.reduction_stages import ReductionTrial
-    from flexarm_reproduction.subjects import Results
+    from reproduction.chapter3.reduction_stages import ReductionTrial
+    from reproduction.framework.subjects import Results
 
 Validation: TypeAlias = Literal["dmv", "sfv"]
 INITIAL = "initial"

@@ -5,17 +5,17 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeAlias
 
-from flexarm_reproduction.reduction_calls import both_calls, trials
-from flexarm_reproduction.reduction_examples import TABLES
-from flexarm_reproduction.reduction_stages import LOW, THESIS
-from flexarm_reproduction.subjects import Subject
+from reproduction.chapter3.reduction_calls import both_calls, trials
+from reproduction.chapter3.reduction_examples import TABLES
+from reproduction.chapter3.reduction_stages import LOW, THESIS
+from reproduction.framework.subjects import Subject
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from flexarm_reproduction.findings import Finding
-    from flexarm_reproduction.reduction_stages import ReductionTrial
-    from flexarm_reproduction.subjects import Results
+    from reproduction.chapter3.reduction_stages import ReductionTrial
+    from reproduction.framework.findings import Finding
+    from reproduction.framework.subjects import Results
 
 
 CODES = tuple(TABLES.values())

@@ -12,18 +12,18 @@ from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
 from flexarm_ident import identify, validate_dmv
-from flexarm_reproduction.findings import SideBySide
-from flexarm_reproduction.order_survey import METHOD, fitted_half, prepared
-from flexarm_reproduction.records import run_experiment
-from flexarm_reproduction.reduction_calls import error_text
-from flexarm_reproduction.reduction_examples import EXAMPLES
-from flexarm_reproduction.sensors import SENSORS
-from flexarm_reproduction.subjects import Call
+from reproduction.chapter2.order_survey import METHOD, fitted_half, prepared
+from reproduction.chapter3.reduction_calls import error_text
+from reproduction.chapter3.reduction_examples import EXAMPLES
+from reproduction.framework.findings import SideBySide
+from reproduction.framework.records import run_experiment
+from reproduction.framework.sensors import SENSORS
+from reproduction.framework.subjects import Call
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 AS_IT_IS = "as in the first table"
 _FREE = {"coulomb_friction_nm": 0.0}

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_reproduction.evidence import spread
-from flexarm_reproduction.findings import Finding, SideBySide, judged
-from flexarm_reproduction.reduction_calls import (
+from reproduction.chapter3.reduction_calls import (
     INITIAL,
     RUNS_AWAY,
     Validation,
@@ -22,20 +20,22 @@ from flexarm_reproduction.reduction_calls import (
     ratios,
     trials,
 )
-from flexarm_reproduction.reduction_drift import drift_calls, drift_table
-from flexarm_reproduction.reduction_examples import EXAMPLES, TABLES
-from flexarm_reproduction.reduction_rows import DISTINCT, STAGES, reversed_pairs, thesis_rows
-from flexarm_reproduction.reduction_stages import C_UPDATED, LOW, THESIS, WAYS
-from flexarm_reproduction.subjects import Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter3.reduction_drift import drift_calls, drift_table
+from reproduction.chapter3.reduction_examples import EXAMPLES, TABLES
+from reproduction.chapter3.reduction_rows import DISTINCT, STAGES, reversed_pairs, thesis_rows
+from reproduction.chapter3.reduction_stages import C_UPDATED, LOW, THESIS, WAYS
+from reproduction.framework.evidence import spread
+from reproduction.framework.findings import Finding, SideBySide, judged
+from reproduction.framework.subjects import Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from flexarm_reproduction.reduction_examples import Example
-    from flexarm_reproduction.reduction_rows import ThesisRow
-    from flexarm_reproduction.reduction_stages import ReductionTrial
-    from flexarm_reproduction.subjects import Results
+    from reproduction.chapter3.reduction_examples import Example
+    from reproduction.chapter3.reduction_rows import ThesisRow
+    from reproduction.chapter3.reduction_stages import ReductionTrial
+    from reproduction.framework.subjects import Results
 
 RATIO_NEAR = 0.15
 """What a step costs agrees within 15 %: our own records differ by as much among themselves."""

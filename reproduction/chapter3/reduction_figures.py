@@ -9,8 +9,7 @@ import numpy as np
 
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 from flexarm_ident.report.plots.plots import match_plot
-from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
-from flexarm_reproduction.reduction_calls import (
+from reproduction.chapter3.reduction_calls import (
     INITIAL,
     RUNS_AWAY,
     Validation,
@@ -20,22 +19,23 @@ from flexarm_reproduction.reduction_calls import (
     ratios,
     trials,
 )
-from flexarm_reproduction.reduction_errors import RATIO_NEAR
-from flexarm_reproduction.reduction_examples import EXAMPLES, TABLES
-from flexarm_reproduction.reduction_rows import STAGES, reversed_pairs, thesis_rows
-from flexarm_reproduction.reduction_stages import LOW, THESIS
-from flexarm_reproduction.sensors import SENSORS
-from flexarm_reproduction.subjects import Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter3.reduction_errors import RATIO_NEAR
+from reproduction.chapter3.reduction_examples import EXAMPLES, TABLES
+from reproduction.chapter3.reduction_rows import STAGES, reversed_pairs, thesis_rows
+from reproduction.chapter3.reduction_stages import LOW, THESIS
+from reproduction.framework.findings import Finding, Plot, SideBySide, judged
+from reproduction.framework.sensors import SENSORS
+from reproduction.framework.subjects import Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.reduction_rows import ThesisRow
-    from flexarm_reproduction.reduction_stages import Curves, ReductionTrial
-    from flexarm_reproduction.subjects import Results
+    from reproduction.chapter3.reduction_rows import ThesisRow
+    from reproduction.chapter3.reduction_stages import Curves, ReductionTrial
+    from reproduction.framework.subjects import Results
 
 DELTA_NEAR = 1.0 / 3.0
 """An error of a figure's output agrees within a third, or ..."""

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import stats
 
-from flexarm_reproduction.evidence import LEVEL, p_text
-from flexarm_reproduction.findings import Finding, SideBySide, judged
-from flexarm_reproduction.reduction_calls import (
+from reproduction.chapter3.reduction_calls import (
     RUNS_AWAY,
     Validation,
     calls,
@@ -17,16 +15,18 @@ from flexarm_reproduction.reduction_calls import (
     means,
     trials,
 )
-from flexarm_reproduction.reduction_examples import EXAMPLES
-from flexarm_reproduction.reduction_stages import FILTERED, THESIS
-from flexarm_reproduction.subjects import Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter3.reduction_examples import EXAMPLES
+from reproduction.chapter3.reduction_stages import FILTERED, THESIS
+from reproduction.framework.evidence import LEVEL, p_text
+from reproduction.framework.findings import Finding, SideBySide, judged
+from reproduction.framework.subjects import Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from flexarm_reproduction.reduction_stages import ReductionTrial
-    from flexarm_reproduction.subjects import Results
+    from reproduction.chapter3.reduction_stages import ReductionTrial
+    from reproduction.framework.subjects import Results
 
 MEAN_NEAR = 0.25
 """A mean error agrees within a quarter: so far our own records lie from their median."""

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test
-from flexarm_reproduction.findings import Finding, SideBySide, judged
-from flexarm_reproduction.reduction_calls import both_calls, trials
-from flexarm_reproduction.reduction_examples import EXAMPLES, TABLES
-from flexarm_reproduction.reduction_stages import BENDING_NEAR, LOW, SLOW, THESIS
-from flexarm_reproduction.subjects import Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter3.reduction_calls import both_calls, trials
+from reproduction.chapter3.reduction_examples import EXAMPLES, TABLES
+from reproduction.chapter3.reduction_stages import BENDING_NEAR, LOW, SLOW, THESIS
+from reproduction.framework.evidence import LEVEL, p_text, sign_test
+from reproduction.framework.findings import Finding, SideBySide, judged
+from reproduction.framework.subjects import Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from flexarm_reproduction.reduction_examples import Example
-    from flexarm_reproduction.reduction_stages import ReductionTrial
-    from flexarm_reproduction.subjects import Results
+    from reproduction.chapter3.reduction_examples import Example
+    from reproduction.chapter3.reduction_stages import ReductionTrial
+    from reproduction.framework.subjects import Results
 
 NEAR = 0.1
 """A bending mode agrees within a tenth: the thesis's own vary by as much between its models."""

@@ -22,22 +22,22 @@ from flexarm_ident.report.plots.plot_style import (
     plain_numbers,
 )
 from flexarm_ident.report.plots.svg import inline_svg
-from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
-from flexarm_reproduction.reduction_calls import INITIAL, both_calls, means, trials
-from flexarm_reproduction.reduction_examples import EXAMPLES
-from flexarm_reproduction.reduction_stages import LOW, THESIS
-from flexarm_reproduction.sensors import SENSORS
-from flexarm_reproduction.subjects import Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter3.reduction_calls import INITIAL, both_calls, means, trials
+from reproduction.chapter3.reduction_examples import EXAMPLES
+from reproduction.chapter3.reduction_stages import LOW, THESIS
+from reproduction.framework.findings import Finding, Plot, SideBySide, judged
+from reproduction.framework.sensors import SENSORS
+from reproduction.framework.subjects import Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.reduction_examples import Example
-    from flexarm_reproduction.reduction_stages import Matrices, ReductionTrial
-    from flexarm_reproduction.subjects import Results
+    from reproduction.chapter3.reduction_examples import Example
+    from reproduction.chapter3.reduction_stages import Matrices, ReductionTrial
+    from reproduction.framework.subjects import Results
 
 PEAK_DB = 3.0
 """What stands out of a response by as much is a peak."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from flexarm_reproduction.reduction_calls import INITIAL
+from reproduction.chapter3.reduction_calls import INITIAL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from flexarm_reproduction.reduction_calls import Validation
+    from reproduction.chapter3.reduction_calls import Validation
 
 DISTINCT = 0.05
 """Errors that differ by less than 5 % are level: no order is read into them."""

@@ -22,7 +22,7 @@ from flexarm_ident.models.poles import stabilise
 from flexarm_ident.records.preprocess import output_scale, preprocess
 from flexarm_ident.reduction.balanced import balanced_truncation
 from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
-from flexarm_reproduction.order_survey import (
+from reproduction.chapter2.order_survey import (
     CUTOFF_HZ,
     METHOD,
     SET_POINT_GAINS,
@@ -30,9 +30,8 @@ from flexarm_reproduction.order_survey import (
     prepared,
     set_point_record,
 )
-from flexarm_reproduction.records import simulated_record
-from flexarm_reproduction.reduction_examples import EXAMPLES
-from flexarm_reproduction.reduction_stages import (
+from reproduction.chapter3.reduction_examples import EXAMPLES
+from reproduction.chapter3.reduction_stages import (
     C_UPDATED,
     FILTERED,
     LOW,
@@ -44,6 +43,7 @@ from flexarm_reproduction.reduction_stages import (
     bending_modes,
     is_rigid,
 )
+from reproduction.framework.records import simulated_record
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,8 +52,8 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident import Identification, IoData, Reduction
-    from flexarm_reproduction.reduction_examples import Example, Kept
-    from flexarm_reproduction.reduction_stages import Matrices
+    from reproduction.chapter3.reduction_examples import Example, Kept
+    from reproduction.chapter3.reduction_stages import Matrices
 
 NOISE_V: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
     {LOW: LOW_NOISE_V, THESIS: THESIS_NOISE_V, FILTERED: THESIS_NOISE_V}

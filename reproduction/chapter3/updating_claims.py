@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test
-from flexarm_reproduction.findings import Finding, SideBySide, judged
-from flexarm_reproduction.reduction_calls import INITIAL, Validation, errors_text, means
-from flexarm_reproduction.reduction_claims import NOISES, claim_subject
-from flexarm_reproduction.reduction_stages import C_UPDATED
+from reproduction.chapter3.reduction_calls import INITIAL, Validation, errors_text, means
+from reproduction.chapter3.reduction_claims import NOISES, claim_subject
+from reproduction.chapter3.reduction_stages import C_UPDATED
+from reproduction.framework.evidence import LEVEL, p_text, sign_test
+from reproduction.framework.findings import Finding, SideBySide, judged
 
 if TYPE_CHECKING:
-    from flexarm_reproduction.reduction_claims import Trials
-    from flexarm_reproduction.reduction_stages import ReductionTrial
+    from reproduction.chapter3.reduction_claims import Trials
+    from reproduction.chapter3.reduction_stages import ReductionTrial
 
 STABLE, UNSTABLE = "Ac3_18", "Ac3_21u"
 KINDS: tuple[Validation, ...] = ("dmv", "sfv")

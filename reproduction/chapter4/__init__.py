@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexarm_reproduction import (
+from reproduction.chapter4 import (
     ilqr_claims,
     ilqr_runs,
     margin_claim,

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, Verdict, judged
-from flexarm_reproduction.ilqr_runs import (
+from reproduction.chapter4.ilqr_runs import (
     SETPOINTS_V,
     TEXT,
     held_judgement,
@@ -14,10 +12,12 @@ from flexarm_reproduction.ilqr_runs import (
     needs_at,
     trials_at,
 )
-from flexarm_reproduction.subjects import Subject
+from reproduction.framework.evidence import LEVEL, p_text, sign_test, spread
+from reproduction.framework.findings import Finding, Judgement, SideBySide, Verdict, judged
+from reproduction.framework.subjects import Subject
 
 if TYPE_CHECKING:
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 
 def _claim(results: Results) -> Finding:

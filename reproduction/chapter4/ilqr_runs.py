@@ -14,19 +14,19 @@ from flexarm_control.laws.registry import build_law
 from flexarm_control.models.nominal_models import identified_model
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
-from flexarm_reproduction.evidence import SEEDS, spread
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
-from flexarm_reproduction.law_runs import step_to
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.thesis_values import thesis_table
-from flexarm_reproduction.time_plot import time_plot
+from reproduction.framework.evidence import SEEDS, spread
+from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, judged
+from reproduction.framework.law_runs import step_to
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.thesis_values import thesis_table
+from reproduction.framework.time_plot import time_plot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 SHOWN = 1
 PAYLOAD_KG, LENGTH_S, LATE_S = 0.3, 20.0, 10.0

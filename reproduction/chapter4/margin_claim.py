@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from flexarm_control.laws.gains import Compensation, PdpGains
 from flexarm_control.laws.pdpc import Pdpc
 from flexarm_daq import RigParameters
-from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.law_runs import STEP_S, step_to, step_trial
-from flexarm_reproduction.subjects import Call, Subject
+from reproduction.framework.evidence import LEVEL, SEEDS, p_text, sign_test
+from reproduction.framework.findings import Finding, Judgement, SideBySide, judged
+from reproduction.framework.law_runs import STEP_S, step_to, step_trial
+from reproduction.framework.subjects import Call, Subject
 
 if TYPE_CHECKING:
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 PAYLOADS_KG = (0.0, 0.1, 0.2, 0.3, 0.4)
 SETPOINT_V = 3.0

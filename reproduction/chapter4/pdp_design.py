@@ -22,16 +22,16 @@ from flexarm_ident.report.plots.plot_style import (
     legend_above,
 )
 from flexarm_ident.report.plots.svg import inline_svg
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, judged
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 TRIAL_GAINS = PdpGains(0.5, 3.3, 0.07)
 SAME_J = 0.005

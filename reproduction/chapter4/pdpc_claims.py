@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_reproduction.evidence import LEVEL, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, SideBySide, judged
-from flexarm_reproduction.pdpc_runs import (
+from reproduction.chapter4.pdpc_runs import (
     CASES,
     GAUGE_TEXT,
     SETTLING_TEXT,
@@ -18,10 +16,12 @@ from flexarm_reproduction.pdpc_runs import (
     trials_of,
     vibration_table,
 )
-from flexarm_reproduction.subjects import Subject
+from reproduction.framework.evidence import LEVEL, p_text, sign_test, spread
+from reproduction.framework.findings import Finding, Judgement, SideBySide, judged
+from reproduction.framework.subjects import Subject
 
 if TYPE_CHECKING:
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 WITHOUT_V = 0.1
 

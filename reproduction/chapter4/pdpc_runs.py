@@ -10,9 +10,9 @@ import numpy as np
 from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
 from flexarm_daq import RigParameters
-from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
-from flexarm_reproduction.law_runs import (
+from reproduction.framework.evidence import LEVEL, SEEDS, p_text, sign_test, spread
+from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, judged
+from reproduction.framework.law_runs import (
     AT_REST_S,
     RATE_HZ,
     LawRun,
@@ -21,13 +21,13 @@ from flexarm_reproduction.law_runs import (
     step_to,
     step_trial,
 )
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.time_plot import time_plot
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.time_plot import time_plot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 SHOWN = 1
 CASES = ((0.0, 1.0), (0.2, 3.0), (0.4, 5.0))

@@ -25,8 +25,8 @@ from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident.workflow.workflow import Request
 from flexarm_ident.workflow.workflow import run as identify_record
-from flexarm_reproduction.law_runs import RATE_HZ, STEP_S, step_to
-from flexarm_reproduction.records import simulated_record
+from reproduction.framework.law_runs import RATE_HZ, STEP_S, step_to
+from reproduction.framework.records import simulated_record
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.report.plots.plots import match_plot
-from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
-from flexarm_reproduction.pi_evaluation import (
+from reproduction.chapter4.pi_evaluation import (
     CODES,
     SETPOINT_V,
     TYPE_WITHOUT_FRICTION,
     PiCase,
     pi_case,
 )
-from flexarm_reproduction.subjects import Call, Subject
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.framework.evidence import LEVEL, SEEDS, p_text, sign_test, spread
+from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, judged
+from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 FIGURES = dict(zip(("4-2", "4-3", "4-4", "4-5"), CODES, strict=True))
 CLOSE = 0.25

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import joblib
 
-from flexarm_reproduction.errors import ReproductionError, one_line
-from flexarm_reproduction.source_digest import source_digest
+from reproduction.framework.errors import ReproductionError, one_line
+from reproduction.framework.source_digest import source_digest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from flexarm_reproduction.subjects import Call
+    from reproduction.framework.subjects import Call
 
 CONNECT_S = 10.0
 """How long a scheduler may take to answer, and to have a worker."""

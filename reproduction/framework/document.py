@@ -6,16 +6,16 @@ import html
 import re
 from typing import TYPE_CHECKING
 
-from flexarm_reproduction.findings import Verdict, count
-from flexarm_reproduction.selection import APPENDICES, page_of
+from reproduction.contents import APPENDICES, page_of
+from reproduction.framework.findings import Verdict, count
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from flexarm_reproduction.findings import Finding, SideBySide
-    from flexarm_reproduction.run import Outcome
-    from flexarm_reproduction.subjects import Subject
+    from reproduction.framework.findings import Finding, SideBySide
+    from reproduction.framework.run import Outcome
+    from reproduction.framework.subjects import Subject
 
 PICTURES = "svg"
 _INTRODUCTION = """\

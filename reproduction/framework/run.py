@@ -8,15 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flexarm_reproduction.computing import Workers, computed
-from flexarm_reproduction.errors import one_line
+from reproduction.framework.computing import Workers, computed
+from reproduction.framework.errors import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from flexarm_reproduction.findings import Finding
-    from flexarm_reproduction.store import Store
-    from flexarm_reproduction.subjects import Call, Results, Subject
+    from reproduction.framework.findings import Finding
+    from reproduction.framework.store import Store
+    from reproduction.framework.subjects import Call, Results, Subject
 
     Progress = Callable[[str, float], None]
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from typing import Any
 
-PROJECT = "flexarm_"
+PROJECT = ("flexarm_", "reproduction.")
 """What the names of the project's packages begin with."""
 _LIBRARIES = ("numpy", "scipy", "numba", "control")
 _READS_FILES = "files"

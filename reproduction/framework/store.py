@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import joblib
 
-from flexarm_reproduction.source_digest import source_digest
+from reproduction.framework.source_digest import source_digest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from flexarm_reproduction.subjects import Call
+    from reproduction.framework.subjects import Call
 
 _COMPRESSION = 3
 

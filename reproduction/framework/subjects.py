@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from flexarm_reproduction.findings import Finding
+    from reproduction.framework.findings import Finding
 
     Results: TypeAlias = "Mapping[Call, Any]"
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import yaml
+
+_FOLDER = Path(__file__).parents[1] / "thesis"
 
 
 @cache
 def thesis_table(name: str) -> Any:  # noqa: ANN401 - each table has a shape of its own
     """Return a table of the thesis by the name of its file, such as ``table_2_4``."""
-    return yaml.safe_load(
-        (files("flexarm_reproduction") / "thesis" / f"{name}.yaml").read_text("utf-8")
-    )
+    return yaml.safe_load((_FOLDER / f"{name}.yaml").read_text("utf-8"))
