@@ -5,13 +5,13 @@ from __future__ import annotations
 import ast
 from collections import defaultdict
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 from support.project import PROJECT
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     Arrows = Mapping[str, frozenset[str]]
@@ -58,17 +58,30 @@ class Module:
     @cached_property
     def imported(self) -> frozenset[str]:
         """Every dotted name that the file imports, at its top, late, or for its types only."""
-        return frozenset(_imported(self.tree))
+        return frozenset(_imported(ast.walk(self.tree)))
+
+    @cached_property
+    def loaded(self) -> frozenset[str]:
+        """Dotted names that the file imports when it runs, at its top or late."""
+        return frozenset(_imported(_walk_without_types(self.tree)))
 
 
-def _imported(tree: ast.Module) -> Iterator[str]:
-    for node in ast.walk(tree):
+def _imported(nodes: Iterable[ast.AST]) -> Iterator[str]:
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
+def _walk_without_types(tree: ast.AST) -> Iterator[ast.AST]:
+    yield tree
+    for node in ast.iter_child_nodes(tree):
+        if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
+            yield from _walk_without_types(node)
+
+
+@cache
 def project_modules() -> tuple[Module, ...]:
     """Return the modules of every package under `src`, and of the reproduction beside it."""
     packages = sorted(
@@ -87,22 +100,30 @@ def _dotted(file: Path, root: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def module_arrows(modules: tuple[Module, ...]) -> Arrows:
-    """Return for each module the modules of the project that it imports."""
+def module_arrows(modules: tuple[Module, ...], *, types: bool = False) -> Arrows:
+    """Return for each module the modules of the project that it imports.
+
+    Parameters
+    ----------
+    modules : tuple of Module
+        All modules.
+    types : bool
+        Count what is imported for its types only.
+    """
     known = {module.name for module in modules}
     return {
-        module.name: frozenset(filter(None, (_resolved(name, known) for name in module.imported)))
-        - {module.name}
+        module.name: frozenset(
+            target
+            for name in (module.imported if types else module.loaded)
+            if (target := _resolved(name, known)) not in {"", module.name}
+        )
         for module in modules
     }
 
 
-def _resolved(name: str, known: set[str]) -> str | None:
-    """Return the module that an imported name is, or lives in."""
-    if name in known:
-        return name
-    parent = name.rpartition(".")[0]
-    return parent if parent in known else None
+def _resolved(name: str, known: set[str]) -> str:
+    """Return the module that an imported name is, or lives in; empty: no module of the project."""
+    return next((each for each in (name, name.rpartition(".")[0]) if each in known), "")
 
 
 def folder_arrows(modules: tuple[Module, ...]) -> Arrows:
@@ -112,7 +133,7 @@ def folder_arrows(modules: tuple[Module, ...]) -> Arrows:
     """
     folder = {module.name: module.folder for module in modules if not module.is_init}
     arrows: dict[str, set[str]] = defaultdict(set)
-    for name, targets in module_arrows(modules).items():
+    for name, targets in module_arrows(modules, types=True).items():
         if name in folder:
             arrows[folder[name]] |= {folder[each] for each in targets if each in folder}
     return {name: frozenset(targets - {name}) for name, targets in arrows.items()}
