@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from bag_messages import RATE_HZ, TYPES, experiment, typestore
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
@@ -28,6 +27,8 @@ from rich.console import Console
 from rich.progress import track
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from bench.bags.messages import RATE_HZ, TYPES, experiment, typestore
+from bench.tools import count_option, json_option, write_json
 from flexarm_bags.check import check_bag
 from flexarm_bags.metadata import RecordedTopic
 from flexarm_bags.repair import repair_bag
@@ -49,11 +50,11 @@ _HUGE = (0, 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63, 2**64 - 1)
 
 @click.command()
 @click.option("--seconds", type=click.FloatRange(2.0), default=40.0, show_default=True)
-@click.option("--cuts", type=click.IntRange(1), default=200, show_default=True)
-@click.option("--flips", type=click.IntRange(1), default=600, show_default=True)
-@click.option("--mutations", type=click.IntRange(1), default=1500, show_default=True)
+@count_option("--cuts", 200)
+@count_option("--flips", 600)
+@count_option("--mutations", 1500)
 @click.option("--seed", type=int, default=1, show_default=True)
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
 @click.option("--read", type=click.Path(exists=True, path_type=Path), hidden=True)
 def main(
     *,
@@ -65,7 +66,7 @@ def main(
     json_file: Path | None,
     read: Path | None,
 ) -> None:
-    """Run the three campaigns and print what came out."""
+    """Run the three campaigns and print their results."""
     if read is not None:
         read_mutated(read, mutations, seed)
         return
@@ -95,8 +96,7 @@ def main(
         f"{mutations} mutated files: {verdict['read']} read, {verdict['refused']} refused with the"
         f" named error, {len(verdict['wrong'])} otherwise {verdict['wrong'][:5]}"  # type: ignore[arg-type, index]
     )
-    if json_file is not None:
-        json_file.write_text(json.dumps(figures, indent=1), "utf-8")
+    write_json(json_file, figures)
     sys.exit(bool(max(lost_s) > _MOST_LOST_S or unnoticed or verdict["wrong"]))
 
 
@@ -110,7 +110,7 @@ def write_bag(path: Path, samples: int) -> Path:
 
 
 def lost_by_cut(bag: Path, folder: Path, chance: random.Random) -> float:
-    """Cut a copy at a random byte, repair it, and return what is lost of what was on disk."""
+    """Cut a copy at a random byte, repair it, and return the seconds lost of those on disk."""
     (file,) = bag.glob("*.mcap")
     raw = file.read_bytes()
     size = chance.randrange(len(raw))
@@ -192,8 +192,16 @@ def mutated(folder: Path, mutations: int, seed: int) -> dict[str, object]:
         for topic, time_ns, raw in experiment(300):
             plain.add_message(channels[topic], time_ns, raw, time_ns)
         plain.finish()  # type: ignore[no-untyped-call]
-    command = [sys.executable, __file__, "--read", str(bags), "--mutations", str(mutations)]
-    done = subprocess.run(  # noqa: S603 - this file
+    command = [
+        sys.executable,
+        "-m",
+        "bench.bags.bag_faults",
+        "--read",
+        str(bags),
+        "--mutations",
+        str(mutations),
+    ]
+    done = subprocess.run(  # noqa: S603 - this module
         [*command, "--seed", str(seed)], check=False, capture_output=True, text=True
     )
     if done.returncode:

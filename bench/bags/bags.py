@@ -8,17 +8,16 @@ of a busy machine change nothing.
 
 from __future__ import annotations
 
-import json
 import tempfile
 import time
 from pathlib import Path
 
 import click
-from bag_messages import RATE_HZ, STATE, TYPES, experiment, typestore
 from rich.console import Console
-from rich.table import Table
 from rosbags.highlevel import AnyReader
 
+from bench.bags.messages import RATE_HZ, STATE, TYPES, experiment, typestore
+from bench.tools import json_option, make_table, write_json
 from flexarm_bags.metadata import RecordedTopic
 from flexarm_bags.schema import describe
 from flexarm_bags.writer import BagWriter
@@ -30,7 +29,7 @@ _REPEATS = 3
 
 @click.command()
 @click.option("--seconds", type=click.FloatRange(1.0), default=3600.0, show_default=True)
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
 def main(seconds: float, json_file: Path | None) -> None:
     """Measure, print a table, and write the figures to a file on request."""
     samples = round(seconds * RATE_HZ)
@@ -47,17 +46,15 @@ def main(seconds: float, json_file: Path | None) -> None:
         "ratio_to_anyreader": by_any_reader / by_read_bag,
         "read_bag_40_s_bag_s": short_s,
     }
-    table = Table(title=f"{samples} samples, {seconds:g} s at {RATE_HZ} Hz")
-    for head in ("reader", "CPU s", "messages/s"):
-        table.add_column(head, justify="left" if head == "reader" else "right")
+    title = f"{samples} samples, {seconds:g} s at {RATE_HZ} Hz"
+    table = make_table("reader", "CPU s", "messages/s", title=title)
     table.add_row("read_bag", f"{by_read_bag:.2f}", f"{samples / by_read_bag:.0f}")
     table.add_row("AnyReader", f"{by_any_reader:.2f}", f"{samples / by_any_reader:.0f}")
     console = Console()
     console.print(table)
     console.print(f"read_bag is {figures['ratio_to_anyreader']:.1f} times as fast")
     console.print(f"a bag of {_SHORT_S:g} s with commands: {short_s:.3f} s")
-    if json_file is not None:
-        json_file.write_text(json.dumps(figures, indent=1), "utf-8")
+    write_json(json_file, figures)
 
 
 def written(path: Path, samples: int, *, commands: bool) -> Path:

@@ -27,7 +27,7 @@ _VALUES = 6
 @cache
 def typestore() -> Typestore:
     """Return the types of the project."""
-    messages = Path(__file__).parents[1] / "src" / "flexarm_msgs"
+    messages = Path(__file__).parents[2] / "src" / "flexarm_msgs"
     return load_typestore({"flexarm_msgs": messages})
 
 

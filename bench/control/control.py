@@ -10,22 +10,19 @@ noise of the tachometer, 0.02 V, three times a second. `pdpc_thesis` has the the
 
 from __future__ import annotations
 
-import json
 import time
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 from scipy.optimize import NonlinearConstraint, minimize
 from scipy.signal import dlsim
 
+from bench.tools import count_option, json_option, run_trials, write_json
 from flexarm_control import (
     LAWS,
     Compensation,
@@ -46,6 +43,8 @@ from flexarm_daq import RigParameters
 from reproduction.framework.law_runs import step_to
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import control
 
     from flexarm_control import Law
@@ -110,8 +109,8 @@ def laws(tuned: PdpGains) -> dict[str, Law]:
 
 
 @click.command()
-@click.option("--seeds", type=click.IntRange(1), default=20, show_default=True)
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@count_option("--seeds", 20)
+@json_option
 def main(*, seeds: int, json_file: Path | None) -> None:
     """Run the trials, print the tables, and write the figures to a file on request."""
     models = [nominal_model(payload_kg) for payload_kg in nominal_payloads_kg()]
@@ -126,9 +125,8 @@ def main(*, seeds: int, json_file: Path | None) -> None:
     cases = [
         (name, tuned, *case) for name, case in product(laws(tuned), product(CASES, range(seeds)))
     ]
-    with ProcessPoolExecutor(2) as pool:
-        trials = list(track(pool.map(trial, cases, chunksize=4), total=len(cases)))
-        ilqr = list(pool.map(ilqr_trial, product((3.0, 5.0), range(seeds))))
+    trials = run_trials(trial, cases, chunk=4)
+    ilqr = run_trials(ilqr_trial, list(product((3.0, 5.0), range(seeds))))
     console = Console()
     console.print(f"tuned gains kp {tuned.kp:.4f}, kd {tuned.kd:.4f}, ksg {tuned.ksg:.4f}")
     console.print(
@@ -138,18 +136,16 @@ def main(*, seeds: int, json_file: Path | None) -> None:
     console.print(costs(step_us))
     console.print(table(trials))
     console.print(lines(trials, ilqr))
-    if json_file is not None:
-        figures = {
-            "step_us": step_us,
-            "tuning_s": tuning_s,
-            "one_start_s": one_start_s,
-            "naive_one_start_s": naive_s,
-            "gains": asdict(tuned),
-            "trials": [asdict(each) for each in trials],
-            "ilqr": [each._asdict() for each in ilqr],
-        }
-        json_file.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write_text(json.dumps(figures, indent=1), "utf-8")
+    figures = {
+        "step_us": step_us,
+        "tuning_s": tuning_s,
+        "one_start_s": one_start_s,
+        "naive_one_start_s": naive_s,
+        "gains": tuned,
+        "trials": trials,
+        "ilqr": [each._asdict() for each in ilqr],
+    }
+    write_json(json_file, figures)
 
 
 def trial(case: tuple[str, PdpGains, tuple[float, float], int]) -> Trial:

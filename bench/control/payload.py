@@ -6,20 +6,18 @@ gains, once with the gains that follow the detected payload. The baseline is the
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
-from control_laws import THRESHOLDS
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
+from bench.control.control import THRESHOLDS
+from bench.tools import count_option, json_option, run_trials, write_json
 from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.payload import PayloadDetection, PayloadEstimator
 from flexarm_control.laws.pdpc import Pdpc
@@ -27,6 +25,9 @@ from flexarm_control.laws.schedule import ScheduleGains
 from flexarm_control.laws.scheduled import ScheduledPdpc
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 RATE_HZ, LENGTH_S, DETECTED_S = 300.0, 4.0, 2.0
 PAYLOADS_KG = (0.0, 0.1, 0.2, 0.3, 0.4)
@@ -52,20 +53,17 @@ class Trial:
 
 
 @click.command()
-@click.option("--seeds", type=click.IntRange(1), default=4, show_default=True)
+@count_option("--seeds", 4)
 @click.option("--noise", type=click.Choice(list(NOISE_V)), default="low", show_default=True)
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
 def main(*, seeds: int, noise: str, json_file: Path | None) -> None:
     """Run the trials, print one table, and write them to a file on request."""
     cases = list(product(PAYLOADS_KG, SETPOINTS_V, (noise,), range(seeds), ("fixed", "scheduled")))
-    with ProcessPoolExecutor(2) as pool:
-        trials = list(track(pool.map(trial, cases, chunksize=4), total=len(cases)))
+    trials = run_trials(trial, cases, chunk=4)
     console = Console()
     console.print(table(trials))
     console.print(detection(trials))
-    if json_file:
-        json_file.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write_text(json.dumps([asdict(each) for each in trials], indent=1))
+    write_json(json_file, trials)
 
 
 def trial(case: tuple[float, float, str, int, str]) -> Trial:
@@ -103,7 +101,7 @@ def trial(case: tuple[float, float, str, int, str]) -> Trial:
 
 
 def table(trials: list[Trial]) -> Table:
-    """Settling times summed over the payloads, as ratios to the fixed gains."""
+    """Return settling times summed over the payloads, as ratios to the fixed gains."""
     result = Table("set-point", "fixed, s", "scheduled, s", "ratio", "worst overshoot, both")
     means: dict[tuple[str, float], float] = defaultdict(float)
     seeds = len({each.seed for each in trials})
@@ -126,7 +124,7 @@ def table(trials: list[Trial]) -> Table:
 
 
 def detection(trials: list[Trial]) -> Table:
-    """How many payloads were detected, and how well, after two seconds."""
+    """Return counts and errors of the payloads that were detected after two seconds."""
     result = Table("payload", "set-point", "detected", f"within {1e3 * ACCURACY_KG:.0f} g", "worst")
     for payload_kg, setpoint_v in product(PAYLOADS_KG, SETPOINTS_V):
         errors_kg = [

@@ -7,20 +7,16 @@ set-point at random, and every law steps the same rigs.
 
 from __future__ import annotations
 
-import json
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
-from control_laws import THRESHOLDS
 from rich.console import Console
-from rich.progress import track
-from rich.table import Table
 
+from bench.control.control import THRESHOLDS
+from bench.tools import count_option, json_option, make_table, run_trials, write_json
 from flexarm_control import (
     PdpGains,
     margins,
@@ -35,6 +31,10 @@ from flexarm_daq import RigParameters
 from reproduction.framework.law_runs import step_to
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.table import Table
+
     from flexarm_control import Law
 
 GRID_KG, SETPOINTS_V = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5), (1.0, 3.0, 5.0)
@@ -72,7 +72,7 @@ class Run(NamedTuple):
 
     @property
     def well(self) -> bool:
-        """Whether anybody would be content with it."""
+        """Whether the step keeps these limits."""
         return abs(self.mean_error_v) <= 0.05 and self.overshoot <= 0.1 and self.settling_s <= 4.0  # noqa: PLR2004 - its docstring says them
 
 
@@ -80,9 +80,9 @@ Case = tuple[str, PdpGains, RigParameters, float, int]
 
 
 @click.command()
-@click.option("--rigs", type=click.IntRange(1), default=100, show_default=True)
+@count_option("--rigs", 100)
 @click.option("--spread", type=click.FloatRange(0.0, 0.5), default=0.1, show_default=True)
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
 def main(*, rigs: int, spread: float, json_file: Path | None) -> None:
     """Step them all, print the tables, and write the figures to a file on request."""
     models = [nominal_model(payload_kg) for payload_kg in nominal_payloads_kg()]
@@ -97,23 +97,19 @@ def main(*, rigs: int, spread: float, json_file: Path | None) -> None:
         for name in NAMES
         for seed, (rig, setpoint_v) in enumerate(drawn)
     ]
-    with ProcessPoolExecutor(2) as pool:
-        total = len(grid) + len(random)
-        runs = list(track(pool.map(step, grid + random, chunksize=4), total=total))
+    runs = run_trials(step, grid + random, chunk=4)
     on_grid, at_random = runs[: len(grid)], runs[len(grid) :]
     disks = [margins(model, tuned).disk_margin for model in models]
     console = Console()
     console.print("disk margins " + ", ".join(f"{disk:.2f}" for disk in disks))
     console.print(table("worst over the payloads", on_grid))
     console.print(table(f"{rigs} rigs, parameters off by up to {spread:.0%}", at_random))
-    if json_file is not None:
-        figures = {
-            "disk_margins": disks,
-            "grid": [each._asdict() for each in on_grid],
-            "random": [each._asdict() for each in at_random],
-        }
-        json_file.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write_text(json.dumps(figures, indent=1), "utf-8")
+    figures = {
+        "disk_margins": disks,
+        "grid": [each._asdict() for each in on_grid],
+        "random": [each._asdict() for each in at_random],
+    }
+    write_json(json_file, figures)
 
 
 def random_rig(seed: int, spread: float) -> tuple[RigParameters, float]:
@@ -145,8 +141,8 @@ def step(case: Case) -> Run:
 
 
 def table(title: str, runs: list[Run]) -> Table:
-    """Worst figures by law."""
-    result = Table("law", "|error| V", "overshoot", "settling s", "well", title=title)
+    """Return the worst figures of each law."""
+    result = make_table("law", "|error| V", "overshoot", "settling s", "well", title=title)
     for name in NAMES:
         some = [each for each in runs if each.law == name]
         result.add_row(

@@ -14,23 +14,26 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-from ident_plant import NOISES, error, trial
-from ident_stability import counted
 from rich.console import Console
-from rich.table import Table
 from scipy import io
+
+from bench.ident.plant import NOISES, error, trial
+from bench.ident.stability import counted
+from bench.tools import count_option, first_seed_option, json_option, make_table, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from ident_plant import Trial
-    from ident_stability import Count
+    from rich.table import Table
+
+    from bench.ident.plant import Trial
+    from bench.ident.stability import Count
 
 ORDER, BLOCK_ROWS = 18, 40
 OURS = ("orse", "orse_iv", "auto")
@@ -71,17 +74,15 @@ class Row:
 
 @click.command()
 @click.option("--quick", is_flag=True, help="2000 samples, white noise, our own default only.")
-@click.option("--seeds", type=click.IntRange(1), default=3, show_default=True)
-@click.option(
-    "--first-seed", type=click.IntRange(0), default=0, show_default=True, help="For fresh records."
-)
+@count_option("--seeds", 3)
+@first_seed_option
 @click.option(
     "--stability",
     type=click.IntRange(1),
     metavar="SEEDS",
     help="Only count unstable models of ours over as many seeds.",
 )
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
 @click.option("--install-peers", is_flag=True, help="Install the peers from PyPI first.")
 def main(
     *,
@@ -98,8 +99,7 @@ def main(
         seeds_used = range(first_seed, first_seed + stability)
         counts = list(counted(OURS, _LENGTHS[0], seeds_used, order=ORDER, block_rows=BLOCK_ROWS))
         console.print(stability_table(counts))
-        if json_file is not None:
-            json_file.write_text(json.dumps([asdict(each) for each in counts], indent=1), "utf-8")
+        write_json(json_file, counts)
         return
     if install_peers:
         install(console)
@@ -112,9 +112,8 @@ def main(
     for row in swept(methods, range(first_seed, first_seed + (1 if quick else seeds)), quick=quick):
         rows.append(row)
         console.print(f"{row.noise} {row.k} {row.method}: {row.failure or row.error}", style="dim")
-        if json_file is not None:
-            # A run that is ended early leaves what it measured.
-            json_file.write_text(json.dumps([asdict(each) for each in rows], indent=1), "utf-8")
+        # A run that is ended early leaves what it measured.
+        write_json(json_file, rows)
     console.print(table(rows))
     if not quick:
         console.print(f"{' and '.join(_SLOW)}: more than {_SLOW_LENGTH} samples once, white noise")
@@ -130,7 +129,7 @@ def cache() -> Path:
 
 def install(console: Console) -> None:
     """Install every peer of `requirements/peers.in` into an environment of its own."""
-    lines = (_HERE.parent / "requirements" / "peers.in").read_text("utf-8").splitlines()
+    lines = (_HERE.parents[1] / "requirements" / "peers.in").read_text("utf-8").splitlines()
     wanted = [line.partition("#")[0].strip() for line in lines]
     for name, (_, distribution) in PEERS.items():
         requirement = next(line for line in wanted if line.startswith(distribution))
@@ -222,18 +221,18 @@ def table(rows: Sequence[Row]) -> Table:
     if any(row.method == BASELINE and row.cpu_s for row in rows):
         name = BASELINE
         baselines = {(r.noise, r.k): r for r in rows if r.method == BASELINE}
-    shown = Table(title=f"order {ORDER}, {BLOCK_ROWS} block rows; in brackets: times {name}")
-    for head in ("noise", "K", "method", "CPU s", "MB above data", "error", "unstable", "seeds"):
-        shown.add_column(head, justify="left" if head in {"noise", "method"} else "right")
+    heads = ("noise", "method", "K", "CPU s", "MB above data", "error", "unstable", "seeds")
+    title = f"order {ORDER}, {BLOCK_ROWS} block rows; in brackets: times {name}"
+    shown = make_table(*heads, title=title, words=2)
     for row in rows:
         base = baselines.get((row.noise, row.k))
         if row.cpu_s is None:
-            shown.add_row(row.noise, str(row.k), row.method, row.failure)
+            shown.add_row(row.noise, row.method, str(row.k), row.failure)
             continue
         shown.add_row(
             row.noise,
-            str(row.k),
             row.method,
+            str(row.k),
             _with_ratio(row.cpu_s, base.cpu_s if base else None, ".4f"),
             f"{row.memory_mb:.0f}",
             _with_ratio(row.error, base.error if base else None, ".6f"),
@@ -245,12 +244,11 @@ def table(rows: Sequence[Row]) -> Table:
 
 def stability_table(counts: Sequence[Count]) -> Table:
     """Return how many models are unstable, before and after the policy."""
-    shown = Table(title=f"unstable models of order {ORDER}")
-    for head in ("noise", "K", "method", "seeds", "as estimated", "after the policy"):
-        shown.add_column(head, justify="left" if head in {"noise", "method"} else "right")
+    heads = ("noise", "method", "K", "seeds", "as estimated", "after the policy")
+    shown = make_table(*heads, title=f"unstable models of order {ORDER}", words=2)
     for each in counts:
         figures = (each.seeds, each.unstable, each.after_policy)
-        shown.add_row(each.noise, str(each.k), each.method, *map(str, figures))
+        shown.add_row(each.noise, each.method, str(each.k), *map(str, figures))
     return shown
 
 
@@ -280,9 +278,9 @@ def _run(method: str, folder: Path, pythons: dict[str, str]) -> dict[str, Any] |
     if method == "octave":
         data = {name: np.load(folder / f"{name}.npy") for name in ("u", "y")}
         io.savemat(folder / "data.mat", data)
-        command = ["octave", "--quiet", "--no-gui", str(_HERE / "ident_octave.m"), *options]
+        command = ["octave", "--quiet", "--no-gui", str(_HERE / "octave.m"), *options]
     else:
-        command = [pythons.get(method, sys.executable), str(_HERE / "ident_worker.py"), method]
+        command = [pythons.get(method, sys.executable), str(_HERE / "worker.py"), method]
         command += options
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(  # noqa: S603 - the workers beside this file

@@ -1,4 +1,4 @@
-"""How far from the best possible? Estimators beside maximum likelihood that knows the noise.
+"""Distance of the estimators from the Cramer-Rao bound, for coloured noise.
 
 The synthetic arm is identified from outputs with AR(1) noise. The reference is the output error
 model in modal form, of the true order, fitted by Gauss-Newton to data whitened by the true filter
@@ -8,27 +8,35 @@ likelihood estimate, which attains the Cramer-Rao bound. It knows what no estima
 
 from __future__ import annotations
 
-import json
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 import numpy as np
-from ident_plant import AR1_POLE, DT_S, error, plant, trial
 from rich.console import Console
-from rich.table import Table
 from scipy import signal
 
+from bench.ident.plant import AR1_POLE, DT_S, error, plant, trial
+from bench.tools import (
+    count_option,
+    first_seed_option,
+    json_option,
+    make_table,
+    run_trials,
+    write_json,
+)
 from flexarm_ident import IoData, identify
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form
 
 if TYPE_CHECKING:
-    from ident_plant import Trial
+    from pathlib import Path
+
     from numpy.typing import NDArray
+    from rich.table import Table
+
+    from bench.ident.plant import Trial
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
@@ -154,30 +162,27 @@ def _relative(y: Array, given: Trial) -> float:
 
 
 @click.command()
-@click.option("--seeds", type=click.IntRange(1), default=12, show_default=True)
-@click.option("--first-seed", type=click.IntRange(0), default=0, show_default=True)
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@count_option("--seeds", 12)
+@first_seed_option
+@json_option
 def main(*, seeds: int, first_seed: int, json_file: Path | None) -> None:
     """Print geometric means over the seeds, and write them to a file on request."""
     cases = list(product(LENGTHS, range(first_seed, first_seed + seeds)))
-    with ProcessPoolExecutor(2) as pool:
-        found = np.log(list(pool.map(errors, cases))).reshape(len(LENGTHS), seeds, -1)
+    found = np.log(run_trials(errors, cases)).reshape(len(LENGTHS), seeds, -1)
     means = np.exp(found.mean(axis=1))
     Console().print(table(means, seeds))
-    if json_file is not None:
-        names = ("best", *METHODS)
-        rows = [
-            {"k": k, "seeds": seeds} | dict(zip(names, row, strict=True))
-            for k, row in zip(LENGTHS, means.tolist(), strict=True)
-        ]
-        json_file.write_text(json.dumps(rows, indent=1), "utf-8")
+    names = ("best", *METHODS)
+    rows = [
+        {"k": k, "seeds": seeds} | dict(zip(names, row, strict=True))
+        for k, row in zip(LENGTHS, means.tolist(), strict=True)
+    ]
+    write_json(json_file, rows)
 
 
 def table(means: Array, seeds: int) -> Table:
     """Return the errors; in brackets as multiples of the reference."""
-    shown = Table(title=f"AR(1) noise, order {ORDER}, {seeds} seeds; in brackets: times the best")
-    for head in ("K", "the best", *METHODS):
-        shown.add_column(head, justify="right")
+    title = f"AR(1) noise, order {ORDER}, {seeds} seeds; in brackets: times the best"
+    shown = make_table("K", "the best", *METHODS, title=title, words=0)
     for samples, (best, *others) in zip(LENGTHS, means, strict=True):
         cells = (f"{each:.6f} ({each / best:.2f})" for each in others)
         shown.add_row(str(samples), f"{best:.6f}", *cells)

@@ -9,18 +9,23 @@ ratios to the full model's.
 
 from __future__ import annotations
 
-import json
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
+from bench.tools import (
+    count_option,
+    first_seed_option,
+    json_option,
+    make_table,
+    run_trials,
+    write_json,
+)
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
@@ -31,6 +36,9 @@ from flexarm_ident.reduction.balanced import balanced_truncation
 from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
 from flexarm_ident.workflow.workflow import Request, run
 from reproduction.framework.records import simulated_record
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 EXPERIMENTS = ("C_dat3", "C_dat11")
 FLEXIBLE_MODES = 3
@@ -77,23 +85,20 @@ class Trial:
 
 
 @click.command()
-@click.option("--seeds", type=click.IntRange(1), default=20, show_default=True)
-@click.option("--first-seed", type=click.IntRange(0), default=0, show_default=True)
+@count_option("--seeds", 20)
+@first_seed_option
 @click.option(
     "--order", type=click.IntRange(1), help="States of the full model; chosen if left out."
 )
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
 def main(*, seeds: int, first_seed: int, order: int | None, json_file: Path | None) -> None:
     """Run the records, print one table, and write them to a file on request."""
     cases = list(product(EXPERIMENTS, range(first_seed, first_seed + seeds), (order,)))
-    with ProcessPoolExecutor(2) as pool:
-        trials = list(track(pool.map(trial, cases), total=len(cases)))
+    trials = run_trials(trial, cases)
     console = Console()
     console.print(table(trials))
     console.print(verdict(trials))
-    if json_file:
-        json_file.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write_text(json.dumps([asdict(each) for each in trials], indent=1))
+    write_json(json_file, trials)
 
 
 def trial(case: tuple[str, int, int | None]) -> Trial:
@@ -148,14 +153,12 @@ def trial(case: tuple[str, int, int | None]) -> Trial:
 
 
 def table(trials: list[Trial]) -> Table:
-    """Every record in one line; BT is balanced truncation."""
-    result = Table(title="DMV of models of half the states over that of the full one", box=None)
-    result.add_column("record, seed", no_wrap=True)
-    result.add_column("order", justify="right", no_wrap=True)
+    """Return one line for each record; BT is balanced truncation."""
+    title = "DMV of models of half the states over that of the full one"
     modes = [f"f{number} %" for number in range(1, FLEXIBLE_MODES + 1)]
     rankings = ["MRM", "MSV", "MRMC", "BT"]
-    for heading in (*modes, "full", *rankings, "updated", "states"):
-        result.add_column(heading, justify="right", no_wrap=True)
+    heads = ("order", *modes, "full", *rankings, "updated", "states")
+    result = make_table("record, seed", *heads, title=title)
     for each in trials:
         result.add_row(
             f"{each.experiment} {each.seed}",
@@ -178,7 +181,7 @@ def table(trials: list[Trial]) -> Table:
 
 
 def verdict(trials: list[Trial]) -> Table:
-    """How many records of each experiment bear out the thesis's claims."""
+    """Return how many records of each experiment agree with the thesis's claims."""
     result = Table("experiment", "modes within 5 %", "MRM beats MSV", "updated within 5 %")
     for name in EXPERIMENTS:
         mine = [each for each in trials if each.experiment == name]

@@ -1,12 +1,11 @@
-"""How often is the estimated A unstable? Many seeds, our own estimators."""
+"""Count of unstable models of our own estimators over many seeds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ident_plant import DT_S, NOISES, trial
-
+from bench.ident.plant import DT_S, NOISES, trial
 from flexarm_ident import IoData, identify
 from flexarm_ident.models.poles import is_stable
 

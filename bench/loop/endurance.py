@@ -1,13 +1,12 @@
 """Endurance of the recording: ten minutes at 500 Hz with a busy core, and every sample in the bag.
 
 The simulated rig in real time with controller and recorder as processes, and beside them a process
-that never rests. Every sample that was taken must be in the bag; it ends with exit code 1
-otherwise. Periods that a busy machine skipped are told.
+that never rests. Every sample that was taken must be in the bag, else the exit code is 1.
+Periods that a busy machine skipped are reported.
 """
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import sys
 import tempfile
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
+from bench.tools import json_option, write_json
 from flexarm_bags.check import check_bag
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import running_graph
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @click.option("--rate", "rate_hz", type=click.FloatRange(10.0, 2000.0), default=500.0)
 @click.option("--minutes", type=click.FloatRange(0.05), default=10.0, show_default=True)
 @click.option("--idle", is_flag=True, help="No busy process beside it.")
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
 def main(*, rate_hz: float, minutes: float, idle: bool, json_file: Path | None) -> None:
     """Record, check the bag, print what was lost, and write the figures to a file on request."""
     with tempfile.TemporaryDirectory(prefix="flexarm_endurance_") as name:
@@ -56,8 +56,7 @@ def main(*, rate_hz: float, minutes: float, idle: bool, json_file: Path | None) 
     )
     for problem in found.problems:
         console.print(f"  {problem}")
-    if json_file is not None:
-        json_file.write_text(json.dumps(figures, indent=1), "utf-8")
+    write_json(json_file, figures)
     sys.exit(reading.samples != run.taken)
 
 

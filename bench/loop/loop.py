@@ -8,12 +8,11 @@ and priority: what it misses, this machine makes every Python program miss.
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 import time
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from bench.tools import json_option, write_json
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_node import qos
@@ -39,7 +39,7 @@ _PERCENTILES = {"p50": "p50", "p99": "p99", "p999": "p999", "max": "maximum"}
 
 @dataclass(frozen=True)
 class Row:
-    """What one run gave; times in ms, CPU as a share of one core per node."""
+    """Figures of one run; times in ms, CPU as a share of one core per node."""
 
     asked_hz: float
     rate_hz: float
@@ -63,7 +63,7 @@ class Row:
 )  # fmt: skip
 @click.option("--minutes", type=click.FloatRange(0.05), default=1.0, show_default=True)
 @click.option("--load", is_flag=True, help="Keep one core busy beside it.")
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
 def main(
     *, rates_hz: tuple[float, ...], minutes: float, load: bool, json_file: Path | None
 ) -> None:
@@ -78,9 +78,7 @@ def main(
         console.print(
             "Without real-time priority, which this account may not take: a busy machine shows."
         )
-    if json_file:
-        json_file.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write_text(json.dumps([asdict(row) for row in rows], indent=1))
+    write_json(json_file, rows)
 
 
 def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:

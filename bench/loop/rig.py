@@ -1,4 +1,4 @@
-"""Benchmark of the simulated rig: how many seconds of motion a second of computing gives.
+"""Benchmark of the simulated rig: seconds of motion for each second of computing.
 
 `batch` simulates a whole record in one call, `sampled` reads and writes a rig sample by sample as
 the DAQ node does in virtual time. Both drive the arm with a 2.5 V square of 0.6 s at 300 Hz.
@@ -6,17 +6,19 @@ the DAQ node does in virtual time. Both drive the arm with a 2.5 V square of 0.6
 
 from __future__ import annotations
 
-import json
 import time
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
+from bench.tools import json_option, make_table, write_json
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.rigs.plant import Plant, simulate
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 RATE_HZ = 300.0
 _REPEATS = 5
@@ -25,7 +27,7 @@ _PERIOD_S, _COMMAND_V = 0.6, 2.5
 
 @click.command()
 @click.option("--seconds", type=click.FloatRange(1.0), default=100.0, show_default=True)
-@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
 def main(seconds: float, json_file: Path | None) -> None:
     """Measure, print a table, and write the figures to a file on request."""
     samples = round(seconds * RATE_HZ)
@@ -36,14 +38,12 @@ def main(seconds: float, json_file: Path | None) -> None:
         "sampled_times_real_time": sampled(command_v),
         "seconds": seconds,
     }
-    table = Table(title=f"{seconds:g} s of motion at {RATE_HZ:g} Hz, 10 kHz sub-steps, best of 5")
-    table.add_column("way")
-    table.add_column("times real time", justify="right")
+    title = f"{seconds:g} s of motion at {RATE_HZ:g} Hz, 10 kHz sub-steps, best of {_REPEATS}"
+    table = make_table("way", "times real time", title=title)
     table.add_row("batch", f"{figures['times_real_time']:.0f}")
     table.add_row("sampled", f"{figures['sampled_times_real_time']:.0f}")
     Console().print(table)
-    if json_file is not None:
-        json_file.write_text(json.dumps(figures, indent=1), "utf-8")
+    write_json(json_file, figures)
 
 
 def batch(command_v: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
