@@ -233,7 +233,7 @@ def naive_tuning_s(models: list[control.StateSpace]) -> float:
 
 
 def costs(step_us: dict[str, float]) -> Table:
-    """Microseconds of one step of every law."""
+    """Return microseconds of one step of every law."""
     result = Table("law", "step, us")
     for name, cost_us in step_us.items():
         result.add_row(name, f"{cost_us:.2f}")
@@ -241,7 +241,7 @@ def costs(step_us: dict[str, float]) -> Table:
 
 
 def table(trials: list[Trial]) -> Table:
-    """Worst figures per law and case; the gauge as a mean over the seeds."""
+    """Return the worst figures per law and case; the gauge as a mean over the seeds."""
     result = Table("law", "case", "|error|", "overshoot", "settling, true", "gauge, true, 3-10 s")
     names = dict.fromkeys(each.law for each in trials)
     for name, (payload_kg, setpoint_v) in product(names, CASES):
@@ -258,7 +258,7 @@ def table(trials: list[Trial]) -> Table:
 
 
 def lines(trials: list[Trial], ilqr: list[IlqrTrial]) -> Table:
-    """Compare with the acceptance lines."""
+    """Return the figures beside the acceptance lines."""
     result = Table("line", "figure", "holds")
 
     def add(line: str, figure: float, *, holds: bool) -> None:

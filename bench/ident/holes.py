@@ -189,7 +189,7 @@ def _wanted(name: str, only: tuple[str, ...]) -> bool:
 
 
 def table(found: list[Trial], names: tuple[str, ...]) -> Table:
-    """Return medians over the seeds, and ratios to the undamaged record's error of the same seed."""
+    """Return medians over the seeds, and ratios to the same seed's undamaged record."""
     heads = ("damage", "order", "f1 %", "f2 %", "f3 %", "error", "ratio", "worst", BASELINE)
     title = "Models of damaged records, medians, judged undamaged"
     result = make_table(*heads, "refused", title=title)

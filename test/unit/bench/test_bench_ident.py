@@ -42,15 +42,7 @@ def test_bench_ident___quick___rows_and_missing_peers_are_named(tmp_path: Path) 
 
 def test_bench_ident___stability___no_model_of_any_noise_is_unstable(tmp_path: Path) -> None:
     file = tmp_path / "counts.json"
-    done = run_bench(
-        "ident.ident",
-        "--stability",
-        "3",
-        "--json",
-        str(file),
-        XDG_CACHE_HOME=str(tmp_path),
-        PATH=BARE,
-    )
+    done = run_ident(tmp_path, "--stability", "3", "--json", str(file))
     assert done.returncode == 0, done.stderr
     counts = json.loads(file.read_text("utf-8"))
     methods, noises = ("orse", "orse_iv", "auto"), ("white", "butterworth", "ar1", "closed_loop")
