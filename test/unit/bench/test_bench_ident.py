@@ -21,7 +21,7 @@ def run_ident(cache: Path, *options: str) -> CompletedProcess[str]:
 
 def test_bench_ident___quick___rows_and_missing_peers_are_named(tmp_path: Path) -> None:
     file = tmp_path / "rows.json"
-    done = run_bench("ident.ident", "--quick", "--json", str(file))
+    done = run_ident(tmp_path, "--quick", "--json", str(file))
     assert done.returncode == 0, done.stderr
     (row,) = json.loads(file.read_text("utf-8"))
     assert {key: row[key] for key in ("method", "noise", "k", "seeds", "unstable", "failure")} == {
