@@ -9,9 +9,11 @@ import hashlib
 import importlib
 import logging
 import os
+import pickle
 import platform
 import signal
 import tempfile
+import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -119,7 +121,8 @@ class Store:
             if not path.is_file():
                 continue
             try:
-                kept = joblib.load(path)
+                # The whole file, so that one that was cut is told by its checksum.
+                kept = pickle.loads(zlib.decompress(path.read_bytes()))  # noqa: S301 - our own
                 if kept["call"] == call.name and kept["source"] == source_digest():
                     found[call] = kept["result"]
             except Exception:  # noqa: BLE001, S112 - a cut pickle can raise anything; it is computed anew
@@ -133,14 +136,14 @@ class Store:
         handle, name = tempfile.mkstemp(dir=self._folder, suffix=".part")
         os.close(handle)
         try:
-            joblib.dump(content, name, compress=_COMPRESSION)
+            Path(name).write_bytes(zlib.compress(pickle.dumps(content), _COMPRESSION))
             Path(name).replace(self._path(call))
         finally:
             Path(name).unlink(missing_ok=True)
 
     def _path(self, call: Call) -> Path:
         digest = hashlib.sha256(call.name.encode()).hexdigest()[:16]
-        return self._folder / f"{call.function.__name__}-{digest}.joblib"
+        return self._folder / f"{call.function.__name__}-{digest}.pickle"
 
 
 def reproduce(
