@@ -18,11 +18,10 @@ from reproduction.chapter3.examples import (
     DISTINCT,
     EXAMPLES,
     INITIAL,
-    LOW,
     STAGES,
     TABLES,
-    THESIS,
     WAYS,
+    Records,
     Validation,
     reversed_pairs,
     thesis_rows,
@@ -36,7 +35,7 @@ from reproduction.chapter3.trial import (
     means,
     ratio_text,
     ratios,
-    trials,
+    records_of,
 )
 from reproduction.framework.findings import (
     SENSORS,
@@ -53,7 +52,7 @@ from reproduction.framework.rig import run_experiment
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from reproduction.chapter3.examples import Example, ReductionTrial, ThesisRow
+    from reproduction.chapter3.examples import ReductionTrial, ThesisRow
     from reproduction.framework.findings import Results
 
 
@@ -124,35 +123,27 @@ RATIO_NEAR = 0.15
 """What a step costs agrees within 15 %: our own records differ by as much among themselves."""
 
 
-def compare_errors(
-    example: Example,
-    rows: Sequence[ThesisRow],
-    low: Sequence[ReductionTrial],
-    noisy: Sequence[ReductionTrial],
-    *,
-    reason: str,
-) -> Finding:
+def compare_errors(rows: Sequence[ThesisRow], found: Records, *, reason: str) -> Finding:
     """Set the errors of a model and its reduced ones beside the thesis's.
 
     Parameters
     ----------
-    example
-        The model.
-    rows
+    rows : sequence of ThesisRow
         The thesis's errors.
-    low, noisy
-        Our results with little noise and with the thesis's; the verdict is on the second.
-    reason
+    found : Records
+        Ours; the verdict is on those with strong noise.
+    reason : str
         Why the stages come in another order, if they do.
     """
-    full = {row.validation: row.mean for row in rows if row.stage == INITIAL}
+    full = _full_means(rows)
+    noisy = found.noisy
     theirs = {(row.stage, row.validation): row.mean for row in rows}
     ours = {key: float(np.median(means(noisy, *key))) for key in theirs}
     off = {
         key: float(np.median(ratios(noisy, *key))) / (mean / full[key[1]]) - 1.0
         for key, mean in theirs.items()
     }
-    turned, turned_low = (_turned(theirs, some) for some in (noisy, low))
+    turned, turned_low = (_turned(theirs, some) for some in (noisy, found.low))
     near = [key for key, share in off.items() if abs(share) <= RATIO_NEAR]
     return Finding(
         judged(
@@ -166,8 +157,8 @@ def compare_errors(
             f"{ours['updated', 'dmv']:.3f}.",
             reason=reason,
         ),
-        tables=(_table(example, rows, low, noisy), _own_table(example, rows, low, noisy)),
-        text=_text(example, low, noisy),
+        tables=(_table(rows, found), _own_table(rows, found)),
+        text=_text(found),
     )
 
 
@@ -191,26 +182,19 @@ def _order_text(turned: Sequence[str]) -> str:
     return f"no two stages are in another order than the thesis's by more than {DISTINCT:.0%}"
 
 
-def _table(
-    example: Example,
-    rows: Sequence[ThesisRow],
-    low: Sequence[ReductionTrial],
-    noisy: Sequence[ReductionTrial],
-) -> SideBySide:
-    full = {row.validation: row.mean for row in rows if row.stage == INITIAL}
+def _full_means(rows: Sequence[ThesisRow]) -> dict[Validation, float]:
+    return {row.validation: row.mean for row in rows if row.stage == INITIAL}
+
+
+def _table(rows: Sequence[ThesisRow], found: Records) -> SideBySide:
+    full = _full_means(rows)
     return SideBySide(
-        f"Errors of {example.code} and its reduced models: position, base gauge, middle gauge and "
-        f"speed, and their mean; ours are medians over {len(noisy)} records, with the range",
+        f"Errors of {found.example.code} and its reduced models: position, base gauge, middle "
+        f"gauge and speed, and their mean; ours are medians over {len(found.noisy)} records, with "
+        "the range",
         (
-            "stage",
-            "by",
-            "thesis",
-            "thesis mean",
-            "ours",
-            "our mean",
-            "over full: thesis",
-            "ours",
-            "ours, little noise",
+            *("stage", "by", "thesis", "thesis mean", "ours", "our mean"),
+            *("over full: thesis", "ours", "ours, little noise"),
         ),
         tuple(
             (
@@ -218,59 +202,54 @@ def _table(
                 row.validation.upper(),
                 " ".join(f"{delta:.3f}" for delta in row.delta),
                 f"{row.mean:.3f}",
-                _medians(noisy, row.stage, row.validation),
-                errors_text(means(noisy, row.stage, row.validation)),
+                *_medians(found.noisy, row.stage, row.validation),
                 f"{row.mean / full[row.validation]:.2f}",
-                ratio_text(ratios(noisy, row.stage, row.validation)),
-                ratio_text(ratios(low, row.stage, row.validation)),
+                *_over_full(found, row.stage, row.validation),
             )
             for row in rows
         ),
     )
 
 
-def _own_table(
-    example: Example,
-    rows: Sequence[ThesisRow],
-    low: Sequence[ReductionTrial],
-    noisy: Sequence[ReductionTrial],
-) -> SideBySide:
+def _own_table(rows: Sequence[ThesisRow], found: Records) -> SideBySide:
     theirs = {row.stage for row in rows}
     shown: list[tuple[str, str, Validation]] = [("balanced truncation", "balanced", "dmv")]
-    for name in (name for name in noisy[0].stages if name not in {*theirs, "balanced"}):
+    for name in (name for name in found.noisy[0].stages if name not in {*theirs, "balanced"}):
         label = STAGES[name.removesuffix(C_UPDATED)]
         if name.endswith(C_UPDATED):
             label += ", C instead of B"
         shown += [(label, name, "dmv"), (label, name, "sfv")]
     return SideBySide(
-        f"What the thesis does not show of {example.code}: other updates, and balanced truncation "
-        "to as many states as MRM keeps",
+        f"What the thesis does not show of {found.example.code}: other updates, and balanced "
+        "truncation to as many states as MRM keeps",
         ("stage", "by", "ours", "our mean", "over full", "over full, little noise"),
         tuple(
             (
                 label,
                 kind.upper(),
-                _medians(noisy, name, kind),
-                errors_text(means(noisy, name, kind)),
-                ratio_text(ratios(noisy, name, kind)),
-                ratio_text(ratios(low, name, kind)),
+                *_medians(found.noisy, name, kind),
+                *_over_full(found, name, kind),
             )
             for label, name, kind in shown
         ),
     )
 
 
-def _medians(found: Sequence[ReductionTrial], stage: str, validation: Validation) -> str:
-    if np.median(means(found, stage, validation)) > RUNS_AWAY:
-        return error_text(np.inf)
-    middle = np.median(errors(found, stage, validation), axis=0)
-    return " ".join(error_text(value) for value in middle.tolist())
+def _over_full(found: Records, stage: str, kind: Validation) -> tuple[str, str]:
+    return ratio_text(ratios(found.noisy, stage, kind)), ratio_text(ratios(found.low, stage, kind))
 
 
-def _text(
-    example: Example, low: Sequence[ReductionTrial], noisy: Sequence[ReductionTrial]
-) -> tuple[str, ...]:
-    shown = next(trial for trial in noisy if trial.seed == example.shown_seed)
+def _medians(some: Sequence[ReductionTrial], stage: str, validation: Validation) -> tuple[str, str]:
+    mean = means(some, stage, validation)
+    if np.median(mean) > RUNS_AWAY:
+        return error_text(np.inf), errors_text(mean)
+    middle = np.median(errors(some, stage, validation), axis=0)
+    return " ".join(error_text(value) for value in middle.tolist()), errors_text(mean)
+
+
+def _text(found: Records) -> tuple[str, ...]:
+    example, low, noisy = found
+    shown = found.shown(noisy=True)
     states = ", ".join(f"{STAGES[way]} [{', '.join(shown.stages[way].kept)}]" for way in WAYS)
     moved = sum(bool(trial.moved) for trial in noisy)
     difference = max(trial.realisation_difference for trial in (*low, *noisy))
@@ -342,10 +321,8 @@ _REASONS: Mapping[str, str] = {
 def _subject(number: str, code: str) -> Subject:
     def build(results: Results) -> Finding:
         finding = compare_errors(
-            EXAMPLES[code],
             thesis_rows(thesis_table(f"table_{number.replace('-', '_')}b")),
-            trials(results, code, LOW),
-            trials(results, code, THESIS),
+            records_of(results, code),
             reason=_REASONS.get(number, "What is kept differs by record."),
         )
         if number not in _DRIFT:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from flexarm_core.arrays import FloatArray
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
+from reproduction.framework.findings import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -73,13 +74,12 @@ class Example:
         return tuple(natural_frequencies_hz(arm)[:BENDING_MODES].tolist())
 
 
-def _three_ways(mrm: int, msv: int, mrmc: int, **updated: Kept) -> Mapping[str, Kept]:
-    ways = {"mrm": Kept("mrm", mrm), "msv": Kept("msv", msv), "mrmc": Kept("mrmc", mrmc)}
-    return MappingProxyType({**ways, **updated, "updated_msv": Kept("msv", msv)})
-
-
-def _updated(ranking: Literal["mrm", "mrmc"], order: int) -> Mapping[str, Kept]:
-    return MappingProxyType({"updated": Kept(ranking, order)})
+def _example(code: str, made: Mapping[str, Any]) -> Example:
+    reduced = {}
+    for stage, words in made["reduced"].items():
+        ranking, *numbers = words.split()
+        reduced[stage] = Kept(ranking, *map(int, numbers))
+    return Example(code, **{**made, "reduced": MappingProxyType(reduced)})
 
 
 TABLES: Mapping[str, str] = MappingProxyType(
@@ -88,62 +88,7 @@ TABLES: Mapping[str, str] = MappingProxyType(
 """The examples with tables of their own."""
 
 EXAMPLES: Mapping[str, Example] = MappingProxyType(
-    {
-        example.code: example
-        for example in (
-            Example(
-                "Ac3_18",
-                "C_dat3",
-                18,
-                _three_ways(
-                    10, 11, 10, updated=Kept("mrmc", 10), further=Kept("mrmc", 8, bending_modes=2)
-                ),
-            ),
-            Example(
-                "Ac11_26",
-                "C_dat11",
-                26,
-                _three_ways(
-                    10,
-                    11,
-                    10,
-                    updated=Kept("mrm", 10),
-                    updated_mrmc=Kept("mrmc", 10),
-                    further=Kept("mrmc", 8, bending_modes=2),
-                ),
-            ),
-            Example(
-                "Ac3_21u",
-                "C_dat3",
-                21,
-                _three_ways(11, 11, 11, updated=Kept("mrmc", 11)),
-                unstable=True,
-                shown_seed=8,
-            ),
-            Example(
-                "Ao2_19",
-                "O_dat2",
-                19,
-                _three_ways(
-                    11, 12, 11, updated=Kept("mrmc", 11), further=Kept("mrmc", 7, bending_modes=2)
-                ),
-            ),
-            Example(
-                "Ac11_18c",
-                "C_dat11",
-                18,
-                _three_ways(
-                    12, 12, 12, updated=Kept("mrmc", 12), further=Kept("mrmc", 8, bending_modes=2)
-                ),
-                compensation="keep",
-            ),
-            Example("Ao10_12", "O_dat10", 12, _updated("mrmc", 9)),
-            Example("Ac5_22", "C_dat5", 22, _updated("mrmc", 10)),
-            Example("Ac6_29", "C_dat6", 29, _updated("mrmc", 9)),
-            Example("Ac14_32", "C_dat14", 32, _updated("mrmc", 10)),
-            Example("Ac3_22c", "C_dat3", 22, _updated("mrm", 10), compensation="keep"),
-        )
-    }
+    {code: _example(code, made) for code, made in thesis_table("chapter_3_models").items()}
 )
 """All of them by the thesis's code: the five of Tables 3-1 to 3-5, and those of Table 3-6."""
 
@@ -274,6 +219,27 @@ class ReductionTrial:
     def order(self) -> int:
         """States of the full model."""
         return self.stages["initial"].order
+
+
+class Records(NamedTuple):
+    """Results of an example, one per record.
+
+    Attributes
+    ----------
+    example : Example
+        The model.
+    low, noisy : sequence of ReductionTrial
+        Its trials with little noise, and with noise as strong as the thesis's.
+    """
+
+    example: Example
+    low: Sequence[ReductionTrial]
+    noisy: Sequence[ReductionTrial]
+
+    def shown(self, *, noisy: bool) -> ReductionTrial:
+        """Return the trial of the record that the figures show."""
+        some = self.noisy if noisy else self.low
+        return next(trial for trial in some if trial.seed == self.example.shown_seed)
 
 
 def bending_modes(modes: Sequence[Mode], known_hz: Sequence[float]) -> list[Mode]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,15 +12,21 @@ from reproduction.chapter3.costs import RATIO_NEAR
 from reproduction.chapter3.examples import (
     EXAMPLES,
     INITIAL,
-    LOW,
     STAGES,
     TABLES,
-    THESIS,
+    Records,
     Validation,
     reversed_pairs,
     thesis_rows,
 )
-from reproduction.chapter3.trial import RUNS_AWAY, both_calls, error_text, errors, ratios, trials
+from reproduction.chapter3.trial import (
+    RUNS_AWAY,
+    both_calls,
+    error_text,
+    errors,
+    ratios,
+    records_of,
+)
 from reproduction.framework.findings import (
     SENSORS,
     Finding,
@@ -52,9 +57,8 @@ POINTS = 600
 _MEANING: Mapping[Validation, str] = {"dmv": "data matching", "sfv": "set-point following"}
 
 
-@dataclass(frozen=True)
-class FigureOf:
-    """What a figure of the thesis draws."""
+class FigureOf(NamedTuple):
+    """Contents of a figure of the thesis: the table with its errors, a stage, a validation."""
 
     number: str
     table: str
@@ -62,58 +66,41 @@ class FigureOf:
     validation: Validation
 
 
-FIGURES: tuple[FigureOf, ...] = (
-    FigureOf("3-1", "3-1", INITIAL, "dmv"),
-    FigureOf("3-2", "3-1", INITIAL, "sfv"),
-    FigureOf("3-3", "3-1", "msv", "dmv"),
-    FigureOf("3-4", "3-1", "mrm", "dmv"),
-    FigureOf("3-5", "3-1", "mrmc", "dmv"),
-    FigureOf("3-6", "3-1", "updated", "dmv"),
-    FigureOf("3-7", "3-1", "updated", "sfv"),
-    FigureOf("3-9", "3-1", "further", "dmv"),
-    FigureOf("3-10", "3-1", "further", "sfv"),
-    FigureOf("3-11", "3-2", INITIAL, "dmv"),
-    FigureOf("3-12", "3-2", INITIAL, "sfv"),
-    FigureOf("3-13", "3-2", "mrm", "dmv"),
-    FigureOf("3-14", "3-2", "msv", "dmv"),
-    FigureOf("3-15", "3-2", "mrmc", "dmv"),
-    FigureOf("3-16", "3-2", "updated", "dmv"),
-    FigureOf("3-17", "3-2", "updated", "sfv"),
-    FigureOf("3-18", "3-3", "unstable", "dmv"),
-    FigureOf("3-19", "3-3", INITIAL, "dmv"),
-    FigureOf("3-20", "3-3", INITIAL, "sfv"),
-    FigureOf("3-21", "3-3", "mrm", "dmv"),
-    FigureOf("3-22", "3-3", "msv", "dmv"),
-    FigureOf("3-23", "3-3", "mrmc", "dmv"),
-    FigureOf("3-24", "3-3", "updated", "dmv"),
-    FigureOf("3-25", "3-3", "updated", "sfv"),
+_DRAWN = {
+    "3-1": """1 initial dmv, 2 initial sfv, 3 msv dmv, 4 mrm dmv, 5 mrmc dmv, 6 updated dmv,
+        7 updated sfv, 9 further dmv, 10 further sfv""",
+    "3-2": """11 initial dmv, 12 initial sfv, 13 mrm dmv, 14 msv dmv, 15 mrmc dmv, 16 updated dmv,
+        17 updated sfv""",
+    "3-3": """18 unstable dmv, 19 initial dmv, 20 initial sfv, 21 mrm dmv, 22 msv dmv, 23 mrmc dmv,
+        24 updated dmv, 25 updated sfv""",
+}
+"""Figures by the table that has their errors: number, stage and validation of each."""
+FIGURES = tuple(
+    FigureOf(f"3-{number}", table, stage, "sfv" if validation == "sfv" else "dmv")
+    for table, words in _DRAWN.items()
+    for number, stage, validation in map(str.split, words.split(","))
 )
 
 
-def compare_figure(
-    figure: FigureOf,
-    rows: Sequence[ThesisRow],
-    low: Sequence[ReductionTrial],
-    noisy: Sequence[ReductionTrial],
-) -> Finding:
+def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) -> Finding:
     """Draw a stage of an example and judge it by the errors that the thesis gives for its figure.
 
     A full model is judged by its four errors, a reduced one by what it costs.
 
     Parameters
     ----------
-    figure
+    figure : FigureOf
         What is drawn.
-    rows
+    rows : sequence of ThesisRow
         The thesis's errors of the example.
-    low, noisy
-        Our results with little noise and with the thesis's; the verdict is on the second.
+    found : Records
+        Our results; the verdict is on those with strong noise.
     """
-    example = EXAMPLES[TABLES[figure.table]]
+    example, low, noisy = found
     stage, validation = figure.stage, figure.validation
     thesis = {(row.stage, row.validation): row for row in rows}
     theirs = np.array(thesis[stage, validation].delta)
-    shown = next(trial for trial in noisy if trial.seed == example.shown_seed)
+    shown = found.shown(noisy=True)
     drawn = np.array(getattr(shown.stages[stage], validation))
     ours = np.median(errors(noisy, stage, validation), axis=0)
     runaways = int(np.sum(errors(noisy, stage, validation).max(axis=1) > RUNS_AWAY))
@@ -234,8 +221,7 @@ def _subject(figure: FigureOf) -> Subject:
         return compare_figure(
             figure,
             thesis_rows(thesis_table(f"table_{figure.table.replace('-', '_')}b")),
-            trials(results, code, LOW),
-            trials(results, code, THESIS),
+            records_of(results, code),
         )
 
     return Subject(

@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from reproduction.chapter3.examples import BENDING_NEAR, EXAMPLES, LOW, SLOW, TABLES, THESIS
-from reproduction.chapter3.trial import SEARCHED, both_calls, trials
+from reproduction.chapter3.examples import (
+    BENDING_NEAR,
+    SLOW,
+    TABLES,
+    Records,
+)
+from reproduction.chapter3.trial import SEARCHED, both_calls, records_of
 from reproduction.framework.findings import (
     LEVEL,
     Finding,
@@ -112,23 +117,17 @@ def preference(modes: Sequence[RankedMode]) -> float:
     return float(lost["rigid"] - lost["bending"])
 
 
-def compare_ranks(
-    example: Example,
-    table: Mapping[str, Any],
-    low: Sequence[ReductionTrial],
-    noisy: Sequence[ReductionTrial],
-) -> Finding:
+def compare_ranks(table: Mapping[str, Any], found: Records) -> Finding:
     """Set the modes of a model beside the thesis's.
 
     Parameters
     ----------
-    example
-        The model.
-    table
+    table : mapping
         The thesis's modes.
-    low, noisy
-        Ours, with little noise and with the thesis's.
+    found : Records
+        Ours; the verdict is on those with little noise.
     """
+    example, low, noisy = found
     theirs = thesis_modes(table)
     by_label = {mode.label: mode for mode in theirs}
     thesis_hz = [by_label[label].frequency_hz for label in table["bending"]]
@@ -142,8 +141,8 @@ def compare_ranks(
     ours = [trial_modes(trial) for trial in low]
     preferences = [preference(modes) for modes in ours if any(m.kind == "bending" for m in modes)]
     p_value = sign_test([0.0] * len(preferences), preferences)
-    shown = next(trial for trial in low if trial.seed == example.shown_seed)
-    found = f"all three bending modes are found in {len(whole)} of {len(low)} records"
+    shown = found.shown(noisy=False)
+    words = f"all three bending modes are found in {len(whole)} of {len(low)} records"
     in_hz = " / ".join(f"{hz:.1f}" for hz in median_hz)
     return Finding(
         judged(
@@ -152,7 +151,7 @@ def compare_ranks(
             evidence=f"MSV prefers bending modes to the rigid motion by "
             f"{np.median(preferences):.1f} ranks more than MRM does, median of {len(preferences)} "
             f"records, {p_text(p_value)}; the thesis's table by {preference(theirs):.1f}. With "
-            f"little noise {found}{f', at {in_hz} Hz' if in_hz else ''}; the thesis's are at "
+            f"little noise {words}{f', at {in_hz} Hz' if in_hz else ''}; the thesis's are at "
             f"{' / '.join(f'{hz:.1f}' for hz in thesis_hz)} Hz.",
             reason="In our records the two indices do not part rigid and bending modes.",
         ),
@@ -160,7 +159,7 @@ def compare_ranks(
             _mode_table(example, theirs, trial_modes(shown)),
             _kind_table(example, theirs, ours, [trial_modes(trial) for trial in noisy]),
         ),
-        text=_text(example, low, noisy),
+        text=_text(found),
     )
 
 
@@ -205,9 +204,8 @@ def _kind_table(
     )
 
 
-def _text(
-    example: Example, low: Sequence[ReductionTrial], noisy: Sequence[ReductionTrial]
-) -> tuple[str, ...]:
+def _text(found: Records) -> tuple[str, ...]:
+    example, low, noisy = found
     beam_hz = " / ".join(f"{hz:.1f}" for hz in example.known_modes_hz)
     third = [
         sum(len(trial.bending) == len(example.known_modes_hz) for trial in each)
@@ -229,7 +227,7 @@ def _text(
     if example.unstable:
         orders = [trial.order for trial in low]
         moved = [abs(trial.moved[0]) for trial in low]
-        shown = next(trial for trial in low if trial.seed == example.shown_seed)
+        shown = found.shown(noisy=False)
         lines.append(
             f"The unstable model was found by a search: of each record the order nearest to "
             f"{example.order}, of {SEARCHED[0]} to {SEARCHED[-1]}, whose model has one real "
@@ -255,12 +253,8 @@ _NOTES = {
 
 def _subject(number: str, code: str) -> Subject:
     def build(results: Results) -> Finding:
-        return compare_ranks(
-            EXAMPLES[code],
-            thesis_table(f"table_{number.replace('-', '_')}a"),
-            trials(results, code, LOW),
-            trials(results, code, THESIS),
-        )
+        table = thesis_table(f"table_{number.replace('-', '_')}a")
+        return compare_ranks(table, records_of(results, code))
 
     title = f"Modes of {code} by MRM and MSV" + (f": {_NOTES[number]}" if number in _NOTES else "")
     return Subject(f"table-{number}a", title, both_calls(code), build)

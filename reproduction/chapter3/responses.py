@@ -22,8 +22,8 @@ from flexarm_ident.report.plots.plot_style import (
     plain_numbers,
 )
 from flexarm_ident.report.plots.svg import inline_svg
-from reproduction.chapter3.examples import EXAMPLES, INITIAL, LOW, THESIS
-from reproduction.chapter3.trial import both_calls, means, trials
+from reproduction.chapter3.examples import INITIAL, Records
+from reproduction.chapter3.trial import both_calls, means, records_of
 from reproduction.framework.findings import (
     SENSORS,
     Finding,
@@ -35,12 +35,11 @@ from reproduction.framework.findings import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from reproduction.chapter3.examples import Example, Matrices, ReductionTrial
-    from reproduction.framework.findings import Results
+    from reproduction.chapter3.examples import Matrices
 
 
 PEAK_DB = 3.0
@@ -92,19 +91,16 @@ def peaks_hz(matrices: Matrices, known_hz: Sequence[float]) -> tuple[float, ...]
     return tuple(found)
 
 
-def compare_responses(
-    example: Example, low: Sequence[ReductionTrial], noisy: Sequence[ReductionTrial]
-) -> Finding:
+def compare_responses(found: Records) -> Finding:
     """Draw the responses of an updated model and look for its bending modes.
 
     Parameters
     ----------
-    example
-        The model.
-    low, noisy
-        Our results with little noise and with the thesis's; the verdict is on the first.
+    found : Records
+        Results of the example; the verdict is on those with little noise.
     """
-    shown = next(trial for trial in low if trial.seed == example.shown_seed)
+    example, low, noisy = found
+    shown = found.shown(noisy=False)
     matrices = shown.models["updated"]
     known = example.known_modes_hz
     peaks = peaks_hz(matrices, known)
@@ -140,23 +136,20 @@ def compare_responses(
     )
 
 
-def compare_forced(
-    example: Example, low: Sequence[ReductionTrial], noisy: Sequence[ReductionTrial]
-) -> Finding:
+def compare_forced(found: Records) -> Finding:
     """Draw the responses before and after an unstable eigenvalue was moved.
 
     Parameters
     ----------
-    example
-        The unstable example.
-    low, noisy
-        Our results with little noise and with the thesis's.
+    found : Records
+        Results of the unstable example.
     """
-    shown = next(trial for trial in noisy if trial.seed == example.shown_seed)
+    example, low, noisy = found
+    shown = found.shown(noisy=True)
     known = example.known_modes_hz
     changes = {
-        name: float(np.median(means(found, INITIAL) / means(found, "unstable")))
-        for name, found in (("strong noise", noisy), ("little noise", low))
+        name: float(np.median(means(some, INITIAL) / means(some, "unstable")))
+        for name, some in (("strong noise", noisy), ("little noise", low))
     }
     grid = frequency_grid(_model(shown.models[INITIAL]), _LOWEST_HZ)
     before, after = (gains_db(shown.models[name], grid) for name in ("unstable", INITIAL))
@@ -224,26 +217,19 @@ def _plot(matrices: Matrices, known_hz: Sequence[float], description: str) -> st
         return inline_svg(figure, description)
 
 
-def _updated(key: str, code: str) -> Subject:
-    def build(results: Results) -> Finding:
-        low, noisy = (trials(results, code, noise) for noise in (LOW, THESIS))
-        return compare_responses(EXAMPLES[code], low, noisy)
-
-    return Subject(key, f"{code}, updated: frequency responses", both_calls(code), build)
-
-
-def _build_forced(results: Results) -> Finding:
-    code = "Ac3_21u"
-    return compare_forced(EXAMPLES[code], trials(results, code, LOW), trials(results, code, THESIS))
+def _subject(key: str, code: str, title: str, compare: Callable[[Records], Finding]) -> Subject:
+    return Subject(
+        key, f"{code}{title}", both_calls(code), lambda results: compare(records_of(results, code))
+    )
 
 
 SUBJECTS = (
-    _updated("figure-3-8", "Ac3_18"),
-    _updated("figure-3-26", "Ac3_21u"),
-    Subject(
+    _subject("figure-3-8", "Ac3_18", ", updated: frequency responses", compare_responses),
+    _subject("figure-3-26", "Ac3_21u", ", updated: frequency responses", compare_responses),
+    _subject(
         "figure-3-27",
-        "Ac3_21u before and after its unstable eigenvalue was forced",
-        both_calls("Ac3_21u"),
-        _build_forced,
+        "Ac3_21u",
+        " before and after its unstable eigenvalue was forced",
+        compare_forced,
     ),
 )

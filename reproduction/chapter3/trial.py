@@ -33,6 +33,7 @@ from reproduction.chapter3.examples import (
     THESIS,
     WAYS,
     Curves,
+    Records,
     ReductionTrial,
     Stage,
     bending_modes,
@@ -242,6 +243,11 @@ def both_calls(code: str) -> tuple[Call, ...]:
 def trials(results: Results, code: str, noise: str) -> tuple[ReductionTrial, ...]:
     """Look the results of `calls` up."""
     return tuple(results[call] for call in calls(code, noise))
+
+
+def records_of(results: Results, code: str) -> Records:
+    """Look up the results of `both_calls`."""
+    return Records(EXAMPLES[code], trials(results, code, LOW), trials(results, code, THESIS))
 
 
 def errors(

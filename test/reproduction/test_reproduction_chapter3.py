@@ -19,6 +19,7 @@ from reproduction.chapter3.examples import (
     TABLES,
     THESIS,
     Curves,
+    Records,
     ReductionTrial,
     Stage,
     bending_modes,
@@ -175,7 +176,9 @@ def ranks_finding(*, swapped: bool, hz: tuple[float, float, float]) -> Verdict:
         trial({}, seed, modes=modes_like_the_thesis(swapped=swapped), stages=stage)
         for seed in range(1, 21)
     ]
-    finding = ranks.compare_ranks(EXAMPLES["Ac3_18"], thesis_table("table_3_1a"), found, found)
+    finding = ranks.compare_ranks(
+        thesis_table("table_3_1a"), Records(EXAMPLES["Ac3_18"], found, found)
+    )
     return finding.judgement.verdict
 
 
@@ -197,7 +200,9 @@ def errors_verdict(rows: Sequence[ThesisRow], **scaled: float) -> Verdict:
         for key, delta in printed_levels(rows).items()
     }
     found = [trial(levels, seed) for seed in range(1, 4)]
-    finding = costs.compare_errors(EXAMPLES["Ac3_18"], rows, found, found, reason="A reason.")
+    finding = costs.compare_errors(
+        rows, Records(EXAMPLES["Ac3_18"], found, found), reason="A reason."
+    )
     assert len(finding.tables[0].rows) == len(rows)
     return finding.judgement.verdict
 
@@ -214,7 +219,7 @@ def test_table_3_b___says_why_only_when_it_differs() -> None:
     levels = printed_levels(rows)
     levels["mrm", "dmv"] = (0.9,) * 4
     found = [trial(levels)]
-    made = costs.compare_errors(EXAMPLES["Ac3_18"], rows, found, found, reason="A reason.")
+    made = costs.compare_errors(rows, Records(EXAMPLES["Ac3_18"], found, found), reason="A reason.")
     assert made.judgement.because.endswith("A reason.")
     assert "MSV before MRM by DMV" in made.judgement.because
 
@@ -226,7 +231,9 @@ def figure_verdict(number: str, delta: Sequence[float], full: float = 0.3476) ->
     curves = Curves(1 / RATE_HZ, time, {figure.stage: time}, time, {figure.stage: time})
     levels = {(INITIAL, "dmv"): [full] * 4, (INITIAL, "sfv"): [full] * 4} | {key: delta}
     found = [trial(levels, curves=curves)]
-    finding = figures.compare_figure(figure, rows_of(figure.table), found, found)
+    finding = figures.compare_figure(
+        figure, rows_of(figure.table), Records(EXAMPLES[TABLES[figure.table]], found, found)
+    )
     assert len(finding.plots) == 4
     assert all("<svg" in plot.svg for plot in finding.plots)
     return finding.judgement.verdict
@@ -254,7 +261,9 @@ def test_figures___runaways_are_counted() -> None:
         trial({(INITIAL, "sfv"): [np.inf] * 4}, seed=2),
         trial({(INITIAL, "sfv"): [0.4] * 4}, seed=3),
     ]
-    finding = figures.compare_figure(figure, rows_of("3-1"), runs, runs)
+    finding = figures.compare_figure(
+        figure, rows_of("3-1"), Records(EXAMPLES["Ac3_18"], runs, runs)
+    )
     assert "In 1 of 3 records the loop runs away" in finding.judgement.because
 
 
@@ -286,7 +295,7 @@ def test_figure_3_8___all_three_modes_have_to_stand_out(modes: int, verdict: Ver
     example = EXAMPLES["Ac3_18"]
     model = resonant(*example.known_modes_hz[:modes], 15.0)
     found = [trial({("updated", "dmv"): [0.3] * 4}, models={"updated": model})]
-    finding = responses.compare_responses(example, found, found)
+    finding = responses.compare_responses(Records(example, found, found))
     assert finding.judgement.verdict is verdict
     assert "<svg" in finding.plots[0].svg
 
@@ -303,7 +312,7 @@ def test_figure_3_27___forcing_may_not_cost() -> None:
                 models={"unstable": model, INITIAL: model},
             )
         ]
-        made = responses.compare_forced(EXAMPLES["Ac3_21u"], found, found)
+        made = responses.compare_forced(Records(EXAMPLES["Ac3_21u"], found, found))
         assert {change for _, change in made.tables[0].rows} == {"0.00"}
         return made.judgement.verdict
 
