@@ -35,7 +35,7 @@ from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.reduction.balanced import balanced_truncation
 from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
 from flexarm_ident.workflow.workflow import Request, run
-from reproduction.framework.records import simulated_record
+from reproduction.framework.rig import simulated_record
 
 if TYPE_CHECKING:
     from pathlib import Path
