@@ -1,6 +1,6 @@
 """Bags as `ros2 bag record` of Humble and Jazzy lays them out, written with the mcap library.
 
-What differs from our own: log time is when the recorder got a message, chunks are large, the
+They differ from our own in this: log time is the instant at which the recorder got a message, chunks are large, the
 metadata states the QoS as the recorder knows it, and the files may be split or compressed.
 """
 
@@ -27,7 +27,7 @@ RECEIVED_NS = 350_000
 
 @dataclass(frozen=True)
 class Layout:
-    """One way to record."""
+    """Way to record."""
 
     version: int = 9
     compression: CompressionType = CompressionType.ZSTD
