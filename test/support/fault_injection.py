@@ -87,7 +87,7 @@ class Witness:
 
 
 class RestlessController:
-    """Controller that answers every sample at once: PD with friction compensation and a hasty square."""
+    """Controller of every sample: PD with friction compensation and a hasty square."""
 
     def __init__(self) -> None:
         self._answer: Command | None = None

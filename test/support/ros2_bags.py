@@ -1,7 +1,8 @@
 """Bags as `ros2 bag record` of Humble and Jazzy lays them out, written with the mcap library.
 
-They differ from our own in this: log time is the instant at which the recorder got a message, chunks are large, the
-metadata states the QoS as the recorder knows it, and the files may be split or compressed.
+They differ from our own: log time is the instant at which the recorder got a message, chunks are
+large, the metadata states the QoS as the recorder knows it, and the files may be split or
+compressed.
 """
 
 from __future__ import annotations
