@@ -13,7 +13,7 @@ from flexarm_daq.loop.commander import Command
 from flexarm_daq.loop.limiter import Limiter, LimiterSettings
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
 from flexarm_daq.loop.watchdog import Watchdog
-from flexarm_daq.rigs.rig import RigError, RigSample
+from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

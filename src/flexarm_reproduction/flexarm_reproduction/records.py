@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_control.laws.law_protocol import Effort
 from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
+from flexarm_control.simulation import simulate
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.experiments.excitation import EXCITATIONS
@@ -18,7 +20,11 @@ from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V
 from flexarm_ident import IoData
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_control.laws.law_protocol import Law
     from flexarm_daq.experiments.catalogue import Experiment
+    from flexarm_daq.experiments.excitation import Excitation
 
 
 def simulated_record(
@@ -67,40 +73,43 @@ def run_experiment(entry: Experiment, parameters: RigParameters, seed: int) -> I
         As `simulated_record` gives it.
     """
     rig = SimulatedRig(parameters, rate_hz=entry.rate_hz, seed=seed)
-    rig.open()
-    source = f"{entry.name}, seed {seed}"
-    return (
-        _controlled(rig, entry, seed, source) if entry.law else _excited(rig, entry, seed, source)
-    )
-
-
-def _excited(rig: SimulatedRig, entry: Experiment, seed: int, source: str) -> IoData:
-    excitation = EXCITATIONS[entry.waveform](entry.magnitude_v, seed)
-    y, u = np.empty((entry.samples, 4)), np.empty(entry.samples)
-    for k in range(entry.samples):
-        y[k] = rig.read().volts
-        u[k] = excitation.step(k / entry.rate_hz, float(y[k, 0]))
-        rig.write(float(u[k]))
-    return IoData(u, y, dt_s=1.0 / entry.rate_hz, closed_loop=False, source=source)
-
-
-def _controlled(rig: SimulatedRig, entry: Experiment, seed: int, source: str) -> IoData:
-    profile = dict(entry.profile)
-    if entry.reference == "varying_square":
-        profile["seed"] = seed
-    law, reference = build_law(entry.law, entry.gains), build_reference(entry.reference, profile)
-    y, answers = np.empty((entry.samples, 4)), np.empty((entry.samples, 2))
-    reference_v = np.array([reference(k / entry.rate_hz) for k in range(entry.samples)])
-    for k in range(entry.samples):
-        y[k] = rig.read().volts
-        answers[k] = law.step(y[k].tolist(), float(reference_v[k]))
-        rig.write(float(answers[k].sum()))
+    time_s = [k / entry.rate_hz for k in range(entry.samples)]
+    law: Law
+    if entry.law:
+        profile = dict(entry.profile)
+        if entry.reference == "varying_square":
+            profile["seed"] = seed
+        reference = build_reference(entry.reference, profile)
+        law, reference_v = build_law(entry.law, entry.gains), [reference(each) for each in time_s]
+    else:
+        law = _OpenLoop(EXCITATIONS[entry.waveform](entry.magnitude_v, seed), entry.rate_hz)
+        reference_v = [0.0] * entry.samples
+    run = simulate(rig, law, np.array(reference_v))
     return IoData(
-        answers.sum(axis=1),
-        y,
+        run.command_v,
+        run.y,
         dt_s=1.0 / entry.rate_hz,
-        closed_loop=True,
-        source=source,
-        compensation=answers[:, 1],
-        reference=reference_v,
+        closed_loop=entry.closed_loop,
+        source=f"{entry.name}, seed {seed}",
+        compensation=run.compensation if entry.law else None,
+        reference=run.reference_v if entry.law else None,
     )
+
+
+class _OpenLoop:
+    """An excitation as a law: it follows time and no reference."""
+
+    def __init__(self, excitation: Excitation, rate_hz: float) -> None:
+        self._excitation = excitation
+        self._rate_hz = rate_hz
+
+    def step(self, volts: Sequence[float], _: float) -> Effort:
+        """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
+        time_s = self._samples / self._rate_hz
+        self._samples += 1
+        return Effort(self._excitation.step(time_s, volts[0]), 0.0)
+
+    def reset(self) -> None:
+        """Begin the experiment anew."""
+        self._samples = 0
+        self._excitation.reset()

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from flexarm_core.channels import CHANNELS
 from flexarm_daq.loop.commander import Commander, Verdict
 from flexarm_daq.loop.safety import Event, Safety
-from flexarm_daq.rigs.rig import RigError
+from flexarm_daq.rigs.rig_protocol import RigError
 from flexarm_node.statistics import Window
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from flexarm_daq.loop.limiter import Limiter, LimiterSettings
     from flexarm_daq.loop.sensor_check import SensorCheck
     from flexarm_daq.loop.watchdog import Watchdog
-    from flexarm_daq.rigs.rig import Rig, RigSample
+    from flexarm_daq.rigs.rig_protocol import Rig, RigSample
 
 # The middleware's timed wait wakes up late; the rest of the period is slept.
 _WAKE_MARGIN_S = 2e-4

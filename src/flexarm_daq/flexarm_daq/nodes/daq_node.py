@@ -26,8 +26,8 @@ from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.nodes.rig_choice import RIG_PARAMETERS, is_virtual, make_rig, wants_self_test
 from flexarm_daq.rigs.faulty import Fault, FaultyRig
-from flexarm_daq.rigs.rig import Rig, RigError
 from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_daq.rigs.rig_protocol import Rig, RigError
 from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_daq.loop.safety import TRANSITIONS, DriveState, Event, Safety
-from flexarm_daq.rigs.rig import RigError
+from flexarm_daq.rigs.rig_protocol import RigError
 from support.acquisition_bench import Bench, Clock, reply
 from support.project import PROJECT
 
