@@ -21,7 +21,15 @@ COMPUTING_PACKAGES = (
 CONNECTING = {
     *(
         f"flexarm_node.{name}"
-        for name in ("waiting", "qos", "parameters", "process", "loop_node", "transport")
+        for name in (
+            "waiting",
+            "qos",
+            "parameters",
+            "process",
+            "loop_node",
+            "answering_node",
+            "transport",
+        )
     ),
     "flexarm_daq.nodes.rig_choice",
 }
