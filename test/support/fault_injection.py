@@ -25,7 +25,7 @@ from flexarm_daq.rigs.rig_protocol import RigError
 from flexarm_daq.rigs.simulated import SimulatedRig
 
 if TYPE_CHECKING:
-    from flexarm_daq.loop.acquisition import Record
+    from flexarm_daq.loop.exchange import Record
     from flexarm_daq.rigs.rig_protocol import Rig, RigSample
 
 RATE_HZ = 300.0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_daq.loop import acquisition
-from flexarm_daq.loop.acquisition import Acquisition, Record
+from flexarm_daq.loop.acquisition import Acquisition
 from flexarm_daq.loop.commander import Command
 from flexarm_daq.loop.limiter import Limiter
 from flexarm_daq.loop.sensor_check import SensorCheck
@@ -19,6 +19,7 @@ from support.nidaq_board import Board, VirtualClock
 from support.nidaqmx_double import NidaqmxDouble
 
 if TYPE_CHECKING:
+    from flexarm_daq.loop.exchange import Record
     from collections.abc import Iterator
 
 RATE_HZ = 500.0

@@ -12,8 +12,8 @@ from support.acquisition_bench import Bench, Clock, reply
 from support.project import PROJECT
 
 if TYPE_CHECKING:
-    from flexarm_daq.loop.acquisition import Record
     from flexarm_daq.loop.commander import Command
+    from flexarm_daq.loop.exchange import Record
 
 DRAWING = PROJECT / "docs" / "safety.md"
 RUNNING = (DriveState.READY, DriveState.DRIVING, DriveState.HELD)
