@@ -32,6 +32,7 @@ CONNECTING = {
         )
     ),
     "flexarm_daq.nodes.rig_choice",
+    "flexarm_daq.nodes.topic_link",
 }
 """What talks to ROS beside the nodes themselves."""
 
