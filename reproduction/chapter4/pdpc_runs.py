@@ -9,13 +9,13 @@ import numpy as np
 
 from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
+from flexarm_control.simulation import LoopRun
 from flexarm_daq import RigParameters
 from reproduction.framework.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, judged
 from reproduction.framework.law_runs import (
     AT_REST_S,
     RATE_HZ,
-    LoopRun,
     StepTrial,
     run_law,
     step_to,

@@ -16,8 +16,9 @@ from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
-    from flexarm_daq.loop.exchange import Record
     from collections.abc import Callable, Sequence
+
+    from flexarm_daq.loop.exchange import Record
 
 # A power of two: sums of periods are exact.
 RATE_HZ = 256.0

@@ -24,7 +24,7 @@ from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest
 from flexarm_control.laws.pdpc_scheduled import ScheduledPdpc, ScheduleGains
 from flexarm_control.laws.pi import Pi
 from flexarm_control.models.nominal_models import identified_model
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 from flexarm_core.specs import (
     Bounded,
     ParameterSpec,
@@ -90,8 +90,9 @@ class LawSpec:
         """
         if self.design_model is not None:
             return 1.0 / float(self.design_model().dt)
-        rates = {spec.name: spec.default for spec in self.parameters}
-        return (rates | dict(values)).get("rate_hz")
+        usual = {spec.name: spec.default for spec in self.parameters}
+        rate_hz = (usual | dict(values)).get("rate_hz")
+        return float(rate_hz) if isinstance(rate_hz, int | float) else None
 
 
 _POSITION = (0,)
@@ -190,11 +191,11 @@ def build_law(name: str, values: Mapping[str, float] | None = None) -> Law:
 
     Raises
     ------
-    ControlError
+    SettingError
         When the law or a parameter is unknown, or a value is outside its range.
     """
     if name not in LAWS:
-        raise ControlError(f"no law {name!r}; choose one of {', '.join(LAWS)}")
+        raise SettingError(f"no law {name!r}; choose one of {', '.join(LAWS)}")
     spec, values = LAWS[name], values or {}
     refuse_unknown(name, spec.parameters, values)
     return spec.build(*(select(kind, values) for kind in spec.settings))

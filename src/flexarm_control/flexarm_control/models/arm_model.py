@@ -9,7 +9,7 @@ import control
 import numpy as np
 from scipy.linalg import fractional_matrix_power
 
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import ComplexArray, FloatArray
@@ -28,20 +28,20 @@ def check_arm_model(model: control.StateSpace) -> None:
 
     Raises
     ------
-    ControlError
+    SettingError
         When the model is not discrete-time, has another number of signals, or has the four
         known outputs in another order.
     """
     if not model.dt or model.dt is True:
-        raise ControlError(f"the model has dt = {model.dt}; set its sampling interval in s")
+        raise SettingError(f"the model has dt = {model.dt}; set its sampling interval in s")
     if (model.ninputs, model.noutputs) != (1, len(OUTPUTS)):
-        raise ControlError(
+        raise SettingError(
             f"the model has {model.ninputs} inputs and {model.noutputs} outputs; "
             f"one input and the outputs {', '.join(OUTPUTS)} are needed"
         )
     labels = tuple(model.output_labels)
     if any(label in OUTPUTS and label != OUTPUTS[i] for i, label in enumerate(labels)):
-        raise ControlError(
+        raise SettingError(
             f"the model's outputs are {', '.join(labels)}; reorder them to {', '.join(OUTPUTS)}"
         )
 
@@ -51,11 +51,11 @@ def check_no_feedthrough(model: control.StateSpace) -> None:
 
     Raises
     ------
-    ControlError
+    SettingError
         When D is not zero: a command answers a sample, so it cannot be part of it.
     """
     if np.any(model.D):
-        raise ControlError(
+        raise SettingError(
             "the model's D is not zero, but a sample cannot depend on the command that answers "
             "it; state a loop delay greater than zero or identify the model without D"
         )
@@ -82,11 +82,11 @@ def delayed(model: control.StateSpace, delay_s: float) -> control.StateSpace:
 
     Raises
     ------
-    ControlError
+    SettingError
         When the delay is negative or not finite.
     """
     if not 0.0 <= delay_s < np.inf:
-        raise ControlError(f"delay_s = {delay_s:g}; a loop delay is finite and not negative")
+        raise SettingError(f"delay_s = {delay_s:g}; a loop delay is finite and not negative")
     samples = delay_s / model.dt
     whole = floor(samples + _ROUNDING)
     fraction = max(0.0, samples - whole)

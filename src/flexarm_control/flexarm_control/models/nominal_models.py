@@ -9,7 +9,7 @@ import control
 import yaml
 
 from flexarm_control.models.arm_model import MIDDLE_STRAIN
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 
 
 @cache
@@ -46,7 +46,7 @@ def nominal_model(payload_kg: float, *, flip_middle_strain: bool = False) -> con
 
     Raises
     ------
-    ControlError
+    SettingError
         When there is no model for the payload; the message names the available payloads.
 
     Examples
@@ -57,7 +57,7 @@ def nominal_model(payload_kg: float, *, flip_middle_strain: bool = False) -> con
     """
     if payload_kg not in _available():
         payloads = ", ".join(f"{payload:g}" for payload in nominal_payloads_kg())
-        raise ControlError(
+        raise SettingError(
             f"no nominal model for payload_kg = {payload_kg:g}; Appendix B has {payloads} kg"
         )
     model = _read(_available()[payload_kg])

@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
+from flexarm_core.specs import ParameterSpec
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.limiter import LIMITS, Limiter, LimiterSettings
@@ -27,7 +28,6 @@ from flexarm_daq.rigs.faulty import Fault, FaultyRig
 from flexarm_daq.rigs.rig_protocol import Rig, RigError
 from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_node.loop_node import LoopNode
-from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
 from flexarm_node.statistics import Rate
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from flexarm_core.specs import ParameterSpec
 from flexarm_daq.experiments.excitation import BOUND_V, EXCITATIONS, Excitation
 from flexarm_node.answering_node import AnsweringNode
-from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
 
 if TYPE_CHECKING:

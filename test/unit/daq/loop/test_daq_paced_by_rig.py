@@ -19,8 +19,9 @@ from support.nidaq_board import Board, VirtualClock
 from support.nidaqmx_double import NidaqmxDouble
 
 if TYPE_CHECKING:
-    from flexarm_daq.loop.exchange import Record
     from collections.abc import Iterator
+
+    from flexarm_daq.loop.exchange import Record
 
 RATE_HZ = 500.0
 REPLY_S = 4e-4
