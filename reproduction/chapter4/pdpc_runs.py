@@ -9,7 +9,6 @@ import numpy as np
 
 from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
-from flexarm_control.simulation import LoopRun
 from flexarm_daq import RigParameters
 from reproduction.framework.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, judged
@@ -27,6 +26,7 @@ from reproduction.framework.time_plot import time_plot
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flexarm_control.simulation import LoopRun
     from reproduction.framework.subjects import Results
 
 SHOWN = 1
