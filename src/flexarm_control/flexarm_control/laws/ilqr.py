@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 
 from flexarm_control.laws.law_protocol import NO_EFFORT, SATURATION_V, Effort, limited
@@ -21,6 +20,8 @@ from flexarm_core.specs import Bounded, limits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    import control
 
     from flexarm_core.arrays import FloatArray
 
@@ -253,8 +254,10 @@ def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -
     SettingError
         When the Riccati equation has no stabilising solution.
     """
+    from control import dlqr  # noqa: PLC0415 - it loads matplotlib
+
     try:
-        return np.asarray(control.dlqr(A, B, Q, R)[0])
+        return np.asarray(dlqr(A, B, Q, R)[0])
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SettingError(
             f"no regulator or observer for this model and these weights ({error}); weigh the "

@@ -5,13 +5,15 @@ from __future__ import annotations
 from math import floor
 from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from scipy.linalg import fractional_matrix_power
 
 from flexarm_core.errors import SettingError
+from flexarm_ident.models.state_space import with_matrices
 
 if TYPE_CHECKING:
+    import control
+
     from flexarm_core.arrays import ComplexArray, FloatArray
 
 #: The measured signals, in the order of the thesis (y1 to y4).
@@ -96,9 +98,7 @@ def delayed(model: control.StateSpace, delay_s: float) -> control.StateSpace:
         A, B, C, D = _append_held_input(A, B - new, C, D, new)
     for _ in range(whole):
         A, B, C, D = _append_held_input(A, B, C, D, np.zeros_like(B))
-    return control.StateSpace(
-        A, B, C, D, model.dt, inputs=model.input_labels, outputs=model.output_labels
-    )
+    return with_matrices(model, A=A, B=B, C=C, D=D)
 
 
 def _input_over_fraction(A: FloatArray, B: FloatArray, fraction: float) -> FloatArray:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
-import control
 import yaml
 
 from flexarm_control.models.arm_model import MIDDLE_STRAIN
 from flexarm_core.errors import SettingError
+from flexarm_ident.models.state_space import state_space
+
+if TYPE_CHECKING:
+    import control
 
 
 @cache
@@ -83,7 +87,7 @@ def identified_model() -> control.StateSpace:
 
 def _read(text: str) -> control.StateSpace:
     content = yaml.safe_load(text)
-    return control.StateSpace(
+    return state_space(
         content["a"],
         content["b"],
         content["c"],
