@@ -11,7 +11,7 @@ import numpy as np
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.fitting.validation import validate_dmv, validate_sfv
 from flexarm_ident.records.iodata import ARM_OUTPUTS
-from flexarm_ident.report.plots.plots import match_plot
+from flexarm_ident.report.plots.time_plots import match_plot
 from flexarm_reproduction.evidence import OFTEN, spread
 from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
 from flexarm_reproduction.order_survey import (

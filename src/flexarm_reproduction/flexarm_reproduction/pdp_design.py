@@ -13,15 +13,15 @@ from flexarm_control.design.tuning import tune_pdp
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.report.plots.plot_style import (
+from flexarm_ident.report.plots.style import (
     DASHED,
     DOTTED,
     SOLID,
     STYLE,
     figure_of,
+    inline_svg,
     legend_above,
 )
-from flexarm_ident.report.plots.svg import inline_svg
 from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
 from flexarm_reproduction.subjects import Call, Subject
 from flexarm_reproduction.thesis_values import thesis_table

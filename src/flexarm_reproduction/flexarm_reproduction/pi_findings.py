@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.report.plots.plots import match_plot
+from flexarm_ident.report.plots.time_plots import match_plot
 from flexarm_reproduction.evidence import LEVEL, SEEDS, p_text, sign_test, spread
 from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
 from flexarm_reproduction.pi_evaluation import (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.records.iodata import ARM_OUTPUTS
-from flexarm_ident.report.plots.plots import match_plot
+from flexarm_ident.report.plots.time_plots import match_plot
 from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
 from flexarm_reproduction.reduction_calls import (
     INITIAL,

@@ -11,17 +11,17 @@ from scipy import signal
 
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.report.plots.frequency_plot import frequency_grid
-from flexarm_ident.report.plots.plot_style import (
+from flexarm_ident.report.plots.style import (
     BLACK,
     BLUE,
     MARK,
     STYLE,
     VERMILION,
     figure_of,
+    inline_svg,
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.report.plots.svg import inline_svg
 from flexarm_reproduction.findings import Finding, Plot, SideBySide, judged
 from flexarm_reproduction.reduction_calls import INITIAL, both_calls, means, trials
 from flexarm_reproduction.reduction_examples import EXAMPLES

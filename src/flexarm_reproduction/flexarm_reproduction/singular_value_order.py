@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.report.plots.plots import singular_value_plot
+from flexarm_ident.report.plots.order_plots import singular_value_plot
 from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, judged
 from flexarm_reproduction.subjects import Subject
 from flexarm_reproduction.survey_tables import survey_calls, survey_of

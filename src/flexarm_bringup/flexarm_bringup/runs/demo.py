@@ -30,7 +30,7 @@ from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_ident.reading.read import read_bag_report
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 from flexarm_ident.report.page import Section, append_section
-from flexarm_ident.report.plots.plots import step_plot
+from flexarm_ident.report.plots.time_plots import step_plot
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:

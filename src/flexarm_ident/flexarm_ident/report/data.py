@@ -10,10 +10,10 @@ import numpy as np
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.diagnostics.quality import excited_band_hz
 from flexarm_ident.report.content import Table, error_text, short_labels
-from flexarm_ident.report.plots import plots
+from flexarm_ident.report.plots.time_plots import input_plot
 
 if TYPE_CHECKING:
-    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.records.iodata import DataWarning
     from flexarm_ident.workflow.workflow import Outcome
 
 _LOOPS = {True: "closed", False: "open", None: "unknown"}
@@ -127,7 +127,7 @@ def input_plots(outcome: Outcome) -> tuple[tuple[str, str], ...]:
     record = outcome.records[0]
     time_s = np.linspace(0.0, (len(record) - 1) * record.dt_s, len(record))
     return tuple(
-        (label_and_unit(name)[0], plots.input_plot(time_s, values, name))
+        (label_and_unit(name)[0], input_plot(time_s, values, name))
         for name, values in zip(record.inputs, record.u.T, strict=True)
     )
 

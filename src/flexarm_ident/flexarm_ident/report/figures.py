@@ -9,10 +9,10 @@ import numpy as np
 
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.report.content import error_text, mode_scatter_words, short_labels
-from flexarm_ident.report.plots import plots
 from flexarm_ident.report.plots.frequency_plot import frequency_grid, frequency_plot
-from flexarm_ident.report.plots.pole_plot import damping_plot, pole_plot
-from flexarm_ident.report.plots.stabilisation_plot import stabilisation_plot
+from flexarm_ident.report.plots.order_plots import singular_value_plot, stabilisation_plot
+from flexarm_ident.report.plots.pole_plots import damping_plot, pole_plot
+from flexarm_ident.report.plots.time_plots import CURVE_POINTS, match_plot
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
@@ -41,7 +41,7 @@ def galleries(outcome: Outcome) -> list[Gallery]:
     labels = short_labels(outcome.records)
     runs = len(shown) + (outcome.sfv is not None)
     curves = 2 * runs * shown[0].y.shape[1]
-    points = min(plots.CURVE_POINTS, max(_FEWEST_POINTS, _ALL_POINTS // curves))
+    points = min(CURVE_POINTS, max(_FEWEST_POINTS, _ALL_POINTS // curves))
     galleries = []
     for i, record in enumerate(shown):
         words = (
@@ -72,7 +72,7 @@ def _matches(
     return tuple(
         (
             f"{label_and_unit(name)[0]}, δ = {error_text(delta[i])}",
-            plots.match_plot(
+            match_plot(
                 time_s,
                 record.y_usable[:, i],
                 simulated[:, i],
@@ -140,7 +140,7 @@ def order_plots(outcome: Outcome) -> tuple[tuple[str, str], ...]:
     """Return caption and plot of what the order was chosen by."""
     found, known_hz = outcome.identification, outcome.request.known_modes_hz
     return (
-        ("Singular values", plots.singular_value_plot(found.singular_values, found.order)),
+        ("Singular values", singular_value_plot(found.singular_values, found.order)),
         (
             "Stabilisation diagram",
             stabilisation_plot(found.diagram, known_modes_hz=known_hz, order=found.order),

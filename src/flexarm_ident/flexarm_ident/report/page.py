@@ -38,7 +38,7 @@ class Section:
     words : str
         A paragraph of plain text.
     svg : str
-        Plot, from `flexarm_ident.report.plots.plots`; may be empty.
+        Plot, from `flexarm_ident.report.plots`; may be empty.
     """
 
     title: str

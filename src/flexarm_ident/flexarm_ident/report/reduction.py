@@ -12,7 +12,7 @@ from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.rank_table import rank_table
 from flexarm_ident.reduction.costs import cost_over_orders, step_costs
 from flexarm_ident.report.content import Table, error_text
-from flexarm_ident.report.plots.cost_plot import cost_plot
+from flexarm_ident.report.plots.order_plots import cost_plot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -18,15 +18,10 @@ from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.models.modes import mode_table
 from flexarm_ident.provenance import model_provenance, record_hash
 from flexarm_ident.report.page import Section, append_section, render_report
-from flexarm_ident.report.plots.cost_plot import cost_plot
 from flexarm_ident.report.plots.frequency_plot import frequency_grid, frequency_plot
-from flexarm_ident.report.plots.plots import (
-    input_plot,
-    match_plot,
-    singular_value_plot,
-    step_plot,
-)
-from flexarm_ident.report.plots.pole_plot import damping_plot, pole_plot
+from flexarm_ident.report.plots.order_plots import cost_plot, singular_value_plot
+from flexarm_ident.report.plots.pole_plots import damping_plot, pole_plot
+from flexarm_ident.report.plots.time_plots import input_plot, match_plot, step_plot
 from flexarm_ident.workflow.workflow import Outcome, Request, run
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
