@@ -17,7 +17,6 @@ PACKAGES = (
     "flexarm_ident",
     "flexarm_control",
     "flexarm_daq",
-    "flexarm_reproduction",
     "flexarm_node",
 )
 _KINDS = (("msg", "Messages"), ("srv", "Services"), ("action", "Actions"))

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import NoReturn
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import LaunchError
@@ -73,12 +74,30 @@ def run_bench(name: str, arguments: tuple[str, ...]) -> int:
     LaunchError
         Outside a checkout.
     """
-    command = [
-        sys.executable,
-        str(checkout("benchmarks") / "bench" / f"{_FILES.get(name, name)}.py"),
-        *arguments,
-    ]
-    return subprocess.run(command, check=False).returncode  # noqa: S603 - our own file
+    root = checkout("benchmarks")
+    command = [sys.executable, str(root / "bench" / f"{_FILES.get(name, name)}.py"), *arguments]
+    return subprocess.run(command, check=False, env=_environment(root)).returncode  # noqa: S603
+
+
+def run_study(arguments: tuple[str, ...]) -> NoReturn:
+    """Let the program of the folder `reproduction` take the place of this process.
+
+    So its exit code, the terminal and Ctrl-C are its own.
+
+    Raises
+    ------
+    LaunchError
+        Outside a checkout.
+    """
+    environment = _environment(checkout("programs of the reproduction"))
+    command = [sys.executable, "-m", "reproduction", *arguments]
+    os.execve(sys.executable, command, environment)  # noqa: S606 - our own program
+
+
+def _environment(root: Path) -> dict[str, str]:
+    """Return this process's environment, in which its children find the folders of the checkout."""
+    paths = [str(root), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def checkout(what: str) -> Path:
