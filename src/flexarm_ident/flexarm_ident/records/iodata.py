@@ -132,6 +132,11 @@ class IoData:
         return self.source or "record"
 
     @property
+    def times_s(self) -> FloatArray:
+        """Instants of the samples from the first one on, (samples,)."""
+        return np.linspace(0.0, (len(self) - 1) * self.dt_s, len(self))
+
+    @property
     def effort(self) -> FloatArray:
         """Input without the Coulomb compensation (section 2.4.3), (samples, inputs)."""
         return self.u if self.compensation is None else self.u - self.compensation
