@@ -20,7 +20,7 @@ from flexarm_bringup.graph.interruption import interruptible
 from flexarm_bringup.graph.laboratory import initialised, ros_domain
 from flexarm_bringup.graph.operation import NAMESPACE, Operator
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_control.references import TRAVEL_V
+from flexarm_core.channels import TRAVEL_V
 from flexarm_node import qos
 
 if TYPE_CHECKING:

@@ -1,3 +1,5 @@
+"""Computing modules that do without ROS, imported with it blocked."""
+
 from __future__ import annotations
 
 import subprocess
@@ -5,11 +7,8 @@ import sys
 
 import pytest
 
-from support.project import PROJECT
+from support.import_graph import SOURCES, project_modules
 
-pytestmark = pytest.mark.system
-
-SOURCES = PROJECT / "src"
 COMPUTING_PACKAGES = (
     "flexarm_core",
     "flexarm_bags",
@@ -25,7 +24,7 @@ CONNECTING = {
     ),
     "flexarm_daq.nodes.rig_choice",
 }
-"""What talks to ROS beside the nodes themselves."""
+"""Modules that talk to ROS, beside the nodes themselves."""
 
 IMPORT_WITHOUT_ROS = """
 import importlib, sys
@@ -52,12 +51,22 @@ for name in sys.argv[2:]:
 def computing_modules() -> list[str]:
     """Return every module that has to do without ROS."""
     names = {
-        ".".join(file.relative_to(SOURCES / package).with_suffix("").parts)
-        for package in COMPUTING_PACKAGES
-        for file in (SOURCES / package / package).rglob("*.py")
-        if not file.stem.endswith("_node") and file.stem != "__init__"
+        module.name
+        for module in project_modules()
+        if module.package in COMPUTING_PACKAGES and not module.name.endswith("_node")
     }
     return sorted(names - CONNECTING)
+
+
+def run_without_ros(*modules: str) -> subprocess.CompletedProcess[str]:
+    """Import modules in a process that has no ROS."""
+    paths = ":".join(str(SOURCES / package) for package in COMPUTING_PACKAGES)
+    return subprocess.run(  # noqa: S603 - our own interpreter
+        [sys.executable, "-c", IMPORT_WITHOUT_ROS, paths, *modules],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 def test_computing_modules___are_imported_without_ros() -> None:
@@ -67,14 +76,8 @@ def test_computing_modules___are_imported_without_ros() -> None:
         "flexarm_daq.rigs.plant",
         "flexarm_control.laws.registry",
     } < set(modules)
-    paths = ":".join(str(SOURCES / package) for package in COMPUTING_PACKAGES)
 
-    finished = subprocess.run(  # noqa: S603 - our own interpreter
-        [sys.executable, "-c", IMPORT_WITHOUT_ROS, paths, *modules],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    finished = run_without_ros(*modules)
 
     assert finished.stderr == ""
     assert finished.returncode == 0
@@ -82,12 +85,6 @@ def test_computing_modules___are_imported_without_ros() -> None:
 
 @pytest.mark.parametrize("module", ["flexarm_node.waiting", "flexarm_daq.nodes.daq_node"])
 def test_connecting_module___is_what_the_block_stops(module: str) -> None:
-    paths = ":".join(str(SOURCES / package) for package in COMPUTING_PACKAGES)
-    finished = subprocess.run(  # noqa: S603 - our own interpreter
-        [sys.executable, "-c", IMPORT_WITHOUT_ROS, paths, module],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    finished = run_without_ros(module)
     assert finished.returncode != 0
     assert "no ROS here" in finished.stderr
