@@ -202,7 +202,7 @@ def write_results(
         (staging / REPORT_FILE).write_text(report, encoding="utf-8")
         before_commit()
         _commit(staging, folder)
-    return subject.parameters
+    return dict(subject.parameters)
 
 
 def write_report(
@@ -239,7 +239,7 @@ def write_report(
         staged.write_text(report, encoding="utf-8")
         before_commit()
         staged.replace(file)
-    return subject.parameters
+    return dict(subject.parameters)
 
 
 def _identified(
@@ -264,7 +264,7 @@ def _read(bag: Path, request: Request) -> Source:
 
 def _subject(
     name: str, outcome: Outcome, measured: Sequence[Source]
-) -> tuple[Subject, dict[str, ParameterValue]]:
+) -> tuple[Subject, dict[str, str | list[str] | list[float]]]:
     """Return what the report is about, and what stands beside the model."""
     provenance = model_provenance(outcome, measured) | friction_fields(outcome.friction)
     parameters = model_parameters(name, outcome.model, provenance=provenance)

@@ -7,7 +7,6 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import jinja2
-from markupsafe import Markup
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.report.sections import sections
@@ -100,5 +99,5 @@ def _macro(name: str, *arguments: object) -> str:
     return str(getattr(_template("blocks.html.j2").module, name)(*arguments))
 
 
-def _rendered(block: Block) -> Markup:
-    return Markup(_macro(block.macro, block))  # noqa: S704 - escaped by the macro
+def _rendered(block: Block) -> str:
+    return _macro(block.macro, block)

@@ -44,7 +44,7 @@ def _build(subject: Subject) -> Iterator[Block]:
                         output,
                         number,
                         frequencies_hz=grid_hz,
-                        deviation=known and known.deviation[:, output, number],
+                        deviation=None if known is None else known.deviation[:, output, number],
                         known_modes_hz=outcome.request.known_modes_hz,
                     ),
                 )
