@@ -23,8 +23,8 @@ from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from flexarm_ident.workflow.workflow import Request
-from flexarm_ident.workflow.workflow import run as identify_record
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run as identify_record
 from reproduction.framework.law_runs import RATE_HZ, STEP_S, step_to
 from reproduction.framework.records import simulated_record
 
