@@ -22,6 +22,7 @@ from flexarm_bringup.graph.operation import NAMESPACE, Operator
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_core.channels import TRAVEL_V
 from flexarm_node import qos
+from flexarm_node.waiting import has_every_reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -105,7 +106,7 @@ def set_reference(reference_v: float) -> None:
             )
         publisher = node.create_publisher(Float64, f"{NAMESPACE}/reference", qos.NEWEST)
         operator.acquaint("controller")
-        operator.wait(lambda: publisher.get_subscription_count() > 0, "the controller")
+        operator.wait(lambda: has_every_reader(node, [publisher], least=1), "the controller")
         publisher.publish(Float64(data=reference_v))
         publisher.wait_for_all_acked(_ACKNOWLEDGED)
     terminal.CONSOLE.print(f"set-point {reference_v:g} V")

@@ -23,10 +23,11 @@ from rclpy.parameter import Parameter
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.runs.pace import Pace, in_lockstep, pace_text
-from flexarm_bringup.runs.run_record import require_whole, samples_hash
+from flexarm_bringup.runs.run_record import require_whole
 from flexarm_control.design.criteria import step_figures
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_ident.provenance import samples_hash
 from flexarm_ident.reading.read import read_bag_report
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 from flexarm_ident.report.page import Section, append_section

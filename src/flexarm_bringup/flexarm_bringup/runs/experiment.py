@@ -15,15 +15,10 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.pace import Pace, in_lockstep, pace_text
-from flexarm_bringup.runs.run_record import (
-    new_record,
-    put_in_place,
-    require_whole,
-    samples_hash,
-    workplace,
-)
+from flexarm_bringup.runs.run_record import new_record, put_in_place, require_whole, workplace
 from flexarm_daq.experiments.catalogue import KINDS, catalogue
 from flexarm_daq.loop.limiter import LimiterSettings
+from flexarm_ident.provenance import samples_hash
 from flexarm_ident.reading.read import read_bag_report
 
 if TYPE_CHECKING:

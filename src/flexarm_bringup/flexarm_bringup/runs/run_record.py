@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 from contextlib import contextmanager
 from itertools import count
@@ -17,19 +16,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_ident.reading.alignment import BagReading
-    from flexarm_ident.records.iodata import IoData
 
 
 def workplace(bag: Path) -> Path:
     """Return the folder in which the record of a bag is made."""
     return bag.with_name(f"{bag.name}.new")
-
-
-def samples_hash(data: IoData) -> str:
-    """Return the SHA-256 of a record's inputs and outputs: over the samples, not over the file."""
-    digest = hashlib.sha256(data.u.tobytes())
-    digest.update(data.y.tobytes())
-    return digest.hexdigest()
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from flexarm_control.laws.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains, Sampling
 from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
-from flexarm_control.laws.law import NO_EFFORT, SATURATION_V, Effort, Law, limited
+from flexarm_control.laws.law import NO_EFFORT, Effort, Law, limited
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
 from flexarm_control.laws.payload import PayloadDetection
 from flexarm_control.laws.pdpc import Pdp, Pdpc
@@ -17,6 +17,7 @@ from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest
 from flexarm_control.laws.schedule import ScheduleGains
 from flexarm_control.laws.scheduled import ScheduledPdpc
 from flexarm_control.models.nominal_models import identified_model
+from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import (
     Bounded,
@@ -78,7 +79,7 @@ class Pi:
             return NO_EFFORT
         integral_v_s = self._integral_v_s + self._dt_s * error_v
         effort_v = self._gains.kp * error_v + self._gains.ki * integral_v_s
-        if abs(effort_v) <= SATURATION_V or effort_v * error_v < 0.0:
+        if abs(effort_v) <= MAX_COMMAND_V or effort_v * error_v < 0.0:
             self._integral_v_s = integral_v_s
         return limited(effort_v)
 

@@ -15,7 +15,14 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, COMMAND, DRIVE_A_PER_V
+from flexarm_core.channels import (
+    CHANNEL_NAMES,
+    CHANNELS,
+    COMMAND,
+    DRIVE_A_PER_V,
+    INPUT_RANGE_V,
+    MAX_COMMAND_V,
+)
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import ParameterSpec
 from flexarm_daq.loop.acquisition import Acquisition, LockStep, Record
@@ -32,11 +39,11 @@ from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
-from flexarm_node.loop_node import LoopNode, wait_until
+from flexarm_node.loop_node import LoopNode
 from flexarm_node.process import run
 from flexarm_node.stamps import set_stamp, stamp_ns, stamp_text
 from flexarm_node.statistics import Rate
-from flexarm_node.waiting import TopicWaiter
+from flexarm_node.waiting import TopicWaiter, wait_until
 
 if TYPE_CHECKING:
     import threading
@@ -67,11 +74,15 @@ PARAMETERS = (
         description="virtual time: activating waits for a commander, some seconds, and the first"
         " sample for its answer",
     ),
-    ParameterSpec("max_command_v", 10.0, "limiter: largest command", 0.1, 10.0, "V"),
+    ParameterSpec(
+        "max_command_v", MAX_COMMAND_V, "limiter: largest command", 0.1, MAX_COMMAND_V, "V"
+    ),
     ParameterSpec(
         "max_slew_v_per_s", 6000.0, "limiter: fastest change of the command", 1.0, 1e6, "V/s"
     ),
-    ParameterSpec("position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, 10.0, "V"),
+    ParameterSpec(
+        "position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, INPUT_RANGE_V, "V"
+    ),
     ParameterSpec("statistics_s", 10.0, "how long the percentiles look back", 1.0, 7200.0, "s"),
     ParameterSpec("max_age_periods", 3, "watchdog: periods without an answer until zero", 1, 1000),
     ParameterSpec(
