@@ -25,6 +25,7 @@ from scipy import signal
 from flexarm_ident import IoData, identify
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form
+from flexarm_ident.subspace.methods import METHODS
 
 if TYPE_CHECKING:
     from ident_plant import Trial
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     Complex = NDArray[np.complex128]
 
 ORDER, LENGTHS = 18, (6_000, 60_000)
-METHODS = ("orse_thesis", "orse", "orse_iv", "pbsid")
 _STEPS, _HALVINGS = 8, 8
 
 

@@ -19,13 +19,6 @@ if TYPE_CHECKING:
 _LIGHT_DAMPING = 0.2
 _LARGE = 1e3
 
-_METHODS = {
-    "orse": "ORSE, outputs scaled by their innovation",
-    "orse_iv": "ORSE with past data as instruments",
-    "orse_thesis": "ORSE, outputs scaled by their maxima",
-    "pbsid": "PBSID-opt",
-    "arm": "flexible arm with dry friction, fitted by free simulation",
-}
 _RANKINGS = {
     "mrm": "largest modal response (MRM)",
     "msv": "largest mode singular value (MSV)",
@@ -174,7 +167,7 @@ def model_facts(outcome: Outcome) -> dict[str, str]:
     """Return how the model was made."""
     identification = outcome.identification
     facts = {
-        "method": _METHODS.get(identification.method, identification.method),
+        "method": identification.title,
         "block rows": str(identification.block_rows),
         "full order": str(identification.order),
         "sampling period": f"{outcome.model.dt:.6g} s",
