@@ -218,8 +218,8 @@ class Operator:
         Raises
         ------
         LaunchError
-            When hardly a new sample comes for a long time, the DAQ node ends too early, or the
-            recorder has failed.
+            When hardly a new sample comes for a long time, the DAQ node ends too early, which is
+            noticed within seconds, or the recorder has failed.
         """
         self._sequence = 0
         if self._figures is None:
@@ -229,18 +229,18 @@ class Operator:
         try:
             self.start_sampling(samples)
             seen, seen_s = 0, time.monotonic()
-            asked_s = seen_s
+            asked, asked_s = 0, seen_s
             while self._sequence < samples:
                 self._spin()
                 progress(self._sequence)
                 if time.monotonic() - asked_s > _COMPLAINTS_S:
-                    asked_s = time.monotonic()
                     self._check_recorder()
+                    if self._sequence == asked and not self.is_active("daq"):
+                        break
+                    asked, asked_s = self._sequence, time.monotonic()
                 if self._sequence >= seen + _SLOWEST:
                     seen, seen_s = self._sequence, time.monotonic()
                 if time.monotonic() - seen_s > _STALLED_S:
-                    if not self.is_active("daq"):
-                        break
                     raise LaunchError(
                         f"{self._sequence - seen} new samples in {_STALLED_S:.0f} s after {seen}"
                     )
