@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.records.iodata import DataWarning
     from flexarm_ident.records.source import Source
 
 EXCERPT_SAMPLES = 65_536
