@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_ident.models.poles import is_stable
+from flexarm_ident.models.state_space import is_stable
 from reproduction.chapter2.order_survey import (
     ORDERS,
     TABLE_OF,
