@@ -18,15 +18,15 @@ import numpy as np
 from flexarm_control.design.criteria import step_figures
 from flexarm_control.design.tuning import tune_pi
 from flexarm_control.laws.gains import Sampling
-from flexarm_control.laws.law import Effort
-from flexarm_control.laws.registry import Pi
+from flexarm_control.laws.law_protocol import Effort
+from flexarm_control.laws.pi import Pi
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from flexarm_ident.report.plots.plots import match_plot
-from flexarm_ident.workflow.workflow import Request
-from flexarm_ident.workflow.workflow import run as identify_record
+from flexarm_ident.report.plots.time_plots import match_plot
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run as identify_record
 from reproduction.framework.findings import (
     LEVEL,
     SEEDS,
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flexarm_control.laws.law import Law
+    from flexarm_control.laws.law_protocol import Law
     from reproduction.framework.findings import Results
 
 
@@ -183,7 +183,7 @@ def pi_case(code: str, seed: int) -> PiCase:
         min(figures.rise_s, STEP_S),
         on_rig.time_s,
         position_v,
-        on_rig.measured_v[:, 0],
+        on_rig.y[:, 0],
     )
 
 
