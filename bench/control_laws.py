@@ -43,7 +43,7 @@ from flexarm_control.laws.pdpc import Pdp, Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus
 from flexarm_control.models.arm_model import BASE_STRAIN, MIDDLE_STRAIN, POSITION
 from flexarm_daq import RigParameters
-from flexarm_reproduction.law_runs import step_to
+from reproduction.framework.law_runs import step_to
 
 if TYPE_CHECKING:
     import control

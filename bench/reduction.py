@@ -30,7 +30,7 @@ from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.reduction.balanced import balanced_truncation
 from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
 from flexarm_ident.workflow.workflow import Request, run
-from flexarm_reproduction.records import simulated_record
+from reproduction.framework.records import simulated_record
 
 EXPERIMENTS = ("C_dat3", "C_dat11")
 FLEXIBLE_MODES = 3

@@ -32,7 +32,7 @@ from flexarm_control import (
 from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus
 from flexarm_daq import RigParameters
-from flexarm_reproduction.law_runs import step_to
+from reproduction.framework.law_runs import step_to
 
 if TYPE_CHECKING:
     from flexarm_control import Law

@@ -18,7 +18,7 @@ from flexarm_control import (
     step_figures,
 )
 from flexarm_control.laws.switching import FADE_V, Handover
-from flexarm_control.references import TRAVEL_V
+from flexarm_core.channels import TRAVEL_V
 from flexarm_daq.loop.limiter import LimiterSettings
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)

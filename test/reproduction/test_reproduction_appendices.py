@@ -8,15 +8,15 @@ import pytest
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_core.channels import POSITION_V_PER_RAD, SPEED_V_S_PER_RAD
 from flexarm_daq.experiments.catalogue import catalogue
-from flexarm_reproduction import excitation_figures, nominal_models, strain_sign
-from flexarm_reproduction.appendices import SUBJECTS
-from flexarm_reproduction.catalogue_tables import compare, controlled, excited, implemented
-from flexarm_reproduction.excitation_figures import Signal
-from flexarm_reproduction.findings import Finding, Verdict
-from flexarm_reproduction.nominal_models import FREQUENCIES_HZ, IdentifiedModel
-from flexarm_reproduction.record_facts import RecordFacts
-from flexarm_reproduction.strain_sign import Examined
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.appendices import SUBJECTS, nominal_models, strain_sign
+from reproduction.appendices.catalogue_tables import compare, controlled, excited, implemented
+from reproduction.appendices.nominal_models import FREQUENCIES_HZ, IdentifiedModel
+from reproduction.appendices.record_facts import RecordFacts
+from reproduction.appendices.strain_sign import Examined
+from reproduction.chapter2 import excitation_figures
+from reproduction.chapter2.excitation_figures import Signal
+from reproduction.framework.findings import Finding, Verdict
+from reproduction.framework.thesis_values import thesis_table
 
 CHECKS = {
     1: ("open_loop", excited("open_loop")),

@@ -8,7 +8,8 @@ import pytest
 
 from flexarm_daq.experiments.catalogue import catalogue, experiment
 from flexarm_ident.fitting.validation import validate_dmv
-from flexarm_reproduction import (
+from reproduction.chapter2 import (
+    SUBJECTS,
     closed_loop_response,
     gauge_peaks,
     imperfection_claim,
@@ -22,17 +23,16 @@ from flexarm_reproduction import (
     survey_tables,
     waveform_modes,
 )
-from flexarm_reproduction.chapter2 import SUBJECTS
-from flexarm_reproduction.evidence import SEEDS
-from flexarm_reproduction.findings import Verdict
-from flexarm_reproduction.order_survey import ORDERS, OrderSurvey
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter2.order_survey import ORDERS, OrderSurvey
+from reproduction.framework.evidence import SEEDS
+from reproduction.framework.findings import Verdict
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_reproduction.findings import Finding
-    from flexarm_reproduction.subjects import Call
+    from reproduction.framework.findings import Finding
+    from reproduction.framework.subjects import Call
 
 AGREES, RANKING, DIFFERS = Verdict.AGREES, Verdict.SAME_RANKING, Verdict.DIFFERS
 FIGURES = (6, 7, 8, 11, 12, 14, 15, 16)

@@ -9,7 +9,8 @@ import pytest
 from scipy import signal
 
 from flexarm_ident.models.modes import Mode
-from flexarm_reproduction import (
+from reproduction.chapter3 import (
+    SUBJECTS,
     ranking_claims,
     reduction_errors,
     reduction_figures,
@@ -18,9 +19,7 @@ from flexarm_reproduction import (
     reduction_responses,
     updating_claims,
 )
-from flexarm_reproduction.chapter3 import SUBJECTS
-from flexarm_reproduction.findings import Verdict
-from flexarm_reproduction.reduction_calls import (
+from reproduction.chapter3.reduction_calls import (
     INITIAL,
     errors_text,
     means,
@@ -28,11 +27,11 @@ from flexarm_reproduction.reduction_calls import (
     ratios,
     trials,
 )
-from flexarm_reproduction.reduction_claims import CODES, NOISES
-from flexarm_reproduction.reduction_drift import RIGS, drift_calls, drift_table, full_model_errors
-from flexarm_reproduction.reduction_examples import EXAMPLES, TABLES
-from flexarm_reproduction.reduction_rows import reversed_pairs, thesis_rows
-from flexarm_reproduction.reduction_stages import (
+from reproduction.chapter3.reduction_claims import CODES, NOISES
+from reproduction.chapter3.reduction_drift import RIGS, drift_calls, drift_table, full_model_errors
+from reproduction.chapter3.reduction_examples import EXAMPLES, TABLES
+from reproduction.chapter3.reduction_rows import reversed_pairs, thesis_rows
+from reproduction.chapter3.reduction_stages import (
     LOW,
     THESIS,
     Curves,
@@ -41,15 +40,16 @@ from flexarm_reproduction.reduction_stages import (
     bending_modes,
     is_rigid,
 )
-from flexarm_reproduction.reduction_trial import reduction_trial
-from flexarm_reproduction.subjects import Call
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.chapter3.reduction_trial import reduction_trial
+from reproduction.framework.findings import Verdict
+from reproduction.framework.subjects import Call
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from flexarm_reproduction.findings import Judgement
-    from flexarm_reproduction.reduction_rows import ThesisRow
+    from reproduction.chapter3.reduction_rows import ThesisRow
+    from reproduction.framework.findings import Judgement
 
     Levels = Mapping[tuple[str, str], Sequence[float]]
 

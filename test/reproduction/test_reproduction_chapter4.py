@@ -8,7 +8,8 @@ from scipy import stats
 
 from flexarm_control.laws.registry import build_law
 from flexarm_daq import RigParameters
-from flexarm_reproduction import (
+from reproduction.chapter4 import (
+    SUBJECTS,
     ilqr_claims,
     ilqr_runs,
     margin_claim,
@@ -18,15 +19,14 @@ from flexarm_reproduction import (
     pi_evaluation,
     pi_findings,
 )
-from flexarm_reproduction.chapter4 import SUBJECTS
-from flexarm_reproduction.evidence import p_text, sign_test, spread
-from flexarm_reproduction.findings import Judgement, Verdict
-from flexarm_reproduction.law_runs import StepTrial, step_to, step_trial
-from flexarm_reproduction.subjects import Call
-from flexarm_reproduction.thesis_values import thesis_table
+from reproduction.framework.evidence import p_text, sign_test, spread
+from reproduction.framework.findings import Judgement, Verdict
+from reproduction.framework.law_runs import StepTrial, step_to, step_trial
+from reproduction.framework.subjects import Call
+from reproduction.framework.thesis_values import thesis_table
 
 if TYPE_CHECKING:
-    from flexarm_reproduction.findings import Finding
+    from reproduction.framework.findings import Finding
 
 FIGURES = [*range(2, 6), 8, *range(10, 13), *range(15, 19)]
 AGREES, RANKING, DIFFERS = Verdict.AGREES, Verdict.SAME_RANKING, Verdict.DIFFERS

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_reproduction.document import write_document
-from flexarm_reproduction.findings import Finding, Judgement, Plot, SideBySide, Verdict
-from flexarm_reproduction.run import Outcome
-from flexarm_reproduction.subjects import Subject
+from reproduction.framework.document import write_document
+from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, Verdict
+from reproduction.framework.run import Outcome
+from reproduction.framework.subjects import Subject
 
 if TYPE_CHECKING:
     from pathlib import Path

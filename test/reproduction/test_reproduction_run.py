@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Any
 import distributed
 import pytest
 
-from flexarm_reproduction import computing
-from flexarm_reproduction.computing import Workers
-from flexarm_reproduction.errors import ReproductionError
-from flexarm_reproduction.findings import Finding, Judgement, Verdict
-from flexarm_reproduction.run import Outcome, reproduce
-from flexarm_reproduction.selection import all_subjects, page_of, select
-from flexarm_reproduction.store import Store
-from flexarm_reproduction.subjects import Call, Subject
+from reproduction.contents import all_subjects, page_of, select
+from reproduction.framework import computing
+from reproduction.framework.computing import Workers
+from reproduction.framework.errors import ReproductionError
+from reproduction.framework.findings import Finding, Judgement, Verdict
+from reproduction.framework.run import Outcome, reproduce
+from reproduction.framework.store import Store
+from reproduction.framework.subjects import Call, Subject
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 HERE = Workers(jobs=1)
 KEYS = ("table-2-1", "table-2-10", "table-3-1a", "figure-2-2", "appendix-b", "appendix-b-1")

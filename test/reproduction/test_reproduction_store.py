@@ -8,11 +8,11 @@ import joblib
 import numpy as np
 import pytest
 
-from flexarm_reproduction import source_digest as digests
-from flexarm_reproduction.records import simulated_record
-from flexarm_reproduction.source_digest import source_digest
-from flexarm_reproduction.store import Store
-from flexarm_reproduction.subjects import Call
+from reproduction.framework import source_digest as digests
+from reproduction.framework.records import simulated_record
+from reproduction.framework.source_digest import source_digest
+from reproduction.framework.store import Store
+from reproduction.framework.subjects import Call
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

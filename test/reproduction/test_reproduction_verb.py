@@ -2,23 +2,27 @@ from __future__ import annotations
 
 import math
 import operator
+import os
+import signal
+import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import pytest
 from click.testing import CliRunner
 
-from flexarm_bringup.checkout import reproduce as verb
-from flexarm_bringup.cli import main
 from flexarm_bringup.console import terminal
-from flexarm_reproduction.findings import Finding, SideBySide, Verdict, judged
-from flexarm_reproduction.subjects import Call, Subject
+from reproduction import __main__ as program
+from reproduction.framework.findings import Finding, SideBySide, Verdict, judged
+from reproduction.framework.subjects import Call, Subject
+from support.project import PROJECT
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from click.testing import Result
 
-    from flexarm_reproduction.subjects import Results
+    from reproduction.framework.subjects import Results
 
 ROOT, WRONG = Call(math.sqrt, (9.0,)), Call(operator.truediv, (1, 0))
 
@@ -42,11 +46,11 @@ SUBJECTS = (
 @pytest.fixture(autouse=True)
 def _two_subjects(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verb, "all_subjects", lambda: SUBJECTS)
+    monkeypatch.setattr(program, "all_subjects", lambda: SUBJECTS)
 
 
 def flexarm(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["reproduce", "--jobs", "1", *arguments])
+    return CliRunner().invoke(program.main, ["reproduce", "--jobs", "1", *arguments])
 
 
 def test_reproduce___subject___is_written_and_its_results_are_kept(tmp_path: Path) -> None:
@@ -55,7 +59,7 @@ def test_reproduce___subject___is_written_and_its_results_are_kept(tmp_path: Pat
     page = (tmp_path / "pages" / "chapter-2.md").read_text("utf-8")
     assert Verdict.DIFFERS.value in page
     assert "Because." in page
-    assert len(list((tmp_path / verb.CACHE).iterdir())) == 1
+    assert len(list((tmp_path / program.CACHE).iterdir())) == 1
 
 
 def test_reproduce___finding___is_shown_with_both_figures_and_the_verdict() -> None:
@@ -87,7 +91,7 @@ def test_reproduce___interrupt___exits_with_130_and_says_that_it_goes_on(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(verb, "reproduce", interrupted)
+    monkeypatch.setattr(program, "reproduce", interrupted)
     with terminal.CONSOLE.capture() as captured:
         result = flexarm("all")
     assert result.exit_code == 130
@@ -113,3 +117,48 @@ def test_reproduce___wrong_words___are_refused_in_a_line(
     result = flexarm(*arguments)
     assert result.exit_code == code
     assert words in result.output
+
+
+def verb_of(folder: Path, *arguments: str, root: Path | None = PROJECT) -> subprocess.Popen[str]:
+    """Start the verb in a process of its own, as the command does."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    environment.pop("FLEXARM_ROOT", None)
+    if root is not None:
+        environment["FLEXARM_ROOT"] = str(root)
+    return subprocess.Popen(  # noqa: S603 - our own command
+        [sys.executable, "-c", "from flexarm_bringup.cli import main; main()", *arguments],
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def test_verb___program_of_the_checkout___gives_its_lines_and_its_exit_code(tmp_path: Path) -> None:
+    with verb_of(tmp_path, "reproduce", "tabel-2-1") as running:
+        output, _ = running.communicate()
+    assert running.returncode == 1
+    assert "did you mean table-2-1" in output
+    assert output.count("\n") == 1
+
+
+def test_verb___outside_a_checkout___says_so_in_a_line(tmp_path: Path) -> None:
+    with verb_of(tmp_path, "reproduce", "--list", root=None) as running:
+        output, _ = running.communicate()
+    assert running.returncode == 1
+    assert "live in the checkout" in output
+    assert output.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_verb___interrupt___reaches_the_program(tmp_path: Path) -> None:
+    with verb_of(tmp_path, "reproduce", "table-2-1", "--jobs", "1") as running:
+        assert running.stdout is not None
+        for line in running.stdout:
+            if "computing" in line:
+                break
+        running.send_signal(signal.SIGINT)
+        output, _ = running.communicate()
+    assert running.returncode == 130
+    assert "goes on from there" in output

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.system
 DAQ = {"rate_hz": 300.0}
 FAILING_NODE = """
 from flexarm_node.loop_node import LoopNode
-from flexarm_node.parameters import ParameterSpec
+from flexarm_core.specs import ParameterSpec
 from flexarm_node.process import run
 
 class Failing(LoopNode):

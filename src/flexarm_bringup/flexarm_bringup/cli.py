@@ -6,7 +6,7 @@ import os
 
 import click
 
-from flexarm_bringup.console.lazy_group import LazyGroup
+from flexarm_bringup.console.verb_group import LazyVerbGroup
 
 # The matrices here are small: more threads of BLAS would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -40,7 +40,10 @@ VERBS = {
 """Verbs in the order of the help, and the function that each is."""
 
 
-@click.group(cls=LazyGroup, places=VERBS, context_settings={"help_option_names": ["-h", "--help"]})
+_NAMES = {"help_option_names": ["-h", "--help"]}
+
+
+@click.group(cls=LazyVerbGroup, places=VERBS, context_settings=_NAMES)
 @click.version_option("0.1.0", prog_name="flexarm")
 def main() -> None:
     """Measure, model and control a flexible arm.

@@ -13,7 +13,9 @@ from flexarm_control.laws.registry import LAWS, Pd, Pi, build_law
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.simulation import LoopRun, simulate_loop
-from flexarm_core.errors import ControlError
+
+# The name under which callers catch what this package refuses.
+from flexarm_core.errors import SettingError as ControlError
 
 __all__ = [
     "LAWS",

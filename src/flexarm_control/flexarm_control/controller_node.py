@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from std_msgs.msg import Float64
@@ -17,13 +17,14 @@ from std_msgs.msg import Float64
 from flexarm_control.laws.registry import LAWS, build_law, law_rate_hz
 from flexarm_control.laws.scheduled import ScheduledPdpc
 from flexarm_control.laws.switching import Handover
-from flexarm_control.references import REFERENCES, TRAVEL_V, Reference, build_reference
+from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.sample_rate import SampleRate, suits
-from flexarm_core.errors import ControlError
+from flexarm_core.channels import TRAVEL_V
+from flexarm_core.errors import SettingError
+from flexarm_core.specs import ParameterSpec
 from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand, PayloadEstimate
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode
-from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
 from flexarm_node.stamps import set_stamp, stamp_ns
 from flexarm_node.statistics import Window
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
 
     from flexarm_control.laws.law import Law
-    from flexarm_core.specs import ParameterSpec as Bound
 
 _WAIT_S = 0.1
 # A recorder that was not heard of yet when the reference changed learns it so soon.
@@ -48,18 +48,8 @@ TOPIC = "topic"
 """The reference comes from the topic `reference` and not from a built-in profile."""
 
 
-def _declared(prefix: str, bounds: tuple[Bound, ...]) -> list[ParameterSpec]:
-    return [
-        ParameterSpec(
-            f"{prefix}.{bound.name}",
-            bound.default,
-            bound.description,
-            bound.minimum,
-            bound.maximum,
-            bound.unit,
-        )
-        for bound in bounds
-    ]
+def _declared(prefix: str, specs: tuple[ParameterSpec, ...]) -> list[ParameterSpec]:
+    return [replace(spec, name=f"{prefix}.{spec.name}") for spec in specs]
 
 
 PARAMETERS = (
@@ -102,7 +92,7 @@ class Setup:
             return
         set_it = f"{self.name}.rate_hz"
         advice = f"set {set_it}" if set_it in _NAMES else "sample at that rate or take another law"
-        raise ControlError(
+        raise SettingError(
             f"law {self.name} is made for {self.rate_hz:g} Hz and the samples come at "
             f"{measured_hz:.0f} Hz: {advice}"
         )
@@ -113,7 +103,7 @@ def _setup(values: Mapping[str, Any]) -> Setup:
 
     Raises
     ------
-    ControlError
+    SettingError
         When a value is out of range or the values do not fit together.
     """
     name, reference = values["law"], values["reference"]
@@ -138,7 +128,7 @@ class ControllerNode(LoopNode):
             PARAMETERS,
             accept=_setup,
             apply=self._replace,
-            expected=(ControlError,),
+            expected=(SettingError,),
         )
         self._setup = _setup(self.parameters.values())
         self._reference_v = 0.0

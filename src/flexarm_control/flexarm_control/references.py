@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from flexarm_core.errors import ControlError
+from flexarm_core.channels import TRAVEL_DEG, TRAVEL_V
+from flexarm_core.errors import SettingError
 from flexarm_core.specs import (
     Bounded,
     ParameterSpec,
@@ -22,14 +23,13 @@ from flexarm_core.specs import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-#: Largest position that the stops allow, V: 80 deg at 3 V = 35 deg (section 2.4.1).
-TRAVEL_V = 80.0 * 3.0 / 35.0
-
 # Sample instants k * dt carry rounding errors; a switch that is due within this time has happened.
 _ROUNDING_S = 1e-9
 _HALF_PERIODS = 1024
 
-_AMPLITUDE = limits(-TRAVEL_V, TRAVEL_V, "V", "position to go to; the travel is +-80 deg")
+_AMPLITUDE = limits(
+    -TRAVEL_V, TRAVEL_V, "V", f"position to go to; the travel is +-{TRAVEL_DEG:g} deg"
+)
 
 
 class Reference(Protocol):
@@ -114,7 +114,7 @@ class VaryingSquare(Bounded):
 
     Raises
     ------
-    ControlError
+    SettingError
         When a value is outside its range or the shortest half-period exceeds the longest.
     """
 
@@ -129,7 +129,7 @@ class VaryingSquare(Bounded):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.shortest_s > self.longest_s:
-            raise ControlError(
+            raise SettingError(
                 f"VaryingSquare: shortest_s = {self.shortest_s:g} exceeds longest_s = "
                 f"{self.longest_s:g}; exchange them"
             )
@@ -195,11 +195,11 @@ def build_reference(name: str, values: Mapping[str, float] | None = None) -> Ref
 
     Raises
     ------
-    ControlError
+    SettingError
         When the reference or a parameter is unknown, or a value is outside its range.
     """
     if name not in REFERENCES:
-        raise ControlError(f"no reference {name!r}; choose one of {', '.join(REFERENCES)}")
+        raise SettingError(f"no reference {name!r}; choose one of {', '.join(REFERENCES)}")
     values = values or {}
     refuse_unknown(name, REFERENCES[name].parameters, values)
     return select(REFERENCES[name].kind, values)

@@ -61,7 +61,7 @@ def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) 
 
     Raises
     ------
-    ControlError
+    SettingError
         When the model is not one of the arm or its D is not zero.
     """
     check_arm_model(model)

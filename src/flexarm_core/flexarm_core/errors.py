@@ -11,7 +11,7 @@ class FlexarmError(Exception):
 
 
 class SettingError(FlexarmError):
-    """A setting from which nothing can be built; the message states what is allowed."""
+    """A setting, gain, reference or model that cannot be used; the text says what is allowed."""
 
 
 class IdentificationError(FlexarmError):
@@ -24,10 +24,6 @@ class DataError(IdentificationError):
 
 class BagError(IdentificationError):
     """A bag cannot be read as the record of an experiment."""
-
-
-class ControlError(FlexarmError):
-    """A gain, reference or model that cannot be used; the message names it and what to do."""
 
 
 def one_line(error: BaseException) -> str:

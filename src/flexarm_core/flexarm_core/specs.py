@@ -1,11 +1,12 @@
-"""Bounded parameters: the one table that documents, declares and checks a value."""
+"""Parameter tables: each documents, declares and checks a value."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import MISSING, dataclass, fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,54 +18,86 @@ class ParameterSpec:
 
     Attributes
     ----------
-    name
+    name : str
         Name, with its unit as a suffix where it has one.
-    default
-        Default value; an ``int`` marks an integer parameter.
-    minimum, maximum
-        Closed range of allowed values.
-    unit
-        Unit in words of the thesis, empty for none.
-    description
+    default : bool, int, float, str or list
+        Default value; its type is the type of the parameter.
+    description : str
         One sentence for a person who sets the parameter.
+    minimum, maximum : float or None
+        Closed range of a number; None where it has no bound.
+    unit : str
+        Unit in words of the thesis, empty for none.
+    choices : tuple of str
+        Allowed values of a string; empty: any.
+    read_only : bool
+        The value is given at the start and cannot be changed later.
     """
 
     name: str
-    default: float
-    minimum: float
-    maximum: float
-    unit: str
+    default: bool | int | float | str | list[float] | list[str]
     description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
 
     @property
     def range_text(self) -> str:
         """The allowed range in words, such as ``0 to 6.857 V``."""
-        return f"{self.minimum:.4g} to {self.maximum:.4g} {self.unit}".rstrip()
+        least, most = self.bounds
+        return f"{_number(least)} to {_number(most)} {self.unit}".rstrip()
 
-    def check(self, value: float, owner: str) -> None:
-        """Refuse a value outside the range.
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Smallest and largest allowed number; infinite where there is no bound."""
+        least = -math.inf if self.minimum is None else self.minimum
+        return least, math.inf if self.maximum is None else self.maximum
+
+    def complaint(self, value: object) -> str | None:
+        """Return why a value cannot be used, in one line; None when it can.
 
         Parameters
         ----------
-        value
+        value : object
             The value to check; NaN is outside every range.
-        owner
+        """
+        if self.choices and value not in self.choices:
+            return f"{self.name} = '{value}': must be one of {', '.join(self.choices)}"
+        least, most = self.bounds
+        if isinstance(value, int | float) and not least <= value <= most:
+            return (
+                f"{self.name} = {value:.6g} is outside {self.range_text}; "
+                f"choose a value in that range ({self.description})"
+            )
+        return None
+
+    def check(self, value: object, owner: str) -> None:
+        """Refuse a value that cannot be used.
+
+        Parameters
+        ----------
+        value : object
+            The value to check.
+        owner : str
             What the parameter belongs to, for the message.
 
         Raises
         ------
-        ControlError
-            When the value is outside the range; the message states the range.
+        SettingError
+            When the value is out of range or none of the choices.
         """
-        if not self.minimum <= value <= self.maximum:
-            raise ControlError(
-                f"{owner}: {self.name} = {value:.6g} is outside {self.range_text}; "
-                f"choose a value in that range ({self.description})"
-            )
+        if complaint := self.complaint(value):
+            raise SettingError(f"{owner}: {complaint}")
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if float(value).is_integer() else f"{value:.4g}"
 
 
 def limits(minimum: float, maximum: float, unit: str, description: str) -> dict[str, Any]:
-    """Field metadata that `parameter_specs` turns into a `ParameterSpec`."""
+    """Return field metadata that `parameter_specs` turns into a `ParameterSpec`."""
     return {"minimum": minimum, "maximum": maximum, "unit": unit, "description": description}
 
 
@@ -74,7 +107,7 @@ class Bounded:
 
     Raises
     ------
-    ControlError
+    SettingError
         When a field is outside its range.
     """
 
@@ -87,7 +120,7 @@ _BoundedT = TypeVar("_BoundedT", bound=Bounded)
 
 
 def parameter_specs(kind: type[Bounded]) -> tuple[ParameterSpec, ...]:
-    """Table of the parameters of a `Bounded` dataclass, in the order of its fields."""
+    """Return the table of the parameters of a `Bounded` dataclass, in the order of its fields."""
     return tuple(
         ParameterSpec(name=field.name, default=field.default, **field.metadata)
         for field in fields(kind)
@@ -108,10 +141,10 @@ def refuse_unknown(
 
     Raises
     ------
-    ControlError
+    SettingError
         When a name is not in the table; the message lists the known names.
     """
     known = [spec.name for spec in specs]
     for name in values:
         if name not in known:
-            raise ControlError(f"{owner} has no parameter {name!r}; it has {', '.join(known)}")
+            raise SettingError(f"{owner} has no parameter {name!r}; it has {', '.join(known)}")

@@ -22,6 +22,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from flexarm_core.errors import IdentificationError
+from flexarm_core.specs import ParameterSpec
 from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.job import Results, identify_bags, model_name
 from flexarm_ident.models.files import parse_exports
@@ -29,7 +30,7 @@ from flexarm_ident.workflow.workflow import Outcome, Request
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.msg import ModeSummary
 from flexarm_msgs.srv import Identify
-from flexarm_node.parameters import Parameters, ParameterSpec
+from flexarm_node.parameters import Parameters
 from flexarm_node.process import run as run_node
 
 if TYPE_CHECKING:

@@ -14,8 +14,9 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
+from flexarm_core.specs import ParameterSpec
 from flexarm_node import qos
-from flexarm_node.parameters import Parameters, ParameterSpec
+from flexarm_node.parameters import Parameters
 from flexarm_node.transport import complaint_about_transport
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +13,15 @@ from rcl_interfaces.msg import (
 )
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 
-from flexarm_core.errors import FlexarmError
+from flexarm_core.errors import FlexarmError, SettingError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from rclpy.node import Node
     from rclpy.parameter import Parameter
+
+    from flexarm_core.specs import ParameterSpec
 
     Values = dict[str, Any]
 
@@ -29,50 +30,21 @@ if TYPE_CHECKING:
 _MIDDLEWARE = "qos_overrides."
 
 
-class ParameterError(FlexarmError):
-    """A parameter has a value that the node cannot start with."""
-
-
-@dataclass(frozen=True)
-class ParameterSpec:
-    """One parameter of a node.
-
-    Numbers have inclusive bounds, strings may have choices. `unit` is written into the description.
-    """
-
-    name: str
-    default: bool | int | float | str | list[float] | list[str]
-    description: str
-    minimum: float | None = None
-    maximum: float | None = None
-    unit: str = ""
-    choices: tuple[str, ...] = ()
-    read_only: bool = False
-
-    def descriptor(self) -> ParameterDescriptor:
-        """Return what `ros2 param describe` shows."""
-        text = self.description + (f" [{self.unit}]" if self.unit else "")
-        descriptor = ParameterDescriptor(description=text, read_only=self.read_only)
-        if self.choices:
-            descriptor.additional_constraints = "one of: " + ", ".join(self.choices)
-        if self.minimum is not None and self.maximum is not None:
-            if isinstance(self.default, int):
-                descriptor.integer_range = [
-                    IntegerRange(from_value=int(self.minimum), to_value=int(self.maximum), step=0)
-                ]
-            else:
-                descriptor.floating_point_range = [
-                    FloatingPointRange(
-                        from_value=float(self.minimum), to_value=float(self.maximum), step=0.0
-                    )
-                ]
-        return descriptor
-
-    def complaint(self, value: object) -> str | None:
-        """Return why `value` is not one of the choices, or None when it is."""
-        if self.choices and value not in self.choices:
-            return f"parameter {self.name} = '{value}': must be one of {', '.join(self.choices)}"
-        return None
+def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
+    """Return what `ros2 param describe` shows of a parameter."""
+    text = spec.description + (f" [{spec.unit}]" if spec.unit else "")
+    described = ParameterDescriptor(description=text, read_only=spec.read_only)
+    if spec.choices:
+        described.additional_constraints = "one of: " + ", ".join(spec.choices)
+    if spec.minimum is not None and spec.maximum is not None:
+        ends = {"from_value": spec.minimum, "to_value": spec.maximum}
+        if isinstance(spec.default, int):
+            whole = {name: int(end) for name, end in ends.items()}
+            described.integer_range = [IntegerRange(**whole)]
+        else:
+            real = {name: float(end) for name, end in ends.items()}
+            described.floating_point_range = [FloatingPointRange(**real)]
+    return described
 
 
 class Parameters:
@@ -97,7 +69,7 @@ class Parameters:
 
     Raises
     ------
-    ParameterError
+    SettingError
         When the values given at the start have the wrong type, are out of range or do not fit
         together.
     """
@@ -120,7 +92,7 @@ class Parameters:
         self._values = self._read()
         reason = self._refusal(self._values)
         if reason:
-            raise ParameterError(reason)
+            raise SettingError(reason)
         self._warn_of_unknown((*later, _MIDDLEWARE))
         node.add_on_set_parameters_callback(self._on_set)
         node.add_post_set_parameters_callback(self._on_changed)
@@ -134,15 +106,16 @@ class Parameters:
 
     def _declare(self, spec: ParameterSpec) -> None:
         try:
-            self._node.declare_parameter(spec.name, spec.default, spec.descriptor())
+            self._node.declare_parameter(spec.name, spec.default, descriptor(spec))
         except InvalidParameterTypeException:
             wanted = type(spec.default).__name__
-            raise ParameterError(
+            raise SettingError(
                 f"parameter {spec.name} must be a {wanted}, such as {spec.default!r}"
             ) from None
         except InvalidParameterValueException:
-            span = f"{spec.minimum:g} to {spec.maximum:g} {spec.unit}".rstrip()
-            raise ParameterError(f"parameter {spec.name} is out of its range, {span}") from None
+            raise SettingError(
+                f"parameter {spec.name} is out of its range, {spec.range_text}"
+            ) from None
 
     def _warn_of_unknown(self, later: tuple[str, ...]) -> None:
         given = self._node._parameter_overrides  # noqa: SLF001 - rclpy tells it in no other way
@@ -157,9 +130,8 @@ class Parameters:
 
     def _refusal(self, values: Mapping[str, Any]) -> str | None:
         for name, spec in self._specs.items():
-            complaint = spec.complaint(values[name])
-            if complaint:
-                return complaint
+            if complaint := spec.complaint(values[name]):
+                return f"parameter {complaint}"
         if self._accept is not None:
             try:
                 self._accept(values)

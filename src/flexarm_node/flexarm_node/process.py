@@ -16,7 +16,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from flexarm_node.parameters import ParameterError
+from flexarm_core.errors import SettingError
 from flexarm_node.transport import set_up_for_a_loop
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     Parameters
     ----------
     make_node
-        Builds the node. A `ParameterError` from it is printed as one line, exit code 2.
+        Builds the node. A `SettingError` from it is printed as one line, exit code 2.
     realtime
         Ask for real-time priority and locked memory, so that the node's loop is on time on a busy
         machine; where that is not permitted, one line says so. And set up the middleware so that
@@ -90,7 +90,7 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         return 2
     try:
         node = make_node()
-    except ParameterError as error:
+    except SettingError as error:
         sys.stderr.write(f"{error}\n")
         try_shutdown()
         return 2

@@ -8,7 +8,8 @@ from itertools import pairwise
 import pytest
 
 from flexarm_control import REFERENCES, ControlError, build_reference
-from flexarm_control.references import TRAVEL_V, Constant, Square, Step, VaryingSquare
+from flexarm_control.references import Constant, Square, Step, VaryingSquare
+from flexarm_core.channels import TRAVEL_V
 
 RATE_HZ = 300
 
@@ -116,7 +117,7 @@ def test_reference___amplitude_beyond_the_travel___is_refused(
 def test_build_reference___value_out_of_range___is_refused_with_the_range(name: str) -> None:
     for spec in REFERENCES[name].parameters:
         with pytest.raises(ControlError) as refused:
-            build_reference(name, {spec.name: spec.maximum + 1})
+            build_reference(name, {spec.name: spec.bounds[1] + 1})
         assert spec.range_text in str(refused.value)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import RealArray
@@ -113,16 +113,16 @@ def step_figures(
 
     Raises
     ------
-    ControlError
+    SettingError
         When there is no sample, the lengths differ, or the step has no height.
     """
     if len(time_s) == 0 or np.shape(time_s) != np.shape(position_v):
-        raise ControlError(
+        raise SettingError(
             f"a step response needs one time per position; got {np.shape(time_s)} times and "
             f"{np.shape(position_v)} positions"
         )
     if reference_v == start_v:
-        raise ControlError(f"no step: reference_v and start_v are both {start_v:g} V")
+        raise SettingError(f"no step: reference_v and start_v are both {start_v:g} V")
     since_step_s = time_s - time_s[0]
     progress = (position_v - start_v) / (reference_v - start_v)
     last = since_step_s >= since_step_s[-1] - _MEAN_WINDOW_S

@@ -116,7 +116,7 @@ class LoopResponse:
 
     Raises
     ------
-    ControlError
+    SettingError
         When the model is not one of the arm or the delay is negative.
     """
 
@@ -199,7 +199,7 @@ def margins(
 
     Raises
     ------
-    ControlError
+    SettingError
         When the model is not one of the arm or the delay is negative.
 
     Examples

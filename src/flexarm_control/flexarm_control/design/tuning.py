@@ -20,7 +20,7 @@ from flexarm_control.models.arm_model import (
     check_no_feedthrough,
     delayed,
 )
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -135,22 +135,22 @@ def tune_pdp(
 
     Raises
     ------
-    ControlError
+    SettingError
         When a model or value cannot be used or no search meets the constraints.
     """
     _check_weights(error_weight, strain_weight)
     if not 0.0 < gain_margin_db <= _MOST_DB:
-        raise ControlError(
+        raise SettingError(
             f"gain_margin_db = {gain_margin_db:g} dB; must be above 0 and at most {_MOST_DB:g} dB"
         )
     if not 0.0 < phase_margin_deg < _MOST_DEG:
-        raise ControlError(
+        raise SettingError(
             f"phase_margin_deg = {phase_margin_deg:g} deg; must be above 0 and below"
             f" {_MOST_DEG:g} deg"
         )
     _check_delay(delay_s)
     if not models or not starts:
-        raise ControlError("tuning needs at least one model and one starting point")
+        raise SettingError("tuning needs at least one model and one starting point")
     loops = [LoopResponse(model, delay_s=delay_s) for model in models]
     for loop in loops:
         check_no_feedthrough(loop.model)
@@ -171,7 +171,7 @@ def tune_pdp(
     searches = tuple(search(PdpGains, criterion, start, bounds, excess) for start in starts)
     feasible = [found for found in searches if found.feasible]
     if not feasible:
-        raise ControlError(
+        raise SettingError(
             f"no gains found with {gain_margin_db:g} dB and {phase_margin_deg:g} deg on every "
             f"model; ask for less, reduce the delay of {delay_s:g} s or give other starts"
         )
@@ -220,12 +220,12 @@ def tune_pi(
 
     Raises
     ------
-    ControlError
+    SettingError
         When the model or the delay cannot be used or there is no starting point.
     """
     _check_delay(delay_s)
     if not starts:
-        raise ControlError("tuning needs at least one starting point")
+        raise SettingError("tuning needs at least one starting point")
     check_arm_model(model)
     late = delayed(model, delay_s)
     check_no_feedthrough(late)
@@ -245,14 +245,14 @@ def tune_pi(
 def _check_weights(error_weight: float, strain_weight: float) -> None:
     for name, weight in (("error_weight", error_weight), ("strain_weight", strain_weight)):
         if not 0.0 <= weight < np.inf:
-            raise ControlError(f"{name} = {weight:g}; must be finite and not negative")
+            raise SettingError(f"{name} = {weight:g}; must be finite and not negative")
     if error_weight == strain_weight == 0.0:
-        raise ControlError("error_weight = 0 and strain_weight = 0; one must be above 0")
+        raise SettingError("error_weight = 0 and strain_weight = 0; one must be above 0")
 
 
 def _check_delay(delay_s: float) -> None:
     if not 0.0 <= delay_s <= _MOST_DELAY_S:
-        raise ControlError(f"delay_s = {delay_s:g} s; must be 0 to {_MOST_DELAY_S:g} s")
+        raise SettingError(f"delay_s = {delay_s:g} s; must be 0 to {_MOST_DELAY_S:g} s")
 
 
 def _error_and_strain(

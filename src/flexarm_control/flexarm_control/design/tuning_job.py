@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_control.design.tuning import tune_pdp, tune_pi
 from flexarm_control.models.nominal_models import nominal_model
-from flexarm_core.errors import ControlError, IdentificationError
+from flexarm_core.errors import IdentificationError, SettingError
 from flexarm_ident.models.ros_yaml import read_parameter_file
 from flexarm_ident.reading.read import read_bag_report
 from flexarm_ident.workflow import workflow
@@ -97,7 +97,7 @@ def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
 
     Raises
     ------
-    ControlError
+    SettingError
         When a file, bag or payload has no model.
     """
     models: dict[str, control.StateSpace] = {}
@@ -114,7 +114,7 @@ def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
                 continue
             found = read_parameter_file(name)
         except IdentificationError as error:
-            raise ControlError(str(error)) from error
+            raise SettingError(str(error)) from error
         models.update({f"{name} {key}": model for key, model in found.items()})
     return models
 
@@ -124,20 +124,20 @@ def tune(models: Mapping[str, control.StateSpace], request: TuneRequest) -> Tune
 
     Raises
     ------
-    ControlError
+    SettingError
         When the law cannot be tuned, or no gains meet the request.
     """
     if request.law not in TUNABLE:
-        raise ControlError(f"law {request.law!r} is not tunable; choose {' or '.join(TUNABLE)}")
+        raise SettingError(f"law {request.law!r} is not tunable; choose {' or '.join(TUNABLE)}")
     return _tune_pi(models, request) if request.law == "pi" else _tune_pdp(models, request)
 
 
 def _tune_pi(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
     if len(models) != 1:
-        raise ControlError(f"pi is tuned on one model, got {len(models)}")
+        raise SettingError(f"pi is tuned on one model, got {len(models)}")
     unused = request.constraints()
     if unused:
-        raise ControlError(f"pi is tuned without {', '.join(unused)}: leave that out or take pdp")
+        raise SettingError(f"pi is tuned without {', '.join(unused)}: leave that out or take pdp")
     found = tune_pi(next(iter(models.values())), delay_s=request.delay_s)
     return TuneResult({"pi.kp": found.gains.kp, "pi.ki": found.gains.ki}, (found.criterion,))
 
@@ -177,4 +177,4 @@ def _payload_kg(name: str) -> float:
     try:
         return float(name.removeprefix(_NOMINAL))
     except ValueError as error:
-        raise ControlError(f"{name}: write the payload in kg, such as nominal:0.2") from error
+        raise SettingError(f"{name}: write the payload in kg, such as nominal:0.2") from error

@@ -11,16 +11,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 
 from flexarm_control.laws.law import NO_EFFORT, SATURATION_V, Effort, limited
 from flexarm_control.models.arm_model import POSITION, check_arm_model, check_no_feedthrough
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 from flexarm_core.specs import Bounded, limits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    import control
 
     from flexarm_core.arrays import FloatArray
 
@@ -127,7 +128,7 @@ def design_ilqr(model: control.StateSpace, weights: IlqrWeights | None = None) -
 
     Raises
     ------
-    ControlError
+    SettingError
         When the model cannot be used.
 
     References
@@ -175,7 +176,7 @@ def design_regulator(
 
     Raises
     ------
-    ControlError
+    SettingError
         When the model or the weights cannot be used.
     """
     check_arm_model(model)
@@ -250,13 +251,15 @@ def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -
 
     Raises
     ------
-    ControlError
+    SettingError
         When the Riccati equation has no stabilising solution.
     """
+    from control import dlqr  # noqa: PLC0415 - it loads matplotlib
+
     try:
-        return np.asarray(control.dlqr(A, B, Q, R)[0])
+        return np.asarray(dlqr(A, B, Q, R)[0])
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise ControlError(
+        raise SettingError(
             f"no regulator or observer for this model and these weights ({error}); weigh the "
             "position more or the effort less, or identify the model again"
         ) from error

@@ -72,7 +72,7 @@ def design_lqg(model: control.StateSpace, weights: LqgWeights | None = None) -> 
 
     Raises
     ------
-    ControlError
+    SettingError
         When the model cannot be used.
     """
     weights = weights if weights is not None else LqgWeights()

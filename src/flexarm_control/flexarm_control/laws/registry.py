@@ -17,7 +17,7 @@ from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest
 from flexarm_control.laws.schedule import ScheduleGains
 from flexarm_control.laws.scheduled import ScheduledPdpc
 from flexarm_control.models.nominal_models import identified_model
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 from flexarm_core.specs import (
     Bounded,
     ParameterSpec,
@@ -229,11 +229,11 @@ def build_law(name: str, values: Mapping[str, float] | None = None) -> Law:
 
     Raises
     ------
-    ControlError
+    SettingError
         When the law or a parameter is unknown, or a value is outside its range.
     """
     if name not in LAWS:
-        raise ControlError(f"no law {name!r}; choose one of {', '.join(LAWS)}")
+        raise SettingError(f"no law {name!r}; choose one of {', '.join(LAWS)}")
     values = values or {}
     refuse_unknown(name, LAWS[name].parameters, values)
     return LAWS[name].make(values)
@@ -251,5 +251,6 @@ def law_rate_hz(name: str, values: Mapping[str, float]) -> float | None:
     """
     if name in _DESIGNED_ON_A_MODEL:
         return 1.0 / float(identified_model().dt)
-    rates = {spec.name: spec.default for spec in LAWS[name].parameters}
-    return (rates | dict(values)).get("rate_hz")
+    usual = {spec.name: spec.default for spec in LAWS[name].parameters}
+    rate_hz = (usual | dict(values)).get("rate_hz")
+    return float(rate_hz) if isinstance(rate_hz, int | float) else None

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from flexarm_control.laws.gains import KD, KP, KSG, PdpGains
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 from flexarm_core.specs import Bounded, limits
 
 _MEDIUM = limits(0.01, 0.3, "kg", "payload of the medium gains")
@@ -30,7 +30,7 @@ class GainSchedule:
 
     Raises
     ------
-    ControlError
+    SettingError
         When there is no set, the numbers differ, or the payloads do not increase.
     """
 
@@ -39,12 +39,12 @@ class GainSchedule:
 
     def __post_init__(self) -> None:
         if not self.gains or len(self.gains) != len(self.payloads_kg):
-            raise ControlError(
+            raise SettingError(
                 f"a schedule needs as many payloads as gains, got {len(self.payloads_kg)} "
                 f"and {len(self.gains)}"
             )
         if any(after <= before for before, after in pairwise(self.payloads_kg)):
-            raise ControlError(f"payloads_kg = {self.payloads_kg} must increase")
+            raise SettingError(f"payloads_kg = {self.payloads_kg} must increase")
 
     def at(self, payload_kg: float) -> PdpGains:
         """Gains for a payload; beyond the ends, those of the end."""
@@ -88,7 +88,7 @@ class ScheduleGains(Bounded):
 
     Raises
     ------
-    ControlError
+    SettingError
         When a value is outside its range; that of the heavy payload is above that of the medium.
     """
 

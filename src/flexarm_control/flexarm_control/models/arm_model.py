@@ -5,13 +5,15 @@ from __future__ import annotations
 from math import floor
 from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from scipy.linalg import fractional_matrix_power
 
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
+from flexarm_ident.models.state_space import with_matrices
 
 if TYPE_CHECKING:
+    import control
+
     from flexarm_core.arrays import ComplexArray, FloatArray
 
 #: The measured signals, in the order of the thesis (y1 to y4).
@@ -28,20 +30,20 @@ def check_arm_model(model: control.StateSpace) -> None:
 
     Raises
     ------
-    ControlError
+    SettingError
         When the model is not discrete-time, has another number of signals, or has the four
         known outputs in another order.
     """
     if not model.dt or model.dt is True:
-        raise ControlError(f"the model has dt = {model.dt}; set its sampling interval in s")
+        raise SettingError(f"the model has dt = {model.dt}; set its sampling interval in s")
     if (model.ninputs, model.noutputs) != (1, len(OUTPUTS)):
-        raise ControlError(
+        raise SettingError(
             f"the model has {model.ninputs} inputs and {model.noutputs} outputs; "
             f"one input and the outputs {', '.join(OUTPUTS)} are needed"
         )
     labels = tuple(model.output_labels)
     if any(label in OUTPUTS and label != OUTPUTS[i] for i, label in enumerate(labels)):
-        raise ControlError(
+        raise SettingError(
             f"the model's outputs are {', '.join(labels)}; reorder them to {', '.join(OUTPUTS)}"
         )
 
@@ -51,11 +53,11 @@ def check_no_feedthrough(model: control.StateSpace) -> None:
 
     Raises
     ------
-    ControlError
+    SettingError
         When D is not zero: a command answers a sample, so it cannot be part of it.
     """
     if np.any(model.D):
-        raise ControlError(
+        raise SettingError(
             "the model's D is not zero, but a sample cannot depend on the command that answers "
             "it; state a loop delay greater than zero or identify the model without D"
         )
@@ -82,11 +84,11 @@ def delayed(model: control.StateSpace, delay_s: float) -> control.StateSpace:
 
     Raises
     ------
-    ControlError
+    SettingError
         When the delay is negative or not finite.
     """
     if not 0.0 <= delay_s < np.inf:
-        raise ControlError(f"delay_s = {delay_s:g}; a loop delay is finite and not negative")
+        raise SettingError(f"delay_s = {delay_s:g}; a loop delay is finite and not negative")
     samples = delay_s / model.dt
     whole = floor(samples + _ROUNDING)
     fraction = max(0.0, samples - whole)
@@ -96,9 +98,7 @@ def delayed(model: control.StateSpace, delay_s: float) -> control.StateSpace:
         A, B, C, D = _append_held_input(A, B - new, C, D, new)
     for _ in range(whole):
         A, B, C, D = _append_held_input(A, B, C, D, np.zeros_like(B))
-    return control.StateSpace(
-        A, B, C, D, model.dt, inputs=model.input_labels, outputs=model.output_labels
-    )
+    return with_matrices(model, A=A, B=B, C=C, D=D)
 
 
 def _input_over_fraction(A: FloatArray, B: FloatArray, fraction: float) -> FloatArray:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
-import control
 import yaml
 
 from flexarm_control.models.arm_model import MIDDLE_STRAIN
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
+from flexarm_ident.models.state_space import state_space
+
+if TYPE_CHECKING:
+    import control
 
 
 @cache
@@ -46,7 +50,7 @@ def nominal_model(payload_kg: float, *, flip_middle_strain: bool = False) -> con
 
     Raises
     ------
-    ControlError
+    SettingError
         When there is no model for the payload; the message names the available payloads.
 
     Examples
@@ -57,7 +61,7 @@ def nominal_model(payload_kg: float, *, flip_middle_strain: bool = False) -> con
     """
     if payload_kg not in _available():
         payloads = ", ".join(f"{payload:g}" for payload in nominal_payloads_kg())
-        raise ControlError(
+        raise SettingError(
             f"no nominal model for payload_kg = {payload_kg:g}; Appendix B has {payloads} kg"
         )
     model = _read(_available()[payload_kg])
@@ -83,7 +87,7 @@ def identified_model() -> control.StateSpace:
 
 def _read(text: str) -> control.StateSpace:
     content = yaml.safe_load(text)
-    return control.StateSpace(
+    return state_space(
         content["a"],
         content["b"],
         content["c"],

@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 
 from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, COMMAND, DRIVE_A_PER_V
 from flexarm_core.errors import SettingError
+from flexarm_core.specs import ParameterSpec
 from flexarm_daq.loop.acquisition import Acquisition, LockStep, Record
 from flexarm_daq.loop.commander import Command, Verdict
 from flexarm_daq.loop.limiter import LIMITS, Limiter, LimiterSettings
@@ -32,7 +33,6 @@ from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode, wait_until
-from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
 from flexarm_node.stamps import set_stamp, stamp_ns, stamp_text
 from flexarm_node.statistics import Rate

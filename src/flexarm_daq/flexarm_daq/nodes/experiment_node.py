@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from flexarm_core.specs import ParameterSpec
 from flexarm_daq.experiments.excitation import BOUND_V, EXCITATIONS, Excitation
 from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode
-from flexarm_node.parameters import ParameterSpec
 from flexarm_node.process import run
 from flexarm_node.stamps import set_stamp, stamp_ns
 from flexarm_node.waiting import TopicWaiter

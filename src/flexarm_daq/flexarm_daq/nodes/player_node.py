@@ -19,9 +19,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 
 from flexarm_bags.playback import PlaybackError, PlaybackPlan, PlayedTopic
+from flexarm_core.errors import SettingError
+from flexarm_core.specs import ParameterSpec
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
 from flexarm_node.loop_node import wait_until
-from flexarm_node.parameters import ParameterError, Parameters, ParameterSpec
+from flexarm_node.parameters import Parameters
 from flexarm_node.process import request_stop, run
 
 PARAMETERS = (
@@ -57,7 +59,7 @@ class PlayerNode(Node):
         super().__init__("player", namespace="/flexarm")
         values = Parameters(self, PARAMETERS).values()
         if not values["bag"]:
-            raise ParameterError("parameter bag is empty: name the bag, -p bag:=FOLDER")
+            raise SettingError("parameter bag is empty: name the bag, -p bag:=FOLDER")
         try:
             self._plan = PlaybackPlan(
                 Path(values["bag"]).expanduser(),
@@ -68,11 +70,11 @@ class PlayerNode(Node):
             )
             topics = self._plan.topics()
         except PlaybackError as error:
-            raise ParameterError(f"parameter bag: {error}") from None
+            raise SettingError(f"parameter bag: {error}") from None
         if values["stand_in"]:
             topics = tuple(topic for topic in topics if topic.type_name in _STANDS_IN)
             if not topics:
-                raise ParameterError(f"parameter bag: {self._plan.bag} holds no samples")
+                raise SettingError(f"parameter bag: {self._plan.bag} holds no samples")
         self._samples = frozenset(
             topic.name for topic in topics if values["stand_in"] and topic.type_name in _SAMPLES
         )
@@ -168,7 +170,7 @@ def _message_type(topic: PlayedTopic) -> type:
     try:
         found: type = getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError):
-        raise ParameterError(
+        raise SettingError(
             f"parameter bag: {topic.name} has type {topic.type_name}, which is not installed"
         ) from None
     return found

@@ -28,10 +28,11 @@ from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.schema import describe, load_typestore
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import SettingError
+from flexarm_core.specs import ParameterSpec
 from flexarm_daq.nodes.kept_messages import KeptMessages
 from flexarm_msgs.msg import ArmState, ChannelInfo, CommanderInfo, IoSample, MotorCommand
 from flexarm_node import qos
-from flexarm_node.parameters import ParameterError, Parameters, ParameterSpec
+from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.waiting import RawMessage, RawTopicsWaiter
 
@@ -92,7 +93,7 @@ class RecorderNode(Node):
             try:
                 self._open()
             except RecordingError as error:
-                raise ParameterError(f"parameter bag: {error}") from None
+                raise SettingError(f"parameter bag: {error}") from None
         self._thread = threading.Thread(target=self._record, daemon=True, name="recording")
         self._thread.start()
 

@@ -6,12 +6,12 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from flexarm_core.errors import SettingError
+from flexarm_core.specs import ParameterSpec
 from flexarm_daq.loop.self_test import check_possible
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import TERMINALS, NidaqSettings
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
 from flexarm_daq.rigs.simulated import SimulatedRig
-from flexarm_node.parameters import ParameterSpec
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -7,7 +7,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg, signal
+import scipy
 
 from flexarm_core.arrays import runs
 from flexarm_ident.records.data_warning import DataWarning
@@ -100,7 +100,7 @@ def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
     # Parts from all over a long record are enough.
     starts = np.linspace(0, len(u) - length, min(_PARTS, 2 * len(u) // length)).astype(int)
     parts = u[starts[:, np.newaxis] + np.arange(length)]
-    frequencies_hz, densities = signal.periodogram(parts, 1.0 / dt_s, window="hann")
+    frequencies_hz, densities = scipy.signal.periodogram(parts, 1.0 / dt_s, window="hann")
     density = densities.mean(axis=0)
     # The increments' density follows from it; the record's mean is none of either.
     increments = density * np.sin(np.pi * frequencies_hz * dt_s) ** 2
@@ -149,7 +149,7 @@ def _conditions(gram: BlockGram, records: Sequence[IoData]) -> Iterator[DataWarn
     inputs = gram.matrix[np.ix_(rows, rows)]
     scale = np.sqrt(np.diag(inputs))
     scale[scale == 0.0] = 1.0
-    values = linalg.eigvalsh(inputs / np.outer(scale, scale))
+    values = scipy.linalg.eigvalsh(inputs / np.outer(scale, scale))
     condition = float(values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
     if condition >= SINGULAR_CONDITION:
         yield DataWarning(

@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.cluster import hierarchy
-from scipy.spatial.distance import squareform
+import scipy
 
 from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_ident.subspace.order import candidate_orders
@@ -229,7 +228,9 @@ def _clusters(poles: list[Pole], spread: float) -> Iterable[list[Pole]]:
     distance = apart / np.maximum.outer(frequency, frequency)
     distance += 1.0 - np.abs(shapes.conj() @ shapes.T).clip(max=1.0) ** 2
     np.fill_diagonal(distance, 0.0)
-    tree = hierarchy.linkage(squareform(distance, checks=False), method="average")
+    hierarchy = scipy.cluster.hierarchy
+    condensed = scipy.spatial.distance.squareform(distance, checks=False)
+    tree = hierarchy.linkage(condensed, method="average")
     labels = hierarchy.fcluster(tree, spread, criterion="distance")
     return [[poles[i] for i in np.flatnonzero(labels == label)] for label in np.unique(labels)]
 

@@ -13,20 +13,21 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-import control
 import numpy as np
-from scipy import optimize
+import scipy
 
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_and_damping, modal_form
 from flexarm_ident.models.poles import stabilise
+from flexarm_ident.models.state_space import state_space
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.segments import SEGMENTS, cut, rows, segment_grams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    import control
     from numpy.typing import ArrayLike
 
     from flexarm_core.arrays import ComplexArray, FloatArray
@@ -193,7 +194,7 @@ def frequency_response_uncertainty(
     def response(matrices: StateMatrices, data: Sequence[IoData]) -> ComplexArray:
         A, _ = stabilise(matrices.A)
         fit = fit_inputs(A, matrices.C, data, feedthrough=feedthrough, noise_weighted=True)
-        model = control.ss(A, fit.B, matrices.C, fit.D, data[0].dt_s)
+        model = state_space(A, fit.B, matrices.C, fit.D, data[0].dt_s)
         return frequency_response(model, grid)
 
     replicates = np.array(
@@ -233,7 +234,7 @@ def _matched(own: ComplexArray, A: FloatArray) -> ComplexArray:
         # Some pairs of the model are one real eigenvalue each, or none, of the replicate.
         upper = eigenvalues
     distance = np.abs(np.subtract.outer(own, upper))
-    _, columns = optimize.linear_sum_assignment(distance)
+    _, columns = scipy.optimize.linear_sum_assignment(distance)
     return np.asarray(upper[columns])
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import control
-
 from flexarm_ident.estimation.identification import Identification, subspace
 from flexarm_ident.estimation.simulation_fit import refined, with_friction
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.models.poles import is_stable, stabilise
+from flexarm_ident.models.state_space import state_space
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.choice import select_method
 from flexarm_ident.subspace.gram import block_gram
@@ -152,8 +151,8 @@ def identify_records(
     )
     report("fit", 1.0)
     first = records[0]
-    model = control.ss(
-        A, fit.B, raw.C, fit.D, first.dt_s, inputs=list(first.inputs), outputs=list(first.outputs)
+    model = state_space(
+        A, fit.B, raw.C, fit.D, first.dt_s, inputs=first.inputs, outputs=first.outputs
     )
     notes = []
     if moved:

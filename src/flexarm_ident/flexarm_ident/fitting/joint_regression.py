@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -111,7 +111,7 @@ def _pseudo_inverse(
 ) -> tuple[Callable[[ComplexArray], ComplexArray], int, float]:
     scale = np.sqrt(np.diag(normal).real)
     scale[scale == 0.0] = 1.0
-    values, vectors = linalg.eigh(normal / np.outer(scale, scale))
+    values, vectors = scipy.linalg.eigh(normal / np.outer(scale, scale))
     kept = values > len(values) * np.finfo(float).eps * values[-1]
     basis = vectors[:, kept]
 

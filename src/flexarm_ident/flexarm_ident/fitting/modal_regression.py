@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -157,7 +157,7 @@ class ModalRegression:
             if eigenvalues[mode].imag > 0.0:
                 modes[mode + 1, 2 * number : 2 * number + 2] = 1.0, -1.0j
         direct = np.tile(np.eye(self._direct), (self.outputs, 1))
-        expand = linalg.block_diag(*[modes] * r, direct, modes)
+        expand = scipy.linalg.block_diag(*[modes] * r, direct, modes)
         return np.asarray(expand)
 
     def _lift_maps(self) -> tuple[FloatArray, FloatArray]:

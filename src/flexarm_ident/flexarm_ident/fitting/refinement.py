@@ -12,17 +12,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 
 from flexarm_ident.fitting.levenberg_marquardt import Normal, minimise
-from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.free_run import BlockSimulation, simulate
 from flexarm_ident.models.modes import modal_form
-from flexarm_ident.models.stick_slip import run_sensitivity
+from flexarm_ident.models.state_space import with_matrices
 from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    import control
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
@@ -144,26 +145,19 @@ class _Modal:
         """Return model and initial states, in the coordinates of the start."""
         A, B, C, starts = self._split(theta)
         T, inverse = self._basis, np.linalg.inv(self._basis)
-        model = control.ss(
-            T @ A @ inverse,
-            T @ B,
-            C @ inverse,
-            self._model.D,
-            self._model.dt,
-            inputs=list(self._model.input_labels),
-            outputs=list(self._model.output_labels),
-        )
+        model = with_matrices(self._model, A=T @ A @ inverse, B=T @ B, C=C @ inverse)
         return model, tuple(T @ start for start in starts)
 
     def cost(self, theta: FloatArray) -> float:
         A, B, C, starts = self._split(theta)
         if np.abs(np.linalg.eigvals(A)).max(initial=0.0) > self._largest:
             return np.inf
-        model = control.ss(A, B, C, self._model.D, self._model.dt)
         total = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for record, start in zip(self._records, starts, strict=True):
-                missed = self._weight * (simulate(model, record.u, start) - record.y)
+                missed = self._weight * (
+                    BlockSimulation(A, B, C, self._model.D, start).advance(record.u) - record.y
+                )
                 total += float(np.sum(missed[record.usable] ** 2))
         return total
 
@@ -243,6 +237,8 @@ class _BlockRun:
 
     def advance(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return states and derivatives, (samples, states, columns), for the next inputs."""
+        from flexarm_ident.models.stick_slip import run_sensitivity  # noqa: PLC0415 - numba loads slowly
+
         r, count = self._B.shape[1], len(self.columns)
         # One sample more than the chunk: where the next one starts.
         longer = np.vstack([u, np.zeros((1, r))])

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
@@ -41,7 +41,7 @@ class SchurRegression:
     """
 
     def __init__(self, A: FloatArray, C: FloatArray, inputs: int, *, feedthrough: bool) -> None:
-        T, self.basis = linalg.schur(A, output="real")
+        T, self.basis = scipy.linalg.schur(A, output="real")
         self.states, self.inputs, self.outputs = len(A), inputs, len(C)
         self.direct = inputs if feedthrough else 0
         powers = [np.eye(self.states)]
@@ -78,7 +78,7 @@ class SchurRegression:
             usable = ~np.isnan(y).any(axis=1)
             for output in range(m):
                 stacked = np.vstack([triangles[output], rows[output, usable]])
-                triangles[output] = linalg.qr(stacked, mode="r")[0][:columns]
+                triangles[output] = scipy.linalg.qr(stacked, mode="r")[0][:columns]
         return triangles
 
     def _responses(self, u: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:

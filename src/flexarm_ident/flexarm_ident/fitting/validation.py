@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_initial_states
-from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.free_run import BlockSimulation, simulate
 from flexarm_ident.records.iodata import DRIVE_LIMIT_V
 from flexarm_ident.records.preprocess import remove_compensation
 
 if TYPE_CHECKING:
+    import control
     from numpy.typing import ArrayLike
 
     from flexarm_core.arrays import ComplexArray, FloatArray
@@ -180,9 +180,10 @@ def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = 
     for name, gain in zip(_LAW_OUTPUTS, (law.kp, law.kd, law.ksg), strict=True):
         if gain != 0.0:
             feedback[0, data.outputs.index(name)] = gain
-    loop = control.ss(model.A - model.B @ feedback @ model.C, model.B, model.C, model.D, model.dt)
+    A = model.A - model.B @ feedback @ model.C
+    start = _initial_state(model, remove_compensation(data))
     drive = (law.kp * data.reference + law.offset_v)[:, np.newaxis]
-    y = simulate(loop, drive, _initial_state(model, remove_compensation(data)))
+    y = BlockSimulation(A, model.B, model.C, model.D, start).advance(drive)
     delta = relative_errors(data.y_measured, y)
     return Sfv(delta, float(delta.mean()), y, law)
 

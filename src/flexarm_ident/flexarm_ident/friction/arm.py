@@ -17,7 +17,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
@@ -138,7 +138,7 @@ class FlexibleArm:
             Input matrix.
         """
         A, B, _, _ = self._continuous(theta)
-        step = linalg.expm(self._joined(A, B) * dt_s)
+        step = scipy.linalg.expm(self._joined(A, B) * dt_s)
         return self._parted(step)
 
     def discrete_with_derivatives(self, theta: FloatArray, dt_s: float) -> ArmMatrices:
@@ -148,9 +148,9 @@ class FlexibleArm:
         d_A_step, d_B_step = np.zeros_like(d_A), np.zeros_like(d_B)
         for p in range(self.blocks["log_ratio"].stop):
             change = self._joined(d_A[p], d_B[p]) * dt_s
-            change_step = linalg.expm_frechet(joined, change, compute_expm=False)
+            change_step = scipy.linalg.expm_frechet(joined, change, compute_expm=False)
             d_A_step[p], d_B_step[p] = self._parted(np.asarray(change_step, dtype=np.float64))
-        return ArmMatrices(*self._parted(linalg.expm(joined)), d_A_step, d_B_step)
+        return ArmMatrices(*self._parted(scipy.linalg.expm(joined)), d_A_step, d_B_step)
 
     @property
     def _coordinates(self) -> int:

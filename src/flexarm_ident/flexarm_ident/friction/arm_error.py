@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_ident.fitting.levenberg_marquardt import Normal
-from flexarm_ident.models.stick_slip import run, run_sensitivity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,6 +61,8 @@ class SimulationError:
 
     def residuals(self, theta: FloatArray) -> list[FloatArray]:
         """Return the weighted residuals of each record, (samples, outputs)."""
+        from flexarm_ident.models.stick_slip import run  # noqa: PLC0415 - numba loads slowly
+
         A, B = self.arm.discrete(theta, self.dt_s)
         offsets, levels = self.arm.offsets(theta), self.arm.levels(theta)
         return [
@@ -76,6 +77,8 @@ class SimulationError:
 
     def normal(self, theta: FloatArray) -> Normal:
         """Return the normal equations."""
+        from flexarm_ident.models.stick_slip import run_sensitivity  # noqa: PLC0415 - numba loads slowly
+
         arm, count = self.arm, self.arm.parameters
         nothing = Normal(np.inf, np.zeros(count), np.eye(count))
         if not np.isfinite(self.cost(theta)):

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
@@ -19,12 +18,15 @@ from flexarm_ident.friction.arm import FlexibleArm
 from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
 from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
 from flexarm_ident.friction.layout import drive_columns
+from flexarm_ident.models.state_space import state_space
 from flexarm_ident.records.bandwidth import bandwidth_hz, smoothed
 from flexarm_ident.records.dead_sensor import live_samples
 from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    import control
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
@@ -280,14 +282,14 @@ def _result(
 ) -> ArmFit:
     arm, first = problem.arm, records[0]
     A, B = arm.discrete(best.theta, first.dt_s)
-    model = control.ss(
+    model = state_space(
         A,
         B,
         arm.output_matrix,
         np.zeros((arm.outputs, arm.inputs)),
         first.dt_s,
-        inputs=list(first.inputs),
-        outputs=list(first.outputs),
+        inputs=first.inputs,
+        outputs=first.outputs,
     )
     deviation = deviations(problem, best)
     levels = arm.levels(best.theta)

@@ -9,7 +9,6 @@ import numpy as np
 
 from flexarm_ident.fitting.validation import Dmv, relative_errors
 from flexarm_ident.models.free_run import simulate_states
-from flexarm_ident.models.stick_slip import run
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,6 +68,8 @@ def simulate_with_friction(
         Friction, in units of the input; subtracting it and the offset leaves the net input, to
         which the linear model answers with the same outputs.
     """
+    from flexarm_ident.models.stick_slip import run  # noqa: PLC0415 - numba loads slowly
+
     x, forces = run(
         np.ascontiguousarray(model.A),
         np.ascontiguousarray(model.B),

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.records.bandwidth import bandwidth_hz, smoothed
@@ -102,7 +102,7 @@ def arm_layout(records: Sequence[IoData]) -> ArmLayout | None:
     if np.max((pace / size)[positions]) > _SLOW * slowest_other:
         return None
     work = np.abs(_correlation(u, speed[:, positions]))
-    inputs, own = optimize.linear_sum_assignment(-work)
+    inputs, own = scipy.optimize.linear_sum_assignment(-work)
     if np.min(work[inputs, own]) < _WORK:
         return None
     drives = tuple(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.friction.layout import SMOOTHING, drive_columns
@@ -155,7 +155,7 @@ def _motion(record: IoData, drives: Sequence[Drive], columns: Sequence[tuple[int
             speed[:, i] = np.gradient(speed[:, i], record.dt_s)
     acceleration = np.gradient(speed, record.dt_s, axis=0)
     reach = round(1.0 / (cutoff_hz * record.dt_s))
-    usable = ndimage.binary_erosion(record.usable, iterations=reach, border_value=1)
+    usable = scipy.ndimage.binary_erosion(record.usable, iterations=reach, border_value=1)
     return _Motion(u, speed, acceleration, np.delete(y, driven, axis=1), usable)
 
 

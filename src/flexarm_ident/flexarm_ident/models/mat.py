@@ -7,7 +7,7 @@ import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.io import loadmat, savemat
+import scipy
 
 from flexarm_ident.models.model_parameters import (
     FIELDS,
@@ -67,7 +67,7 @@ def mat_bytes(name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
     if origin:
         variables["provenance"] = origin
     buffer: Any = io.BytesIO()
-    savemat(buffer, variables, long_field_names=True)
+    scipy.io.savemat(buffer, variables, long_field_names=True)
     body: bytes = buffer.getvalue()[_HEADER_SIZE:]
     return _header(body) + body
 
@@ -95,7 +95,7 @@ def models_in_mat(content: bytes) -> dict[str, control.StateSpace]:
         raise ModelFileError("was damaged or changed after it was written: write it again")
     stream: Any = io.BytesIO(content)
     try:
-        variables = loadmat(stream)
+        variables = scipy.io.loadmat(stream)
     except Exception as error:
         # A damaged file makes scipy raise almost anything.
         raise ModelFileError(f"no MAT-file of version 5: {' '.join(str(error).split())}") from error

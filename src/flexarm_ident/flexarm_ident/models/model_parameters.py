@@ -14,13 +14,15 @@ import math
 import re
 from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
+from flexarm_ident.models.state_space import state_space
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    import control
 
     from flexarm_core.arrays import FloatArray
 
@@ -119,11 +121,11 @@ def model_from_parameters(name: str, parameters: Mapping[str, object]) -> contro
     inputs, outputs = (_names(prefix + key, fields[key]) for key in ("input_names", "output_names"))
     rows = (states, states, len(outputs), len(outputs))
     columns = (states, len(inputs), states, len(inputs))
-    matrices = [
+    A, B, C, D = (
         _matrix(prefix + key, fields[key], shape)
         for key, *shape in zip(_MATRICES, rows, columns, strict=True)
-    ]
-    model = control.ss(*matrices, dt_s, inputs=inputs, outputs=outputs)
+    )
+    model = state_space(A, B, C, D, dt_s, inputs=inputs, outputs=outputs)
     if fields["hash"] != model_hash(model):
         raise ModelFileError(
             f"{prefix}hash does not belong to the model: it was changed after it was written, "

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import signal
+import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -179,7 +179,7 @@ def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> Fl
     """
     i = group[0]
     drive = u @ form.B[i]
-    state = signal.lfilter([0.0, 1.0], [1.0, -form.eigenvalues[i]], drive)
+    state = scipy.signal.lfilter([0.0, 1.0], [1.0, -form.eigenvalues[i]], drive)
     response = np.outer(state.real, form.C[:, i].real) - np.outer(state.imag, form.C[:, i].imag)
     return np.asarray(len(group) * response)
 

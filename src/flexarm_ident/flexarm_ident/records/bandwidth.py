@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import signal
+import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,7 @@ def bandwidth_hz(records: Sequence[IoData]) -> float:
     """Return the frequency below which 99.9 % of every output's power lies."""
     highest = 0.0
     for record in records:
-        frequency, power = signal.periodogram(
+        frequency, power = scipy.signal.periodogram(
             record.y, 1.0 / record.dt_s, window="hann", detrend="constant", axis=0
         )
         total = np.cumsum(power, axis=0)
@@ -49,5 +49,5 @@ def smoothed(x: FloatArray, cutoff_hz: float, dt_s: float) -> FloatArray:
     """
     if cutoff_hz * dt_s >= 0.45:  # noqa: PLR2004 (of the sampling rate: nothing left to remove)
         return x
-    sections = signal.butter(_ORDER, cutoff_hz, fs=1.0 / dt_s, output="sos")
-    return np.asarray(signal.sosfiltfilt(sections, x, axis=0))
+    sections = scipy.signal.butter(_ORDER, cutoff_hz, fs=1.0 / dt_s, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=0))

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from flexarm_core.arrays import column_range
 from flexarm_core.errors import DataError
@@ -108,12 +108,12 @@ def low_pass(data: IoData, cutoff_hz: float, *, filter_input: bool = True) -> Io
     IoData
         The filtered record.
     """
-    b, a = signal.butter(2, cutoff_hz, fs=1.0 / data.dt_s)
-    steady = signal.lfilter_zi(b, a)
+    b, a = scipy.signal.butter(2, cutoff_hz, fs=1.0 / data.dt_s)
+    steady = scipy.signal.lfilter_zi(b, a)
 
     def filtered(x: FloatArray) -> FloatArray:
         start = np.multiply.outer(steady, x[0])
-        return np.asarray(signal.lfilter(b, a, x, axis=0, zi=start)[0])
+        return np.asarray(scipy.signal.lfilter(b, a, x, axis=0, zi=start)[0])
 
     if not filter_input:
         return replace(data, y=filtered(data.y))

@@ -11,15 +11,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import control
 import numpy as np
-from scipy import linalg
+import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.models.modes import modal_form
+from flexarm_ident.models.state_space import with_matrices
 from flexarm_ident.reduction.modal import truncate
 
 if TYPE_CHECKING:
+    import control
+
     from flexarm_core.arrays import FloatArray
 
 _REACHABLE = 1e-12
@@ -81,29 +83,26 @@ def balanced_truncation(
         return BalancedTruncation(model, np.empty(0), len(unstable))
     part = truncate(model, stable)
     scale = np.ones(model.noutputs) if output_scale is None else output_scale
-    reach = _factor(linalg.solve_discrete_lyapunov(part.A, part.B @ part.B.T))
+    reach = _factor(scipy.linalg.solve_discrete_lyapunov(part.A, part.B @ part.B.T))
     C = scale[:, np.newaxis] * part.C
-    sight = _factor(linalg.solve_discrete_lyapunov(part.A.T, C.T @ C))
-    left, values, right = linalg.svd(sight.T @ reach)
+    sight = _factor(scipy.linalg.solve_discrete_lyapunov(part.A.T, C.T @ C))
+    left, values, right = scipy.linalg.svd(sight.T @ reach)
     usable = int(np.sum(values > _REACHABLE * values[0]))
     size = min(order - len(unstable), usable)
     root = np.sqrt(values[:size])
     expand = reach @ right[:size].T / root
     project = (sight @ left[:, :size] / root).T
     kept = truncate(model, unstable)
-    reduced = control.ss(
-        linalg.block_diag(project @ part.A @ expand, kept.A),
-        np.vstack([project @ part.B, kept.B]),
-        np.hstack([part.C @ expand, kept.C]),
-        model.D,
-        model.dt,
-        inputs=list(model.input_labels),
-        outputs=list(model.output_labels),
+    reduced = with_matrices(
+        model,
+        A=scipy.linalg.block_diag(project @ part.A @ expand, kept.A),
+        B=np.vstack([project @ part.B, kept.B]),
+        C=np.hstack([part.C @ expand, kept.C]),
     )
     return BalancedTruncation(reduced, values, len(unstable))
 
 
 def _factor(gramian: FloatArray) -> FloatArray:
     """Return L of L L', also for a Gramian that rounding made a little indefinite."""
-    values, vectors = linalg.eigh(0.5 * (gramian + gramian.T))
+    values, vectors = scipy.linalg.eigh(0.5 * (gramian + gramian.T))
     return np.asarray(vectors * np.sqrt(values.clip(min=0.0)))

@@ -10,18 +10,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-import control
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs, fit_outputs
 from flexarm_ident.models.modes import modal_form, mode_table
 from flexarm_ident.models.poles import stabilise
+from flexarm_ident.models.state_space import with_matrices
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.preprocess import output_scale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    import control
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.estimation.identification import Identification
@@ -169,14 +171,11 @@ def truncate(model: control.StateSpace, states: Sequence[int]) -> control.StateS
     for block, _, _ in blocks:
         A[at : at + len(block), at : at + len(block)] = block
         at += len(block)
-    return control.ss(
-        A,
-        np.vstack([np.empty((0, model.ninputs)), *(b for _, b, _ in blocks)]),
-        np.hstack([np.empty((model.noutputs, 0)), *(c for _, _, c in blocks)]),
-        model.D,
-        model.dt,
-        inputs=list(model.input_labels),
-        outputs=list(model.output_labels),
+    return with_matrices(
+        model,
+        A=A,
+        B=np.vstack([np.empty((0, model.ninputs)), *(b for _, b, _ in blocks)]),
+        C=np.hstack([np.empty((model.noutputs, 0)), *(c for _, _, c in blocks)]),
     )
 
 
@@ -194,21 +193,7 @@ def _real_block(
 
 def _stable_model(model: control.StateSpace) -> control.StateSpace:
     A, moved = stabilise(model.A)
-    return _with(model, A, model.B, model.C) if moved else model
-
-
-def _with(
-    model: control.StateSpace, A: FloatArray, B: FloatArray, C: FloatArray
-) -> control.StateSpace:
-    return control.ss(
-        A,
-        B,
-        C,
-        model.D,
-        model.dt,
-        inputs=list(model.input_labels),
-        outputs=list(model.output_labels),
-    )
+    return with_matrices(model, A=A) if moved else model
 
 
 class _Update(NamedTuple):
@@ -221,13 +206,13 @@ class _Update(NamedTuple):
 def _updated(model: control.StateSpace, records: Sequence[IoData], update: str) -> _Update:
     if update == "b":
         inputs = fit_inputs(model.A, model.C, _without_feedthrough(model, records))
-        refitted = _with(model, model.A, inputs.B, model.C)
+        refitted = with_matrices(model, B=inputs.B)
         return _Update(refitted, inputs.x0, inputs.rank, inputs.condition)
     x0 = fit_initial_states(model, records)
     if update == "none":
         return _Update(model, x0, None, None)
     outputs = fit_outputs(model, x0, records)
-    refitted = _with(model, model.A, model.B, outputs.C)
+    refitted = with_matrices(model, C=outputs.C)
     return _Update(refitted, x0, outputs.rank, outputs.condition)
 
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.fitting.validation import frequency_response, relative_errors
 from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import with_matrices
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace import orse
@@ -23,6 +23,8 @@ from flexarm_ident.subspace.gram import block_gram
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    import control
 
     from flexarm_ident.records.iodata import IoData
 
@@ -80,15 +82,7 @@ def thesis_realisation(
     space = orse.plain(block_gram(simulated, block_rows), output_scale(simulated))
     matrices = space.matrices(model.nstates)
     fit = fit_inputs(matrices.A, matrices.C, simulated)
-    return control.ss(
-        matrices.A,
-        fit.B,
-        matrices.C,
-        fit.D,
-        model.dt,
-        inputs=list(model.input_labels),
-        outputs=list(model.output_labels),
-    )
+    return with_matrices(model, A=matrices.A, B=fit.B, C=matrices.C, D=fit.D)
 
 
 def realisation_difference(

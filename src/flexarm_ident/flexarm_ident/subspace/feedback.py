@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import fft, linalg, stats
+import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -232,7 +232,7 @@ def _shifted(signals: FloatArray, first: int, last: int, columns: int) -> FloatA
 def _unpredicted(past: FloatArray, present: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
     """Return what is left of the present by the regression on the past over the kept rows."""
     known = past[kept]
-    values, vectors = linalg.eigh(known.T @ known, driver="evd")
+    values, vectors = scipy.linalg.eigh(known.T @ known, driver="evd")
     heard = values > _SMALLEST_EIGENVALUE * values[-1]
     basis = vectors[:, heard] / np.sqrt(values[heard])
     return np.asarray(present - past @ (basis @ (basis.T @ (known.T @ present[kept]))))
@@ -257,7 +257,8 @@ def _is_answered(
     # The rows that are left out are zero: the correlation is over the kept ones.
     statistic = (kept.sum() - memory) * near / share**2
     degrees = white_e.shape[1] * white_u.shape[1]
-    return bool(stats.chi2.sf(statistic, degrees) <= SIGNIFICANCE and near > _STANDS_OUT * far)
+    p_value = scipy.special.chdtrc(degrees, statistic)
+    return bool(p_value <= SIGNIFICANCE and near > _STANDS_OUT * far)
 
 
 def _white(signals: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
@@ -284,7 +285,8 @@ def _whitened(gram: BlockGram, *, feedthrough: bool) -> _Whitened:
     correlation = Correlation(0.0, 0, 1.0)
     if degrees > 0 and samples > 0:
         statistic = float(samples * np.sum((white_e.T @ remainder[:m, m:] @ white_u) ** 2))
-        correlation = Correlation(statistic, degrees, float(stats.chi2.sf(statistic, degrees)))
+        p_value = float(scipy.special.chdtrc(degrees, statistic))
+        correlation = Correlation(statistic, degrees, p_value)
     return _Whitened(layout, scale, predictor, white_e, white_u, samples, correlation)
 
 
@@ -301,7 +303,7 @@ def _layout(gram: BlockGram, *, feedthrough: bool) -> _Layout:
 
 def _predictor(gram: FloatArray, past: list[int], keep: list[int]) -> tuple[FloatArray, int]:
     """Return the regression of `keep` on the past, and the rank of the latter."""
-    values, vectors = linalg.eigh(gram[np.ix_(past, past)])
+    values, vectors = scipy.linalg.eigh(gram[np.ix_(past, past)])
     kept = values > _SMALLEST_EIGENVALUE * values[-1]
     basis = vectors[:, kept] / np.sqrt(values[kept])
     return gram[np.ix_(keep, past)] @ basis @ basis.T, int(kept.sum())
@@ -315,7 +317,7 @@ def _whitening(covariance: FloatArray) -> FloatArray:
     if len(heard) == 0:
         return np.zeros((size, 0))
     unit = np.outer(deviation[heard], deviation[heard])
-    values, vectors = linalg.eigh(covariance[np.ix_(heard, heard)] / unit)
+    values, vectors = scipy.linalg.eigh(covariance[np.ix_(heard, heard)] / unit)
     kept = values > _DEPENDENT * values[-1]
     whitening = np.zeros((size, int(kept.sum())))
     whitening[heard] = vectors[:, kept] / np.sqrt(values[kept]) / deviation[heard, np.newaxis]
@@ -346,11 +348,11 @@ def _remainders(
 def _near_and_far(e: FloatArray, u: FloatArray, block_rows: int) -> tuple[float, float]:
     """Return the sum of squared correlations at lag zero, and the largest at distant lags."""
     columns = len(e)
-    length = fft.next_fast_len(2 * columns)
-    e_transform, u_transform = fft.rfft(e, length, axis=0), fft.rfft(u, length, axis=0)
+    length = scipy.fft.next_fast_len(2 * columns)
+    e_transform, u_transform = scipy.fft.rfft(e, length, axis=0), scipy.fft.rfft(u, length, axis=0)
     power = np.zeros(length)
     for i in range(e.shape[1]):
-        cross = fft.irfft(e_transform[:, [i]].conj() * u_transform, length, axis=0)
+        cross = scipy.fft.irfft(e_transform[:, [i]].conj() * u_transform, length, axis=0)
         power += np.sum(cross**2, axis=1)
     lags = np.arange(length)
     lags = np.abs(np.where(lags > length // 2, lags - length, lags))

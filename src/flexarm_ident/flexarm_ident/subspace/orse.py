@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.subspace.feedback import reaches_inputs
@@ -203,7 +203,7 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     y_future = gram.output_rows(past, both)
     remainder, condition = _schur_complement(scaled, z_past + y_future, u_future)
     w = len(z_past)
-    values, vectors = linalg.eigh(remainder[:w, :w], driver="evd")
+    values, vectors = scipy.linalg.eigh(remainder[:w, :w], driver="evd")
     kept = values > _SMALLEST_EIGENVALUE * values[-1]
     explained = remainder[w:, :w] @ (vectors[:, kept] / np.sqrt(values[kept]))
     unexplained = remainder[w:, w:] - explained @ explained.T
@@ -212,12 +212,12 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     explained *= weight[:, np.newaxis]
     output_scale = 1.0 / (deviation * rms[: gram.outputs])
     if _is_clean(deviation, remainder) or reaches_inputs(gram.leading(both - past)):
-        basis, singular_values, _ = linalg.svd(explained, full_matrices=False)
+        basis, singular_values, _ = scipy.linalg.svd(explained, full_matrices=False)
         return RangeSpace(basis, singular_values, output_scale, condition)
     whiten, colour = _whitening(unexplained * np.outer(weight, weight))
-    directions, singular_values, _ = linalg.svd(whiten @ explained, full_matrices=False)
+    directions, singular_values, _ = scipy.linalg.svd(whiten @ explained, full_matrices=False)
     # Leading columns keep their span.
-    basis = linalg.qr(colour @ directions, mode="economic")[0]
+    basis = scipy.linalg.qr(colour @ directions, mode="economic")[0]
     return RangeSpace(basis, singular_values, output_scale, condition)
 
 
@@ -229,7 +229,7 @@ def _is_clean(deviation: FloatArray, power: FloatArray) -> bool:
 
 def _whitening(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the map that makes a covariance the identity, and its inverse."""
-    values, vectors = linalg.eigh(covariance, driver="evd")
+    values, vectors = scipy.linalg.eigh(covariance, driver="evd")
     root = np.sqrt(values.clip(min=_SMALLEST_NOISE))
     return (vectors / root).T, vectors * root
 
@@ -246,7 +246,7 @@ def _schur_complement(
     gram: FloatArray, keep: list[int], given: list[int]
 ) -> tuple[FloatArray, float]:
     """Return (2-20): what is left of `keep` when `given` is removed, and the latter's condition."""
-    values, vectors = linalg.eigh(gram[np.ix_(given, given)], driver="evd")
+    values, vectors = scipy.linalg.eigh(gram[np.ix_(given, given)], driver="evd")
     kept = values > _SMALLEST_EIGENVALUE * values[-1]
     cross = gram[np.ix_(keep, given)] @ (vectors[:, kept] / np.sqrt(values[kept]))
     condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])
@@ -260,9 +260,9 @@ def _innovation_deviation(
     total = np.sqrt(np.diag(remainder if power is None else power)[-outputs:].clip(min=0.0))
     floor = np.where(total > 0.0, _SMALLEST_INNOVATION * total, 1.0)
     try:
-        last = linalg.cholesky(remainder, lower=True)[-outputs:, -outputs:]
+        last = scipy.linalg.cholesky(remainder, lower=True)[-outputs:, -outputs:]
         deviation = np.linalg.norm(last, axis=1)
-    except linalg.LinAlgError:
+    except np.linalg.LinAlgError:
         rows = list(range(len(remainder)))
         last, _ = _schur_complement(remainder, rows[-outputs:], rows[:-outputs])
         deviation = np.sqrt(np.diag(last).clip(min=0.0))
@@ -273,5 +273,5 @@ def _range_space(
     remainder: FloatArray, weight: FloatArray, rms: FloatArray, condition: float
 ) -> RangeSpace:
     rows = np.tile(weight, len(remainder) // len(weight))
-    values, vectors = linalg.eigh(remainder * np.outer(rows, rows), driver="evd")
+    values, vectors = scipy.linalg.eigh(remainder * np.outer(rows, rows), driver="evd")
     return RangeSpace(vectors[:, ::-1], values[::-1].clip(min=0.0), weight / rms, condition)

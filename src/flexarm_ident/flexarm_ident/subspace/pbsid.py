@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.subspace.gram import equilibrated
@@ -224,9 +224,9 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
         # What the past says about a later sample while the predictor gets nothing new.
         future[ahead, :, ahead * channels :] = responses[:, : history - ahead * channels]
     future = (weight[:, np.newaxis] * future).reshape(past * m, history)
-    values, vectors = linalg.eigh(scaled[:history, :history], driver="evd")
+    values, vectors = scipy.linalg.eigh(scaled[:history, :history], driver="evd")
     root = vectors * np.sqrt(values.clip(min=0.0))
-    left_vectors, singular_values, _ = linalg.svd(future @ root, full_matrices=False)
+    left_vectors, singular_values, _ = scipy.linalg.svd(future @ root, full_matrices=False)
     rank = int(np.sum(singular_values > np.finfo(float).eps * singular_values[0] * history))
     basis = left_vectors[:, :rank] / np.sqrt(singular_values[:rank])
     return PredictorSpace(
@@ -261,8 +261,8 @@ def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
         given += gram.input_rows(last - lag, last - lag + 1)
     # The most recent first: the leading part of one factor serves every length.
     normal = scaled[np.ix_(given, given)] + _SMALLEST_INNOVATION**2 * np.eye(len(given))
-    factor = linalg.cholesky(normal, lower=True)
-    parts = linalg.solve_triangular(factor, scaled[np.ix_(given, present)], lower=True)
+    factor = scipy.linalg.cholesky(normal, lower=True)
+    parts = scipy.linalg.solve_triangular(factor, scaled[np.ix_(given, present)], lower=True)
     left = scaled[np.ix_(present, present)] + _SMALLEST_INNOVATION**2 * np.eye(m)
     left -= parts[:at_once].T @ parts[:at_once]
     criteria = []
@@ -276,7 +276,7 @@ def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
 
 def _log_determinant(covariance: FloatArray) -> float:
     """Return the logarithm of the determinant; what rounding made negative counts as rounding."""
-    values = linalg.eigvalsh(covariance)
+    values = scipy.linalg.eigvalsh(covariance)
     return float(np.sum(np.log(np.maximum(values, _SMALLEST_INNOVATION**2))))
 
 
@@ -285,7 +285,7 @@ def _solved(normal: FloatArray, right: FloatArray) -> tuple[FloatArray, float]:
     # Of a state that is rounding only, even the power can come out negative.
     scale = np.sqrt(np.diag(normal).clip(min=0.0))
     scale[scale == 0.0] = 1.0
-    values, vectors = linalg.eigh(normal / np.outer(scale, scale), driver="evd")
+    values, vectors = scipy.linalg.eigh(normal / np.outer(scale, scale), driver="evd")
     kept = values > _SMALLEST_EIGENVALUE * values[-1]
     basis = vectors[:, kept] / scale[:, np.newaxis]
     condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])

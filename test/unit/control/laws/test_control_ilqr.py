@@ -13,7 +13,7 @@ from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
 from flexarm_control.models.nominal_models import identified_model, nominal_model
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 from flexarm_daq import RigParameters, SimulatedRig
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def test_weights_without_a_solution___are_refused_in_one_line(
         a, np.vstack([model.B, [[0.0]]]), np.hstack([model.C, np.zeros((4, 1))]), 0.0, model.dt
     )
 
-    with pytest.raises(ControlError, match=r"no regulator or observer[^\n]*$"):
+    with pytest.raises(SettingError, match=r"no regulator or observer[^\n]*$"):
         design(lost)
 
 
@@ -144,7 +144,7 @@ def test_lqg___filter___hears_the_gauges_and_ilqr_does_not() -> None:
 
 def test_model_without_the_outputs_of_the_arm___is_refused() -> None:
     model = nominal_model(0.2)
-    with pytest.raises(ControlError):
+    with pytest.raises(SettingError):
         design_ilqr(model[:2, :])
 
 

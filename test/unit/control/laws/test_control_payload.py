@@ -17,7 +17,7 @@ from flexarm_control.laws.payload import (
     PayloadEstimator,
 )
 from flexarm_control.laws.pdpc import Pdpc
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
 
@@ -113,7 +113,7 @@ def test_heavier_than_any_payload___is_cut_off() -> None:
 
 
 def test_bandwidth_out_of_range___is_refused_with_its_range() -> None:
-    with pytest.raises(ControlError, match=r"bandwidth_hz = 50 .* 0.2 to 10 Hz"):
+    with pytest.raises(SettingError, match=r"bandwidth_hz = 50 .* 0.2 to 10 Hz"):
         PayloadDetection(bandwidth_hz=50.0)
 
 

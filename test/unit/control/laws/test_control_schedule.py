@@ -18,7 +18,7 @@ from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.laws.schedule import GainSchedule, ScheduleGains, between
 from flexarm_control.laws.scheduled import ScheduledPdpc
 from flexarm_control.models.nominal_models import nominal_model
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 from flexarm_daq import RigParameters, SimulatedRig
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def test_gains_a_share_of_the_way___lie_there(share: float) -> None:
 def test_schedule_that_does_not_fit___is_refused(
     payloads_kg: tuple[float, ...], count: int, complaint: str
 ) -> None:
-    with pytest.raises(ControlError, match=complaint):
+    with pytest.raises(SettingError, match=complaint):
         GainSchedule(payloads_kg, (PdpGains(),) * count)
 
 

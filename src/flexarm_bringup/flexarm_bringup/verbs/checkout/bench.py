@@ -7,8 +7,8 @@ import sys
 
 import click
 
-from flexarm_bringup.console.lazy_group import RUN_ON, examples
-from flexarm_bringup.verbs.checkout.checks import checkout
+from flexarm_bringup.console.verb_group import RUN_ON, examples
+from flexarm_bringup.verbs.checkout.folder import checkout, environment
 
 
 @click.group()
@@ -64,9 +64,10 @@ _FILES = {"control": "control_laws"}
 
 def _add_bench(name: str, words: str, calls: tuple[str, ...]) -> None:
     def measure(arguments: tuple[str, ...]) -> None:
-        script = checkout("benchmarks") / "bench" / f"{_FILES.get(name, name)}.py"
-        command = [sys.executable, str(script), *arguments]
-        sys.exit(subprocess.run(command, check=False).returncode)  # noqa: S603 - our own file
+        root = checkout("benchmarks")
+        command = [sys.executable, str(root / "bench" / f"{_FILES.get(name, name)}.py"), *arguments]
+        done = subprocess.run(command, check=False, env=environment(root))  # noqa: S603 - our own
+        sys.exit(done.returncode)
 
     measure.__doc__ = f"{words}; --help lists the options."
     verb = examples(*(f"bench {name} {call}".rstrip() for call in ("", *calls)))(measure)

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import RUN_ON, examples
-from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.console.verb_group import RUN_ON, examples
+from flexarm_bringup.verbs.checkout.folder import checkout
 
-EXAMPLES = (
-    *("pytest", "--doctest-modules", "--doctest-glob", "*.md", "--doctest-ignore-import-errors"),
-    *("src", "docs"),
-)
+if TYPE_CHECKING:
+    from pathlib import Path
+
+DOCTEST = ("pytest", "--doctest-modules", "--doctest-glob", "*.md")
 """Pytest on the examples of docstrings and pages; the blocks of a page go on from one another."""
+EXAMPLES = (*DOCTEST, "--doctest-ignore-import-errors", "src", "reproduction", "docs")
 _READ = (
     ("lint", ("ruff", "check")),
     ("format", ("ruff", "format", "--check")),
@@ -42,7 +42,10 @@ _ALL = (
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 @examples("test", "test --quick", "test test/unit -k margins")
 def test(arguments: tuple[str, ...], *, quick: bool) -> None:
-    """Lint, check types and run the tests; with arguments, run pytest with them only."""
+    """Lint, check types and run the tests.
+
+    With arguments, run pytest with them only.
+    """
     if quick and arguments:
         raise click.UsageError(
             f"--quick chooses the tests: leave out {' '.join(arguments)}, or leave out --quick and "
@@ -75,25 +78,7 @@ def passes(name: str, command: tuple[str, ...], root: Path) -> bool:
     """
     terminal.step(f"{name}: {' '.join(command)}")
     started_s = time.monotonic()
-    done = subprocess.run([sys.executable, "-m", *command], cwd=root, check=False)  # noqa: S603
+    line = [sys.executable, "-m", *command]
+    done = subprocess.run(line, cwd=root, check=False)  # noqa: S603 - our own tools
     terminal.CONSOLE.print(f"  {name} took {time.monotonic() - started_s:.0f} s")
     return done.returncode == 0
-
-
-def checkout(what: str) -> Path:
-    """Return the folder of the checkout.
-
-    Parameters
-    ----------
-    what : str
-        What is looked for there, for the message.
-
-    Raises
-    ------
-    LaunchError
-        Outside a checkout.
-    """
-    root = os.environ.get("FLEXARM_ROOT")
-    if root is None or not Path(root, "pyproject.toml").is_file():
-        raise LaunchError(f"the {what} live in the checkout: run ./flexarm there")
-    return Path(root)

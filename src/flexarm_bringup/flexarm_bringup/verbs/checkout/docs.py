@@ -12,9 +12,10 @@ from tempfile import TemporaryDirectory
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import examples
+from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.verbs.checkout.checks import EXAMPLES, checkout, passes
+from flexarm_bringup.verbs.checkout.checks import EXAMPLES, passes
+from flexarm_bringup.verbs.checkout.folder import checkout
 
 _NOT_REPRODUCED = """\
 # The thesis, reproduced
@@ -34,7 +35,10 @@ Not in this checkout. `./flexarm reproduce all -o docs/reproduction` makes it.
 )
 @examples("docs")
 def docs(out: Path) -> None:
-    """Build the pages as a site that works offline, and run their examples."""
+    """Build the pages as a site, and run their examples.
+
+    The site works offline.
+    """
     root = checkout("pages")
     hold = passes("examples", EXAMPLES, root)
     terminal.step(f"site: {out / 'index.html'}")

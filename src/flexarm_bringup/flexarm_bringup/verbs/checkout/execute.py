@@ -6,7 +6,7 @@ import os
 
 import click
 
-from flexarm_bringup.console.lazy_group import RUN_ON, examples
+from flexarm_bringup.console.verb_group import RUN_ON, examples
 
 
 @click.command("exec", context_settings=RUN_ON)

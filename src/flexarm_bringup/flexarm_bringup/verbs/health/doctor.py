@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import examples
+from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.processes import LaunchError, find_executable
 
 if TYPE_CHECKING:
@@ -46,7 +46,10 @@ _EXECUTABLES = (
 )
 @examples("doctor", "doctor --hardware", "doctor --hardware --device Dev2 --terminals diff")
 def doctor(*, hardware: bool, sensors: str, rate: float, **names: Any) -> None:  # noqa: ANN401
-    """Say what this environment consists of and whether nodes can talk."""
+    """Examine this environment, or the hardware.
+
+    Without options: its parts, and whether nodes can talk.
+    """
     if hardware:
         from flexarm_bringup.verbs.health.hardware import examine_hardware  # noqa: PLC0415
         from flexarm_daq.rigs.nidaq.terminals import NidaqSettings  # noqa: PLC0415

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import examples
+from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.runs.recorded_run import record_run
@@ -56,7 +56,7 @@ REPLY_DELAY_S = 6e-4
     "demo --real-time",
 )
 def demo(**settings: Any) -> None:  # noqa: ANN401
-    """Excite, identify and control the simulated arm, with real nodes.
+    """Excite, identify and control the simulated arm.
 
     The arm's time follows the wall clock and waits for a machine that is late: no sample is lost.
     """

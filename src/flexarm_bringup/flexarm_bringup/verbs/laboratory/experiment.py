@@ -14,7 +14,7 @@ from rich.table import Table
 
 from flexarm_bags.check import check_bag
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import examples
+from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.record_place import new_record, workplace
@@ -105,7 +105,7 @@ def _run_options(function: Callable[..., None]) -> Callable[..., None]:
     "experiment O_dat2 --params-file rig.yaml",
 )
 def experiment(names: tuple[str, ...], **settings: Any) -> None:  # noqa: ANN401
-    """Run experiments of the thesis and record each to a bag.
+    """Run experiments of the thesis, a bag for each.
 
     The simulated arm's time follows the wall clock and waits for a machine that is late: no sample
     is lost. A board runs in real time.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from flexarm_bringup.console.lazy_group import RUN_ON, examples
+from flexarm_bringup.console.verb_group import RUN_ON, examples
 from flexarm_bringup.graph.processes import NodeProgram, find_executable
 
 
@@ -28,7 +28,10 @@ def run(package: str, executable: str, arguments: tuple[str, ...]) -> None:
 @click.argument("bag", type=click.Path(path_type=Path))
 @examples("record out/run1")
 def record(bag: Path) -> None:
-    """Record state, command and reference of the running graph until Ctrl-C."""
+    """Record the running graph until Ctrl-C.
+
+    The bag holds state, command, reference and who commands.
+    """
     _become(NodeProgram("flexarm_daq", "recorder_node", {"bag": bag.absolute()}).command())
 
 
@@ -41,7 +44,10 @@ def record(bag: Path) -> None:
 )
 @examples("play bags/c_dat3_0g", "play bags/c_dat3_0g --rate 2", "play bags/run1 --stand-in")
 def play(bag: Path, rate: float, *, loop: bool, stand_in: bool) -> None:
-    """Publish the messages of a bag with their original timing; the service ~/play stops it."""
+    """Publish the messages of a bag with their timing.
+
+    The service ~/play stops it.
+    """
     parameters = {"bag": bag.absolute(), "rate": rate, "loop": loop, "stand_in": stand_in}
     _become(NodeProgram("flexarm_daq", "player_node", parameters).command())
 

@@ -15,7 +15,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import examples
+from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.client import NAMESPACE
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import ros_domain, session
@@ -41,7 +41,7 @@ _REPORTS = 5
 @click.command()
 @examples("stop")
 def stop() -> None:
-    """Emergency stop: zero drive until the DAQ node is deactivated.
+    """Stop the drive until the DAQ node is deactivated.
 
     It takes seconds to start: at a real rig, press the button.
     """

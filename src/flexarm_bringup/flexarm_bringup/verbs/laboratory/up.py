@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import examples
+from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.laboratory.options import (
@@ -74,7 +74,7 @@ class _Settings:
     "up --bag out/run1 --law pdpc_plus --params-file out/gains.yaml",
 )
 def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
-    """Start daq, controller, recorder and ident; stop them at Ctrl-C.
+    """Run daq, controller, recorder and ident until Ctrl-C.
 
     The simulated arm's time follows the wall clock and waits for a machine that is late. A board
     runs in real time.

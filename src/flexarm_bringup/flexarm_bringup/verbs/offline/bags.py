@@ -12,7 +12,7 @@ from flexarm_bags.check import check_bag
 from flexarm_bags.repair import repair_bag
 from flexarm_bags.schema import load_typestore
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import examples
+from flexarm_bringup.console.verb_group import examples
 from flexarm_daq.importing.csv_import import import_csv
 from flexarm_daq.importing.csv_map import load_csv_map
 

@@ -9,7 +9,7 @@ import click
 from click.core import ParameterSource
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import examples
+from flexarm_bringup.console.verb_group import examples
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.workflow.workflow import Request
@@ -103,7 +103,7 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
     "identify bags/quanser_2dsfl --refine",
 )
 def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) -> None:  # noqa: ANN401
-    """Identify a model from bags, without any node; write parameters, exports and report."""
+    """Identify a model from bags; write parameters and report."""
     exports = parse_exports(export)
     with terminal.progress() as show:
         results = job.identify_bags(bags, out, Request(**options), exports=exports, progress=show)
@@ -128,7 +128,7 @@ def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) 
     "report bags/quanser_2dsfl --reduction none",
 )
 def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
-    """Identify, reduce by MRM, refit B, and write one HTML file that has everything inside."""
+    """Identify, reduce by MRM, refit B; write one HTML file."""
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"

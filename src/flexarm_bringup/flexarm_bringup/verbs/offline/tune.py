@@ -10,7 +10,7 @@ from click.core import ParameterSource
 from rich.table import Table
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.lazy_group import examples
+from flexarm_bringup.console.verb_group import examples
 from flexarm_control.design.tuning_job import TuneRequest, load_models
 from flexarm_control.design.tuning_job import tune as tune_gains
 from flexarm_ident.models.ros_yaml import write_parameter_file
@@ -49,7 +49,9 @@ if TYPE_CHECKING:
     "tune out/a/model.yaml out/b/model.yaml --delay 0.001 -o out/gains.yaml",
 )
 def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
-    """Tune gains on models (files from identify, bags, or nominal:KG); write a --params-file.
+    """Tune gains on models and write a --params-file.
+
+    A model is a file from identify, a bag, or nominal:KG.
 
     nominal:KG:flipped turns the sign of the middle gauge y3, which the thesis seems to have had.
     """

@@ -27,15 +27,13 @@ def commands(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]
     return begun
 
 
-def test_quick___runs_no_slow_and_no_system_test(
-    commands: list[list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert CliRunner().invoke(verb, ["--quick"], standalone_mode=False).exit_code == 1
+def test_quick___runs_no_slow_and_no_system_test(commands: list[list[str]]) -> None:
+    result = CliRunner().invoke(verb, ["--quick"])
+    assert result.exit_code == 1
     assert [tool for tool, *_ in commands] == ["ruff", "ruff", "mypy", "pytest", "pytest"]
     assert commands[-1][-3:] == ["-m", "not slow", "test/unit"]
-    told = capsys.readouterr().out
-    assert "left out: tests marked slow" in told
-    assert "failed: format" in told
+    assert "left out: tests marked slow" in result.output
+    assert "failed: format" in result.output
 
 
 def test_all___runs_unit_and_system_tests(commands: list[list[str]]) -> None:

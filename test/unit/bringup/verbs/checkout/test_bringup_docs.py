@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.verbs.checkout.checks import EXAMPLES
+from flexarm_bringup.verbs.checkout.checks import DOCTEST
 from flexarm_bringup.verbs.checkout.docs import build_site, docs
 from support.project import PROJECT
 
@@ -33,9 +33,12 @@ TYPES = {
 
 
 def run_examples(*places: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", *(word for word in EXAMPLES if word not in ("src", "docs"))]
     return subprocess.run(  # noqa: S603 - our own tests
-        [*command, *places], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-m", *DOCTEST, *places],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 

@@ -19,7 +19,7 @@ def a_bag(path: Path) -> Path:
 
 @pytest.mark.parametrize("lost", [False, True])
 def test_bag_check___folder_of_bags___every_one_of_them_even_without_its_metadata(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], *, lost: bool
+    tmp_path: Path, *, lost: bool
 ) -> None:
     for name in ("a", "b"):
         a_bag(tmp_path / name)
@@ -28,7 +28,7 @@ def test_bag_check___folder_of_bags___every_one_of_them_even_without_its_metadat
         tmp_path.joinpath("b", "metadata.yaml").unlink()
     result = CliRunner().invoke(bag, ["check", str(tmp_path)])
     assert result.exit_code == int(lost)
-    verdicts = [line for line in capsys.readouterr().out.splitlines() if "messages, " in line]
+    verdicts = [line for line in result.output.splitlines() if "messages, " in line]
     assert len(verdicts) == 2
     assert verdicts[0].endswith("good")
     assert verdicts[1].endswith("1 problem" if lost else "good")

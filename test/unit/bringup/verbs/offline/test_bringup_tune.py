@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from flexarm_bringup.verbs.offline.tune import tune, tune_models
 from flexarm_control.design.tuning import tune_pdp
-from flexarm_core.errors import ControlError
+from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,7 +28,7 @@ def test_pi___with_a_margin___is_refused_by_its_name(tmp_path: Path) -> None:
     gains = tmp_path / "gains.yaml"
     words = ["nominal:0", "--law", "pi", "-o", str(gains)]
     refused = CliRunner().invoke(tune, [*words, "--gain-margin", "10"])
-    assert isinstance(refused.exception, ControlError)
+    assert isinstance(refused.exception, SettingError)
     assert "gain_margin_db" in str(refused.exception)
     assert not gains.exists()
 
@@ -51,7 +51,7 @@ def test_gains___that_are_not_found___leave_what_was_there(tmp_path: Path) -> No
     old, new = tmp_path / "old.yaml", tmp_path / "new.yaml"
     old.write_text("old")
     for out in (old, new):
-        with pytest.raises(ControlError):
+        with pytest.raises(SettingError):
             tune_models(("nominal:none",), out)
     assert old.read_text() == "old"
     assert not new.exists()

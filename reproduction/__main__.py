@@ -1,0 +1,135 @@
+"""Program of the study, run by the verb `reproduce`: what is asked for, shown and written."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.markup import escape
+from rich.table import Table
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import VerbGroup, examples
+from reproduction.contents import all_subjects, select
+from reproduction.framework.computing import Workers
+from reproduction.framework.document import write_document
+from reproduction.framework.findings import Verdict, count
+from reproduction.framework.run import reproduce
+from reproduction.framework.store import Store
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from reproduction.framework.findings import Finding, Judgement, SideBySide
+    from reproduction.framework.run import Outcome
+
+CACHE = Path("out/reproduction/cache")
+_COLOURS = {Verdict.AGREES: "green", Verdict.SAME_RANKING: "yellow", Verdict.DIFFERS: "red"}
+
+
+@click.group(cls=VerbGroup, context_settings={"help_option_names": ["-h", "--help"]})
+def main() -> None:
+    """Be the command whose verb this program is: its usage, error lines and exit codes."""
+
+
+@main.command("reproduce")
+@click.argument("keys", nargs=-1)
+@click.option("--list", "listing", is_flag=True, help="Say what there is.")
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("out/reproduction"),
+    show_default=True,
+    help="Folder of the pages.",
+)
+@click.option("--jobs", type=click.IntRange(1), help="Processes; by default one per core.")
+@click.option("--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster.")
+@examples(
+    "reproduce --list",
+    "reproduce table-2-4",
+    "reproduce 'figure-4-*' chapter-3",
+    "reproduce all -o docs/reproduction",
+    "reproduce all --dask tcp://10.0.0.7:8786",
+)
+def command(
+    keys: tuple[str, ...], out: Path, jobs: int | None, dask: str, *, listing: bool
+) -> None:
+    """Set tables, figures and claims of the thesis beside our own, with a verdict each."""
+    if listing:
+        show_subjects(keys)
+        return
+    if not keys:
+        raise click.UsageError("say what, such as table-2-4 or all; --list says what there is")
+    sys.exit(reproduce_subjects(keys, out, Workers(jobs or -1, dask)))
+
+
+def show_subjects(wanted: Sequence[str]) -> None:
+    """Print the keys that are meant, or all of them, with what the thesis shows there."""
+    table = Table("key", "what it shows", box=None)
+    for subject in select(all_subjects(), wanted or ["all"]):
+        table.add_row(subject.key, escape(subject.title))
+    terminal.CONSOLE.print(table)
+
+
+def reproduce_subjects(wanted: Sequence[str], out: Path, workers: Workers) -> int:
+    """Run what is wanted, print it, write the pages; return the exit code.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        On Ctrl-C, after a line that says what is kept.
+    """
+    subjects = all_subjects()
+    chosen = select(subjects, wanted)
+    try:
+        with terminal.progress() as show:
+            outcomes = reproduce(chosen, Store(CACHE), workers=workers, progress=show)
+    except KeyboardInterrupt:
+        terminal.CONSOLE.print("what was computed is kept: the same command goes on from there")
+        raise
+    for outcome in outcomes:
+        _show(outcome)
+    write_document(outcomes, out, complete=len(chosen) == len(subjects))
+    _show_counts([each.finding.judgement for each in outcomes if each.finding])
+    terminal.CONSOLE.print(f"written to {out / 'index.md'}")
+    return 1 if any(each.failure for each in outcomes) else 0
+
+
+def _show(outcome: Outcome) -> None:
+    subject = outcome.subject
+    terminal.step(f"{subject.key}: {escape(subject.title)}")
+    if outcome.finding is None:
+        terminal.CONSOLE.print(f"  [red]failed[/red]: {escape(outcome.failure)}")
+        return
+    _show_finding(outcome.finding)
+
+
+def _show_finding(finding: Finding) -> None:
+    for table in finding.tables:
+        terminal.CONSOLE.print(_rich_table(table))
+    judgement = finding.judgement
+    colour = _COLOURS[judgement.verdict]
+    words = f"[{colour}]{judgement.verdict.value}[/{colour}]: {escape(judgement.because)}"
+    terminal.CONSOLE.print(f"  {words}")
+
+
+def _rich_table(side_by_side: SideBySide) -> Table:
+    headings = map(escape, side_by_side.headings)
+    table = Table(title=escape(side_by_side.title), title_justify="left", box=None)
+    for heading in headings:
+        table.add_column(heading, overflow="fold")
+    for row in side_by_side.rows:
+        table.add_row(*map(escape, row))
+    return table
+
+
+def _show_counts(judgements: Sequence[Judgement]) -> None:
+    words = (f"[{_COLOURS[kind]}]{kind.value} {n}[/]" for kind, n in count(judgements).items())
+    terminal.CONSOLE.print(", ".join(words))
+
+
+if __name__ == "__main__":
+    main(["reproduce", *sys.argv[1:]], prog_name="flexarm")

@@ -1,0 +1,260 @@
+"""Models of every order from one experiment, many times over: what chapter 2 is made of.
+
+As in the thesis: outputs prepared as in section 2.5, with its low-pass filter on the outputs alone;
+its own ORSE on the first half of a record; data matching over the whole of it; set-point following
+under the PD law of section 2.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import control
+import numpy as np
+
+from flexarm_daq import RigParameters
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
+from flexarm_ident.estimation.pipeline import identify
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.fitting.validation import Gains, frequency_response, validate_dmv, validate_sfv
+from flexarm_ident.models.poles import is_stable, stabilise
+from flexarm_ident.records.preprocess import preprocess
+from flexarm_ident.subspace.order import LARGEST_ORDER, SMALLEST_ORDER
+from flexarm_ident.subspace.orse import plain
+from reproduction.framework.evidence import SEEDS
+from reproduction.framework.records import run_experiment, simulated_record
+from reproduction.framework.thesis_values import thesis_table
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm_ident import Identification, IoData
+
+Compensation: TypeAlias = Literal["remove", "keep"]
+
+ORDERS = tuple(range(SMALLEST_ORDER, LARGEST_ORDER + 1))
+METHOD = "orse_thesis"
+CUTOFF_HZ = 50.0
+"""Of the filter of section 2.5, step 3."""
+SET_POINT_GAINS = Gains(kp=0.5, kd=1.4)
+"""The law of the set-point following (section 2.4)."""
+GAIN_HZ = 1.0
+"""Where gains are compared: within the rigid motion, and within what a square wave excites."""
+SHOWN_SINGULAR_VALUES = 60
+TABLE_OF = {"O": "table_2_1", "B": "table_2_3", "C": "table_2_4"}
+"""Tables by the first letter of their experiments."""
+# The run that set-point following is compared with: the thesis names its gains only.
+_SET_POINT_RECORD = "C_dat2"
+_SET_POINT_S = 20.0
+_SET_POINT_COMPENSATION_V = 0.8
+# So that its noise is not that of the record.
+_SET_POINT_SEED = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class OrderSurvey:
+    """Models of all `ORDERS` from one experiment, per seed.
+
+    Attributes
+    ----------
+    record
+        The experiment.
+    stable : ndarray, (seeds, orders)
+        Whether the model is stable as it was identified.
+    chosen_orders : ndarray, (seeds,)
+        The order with the least mean error by data matching among the `candidates`.
+    chosen_dmv, chosen_sfv, chosen_gain : ndarray, (seeds, 4)
+        Of the model of the chosen order: errors of the four outputs by data matching and by
+        set-point following, the latter infinite where the loop runs away, and magnitudes at
+        `GAIN_HZ`.
+    printed_dmv, printed_sfv : ndarray, (seeds, 4)
+        The same errors of the model of the order that the thesis chose. Unstable eigenvalues are
+        moved before.
+    printed_loop_stable : ndarray, (seeds,)
+        Whether the loop of the set-point following is stable with that model.
+    singular_values : ndarray, (seeds, values)
+        The largest singular values of (2-21).
+    """
+
+    record: str
+    stable: NDArray[np.bool_]
+    chosen_orders: NDArray[np.intp]
+    chosen_dmv: NDArray[np.float64]
+    chosen_sfv: NDArray[np.float64]
+    chosen_gain: NDArray[np.float64]
+    printed_dmv: NDArray[np.float64]
+    printed_sfv: NDArray[np.float64]
+    printed_loop_stable: NDArray[np.bool_]
+    singular_values: NDArray[np.float64]
+
+    @property
+    def stable_orders(self) -> NDArray[np.float64]:
+        """How many orders have a stable model, per seed."""
+        return np.asarray(self.stable.sum(axis=1), dtype=float)
+
+    @property
+    def mean_dmv(self) -> NDArray[np.float64]:
+        """Mean error of the model of the chosen order by data matching, per seed."""
+        return np.asarray(self.chosen_dmv.mean(axis=1))
+
+    def stable_at(self, order: int) -> NDArray[np.bool_]:
+        """Whether the model of an order is stable, per seed."""
+        return np.asarray(self.stable[:, ORDERS.index(order)])
+
+
+def candidates(stable: NDArray[np.bool_]) -> tuple[int, ...]:
+    """Return the orders that the thesis chooses among: the stable ones, or all if there are none.
+
+    Parameters
+    ----------
+    stable : ndarray, (orders,)
+        Whether the model of each of the `ORDERS` is stable.
+    """
+    return tuple(np.array(ORDERS)[stable if stable.any() else ~stable].tolist())
+
+
+def printed_order(record: str) -> int:
+    """Return the order that Tables 2-1, 2-3 and 2-4 give for an experiment."""
+    return int(thesis_table(TABLE_OF[record[0]])[record]["order"])
+
+
+def survey(record: str) -> OrderSurvey:
+    """Identify models of all orders from an experiment, once per seed.
+
+    Parameters
+    ----------
+    record
+        The experiment.
+    """
+    rows = [_one_seed(record, seed) for seed in SEEDS]
+    return OrderSurvey(record, **{name: np.array([row[name] for row in rows]) for name in rows[0]})
+
+
+def prepared(record: IoData, compensation: Compensation = "remove") -> IoData:
+    """Prepare a record as section 2.5 says."""
+    return preprocess(
+        record, compensation=compensation, bias="first", cutoff_hz=CUTOFF_HZ, filter_input=False
+    )
+
+
+def thesis_record(name: str, seed: int, compensation: Compensation = "remove") -> IoData:
+    """Return an experiment's prepared record with noise as strong as the thesis's."""
+    return prepared(simulated_record(name, seed, THESIS_NOISE_V), compensation)
+
+
+@lru_cache(maxsize=4 * len(SEEDS))
+def set_point_record(rate_hz: float, payload_kg: float, seed: int) -> IoData:
+    """Return the prepared run that set-point following is compared with.
+
+    Parameters
+    ----------
+    rate_hz, payload_kg
+        Of the record that the model comes from.
+    seed
+        Of that record: the run has another noise.
+    """
+    run = replace(
+        experiment(_SET_POINT_RECORD),
+        rate_hz=rate_hz,
+        samples=round(_SET_POINT_S * rate_hz),
+        gains={
+            "kp": SET_POINT_GAINS.kp,
+            "kd": SET_POINT_GAINS.kd,
+            "compensation_v": _SET_POINT_COMPENSATION_V,
+        },
+    )
+    rig = RigParameters(payload_kg=payload_kg, noise_v=THESIS_NOISE_V)
+    return prepared(run_experiment(run, rig, _SET_POINT_SEED + seed))
+
+
+def fitted_half(record: IoData) -> IoData:
+    """Return the first half, which the thesis identifies from."""
+    return record.head(len(record) // 2)
+
+
+def model_of(found: Identification, order: int) -> tuple[control.StateSpace, bool]:
+    """Return the model of an order from the same decomposition, and whether it was stable.
+
+    Unstable eigenvalues are moved inside the unit circle.
+    """
+    matrices = found.subspace.matrices(order)
+    A, _ = stabilise(matrices.A)
+    half = found.records[0]
+    fit = fit_inputs(A, matrices.C, [half])
+    model = control.ss(
+        A,
+        fit.B,
+        matrices.C,
+        fit.D,
+        half.dt_s,
+        inputs=list(half.inputs),
+        outputs=list(half.outputs),
+    )
+    return model, is_stable(matrices.A)
+
+
+def identified(half: IoData) -> Identification:
+    """Identify with the thesis's ORSE; models of other orders follow by `model_of`."""
+    return identify(half, order=SMALLEST_ORDER, method=METHOD)
+
+
+def best_error(record: IoData, judge: IoData, *, scaled: bool = True) -> float:
+    """Return the least mean error of the `candidates` from the first half of a record.
+
+    Parameters
+    ----------
+    record
+        The prepared record that the models, and the choice among them, come from.
+    judge
+        The record that the chosen model has to match.
+    scaled
+        Whether the outputs are scaled (section 2.5, step 4).
+    """
+    found = identified(fitted_half(record))
+    if not scaled:
+        found = replace(found, subspace=plain(found.gram, np.ones(len(record.outputs))))
+    models = [model_of(found, order)[0] for order in candidates(stability(found))]
+    chosen = min(models, key=lambda model: validate_dmv(model, record).mean)
+    return validate_dmv(chosen, judge).mean
+
+
+def stability(found: Identification) -> NDArray[np.bool_]:
+    """Return whether the model of each of the `ORDERS` is stable as it is identified."""
+    return np.array([is_stable(found.subspace.matrices(order).A) for order in ORDERS])
+
+
+def loop_is_stable(model: control.StateSpace) -> bool:
+    """Whether the model is stable under the law of the set-point following (Figure 2-3)."""
+    feedback = np.array([[SET_POINT_GAINS.kp, 0.0, 0.0, SET_POINT_GAINS.kd]])
+    return is_stable(np.asarray(model.A - model.B @ feedback @ model.C))
+
+
+def _one_seed(name: str, seed: int) -> dict[str, Any]:
+    whole = thesis_record(name, seed)
+    entry = experiment(name)
+    found = identified(fitted_half(whole))
+    stable = stability(found)
+    printed, usable = printed_order(name), candidates(stable)
+    # No others are validated: that takes most of the time.
+    models = {order: model_of(found, order)[0] for order in (*usable, printed)}
+    dmv = {order: validate_dmv(model, whole).delta for order, model in models.items()}
+    chosen = min(usable, key=lambda order: float(dmv[order].mean()))
+    set_point = set_point_record(entry.rate_hz, entry.payload_kg, seed)
+
+    def sfv(order: int) -> NDArray[np.float64]:
+        return validate_sfv(models[order], set_point, SET_POINT_GAINS).delta
+
+    return {
+        "stable": stable,
+        "chosen_orders": chosen,
+        "chosen_dmv": dmv[chosen],
+        "chosen_sfv": sfv(chosen),
+        "chosen_gain": np.abs(frequency_response(models[chosen], [GAIN_HZ])[0, :, 0]),
+        "printed_dmv": dmv[printed],
+        "printed_sfv": sfv(printed),
+        "printed_loop_stable": loop_is_stable(models[printed]),
+        "singular_values": found.singular_values[:SHOWN_SINGULAR_VALUES],
+    }

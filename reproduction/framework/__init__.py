@@ -1,0 +1,1 @@
+"""What every subject rests on: findings, computations kept on disk, the simulated rig, pages."""

@@ -1,0 +1,148 @@
+"""The findings as pages of Markdown with pictures: an index, one page per chapter."""
+
+from __future__ import annotations
+
+import html
+import re
+from typing import TYPE_CHECKING
+
+from reproduction.contents import APPENDICES, page_of
+from reproduction.framework.findings import Verdict, count
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from reproduction.framework.findings import Finding, SideBySide
+    from reproduction.framework.run import Outcome
+    from reproduction.framework.subjects import Subject
+
+PICTURES = "svg"
+_INTRODUCTION = """\
+Each table, figure and claim of the thesis beside what flexarm gives for it, with a verdict. Nothing
+here was written by hand: `./flexarm reproduce all -o docs/reproduction` runs the experiments on the
+simulated rig, identifies, reduces, tunes and controls as the thesis does, and writes these pages.
+The same seeds give the same pages.
+
+- **agrees**: the figures lie within the tolerance that the subject states.
+- **same ranking**: the figures differ, and what the thesis concludes from their order holds.
+- **differs**: with the reason.
+"""
+_TITLES = {"chapter": "Chapter {}", APPENDICES: "Appendices"}
+_MARKS = {Verdict.AGREES: "✔", Verdict.SAME_RANKING: "≈", Verdict.DIFFERS: "✘"}
+_PICTURE_WIDTH = 560
+_OURS = re.compile(r"(table|figure|claim|appendix)-[a-z0-9-]+-\d+\.svg")
+
+
+def write_document(outcomes: Sequence[Outcome], folder: Path, *, complete: bool) -> None:
+    """Write the pages and the pictures.
+
+    The same findings give the same bytes.
+
+    Parameters
+    ----------
+    outcomes
+        What came of the subjects, in the order of the thesis; those that failed are left out.
+    folder
+        Where ``index.md``, a page per chapter and the folder ``svg`` are written.
+    complete
+        Whether these are all subjects: then pictures of earlier runs that are no longer drawn are
+        removed.
+    """
+    pictures = folder / PICTURES
+    pictures.mkdir(parents=True, exist_ok=True)
+    done = [(each.subject, each.finding) for each in outcomes if each.finding is not None]
+    names = set()
+    for subject, finding in done:
+        for number, plot in enumerate(finding.plots, start=1):
+            name = _picture(subject, number)
+            names.add(name)
+            (pictures / name).write_text(_on_white(plot.svg), "utf-8")
+    pages: dict[str, list[tuple[Subject, Finding]]] = {}
+    for subject, finding in done:
+        pages.setdefault(page_of(subject.key), []).append((subject, finding))
+    for page, part in pages.items():
+        sections = "\n".join(line for each in part for line in _section(*each))
+        (folder / f"{page}.md").write_text(f"# {_title(page)}\n{sections}\n", "utf-8")
+    (folder / "index.md").write_text("\n".join(_index(pages)) + "\n", "utf-8")
+    if complete:
+        for old in pictures.iterdir():
+            if _OURS.fullmatch(old.name) and old.name not in names:
+                old.unlink()
+
+
+def _index(pages: dict[str, list[tuple[Subject, Finding]]]) -> Iterator[str]:
+    yield "# The thesis, reproduced\n"
+    yield _INTRODUCTION
+    yield from _table(("", *(f"{_MARKS[kind]} {kind.value}" for kind in Verdict)), _counts(pages))
+    for page, part in pages.items():
+        yield f"\n## {_title(page)}\n"
+        rows = (
+            (f"[{subject.key}]({page}.md#{subject.key})", _escaped(subject.title), _mark(finding))
+            for subject, finding in part
+        )
+        yield from _table(("", "what it shows", "verdict"), rows)
+
+
+def _counts(pages: dict[str, list[tuple[Subject, Finding]]]) -> Iterator[tuple[str, ...]]:
+    parts = {f"[{_title(page)}]({page}.md)": part for page, part in pages.items()}
+    everything = [each for part in pages.values() for each in part]
+    for title, part in (*parts.items(), ("all", everything)):
+        found = count([finding.judgement for _, finding in part])
+        yield title, *(str(found[kind]) for kind in Verdict)
+
+
+def _section(subject: Subject, finding: Finding) -> Iterator[str]:
+    kind, _, number = subject.key.partition("-")
+    number = "-".join(part.upper() if len(part) == 1 else part for part in number.split("-"))
+    yield f'\n<a id="{subject.key}"></a>\n'
+    yield f"## {kind.capitalize()} {number}: {_escaped(subject.title)}\n"
+    yield f"{_mark(finding)}: {_escaped(finding.judgement.because)}"
+    for paragraph in finding.text:
+        yield f"\n{paragraph}"
+    for table in finding.tables:
+        yield f"\n**{_escaped(table.title)}**\n"
+        yield from _side_by_side(table)
+    for plot_number, plot in enumerate(finding.plots, start=1):
+        source = f"{PICTURES}/{_picture(subject, plot_number)}"
+        words = html.escape(" ".join(plot.caption.split()))
+        yield f'\n<img src="{source}" alt="{words}" width="{_PICTURE_WIDTH}">\n'
+        yield f"*{_escaped(plot.caption)}*"
+
+
+def _side_by_side(table: SideBySide) -> Iterator[str]:
+    yield from _table(
+        tuple(map(_escaped, table.headings)), (tuple(map(_escaped, row)) for row in table.rows)
+    )
+
+
+def _table(headings: Sequence[str], rows: Iterator[tuple[str, ...]]) -> Iterator[str]:
+    yield f"| {' | '.join(headings)} |"
+    yield f"|{' --- |' * len(headings)}"
+    for row in rows:
+        yield f"| {' | '.join(row)} |"
+
+
+def _mark(finding: Finding) -> str:
+    verdict = finding.judgement.verdict
+    return f"{_MARKS[verdict]} **{verdict.value}**"
+
+
+def _escaped(text: str) -> str:
+    """Return text that stands in Markdown for itself, in one line."""
+    text = " ".join(text.split()).replace("&", "&amp;").replace("<", "&lt;")
+    return re.sub(r"([\\|*~\[\]])", r"\\\1", text)
+
+
+def _title(page: str) -> str:
+    name, _, number = page.partition("-")
+    return _TITLES[name].format(number)
+
+
+def _picture(subject: Subject, number: int) -> str:
+    return f"{subject.key}-{number}.svg"
+
+
+def _on_white(svg: str) -> str:
+    """Return a picture that can be seen on a dark page too."""
+    return svg.replace("<svg ", '<svg style="background:white" ', 1) + "\n"
