@@ -169,8 +169,8 @@ class Operator(GraphClient):
         Raises
         ------
         LaunchError
-            When hardly a new sample comes for a long time, the DAQ node ends too early, or the
-            recorder has failed.
+            When hardly a new sample comes for a long time, the DAQ node ends too early, which is
+            noticed within seconds, or the recorder has failed.
         """
         with self._watch as watch:
             self.start_sampling(samples)
@@ -215,21 +215,21 @@ class Operator(GraphClient):
         return run._replace(recorded=self.record(None))
 
     def _await_samples(self, samples: int, progress: Callable[[int], None]) -> None:
-        """Wait for the last sample, or for the end of sampling when it stalls."""
+        """Wait for the last sample, or until the DAQ node has stopped before."""
         watch = self._watch
         watch.restart_clock()
-        asked_s = time.monotonic()
+        asked, asked_s = 0, time.monotonic()
         while watch.sequence < samples:
             self.spin()
             progress(watch.sequence)
             if time.monotonic() - asked_s > _COMPLAINTS_S:
-                asked_s = time.monotonic()
                 if complaint := self._complaint("recorder"):
                     raise LaunchError(f"recorder: {complaint}")
+                if watch.sequence == asked and not self.is_active("daq"):
+                    return
+                asked, asked_s = watch.sequence, time.monotonic()
             if stall := watch.stall():
-                if self.is_active("daq"):
-                    raise LaunchError(stall)
-                return
+                raise LaunchError(stall)
 
     def _why(self, name: str) -> str:
         complaint = self._complaint(name)

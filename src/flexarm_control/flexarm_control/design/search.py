@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
-from scipy.optimize import NonlinearConstraint, minimize
 
 from flexarm_control.laws.gains import PdpGains, PiGains
 
@@ -71,6 +70,9 @@ def search(
     Search
         Where the search ended, feasible or not.
     """
+    # Takes half a second to load, and a controller at work never searches.
+    from scipy.optimize import NonlinearConstraint, minimize  # noqa: PLC0415
+
     lower, upper = np.transpose(bounds)
 
     def bounded_criterion(values: FloatArray) -> float:

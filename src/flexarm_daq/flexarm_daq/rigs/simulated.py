@@ -10,7 +10,6 @@ import numpy as np
 
 from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.plant import Plant
 from flexarm_daq.rigs.rig import RigError, RigSample
 from flexarm_daq.rigs.rig_parameters import RigParameters
 
@@ -83,6 +82,9 @@ class SimulatedRig:
         self._rate_hz = rate_hz
         self._seed = seed
         self._clock = clock
+        # Loads a compiler, which takes half a second: who only names the rig need not wait.
+        from flexarm_daq.rigs.plant import Plant  # noqa: PLC0415
+
         self._plant = Plant(self.parameters)
         self._noise_v = np.array(self.parameters.noise_v)
         self._adc_step_v: float = 2.0 * INPUT_RANGE_V / 2**self.parameters.adc_bits
