@@ -1,5 +1,5 @@
-"""The thesis, reproduced: each of its tables and figures beside our own, and a verdict.
+"""The thesis, reproduced: each of its tables, figures and claims beside our own, with a verdict.
 
-`subjects` says what a subject is, the modules of the chapters compute theirs on the simulated rig,
-`run` runs what is asked for, and `document` writes it down.
+`python -m reproduction`, which is the verb `reproduce`, runs what is asked for. The modules of the
+chapters compute their subjects on the simulated rig, and `framework` runs and writes them.
 """

@@ -12,18 +12,17 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import VerbGroup, examples
-from reproduction.contents import all_subjects, select
-from reproduction.framework.computing import Workers
+from reproduction.contents import all_subjects
+from reproduction.framework.computing import Store, Workers, reproduce
 from reproduction.framework.document import write_document
 from reproduction.framework.findings import Verdict, count
-from reproduction.framework.run import reproduce
-from reproduction.framework.store import Store
+from reproduction.framework.selection import select
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from reproduction.framework.computing import Outcome
     from reproduction.framework.findings import Finding, Judgement, SideBySide
-    from reproduction.framework.run import Outcome
 
 CACHE = Path("out/reproduction/cache")
 _COLOURS = {Verdict.AGREES: "green", Verdict.SAME_RANKING: "yellow", Verdict.DIFFERS: "red"}

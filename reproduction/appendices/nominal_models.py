@@ -17,19 +17,26 @@ from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.reduction.modal import reduce_model
-from reproduction.framework.evidence import SEEDS, spread
-from reproduction.framework.findings import Finding, Plot, SideBySide, judged
-from reproduction.framework.records import simulated_record
-from reproduction.framework.response_plot import range_plot
-from reproduction.framework.sensors import SENSORS
-from reproduction.framework.subjects import Call, Subject
-from reproduction.framework.thesis_values import thesis_table
+from reproduction.framework.findings import (
+    SEEDS,
+    SENSORS,
+    Call,
+    Finding,
+    Plot,
+    SideBySide,
+    Subject,
+    judged,
+    spread,
+    thesis_table,
+)
+from reproduction.framework.plots import range_plot
+from reproduction.framework.rig import simulated_record
 
 if TYPE_CHECKING:
     import control
     from numpy.typing import NDArray
 
-    from reproduction.framework.subjects import Results
+    from reproduction.framework.findings import Results
 
 FREQUENCIES_HZ = np.geomspace(0.3, 50.0, 120)
 BANDS_HZ = ((0.3, 1.0), (1.0, 6.0), (6.0, 30.0), (30.0, 50.0))
@@ -121,12 +128,13 @@ def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
         ),
         tables=(
             SideBySide(
-                "Modes: the printed matrix, ours (median of 20 seeds and range), the beam alone",
+                f"Modes: the printed matrix, ours (median of {len(SEEDS)} seeds and range), the "
+                "beam alone",
                 ("printed, Hz", "damping", "ours, Hz", "range", "damping", "beam, Hz"),
                 mode_rows,
             ),
             SideBySide(
-                "Our gain over the printed one, dB: median of 20 seeds, and range",
+                f"Our gain over the printed one, dB: median of {len(SEEDS)} seeds, and range",
                 ("band, Hz", *SENSORS, "printed y4 over the derivative of its y1"),
                 tuple(
                     (
@@ -143,7 +151,7 @@ def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
         ),
         plots=tuple(
             Plot(
-                f"{channel}: printed and ours, 20 seeds",
+                f"{channel}: printed and ours, {len(SEEDS)} seeds",
                 range_plot(
                     FREQUENCIES_HZ,
                     np.abs([each.response[:, i] for each in found]),

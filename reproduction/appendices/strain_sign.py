@@ -10,13 +10,11 @@ import numpy as np
 from flexarm_control.design.margins import margins
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
-from reproduction.chapter4.pdp_design import CLOSE, SIGNS, tuned_pdp
-from reproduction.framework.findings import Finding, SideBySide, judged
-from reproduction.framework.subjects import Call, Subject
-from reproduction.framework.thesis_values import thesis_table
+from reproduction.chapter4.pdp import CLOSE, SIGNS, tuned_pdp
+from reproduction.framework.findings import Call, Finding, SideBySide, Subject, judged, thesis_table
 
 if TYPE_CHECKING:
-    from reproduction.framework.subjects import Results
+    from reproduction.framework.findings import Results
 
 CROSSINGS_FROM_HZ = 0.2
 """Below it the printed slow poles, known to four decimals, add crossings without meaning."""

@@ -24,9 +24,8 @@ from flexarm_ident.models.poles import is_stable, stabilise
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.subspace.order import LARGEST_ORDER, SMALLEST_ORDER
 from flexarm_ident.subspace.orse import plain
-from reproduction.framework.evidence import SEEDS
-from reproduction.framework.records import run_experiment, simulated_record
-from reproduction.framework.thesis_values import thesis_table
+from reproduction.framework.findings import SEEDS, thesis_table
+from reproduction.framework.rig import run_experiment, simulated_record
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,7 +48,7 @@ TABLE_OF = {"O": "table_2_1", "B": "table_2_3", "C": "table_2_4"}
 # The run that set-point following is compared with: the thesis names its gains only.
 _SET_POINT_RECORD = "C_dat2"
 _SET_POINT_S = 20.0
-_SET_POINT_COMPENSATION_V = 0.8
+SET_POINT_COMPENSATION_V = 0.8
 # So that its noise is not that of the record.
 _SET_POINT_SEED = 1000
 
@@ -163,7 +162,7 @@ def set_point_record(rate_hz: float, payload_kg: float, seed: int) -> IoData:
         gains={
             "kp": SET_POINT_GAINS.kp,
             "kd": SET_POINT_GAINS.kd,
-            "compensation_v": _SET_POINT_COMPENSATION_V,
+            "compensation_v": SET_POINT_COMPENSATION_V,
         },
     )
     rig = RigParameters(payload_kg=payload_kg, noise_v=THESIS_NOISE_V)
@@ -185,13 +184,7 @@ def model_of(found: Identification, order: int) -> tuple[control.StateSpace, boo
     half = found.records[0]
     fit = fit_inputs(A, matrices.C, [half])
     model = control.ss(
-        A,
-        fit.B,
-        matrices.C,
-        fit.D,
-        half.dt_s,
-        inputs=list(half.inputs),
-        outputs=list(half.outputs),
+        A, fit.B, matrices.C, fit.D, half.dt_s, inputs=list(half.inputs), outputs=list(half.outputs)
     )
     return model, is_stable(matrices.A)
 

@@ -1,1 +1,1 @@
-"""What every subject rests on: findings, computations kept on disk, the simulated rig, pages."""
+"""Framework of the study: findings, computations that are kept, the simulated rig, the pages."""

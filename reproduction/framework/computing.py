@@ -1,38 +1,65 @@
-"""Compute calls in parallel, on the cores of this machine or on a Dask cluster."""
+"""Computations of the subjects: run in parallel, on this machine or on a Dask cluster, and kept.
+
+Every result is kept as it comes, so that an interrupted run goes on where it stood.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import logging
+import os
+import pickle
 import platform
 import signal
+import tempfile
+import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import joblib
 
-from reproduction.framework.errors import ReproductionError, one_line
-from reproduction.framework.source_digest import source_digest
+import flexarm_control
+import flexarm_core
+import flexarm_daq
+import flexarm_ident
+from reproduction.framework.findings import ReproductionError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from reproduction.framework.subjects import Call
+    from reproduction.framework.findings import Call, Finding, Results, Subject
+
+    Progress = Callable[[str, float], None]
 
 CONNECT_S = 10.0
 """How long a scheduler may take to answer, and to have a worker."""
+SOURCES = (
+    Path(__file__).parents[1],
+    *(
+        Path(package.__file__ or "").parent
+        for package in (flexarm_core, flexarm_daq, flexarm_ident, flexarm_control)
+    ),
+)
+"""Folders of the source that results come from: the study, and the packages that it computes with.
+"""
+_LIBRARIES = ("numpy", "scipy", "numba", "control")
+_COMPRESSION = 3
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who computes.
+    """The processes that compute.
 
     Attributes
     ----------
-    jobs
+    jobs : int
         Processes on this machine; -1 is one per core. Each has one thread.
-    dask
+    dask : str
         Address of the scheduler of a Dask cluster that computes instead; empty for none.
     """
 
@@ -40,15 +67,154 @@ class Workers:
     dask: str = ""
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """The outcome of one subject.
+
+    Attributes
+    ----------
+    subject : Subject
+        The subject.
+    finding : Finding or None
+        The finding; None when it failed.
+    failure : str
+        Why it failed, in one line; empty when it did not.
+    """
+
+    subject: Subject
+    finding: Finding | None
+    failure: str = ""
+
+
+@cache
+def source_digest() -> str:
+    """Return a digest of all source and data that results come from, and of the libraries."""
+    digest = hashlib.sha256(repr(platform.python_version_tuple()[:2]).encode())
+    digest.update(repr([version(library) for library in _LIBRARIES]).encode())
+    for folder in SOURCES:
+        # Not by the whole path: the same package may lie elsewhere on another machine.
+        for path in sorted(each for each in folder.rglob("*") if each.suffix in {".py", ".yaml"}):
+            digest.update(repr((str(path.relative_to(folder)), path.read_bytes())).encode())
+    return digest.hexdigest()
+
+
+class Store:
+    """A folder of results, one file per computation.
+
+    A file holds the call, the digest of the source that computed it, and the result. A changed
+    source replaces it.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder; it is made when the first result comes.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def find(self, calls: Iterable[Call]) -> dict[Call, Any]:
+        """Return the results that are there. A damaged file and an old source count as none."""
+        found: dict[Call, Any] = {}
+        for call in calls:
+            path = self._path(call)
+            if not path.is_file():
+                continue
+            try:
+                # The whole file, so that one that was cut is told by its checksum.
+                kept = pickle.loads(zlib.decompress(path.read_bytes()))  # noqa: S301 - our own
+                if kept["call"] == call.name and kept["source"] == source_digest():
+                    found[call] = kept["result"]
+            except Exception:  # noqa: BLE001, S112 - a cut pickle can raise anything; it is computed anew
+                continue
+        return found
+
+    def keep(self, call: Call, result: Any) -> None:  # noqa: ANN401 - whatever the call returns
+        """Write a result; whoever reads meanwhile sees a whole one or none."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        content = {"call": call.name, "source": source_digest(), "result": result}
+        handle, name = tempfile.mkstemp(dir=self._folder, suffix=".part")
+        os.close(handle)
+        try:
+            Path(name).write_bytes(zlib.compress(pickle.dumps(content), _COMPRESSION))
+            Path(name).replace(self._path(call))
+        finally:
+            Path(name).unlink(missing_ok=True)
+
+    def _path(self, call: Call) -> Path:
+        digest = hashlib.sha256(call.name.encode()).hexdigest()[:16]
+        return self._folder / f"{call.function.__name__}-{digest}.pickle"
+
+
+def reproduce(
+    subjects: Sequence[Subject],
+    store: Store,
+    *,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> tuple[Outcome, ...]:
+    """Compute what is missing in the store, and build the findings.
+
+    Parameters
+    ----------
+    subjects : sequence of Subject
+        What is wanted.
+    store : Store
+        Where results are kept.
+    workers : Workers, optional
+        By default the cores of this machine.
+    progress : callable, optional
+        Called with a word and the part that is done.
+
+    Returns
+    -------
+    tuple of Outcome
+        One per subject. A computation that fails takes only those with it that need it.
+
+    Raises
+    ------
+    ReproductionError
+        When there is no cluster to compute on.
+    """
+    report = progress or (lambda _text, _part: None)
+    calls = tuple(dict.fromkeys(call for subject in subjects for call in subject.needs))
+    results = store.find(calls)
+    missing = [call for call in calls if call not in results]
+    failures: dict[Call, str] = {}
+    report("computing", len(results) / max(len(calls), 1))
+    for call, result, failure in computed(missing, workers or Workers()):
+        if failure:
+            failures[call] = failure
+        else:
+            store.keep(call, result)
+            results[call] = result
+        report("computing", (len(results) + len(failures)) / len(calls))
+    outcomes = []
+    for number, subject in enumerate(subjects, start=1):
+        outcomes.append(_outcome(subject, results, failures))
+        report("comparing", number / len(subjects))
+    return tuple(outcomes)
+
+
+def _outcome(subject: Subject, results: Results, failures: Mapping[Call, str]) -> Outcome:
+    for call in subject.needs:
+        if call in failures:
+            return Outcome(subject, None, f"{call.name}: {failures[call]}")
+    try:
+        return Outcome(subject, subject.build({call: results[call] for call in subject.needs}))
+    except Exception as error:  # noqa: BLE001 - one subject must not take the others with it
+        return Outcome(subject, None, _failure(error))
+
+
 def computed(calls: Sequence[Call], workers: Workers) -> Iterator[tuple[Call, Any, str]]:
     """Compute calls, in the order in which they end.
 
     Parameters
     ----------
-    calls
-        What to compute.
-    workers
-        Who does it.
+    calls : sequence of Call
+        The computations.
+    workers : Workers
+        The processes.
 
     Yields
     ------
@@ -74,7 +240,7 @@ def _here(calls: Sequence[Call], jobs: int) -> Iterator[tuple[Call, Any, str]]:
     ):
         parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
         done = parallel(
-            joblib.delayed(_compute)(number, call, source_digest(call.function))
+            joblib.delayed(_compute)(number, call, source_digest())
             for number, call in enumerate(calls)
         )
         try:
@@ -89,7 +255,7 @@ def _on_cluster(calls: Sequence[Call], address: str) -> Iterator[tuple[Call, Any
     with _cluster(address) as (client, distributed):
         # Each a task of its own, however often the same is asked for.
         waiting = {
-            client.submit(_compute, number, call, source_digest(call.function), pure=False): call
+            client.submit(_compute, number, call, source_digest(), pure=False): call
             for number, call in enumerate(calls)
         }
         for future in distributed.as_completed(waiting):
@@ -97,11 +263,12 @@ def _on_cluster(calls: Sequence[Call], address: str) -> Iterator[tuple[Call, Any
             try:
                 _, result, failure = future.result()
             except distributed.KilledWorker as error:
-                result, failure = None, one_line(error)
+                result, failure = None, _failure(error)
             except (distributed.CancelledError, RuntimeError, ImportError) as error:
                 raise ReproductionError(
-                    f"the cluster at {address} computes no more: {one_line(error)}; scheduler and "
-                    "workers need flexarm as it is here, what was computed is kept"
+                    f"the cluster at {address} computes no more: {_failure(error)}; scheduler and "
+                    "workers need flexarm as it is here and the checkout in PYTHONPATH, what was "
+                    "computed is kept"
                 ) from error
             yield call, result, failure
 
@@ -120,7 +287,7 @@ def _cluster(address: str) -> Iterator[tuple[Any, Any]]:
         client = distributed.Client(address, timeout=CONNECT_S)
     except (OSError, ValueError) as error:
         raise ReproductionError(
-            f"no Dask scheduler at {address}: {one_line(error)}; start one with `dask scheduler`"
+            f"no Dask scheduler at {address}: {_failure(error)}; start one with `dask scheduler`"
         ) from error
     with client:
         try:
@@ -140,8 +307,13 @@ def _leave_interrupts() -> None:
 def _compute(number: int, call: Call, source: str) -> tuple[int, Any, str]:
     """Compute a call in a worker; its number tells the caller which one it was."""
     try:
-        if source_digest(call.function) != source:
+        if source_digest() != source:
             return number, None, f"{platform.node()} has another source of it; install the same"
         return number, call(), ""
     except Exception as error:  # noqa: BLE001 - the caller reports it
-        return number, None, one_line(error)
+        return number, None, _failure(error)
+
+
+def _failure(error: BaseException) -> str:
+    """Return the kind of an error and its message, in one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")

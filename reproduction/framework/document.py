@@ -6,16 +6,15 @@ import html
 import re
 from typing import TYPE_CHECKING
 
-from reproduction.contents import APPENDICES, page_of
 from reproduction.framework.findings import Verdict, count
+from reproduction.framework.selection import APPENDICES, page_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from reproduction.framework.findings import Finding, SideBySide
-    from reproduction.framework.run import Outcome
-    from reproduction.framework.subjects import Subject
+    from reproduction.framework.computing import Outcome
+    from reproduction.framework.findings import Finding, SideBySide, Subject
 
 PICTURES = "svg"
 _INTRODUCTION = """\

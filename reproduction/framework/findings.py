@@ -1,17 +1,46 @@
-"""What came of reproducing one table or figure, and the verdict on it."""
+"""Subjects, their findings, and the evidence that a verdict rests on."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import yaml
+from scipy import stats
+
+from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    Results: TypeAlias = "Mapping[Call, Any]"
+
+Figures: TypeAlias = "Sequence[float] | NDArray[np.float64] | NDArray[np.int_]"
+"""A figure of many runs, one per seed."""
+
+SENSORS = ("position", "base gauge", "middle gauge", "speed")
+"""Words for the four sensors on the pages, in the order of `flexarm_ident`'s `ARM_OUTPUTS`."""
+SEEDS = tuple(range(1, 21))
+"""Seeds of the runs that a claim or a scatter rests on."""
+OFTEN = 0.5
+"""What happens in more than this share of the seeds happens in most of them."""
+LEVEL = 0.05
+"""A claim holds when chance alone would bear it out as often in fewer than 5 % of all cases."""
+_THESIS = Path(__file__).parents[1] / "thesis"
+
+
+class ReproductionError(FlexarmError):
+    """A request that cannot be run."""
 
 
 class Verdict(Enum):
-    """How a result of ours stands to the thesis's."""
+    """Relation of our result to the thesis's."""
 
     AGREES = "agrees"
     SAME_RANKING = "same ranking"
@@ -20,19 +49,19 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict and what it rests on.
+    """A verdict and its evidence.
 
     Attributes
     ----------
-    verdict
-        How ours stands to the thesis's.
-    because
+    verdict : Verdict
+        Relation of our result to the thesis's.
+    because : str
         The evidence in one or two sentences, with figures; where ours differs, why it does.
 
     Raises
     ------
     ValueError
-        When it rests on nothing.
+        When there is no evidence.
     """
 
     verdict: Verdict
@@ -49,12 +78,12 @@ class SideBySide:
 
     Attributes
     ----------
-    title
-        What it lists.
-    headings
+    title : str
+        Its contents.
+    headings : tuple of str
         One per column.
-    rows
-        Cells as text, as many in each row as there are headings.
+    rows : tuple of tuple of str
+        Cells, as many in each row as there are headings.
 
     Raises
     ------
@@ -88,12 +117,14 @@ class Finding:
 
     Attributes
     ----------
-    judgement
+    judgement : Judgement
         The verdict and its evidence.
-    tables, plots
-        The figures and the pictures.
-    text
-        Paragraphs of Markdown that stand before them: what was done, and with what.
+    tables : sequence of SideBySide
+        The figures.
+    plots : sequence of Plot
+        The pictures.
+    text : sequence of str
+        Paragraphs of Markdown before them: what was done, and with what.
     """
 
     judgement: Judgement
@@ -102,17 +133,65 @@ class Finding:
     text: Sequence[str] = ()
 
 
+@dataclass(frozen=True)
+class Call:
+    """One computation that takes a while; the same call gives the same result.
+
+    Attributes
+    ----------
+    function : callable
+        A function at the top level of a module; its result can be pickled.
+    arguments : tuple
+        Plain values: texts, numbers and tuples of them. A seed is one of them.
+    """
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The call as it would be written."""
+        words = ", ".join(map(repr, self.arguments))
+        return f"{self.function.__module__}.{self.function.__qualname__}({words})"
+
+    def __call__(self) -> Any:  # noqa: ANN401 - whatever the function returns
+        """Compute it."""
+        return self.function(*self.arguments)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A table, figure or claim of the thesis.
+
+    Attributes
+    ----------
+    key : str
+        Its name on the command line, such as ``table-2-4``, ``figure-4-11`` or ``claim-2-1``.
+    title : str
+        What the thesis shows there, in our words.
+    needs : tuple of Call
+        Its computations. They run in parallel, are shared between subjects, and are kept.
+    build : callable
+        Turns their results into the finding; takes a second at most.
+    """
+
+    key: str
+    title: str
+    needs: tuple[Call, ...]
+    build: Callable[[Results], Finding]
+
+
 def judged(*, agrees: bool, same_ranking: bool, evidence: str, reason: str) -> Judgement:
     """Judge by the two criteria of a subject.
 
     Parameters
     ----------
-    agrees, same_ranking
+    agrees, same_ranking : bool
         Whether the figures agree within the subject's tolerance; whether at least the order of
         the compared things is the thesis's.
-    evidence
+    evidence : str
         What was found, with figures.
-    reason
+    reason : str
         Why ours differs; used only when it does.
     """
     if agrees:
@@ -125,3 +204,49 @@ def judged(*, agrees: bool, same_ranking: bool, evidence: str, reason: str) -> J
 def count(judgements: Sequence[Judgement]) -> Mapping[Verdict, int]:
     """Count the verdicts of each kind."""
     return {kind: sum(each.verdict is kind for each in judgements) for kind in Verdict}
+
+
+@cache
+def thesis_table(name: str) -> Any:  # noqa: ANN401 - each table has a shape of its own
+    """Return a table of the thesis by the name of its file in `thesis`, such as ``table_2_4``."""
+    return yaml.safe_load((_THESIS / f"{name}.yaml").read_text("utf-8"))
+
+
+def sign_test(smaller: Figures, larger: Figures) -> float:
+    """Return how probable it is that chance makes as many pairs come out in this order.
+
+    The exact one-sided sign test; ties count against the claim.
+
+    Parameters
+    ----------
+    smaller, larger : sequence of float
+        Figures of the same runs; the claim is that the first is the smaller one.
+
+    Raises
+    ------
+    ValueError
+        When they are not equally many.
+    """
+    wins = sum(bool(a < b) for a, b in zip(smaller, larger, strict=True))
+    return float(stats.binomtest(wins, len(smaller), alternative="greater").pvalue)
+
+
+def p_text(p_value: float) -> str:
+    """Return a p-value as text."""
+    return f"p = {p_value:.2g}" if p_value >= 1e-4 else "p < 0.0001"  # noqa: PLR2004
+
+
+def spread(values: Figures, form: str = ".3f") -> str:
+    """Return median and range of a figure over the seeds, as text."""
+    low, middle, high = np.quantile(np.asarray(values), (0.0, 0.5, 1.0)).tolist()
+    return f"{middle:{form}} ({low:{form}} to {high:{form}})"
+
+
+def percent(shares: Sequence[float] | NDArray[np.float64], separator: str = ", ") -> str:
+    """Return shares as text."""
+    return separator.join(f"{share:.0%}" for share in shares)
+
+
+def named(count: int, noun: str, plural: str = "") -> str:
+    """Return a number with its noun in the singular or the plural."""
+    return f"{count} {noun if count == 1 else plural or f'{noun}s'}"

@@ -8,16 +8,25 @@ import pytest
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_core.channels import POSITION_V_PER_RAD, SPEED_V_S_PER_RAD
 from flexarm_daq.experiments.catalogue import catalogue
-from reproduction.appendices import SUBJECTS, nominal_models, strain_sign
-from reproduction.appendices.catalogue_tables import compare, controlled, excited, implemented
+from reproduction.appendices import experiments, nominal_models, strain_sign
+from reproduction.appendices.experiments import (
+    RecordFacts,
+    compare,
+    controlled,
+    excited,
+    implemented,
+)
 from reproduction.appendices.nominal_models import FREQUENCIES_HZ, IdentifiedModel
-from reproduction.appendices.record_facts import RecordFacts
 from reproduction.appendices.strain_sign import Examined
-from reproduction.chapter2 import excitation_figures
-from reproduction.chapter2.excitation_figures import Signal
-from reproduction.framework.findings import Finding, Verdict
-from reproduction.framework.thesis_values import thesis_table
+from reproduction.chapter2 import excitation
+from reproduction.chapter2.excitation import Signal
+from reproduction.framework.findings import Finding, Verdict, thesis_table
 
+SUBJECTS = tuple(
+    subject
+    for module in (excitation, experiments, nominal_models, strain_sign)
+    for subject in module.SUBJECTS
+)
 CHECKS = {
     1: ("open_loop", excited("open_loop")),
     2: ("bounded", excited("bounded")),
@@ -97,7 +106,7 @@ def test_catalogue_table___arm_at_its_stops___is_said() -> None:
     assert "O_dat1 come to the end stops" in catalogue_finding(1, position_deg=80.5).text[0]
 
 
-COMMANDS_V = np.array(excitation_figures._COMMANDS_V)
+COMMANDS_V = np.array(excitation._COMMANDS_V)
 
 
 @pytest.mark.parametrize(
@@ -111,12 +120,12 @@ COMMANDS_V = np.array(excitation_figures._COMMANDS_V)
 def test_drive___line_curve_or_early_limit___is_told(
     current_a: np.ndarray, verdict: Verdict
 ) -> None:
-    finding = excitation_figures.compare_drive(current_a.tolist())
+    finding = excitation.compare_drive(current_a.tolist())
     assert finding.judgement.verdict is verdict
 
 
 def test_drive_characteristic___simulated_rig___is_linear_up_to_ten_volts() -> None:
-    current_a = np.array(excitation_figures.drive_characteristic())
+    current_a = np.array(excitation.drive_characteristic())
     expected = 0.5 * np.clip(COMMANDS_V, -10.0, 10.0)
     np.testing.assert_allclose(current_a, expected, atol=0.02)
 
@@ -135,7 +144,7 @@ def waveforms(
 ) -> Finding:
     noise = Signal(TIME_S, np.random.default_rng(2).uniform(-2.0, 2.0, len(TIME_S)), TIME_S)
     signals = [turning(square_hz), turning(0.5, periodic), turning(varying_hz), noise]
-    return excitation_figures.compare_waveforms(signals)
+    return excitation.compare_waveforms(signals)
 
 
 def test_waveforms___as_section_2_4_1_says___agree() -> None:
@@ -170,7 +179,7 @@ def bounded(turns_at_v: float, magnitude: np.ndarray | float) -> Signal:
 
 def test_bounded___turns_at_three_volts___agree() -> None:
     signals = [bounded(3.0, 3.0), bounded(3.0, RANDOM)]
-    finding = excitation_figures.compare_bounded(signals)
+    finding = excitation.compare_bounded(signals)
     assert finding.judgement.verdict is Verdict.AGREES, finding.judgement.because
 
 
@@ -185,7 +194,7 @@ def test_bounded___turns_at_three_volts___agree() -> None:
 def test_bounded___turns_elsewhere_or_other_magnitude___differs(
     constant: Signal, random: Signal
 ) -> None:
-    finding = excitation_figures.compare_bounded([constant, random])
+    finding = excitation.compare_bounded([constant, random])
     assert finding.judgement.verdict is Verdict.DIFFERS
 
 

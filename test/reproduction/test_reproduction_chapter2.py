@@ -9,31 +9,26 @@ import pytest
 from flexarm_daq.experiments.catalogue import catalogue, experiment
 from flexarm_ident.fitting.validation import validate_dmv
 from reproduction.chapter2 import (
-    SUBJECTS,
-    closed_loop_response,
-    gauge_peaks,
-    imperfection_claim,
-    model_validation,
+    claims,
+    imperfections,
+    modes,
     order_survey,
-    preparation_claim,
-    rate_claim,
-    singular_value_order,
-    special_models,
-    survey_claims,
-    survey_tables,
-    waveform_modes,
+    tables,
+    validation,
 )
 from reproduction.chapter2.order_survey import ORDERS, OrderSurvey
-from reproduction.framework.evidence import SEEDS
-from reproduction.framework.findings import Verdict
-from reproduction.framework.thesis_values import thesis_table
+from reproduction.framework.findings import SEEDS, Verdict, thesis_table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from reproduction.framework.findings import Finding
-    from reproduction.framework.subjects import Call
+    from reproduction.framework.findings import Call, Finding, Subject
 
+SUBJECTS: tuple[Subject, ...] = tuple(
+    subject
+    for module in (tables, modes, validation, claims, imperfections)
+    for subject in module.SUBJECTS
+)
 AGREES, RANKING, DIFFERS = Verdict.AGREES, Verdict.SAME_RANKING, Verdict.DIFFERS
 FIGURES = (6, 7, 8, 11, 12, 14, 15, 16)
 LOW, HIGH = [0.1] * len(SEEDS), [0.2] * len(SEEDS)
@@ -58,10 +53,10 @@ def made_up_survey(record: str, **changed: Any) -> OrderSurvey:  # noqa: ANN401 
     return OrderSurvey(**values | changed)
 
 
-def made_up_modes(*, near: bool) -> waveform_modes.WaveformModes:
-    modes_hz = waveform_modes.MODES_HZ if near else waveform_modes.BETWEEN_HZ
+def made_up_modes(*, near: bool) -> modes.WaveformModes:
+    modes_hz = modes.MODES_HZ if near else modes.BETWEEN_HZ
     seeds = len(SEEDS)
-    return waveform_modes.WaveformModes(
+    return modes.WaveformModes(
         (tuple(modes_hz.tolist()),) * seeds,
         np.full((seeds, 3), near),
         np.full((seeds, 2), not near),
@@ -70,20 +65,20 @@ def made_up_modes(*, near: bool) -> waveform_modes.WaveformModes:
 
 def made_up_result(call: Call) -> Any:  # noqa: ANN401 - what the call returns
     signals = np.sin(np.linspace(0.0, 20.0, 400))[:, np.newaxis] * np.ones(4, np.float32)
-    points = len(gauge_peaks.FREQUENCIES_HZ)
+    points = len(modes.FREQUENCIES_HZ)
     makers: dict[Any, Any] = {
         order_survey.survey: made_up_survey,
-        waveform_modes.waveform_modes: lambda _: made_up_modes(near=True),
-        special_models.special_stability: lambda _: (True,) * len(SEEDS),
-        model_validation.validated_model: lambda _: model_validation.ValidatedModel(
+        modes.waveform_modes: lambda _: made_up_modes(near=True),
+        tables.special_stability: lambda _: (True,) * len(SEEDS),
+        validation.validated_model: lambda _: validation.ValidatedModel(
             0.01, signals, signals, signals, signals
         ),
-        closed_loop_response.closed_loop_gains: lambda: {
+        modes.closed_loop_gains: lambda: {
             order: np.ones((len(SEEDS), points, 4), np.float32) for order in (18, 27)
         },
-        imperfection_claim.least_error: lambda *_: 0.01,
-        preparation_claim.step_errors: lambda *_: dict.fromkeys(
-            (preparation_claim.ALL, *preparation_claim.STEPS), 0.1
+        imperfections.least_error: lambda *_: 0.01,
+        imperfections.step_errors: lambda *_: dict.fromkeys(
+            (imperfections.ALL_STEPS, *imperfections.STEPS), 0.1
         ),
     }
     return makers[call.function](*call.arguments)
@@ -136,9 +131,9 @@ def test_thesis_tables___have_every_experiment() -> None:
 def test_thesis_table_2_2___frequencies_captured_the_modes() -> None:
     printed = thesis_table("table_2_2")
     analytic_hz = np.array(printed["analytic_hz"], dtype=float)
-    for waveform in waveform_modes.RECORDS:
-        near_hz = waveform_modes.nearest(printed[waveform], analytic_hz)
-        assert np.abs(near_hz / analytic_hz - 1.0).max() < gauge_peaks.CAPTURED
+    for waveform in modes.RECORDS:
+        near_hz = modes.nearest(printed[waveform], analytic_hz)
+        assert np.abs(near_hz / analytic_hz - 1.0).max() < modes.CAPTURED
 
 
 def test_thesis_table_2_6___codes___say_record_and_order() -> None:
@@ -158,8 +153,8 @@ def test_tables___name_the_misprinted_means() -> None:
 
 
 def test_orders_text___joins_neighbours() -> None:
-    assert survey_tables.orders_text([8, 11, 14, 30, 33, 34]) == "8, 11, 14, 30, 33-34"
-    assert survey_tables.orders_text([]) == "none"
+    assert tables.orders_text([8, 11, 14, 30, 33, 34]) == "8, 11, 14, 30, 33-34"
+    assert tables.orders_text([]) == "none"
 
 
 def test_candidates___are_the_stable_orders___or_all() -> None:
@@ -172,7 +167,7 @@ def test_errors_judgement___needs_errors_and_numbers_of_stable_orders() -> None:
     printed = {str(k): 0.1 * k for k in range(1, 11)}
     larger = {name: 2.0 * error for name, error in printed.items()}
     mixed = dict(zip(printed, reversed(larger.values()), strict=True))
-    judge = survey_tables.errors_judgement
+    judge = tables.errors_judgement
     assert judge(printed, printed, reason="why").verdict is AGREES
     assert judge(printed, larger, reason="why").verdict is RANKING
     assert judge(printed, mixed, reason="why").verdict is DIFFERS
@@ -182,9 +177,9 @@ def test_errors_judgement___needs_errors_and_numbers_of_stable_orders() -> None:
 
 
 def test_table_2_2___a_mode_needs_a_peak() -> None:
-    judge = waveform_modes.modes_judgement
+    judge = modes.modes_judgement
     good, bad = made_up_modes(near=True), made_up_modes(near=False)
-    some = waveform_modes.WaveformModes(
+    some = modes.WaveformModes(
         good.frequencies_hz, good.peaks & np.array([True, False, True]), good.chance
     )
     assert judge({"square": good}).verdict is AGREES
@@ -193,7 +188,7 @@ def test_table_2_2___a_mode_needs_a_peak() -> None:
 
 
 def resonance(frequency_hz: float) -> NDArray[np.float64]:
-    ratio = np.asarray(gauge_peaks.FREQUENCIES_HZ) / frequency_hz
+    ratio = np.asarray(modes.FREQUENCIES_HZ) / frequency_hz
     return np.asarray(1.0 / np.abs(1.0 - ratio**2 + 0.05j * ratio), dtype=np.float64)
 
 
@@ -203,23 +198,23 @@ def stacked(*channels: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def test_peak___of_a_resonance___is_found_where_it_is() -> None:
     gain = resonance(25.0)
-    assert gauge_peaks.peak_hz(gain, 24.0) == pytest.approx(25.0, rel=0.02)
-    assert np.isnan(gauge_peaks.peak_hz(gain, 9.0))
+    assert modes.peak_hz(gain, 24.0) == pytest.approx(25.0, rel=0.02)
+    assert np.isnan(modes.peak_hz(gain, 9.0))
     flat = np.ones(len(gain))
-    assert gauge_peaks.has_peak(stacked(flat, flat, gain, flat), 24.0)
-    assert not gauge_peaks.has_peak(stacked(gain, flat, flat, gain), 24.0)
-    assert not gauge_peaks.has_peak(stacked(*[resonance(29.0)] * 4), 24.0)
+    assert modes.has_peak(stacked(flat, flat, gain, flat), 24.0)
+    assert not modes.has_peak(stacked(gain, flat, flat, gain), 24.0)
+    assert not modes.has_peak(stacked(*[resonance(29.0)] * 4), 24.0)
 
 
 def test_table_2_5___is_judged_by_most_of_the_seeds() -> None:
-    judge = special_models.special_judgement
+    judge = tables.special_judgement
     assert judge({"Ac3_22c": 0.9, "Ac11_18c": 0.8, "Ac3_21u": 0.1}).verdict is AGREES
     assert judge({"Ac3_22c": 0.9, "Ac11_18c": 0.8, "Ac3_21u": 0.7}).verdict is RANKING
     assert judge({"Ac3_22c": 0.3, "Ac11_18c": 0.8, "Ac3_21u": 0.7}).verdict is DIFFERS
 
 
 def test_figure_2_6___small_values_and_an_unstable_model() -> None:
-    judge = singular_value_order.order_judgement
+    judge = validation.order_judgement
     steep, flat = np.asarray(0.5 ** np.arange(60), dtype=np.float64), np.ones(60)
     assert judge(steep, 0.5).verdict is AGREES
     assert judge(steep, 1.0).verdict is RANKING
@@ -230,18 +225,18 @@ def test_figure_2_6___small_values_and_an_unstable_model() -> None:
 
 def test_validation_figures___are_judged_by_both_models() -> None:
     near, far = np.full((3, 4), 0.2), np.full((3, 4), 0.9)
-    judge = model_validation.match_judgement
+    judge = validation.match_judgement
     assert judge([0.2] * 4, near, near).verdict is AGREES
     assert judge([0.2] * 4, far, near).verdict is RANKING
     assert judge([0.2] * 4, far, far).verdict is DIFFERS
-    loops = model_validation.loop_judgement
+    loops = validation.loop_judgement
     assert loops(np.zeros(4, dtype=bool), [1.0] * 4).verdict is AGREES
     assert loops(np.array([False, True, True, True]), [1.0] * 4).verdict is RANKING
     assert loops(np.ones(4, dtype=bool), [1.0] * 4).verdict is DIFFERS
 
 
 def test_figure_2_16___peaks_and_strong_gauges() -> None:
-    judge = closed_loop_response.response_judgement
+    judge = modes.response_judgement
     strong = np.tile([1.0, 3.0, 2.0, 1.0], (3, 1))
     weak = np.tile([1.0, 3.0, 2.0, 5.0], (3, 1))
     assert judge([1.0, 1.0, 1.0], [1.0] * 3, strong).verdict is AGREES
@@ -251,7 +246,7 @@ def test_figure_2_16___peaks_and_strong_gauges() -> None:
 
 
 def test_claim_2_1___square_best_and_random_worst() -> None:
-    judge = survey_claims.waveform_judgement
+    judge = claims.waveform_judgement
     middle = [0.15] * len(SEEDS)
     assert judge({"square": LOW, "varying": middle, "random": HIGH}).verdict is AGREES
     assert judge({"square": LOW, "varying": HIGH, "random": middle}).verdict is RANKING
@@ -259,7 +254,7 @@ def test_claim_2_1___square_best_and_random_worst() -> None:
 
 
 def test_claims_2_2_and_2_3___can_fail() -> None:
-    bounded, stable = survey_claims.bounded_judgement, survey_claims.stability_judgement
+    bounded, stable = claims.bounded_judgement, claims.stability_judgement
     assert bounded(LOW, HIGH, LOW, HIGH).verdict is AGREES
     assert bounded(HIGH, LOW, LOW, HIGH).verdict is RANKING
     assert bounded(HIGH, LOW, HIGH, LOW).verdict is DIFFERS
@@ -269,7 +264,7 @@ def test_claims_2_2_and_2_3___can_fail() -> None:
 
 
 def test_claim_2_4___runaway_loops_are_worse() -> None:
-    judge = survey_claims.accuracy_judgement
+    judge = claims.accuracy_judgement
     good = {"open loop": HIGH, "closed loop": LOW}
     bad = {"open loop": LOW, "closed loop": HIGH}
     away = {"open loop": [np.inf] * len(SEEDS), "closed loop": LOW}
@@ -287,7 +282,7 @@ def test_claim_2_5___each_imperfection_has_to_cost() -> None:
             "no noise": [quiet],
             "neither": [neither],
         }
-        return imperfection_claim.imperfection_judgement(errors).verdict
+        return imperfections.imperfection_judgement(errors).verdict
 
     assert verdict(LOW, 0.1, 0.01) is AGREES
     assert verdict(LOW, 0.1, 0.1) is RANKING
@@ -296,9 +291,9 @@ def test_claim_2_5___each_imperfection_has_to_cost() -> None:
 
 def test_claim_2_6___every_step_has_to_help() -> None:
     def errors(**left_out: float) -> list[dict[str, float]]:
-        return [{preparation_claim.ALL: 0.1, **left_out}] * len(SEEDS)
+        return [{imperfections.ALL_STEPS: 0.1, **left_out}] * len(SEEDS)
 
-    judge = preparation_claim.preparation_judgement
+    judge = imperfections.preparation_judgement
     helps = errors(biases=0.2, filter=0.2, scaling=0.2)
     half = errors(biases=0.2, filter=0.2, scaling=0.1)
     assert judge({"a": helps, "b": helps}).verdict is AGREES
@@ -307,7 +302,7 @@ def test_claim_2_6___every_step_has_to_help() -> None:
 
 
 def test_claim_2_7___300_hz_has_to_be_better() -> None:
-    judge = rate_claim.rate_judgement
+    judge = imperfections.rate_judgement
     won, lost = [(0.1, 0.2)] * 3, [(0.2, 0.1)] * 3
     assert judge(LOW, HIGH, won, won).verdict is AGREES
     assert judge(HIGH, LOW, won, lost).verdict is RANKING
@@ -315,7 +310,7 @@ def test_claim_2_7___300_hz_has_to_be_better() -> None:
 
 
 def test_pairs___differ_in_the_rate_alone() -> None:
-    for name, other in rate_claim.PAIRS.items():
+    for name, other in imperfections.PAIRS.items():
         low, high = experiment(name), experiment(other)
         assert (low.rate_hz, high.rate_hz) == (300.0, 500.0)
         assert (low.waveform, low.magnitude_v) == (high.waveform, high.magnitude_v)
@@ -323,14 +318,14 @@ def test_pairs___differ_in_the_rate_alone() -> None:
 
 def test_least_error___of_a_linear_rig_without_noise___is_next_to_none() -> None:
     def error(*, friction: bool) -> float:
-        return imperfection_claim.least_error("O_dat2", 1, noise=False, friction=friction)
+        return imperfections.least_error("O_dat2", 1, noise=False, friction=friction)
 
     assert error(friction=False) < 0.01
     assert error(friction=True) > 0.05
 
 
 def test_validated_model___of_the_closed_loop___follows_the_set_point() -> None:
-    found = model_validation.validated_model("C_dat2")
+    found = validation.validated_model("C_dat2")
     position, simulated = found.set_point[:, 0], found.sfv[:, 0]
     assert np.sqrt(np.mean((position - simulated) ** 2) / np.mean(position**2)) < 0.1
 

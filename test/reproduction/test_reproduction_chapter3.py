@@ -9,50 +9,47 @@ import pytest
 from scipy import signal
 
 from flexarm_ident.models.modes import Mode
-from reproduction.chapter3 import (
-    SUBJECTS,
-    ranking_claims,
-    reduction_errors,
-    reduction_figures,
-    reduction_models,
-    reduction_ranks,
-    reduction_responses,
-    updating_claims,
-)
-from reproduction.chapter3.reduction_calls import (
+from reproduction.chapter3 import claims, costs, figures, ranks, responses, updated_models
+from reproduction.chapter3.claims import CODES, NOISES
+from reproduction.chapter3.costs import RIGS, drift_calls, drift_table, full_model_errors
+from reproduction.chapter3.examples import (
+    EXAMPLES,
     INITIAL,
-    errors_text,
-    means,
-    ratio_text,
-    ratios,
-    trials,
-)
-from reproduction.chapter3.reduction_claims import CODES, NOISES
-from reproduction.chapter3.reduction_drift import RIGS, drift_calls, drift_table, full_model_errors
-from reproduction.chapter3.reduction_examples import EXAMPLES, TABLES
-from reproduction.chapter3.reduction_rows import reversed_pairs, thesis_rows
-from reproduction.chapter3.reduction_stages import (
     LOW,
+    TABLES,
     THESIS,
     Curves,
+    Records,
     ReductionTrial,
     Stage,
     bending_modes,
     is_rigid,
+    reversed_pairs,
+    thesis_rows,
 )
-from reproduction.chapter3.reduction_trial import reduction_trial
-from reproduction.framework.findings import Verdict
-from reproduction.framework.subjects import Call
-from reproduction.framework.thesis_values import thesis_table
+from reproduction.chapter3.trial import (
+    errors_text,
+    means,
+    ratio_text,
+    ratios,
+    reduction_trial,
+    trials,
+)
+from reproduction.framework.findings import Call, Verdict, thesis_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from reproduction.chapter3.reduction_rows import ThesisRow
+    from reproduction.chapter3.examples import ThesisRow
     from reproduction.framework.findings import Judgement
 
     Levels = Mapping[tuple[str, str], Sequence[float]]
 
+SUBJECTS = tuple(
+    subject
+    for module in (ranks, costs, updated_models, figures, responses, claims)
+    for subject in module.SUBJECTS
+)
 AGREES, RANKING, DIFFERS = Verdict.AGREES, Verdict.SAME_RANKING, Verdict.DIFFERS
 RATE_HZ = 300.0
 _NO_STAGES: Mapping[str, Stage] = MappingProxyType({})
@@ -179,8 +176,8 @@ def ranks_finding(*, swapped: bool, hz: tuple[float, float, float]) -> Verdict:
         trial({}, seed, modes=modes_like_the_thesis(swapped=swapped), stages=stage)
         for seed in range(1, 21)
     ]
-    finding = reduction_ranks.compare_ranks(
-        EXAMPLES["Ac3_18"], thesis_table("table_3_1a"), found, found
+    finding = ranks.compare_ranks(
+        thesis_table("table_3_1a"), Records(EXAMPLES["Ac3_18"], found, found)
     )
     return finding.judgement.verdict
 
@@ -193,8 +190,8 @@ def test_tables_3_a___are_judged_by_frequencies_and_by_what_msv_prefers() -> Non
 
 def test_preference___of_the_thesis_s_table_3_1a() -> None:
     # Rigid: 13/14, 15/16, 17, 18 lose 2, 6, -1, 6 places; bending: 9/10, 7/8, 5/6 lose -4, 1, -4.
-    found = reduction_ranks.thesis_modes(thesis_table("table_3_1a"))
-    assert reduction_ranks.preference(found) == pytest.approx(13.0 / 4.0 + 7.0 / 3.0)
+    found = ranks.thesis_modes(thesis_table("table_3_1a"))
+    assert ranks.preference(found) == pytest.approx(13.0 / 4.0 + 7.0 / 3.0)
 
 
 def errors_verdict(rows: Sequence[ThesisRow], **scaled: float) -> Verdict:
@@ -203,8 +200,8 @@ def errors_verdict(rows: Sequence[ThesisRow], **scaled: float) -> Verdict:
         for key, delta in printed_levels(rows).items()
     }
     found = [trial(levels, seed) for seed in range(1, 4)]
-    finding = reduction_errors.compare_errors(
-        EXAMPLES["Ac3_18"], rows, found, found, reason="A reason."
+    finding = costs.compare_errors(
+        rows, Records(EXAMPLES["Ac3_18"], found, found), reason="A reason."
     )
     assert len(finding.tables[0].rows) == len(rows)
     return finding.judgement.verdict
@@ -222,21 +219,21 @@ def test_table_3_b___says_why_only_when_it_differs() -> None:
     levels = printed_levels(rows)
     levels["mrm", "dmv"] = (0.9,) * 4
     found = [trial(levels)]
-    made = reduction_errors.compare_errors(
-        EXAMPLES["Ac3_18"], rows, found, found, reason="A reason."
-    )
+    made = costs.compare_errors(rows, Records(EXAMPLES["Ac3_18"], found, found), reason="A reason.")
     assert made.judgement.because.endswith("A reason.")
     assert "MSV before MRM by DMV" in made.judgement.because
 
 
 def figure_verdict(number: str, delta: Sequence[float], full: float = 0.3476) -> Verdict:
-    figure = next(each for each in reduction_figures.FIGURES if each.number == number)
+    figure = next(each for each in figures.FIGURES if each.number == number)
     key = (figure.stage, figure.validation)
     time = np.arange(600, dtype=np.float32)[:, None] * np.ones(4, dtype=np.float32)
     curves = Curves(1 / RATE_HZ, time, {figure.stage: time}, time, {figure.stage: time})
     levels = {(INITIAL, "dmv"): [full] * 4, (INITIAL, "sfv"): [full] * 4} | {key: delta}
     found = [trial(levels, curves=curves)]
-    finding = reduction_figures.compare_figure(figure, rows_of(figure.table), found, found)
+    finding = figures.compare_figure(
+        figure, rows_of(figure.table), Records(EXAMPLES[TABLES[figure.table]], found, found)
+    )
     assert len(finding.plots) == 4
     assert all("<svg" in plot.svg for plot in finding.plots)
     return finding.judgement.verdict
@@ -256,7 +253,7 @@ def test_figures___of_reduced_models_are_judged_by_their_cost() -> None:
 
 
 def test_figures___runaways_are_counted() -> None:
-    figure = reduction_figures.FIGURES[1]
+    figure = figures.FIGURES[1]
     time = np.zeros((30, 4), dtype=np.float32)
     curves = Curves(1 / RATE_HZ, time, {INITIAL: time}, time, {INITIAL: time})
     runs = [
@@ -264,7 +261,9 @@ def test_figures___runaways_are_counted() -> None:
         trial({(INITIAL, "sfv"): [np.inf] * 4}, seed=2),
         trial({(INITIAL, "sfv"): [0.4] * 4}, seed=3),
     ]
-    finding = reduction_figures.compare_figure(figure, rows_of("3-1"), runs, runs)
+    finding = figures.compare_figure(
+        figure, rows_of("3-1"), Records(EXAMPLES["Ac3_18"], runs, runs)
+    )
     assert "In 1 of 3 records the loop runs away" in finding.judgement.because
 
 
@@ -287,10 +286,8 @@ def resonant(*frequencies_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 def test_peaks___are_where_the_modes_are() -> None:
     known_hz = EXAMPLES["Ac3_18"].known_modes_hz
-    assert reduction_responses.peaks_hz(resonant(*known_hz), known_hz) == pytest.approx(
-        known_hz, rel=0.02
-    )
-    assert reduction_responses.peaks_hz(resonant(15.0), known_hz) == ()
+    assert responses.peaks_hz(resonant(*known_hz), known_hz) == pytest.approx(known_hz, rel=0.02)
+    assert responses.peaks_hz(resonant(15.0), known_hz) == ()
 
 
 @pytest.mark.parametrize(("modes", "verdict"), [(3, AGREES), (2, RANKING), (0, DIFFERS)])
@@ -298,7 +295,7 @@ def test_figure_3_8___all_three_modes_have_to_stand_out(modes: int, verdict: Ver
     example = EXAMPLES["Ac3_18"]
     model = resonant(*example.known_modes_hz[:modes], 15.0)
     found = [trial({("updated", "dmv"): [0.3] * 4}, models={"updated": model})]
-    finding = reduction_responses.compare_responses(example, found, found)
+    finding = responses.compare_responses(Records(example, found, found))
     assert finding.judgement.verdict is verdict
     assert "<svg" in finding.plots[0].svg
 
@@ -315,7 +312,7 @@ def test_figure_3_27___forcing_may_not_cost() -> None:
                 models={"unstable": model, INITIAL: model},
             )
         ]
-        made = reduction_responses.compare_forced(EXAMPLES["Ac3_21u"], found, found)
+        made = responses.compare_forced(Records(EXAMPLES["Ac3_21u"], found, found))
         assert {change for _, change in made.tables[0].rows} == {"0.00"}
         return made.judgement.verdict
 
@@ -326,14 +323,14 @@ def test_figure_3_27___forcing_may_not_cost() -> None:
 def models_verdict(change: Callable[[float, str], float]) -> tuple[Verdict, str]:
     table = thesis_table("table_3_6")
     found: dict[str, list[ReductionTrial]] = {}
-    for code in reduction_models.CODES:
+    for code in updated_models.CODES:
         levels: dict[tuple[str, str], Sequence[float]] = {}
-        for name, (example, stage) in reduction_models.STAGES.items():
+        for name, (example, stage) in updated_models.MODEL_STAGES.items():
             if example == code:
                 for kind in ("dmv", "sfv"):
                     levels[stage, kind] = [change(table[name][f"{kind}_mean"], kind)] * 4
         found[code] = [trial(levels)]
-    judgement = reduction_models.compare_models(table, found, found).judgement
+    judgement = updated_models.compare_models(table, found, found).judgement
     return judgement.verdict, judgement.because
 
 
@@ -366,7 +363,7 @@ def test_claim_3_1___mrm_has_to_be_better_in_every_case() -> None:
             msv = 0.2 if code == last and seed <= lost else 0.5
             return {("mrm", "dmv"): [0.3] * 4, ("msv", "dmv"): [msv] * 4}
 
-        return ranking_claims.claim_mrm(claim_trials(CODES, levels)).judgement.verdict
+        return claims.claim_mrm(claim_trials(CODES, levels)).judgement.verdict
 
     assert verdict(lost=0) is AGREES
     assert verdict(lost=5) is AGREES
@@ -382,7 +379,7 @@ def test_claim_3_2___the_update_has_to_be_better() -> None:
             other = {(f"{name}_c", "dmv"): [by_c] * 4 for name in UPDATES}
             return {(INITIAL, "dmv"): [0.3] * 4, **reduced, **by_b, **other}
 
-        return updating_claims.claim_update(claim_trials(CODES, levels)).judgement
+        return claims.claim_update(claim_trials(CODES, levels)).judgement
 
     assert judgement(0.4, 0.2).verdict is AGREES
     assert "0 times when B is updated and 400 times when C is" in judgement(0.4, 0.2).because
@@ -395,12 +392,12 @@ def test_claim_3_3___the_stable_one_has_to_be_better() -> None:
     def verdict(unstable: float, seeds_lost: int = 0) -> Verdict:
         def levels(code: str, seed: int) -> Levels:
             bad = 0.4 if seed <= seeds_lost else 0.3
-            mean = unstable if code == updating_claims.UNSTABLE else bad
+            mean = unstable if code == claims.UNSTABLE else bad
             pair = {("updated", kind): [mean] * 4 for kind in ("dmv", "sfv")}
             return {("mrmc", "dmv"): [0.6] * 4, **pair}
 
-        codes = (updating_claims.STABLE, updating_claims.UNSTABLE)
-        return updating_claims.claim_unstable(claim_trials(codes, levels)).judgement.verdict
+        codes = (claims.STABLE, claims.UNSTABLE)
+        return claims.claim_unstable(claim_trials(codes, levels)).judgement.verdict
 
     assert verdict(0.35) is AGREES
     assert verdict(0.35, seeds_lost=8) is RANKING
@@ -423,7 +420,7 @@ def test_claim_3_4___both_kinds_have_to_be_kept() -> None:
     def verdict(mrmc: Stage) -> Verdict:
         stages = {"mrm": rigid, "msv": flexible, "mrmc": mrmc}
         found = claim_trials(CODES, lambda _code, _seed: {}, stages=stages)
-        return ranking_claims.claim_mrmc(found).judgement.verdict
+        return claims.claim_mrmc(found).judgement.verdict
 
     assert verdict(both) is AGREES
     assert verdict(rigid) is DIFFERS
@@ -434,7 +431,7 @@ def test_claim_3_4___both_kinds_have_to_be_kept() -> None:
     some["Ac3_18", LOW][0] = replace(
         some["Ac3_18", LOW][0], stages={**some["Ac3_18", LOW][0].stages, "mrmc": flexible}
     )
-    assert ranking_claims.claim_mrmc(some).judgement.verdict is RANKING
+    assert claims.claim_mrmc(some).judgement.verdict is RANKING
 
 
 def test_errors___of_trials() -> None:

@@ -8,26 +8,24 @@ from scipy import stats
 
 from flexarm_control.laws.registry import build_law
 from flexarm_daq import RigParameters
-from reproduction.chapter4 import (
-    SUBJECTS,
-    ilqr_claims,
-    ilqr_runs,
-    margin_claim,
-    pdp_design,
-    pdpc_claims,
-    pdpc_runs,
-    pi_evaluation,
-    pi_findings,
+from reproduction.chapter4 import ilqr, pdp, pdpc, pi
+from reproduction.framework.findings import (
+    Call,
+    Judgement,
+    Verdict,
+    p_text,
+    sign_test,
+    spread,
+    thesis_table,
 )
-from reproduction.framework.evidence import p_text, sign_test, spread
-from reproduction.framework.findings import Judgement, Verdict
-from reproduction.framework.law_runs import StepTrial, step_to, step_trial
-from reproduction.framework.subjects import Call
-from reproduction.framework.thesis_values import thesis_table
+from reproduction.framework.rig import StepTrial, step_to, step_trial
 
 if TYPE_CHECKING:
-    from reproduction.framework.findings import Finding
+    from reproduction.framework.findings import Finding, Subject
 
+SUBJECTS: tuple[Subject, ...] = tuple(
+    subject for module in (pi, pdp, pdpc, ilqr) for subject in module.SUBJECTS
+)
 FIGURES = [*range(2, 6), 8, *range(10, 13), *range(15, 19)]
 AGREES, RANKING, DIFFERS = Verdict.AGREES, Verdict.SAME_RANKING, Verdict.DIFFERS
 
@@ -37,7 +35,7 @@ def finding_of(key: str, results: dict[Call, Any]) -> Finding:
     return subject.build(results)
 
 
-def pi_case(**changed: float) -> pi_evaluation.PiCase:
+def pi_case(**changed: float) -> pi.PiCase:
     time_s = np.arange(300) / 300.0
     values: dict[str, Any] = {
         "order": 8,
@@ -50,10 +48,10 @@ def pi_case(**changed: float) -> pi_evaluation.PiCase:
         "simulated_v": np.full(300, 3.0),
         "implemented_v": np.full(300, 2.7),
     }
-    return pi_evaluation.PiCase(**values | changed)
+    return pi.PiCase(**values | changed)
 
 
-def printed_cases() -> dict[str, list[pi_evaluation.PiCase]]:
+def printed_cases() -> dict[str, list[pi.PiCase]]:
     return {
         code: [pi_case(criterion=row["criterion"], kp=row["kp"])] * 3
         for code, row in thesis_table("table_4_1").items()
@@ -86,19 +84,19 @@ def test_thesis_table_4_1___type_ii_has_the_least_j() -> None:
     printed = thesis_table("table_4_1")
     assert min(printed, key=lambda code: printed[code]["criterion"]) in ("Ac3r_8", "Ac3r_10")
     assert {code: row["type"] for code, row in printed.items()} == {
-        code: made.type for code, made in pi_evaluation.CODES.items()
+        code: made.type for code, made in pi.CODES.items()
     }
 
 
 def test_table_4_1___is_judged_by_j_and_kp() -> None:
     cases = printed_cases()
-    assert pi_findings.table_judgement(cases).verdict is AGREES
+    assert pi.table_judgement(cases).verdict is AGREES
     cases["Ao2r_9"] = [pi_case(criterion=0.9, kp=0.5)] * 3
-    judgement = pi_findings.table_judgement(cases)
+    judgement = pi.table_judgement(cases)
     assert judgement.verdict is RANKING
     assert "kp of Ao2r_9 0.42" in judgement.because
     cases["Ao2r_9"] = [pi_case(criterion=0.1)] * 3
-    assert pi_findings.table_judgement(cases).verdict is DIFFERS
+    assert pi.table_judgement(cases).verdict is DIFFERS
 
 
 @pytest.mark.parametrize(
@@ -116,12 +114,12 @@ def test_figures_4_2_to_4_5___type_ii_has_to_follow(
 ) -> None:
     others = {"Ac3r_10": 0.05, "Ac3r_10c": 0.25, "Ao2r_9": 0.2, "Ac3r_8": 0.05}
     del others[code]
-    assert pi_findings.figure_judgement(code, mismatch, others).verdict is verdict
+    assert pi.figure_judgement(code, mismatch, others).verdict is verdict
 
 
 def test_claim_4_1___needs_both_types_to_be_worse() -> None:
-    assert pi_findings.claim_judgement({"Ao2r_9": 0.01, "Ac3r_10c": 0.02}).verdict is AGREES
-    assert pi_findings.claim_judgement({"Ao2r_9": 0.01, "Ac3r_10c": 0.2}).verdict is DIFFERS
+    assert pi.claim_judgement({"Ao2r_9": 0.01, "Ac3r_10c": 0.02}).verdict is AGREES
+    assert pi.claim_judgement({"Ao2r_9": 0.01, "Ac3r_10c": 0.2}).verdict is DIFFERS
 
 
 def test_mismatch___is_the_distance_over_the_set_point() -> None:
@@ -131,20 +129,20 @@ def test_mismatch___is_the_distance_over_the_set_point() -> None:
 
 
 def test_model_of_type_ii___follows_the_rig() -> None:
-    case = pi_evaluation.pi_case("Ac3r_8", 1)
+    case = pi.pi_case("Ac3r_8", 1)
     assert case.order == 8
     assert case.mismatch < 0.1
     assert np.ptp(case.implemented_v[-300:]) < 0.1
 
 
-def tuned(gains: tuple[float, float, float], criteria: tuple[float, ...]) -> pdp_design.Tuned:
-    return pdp_design.Tuned(gains, min(criteria), 1.0, 1.0, (10.0,), (55.0,), (), criteria)
+def tuned(gains: tuple[float, float, float], criteria: tuple[float, ...]) -> pdp.Tuned:
+    return pdp.Tuned(gains, min(criteria), 1.0, 1.0, (10.0,), (55.0,), (), criteria)
 
 
 def test_table_4_2___one_optimum_close_to_the_printed_gains() -> None:
     thesis, far = (0.5935, 4.2664, 0.2538), (0.49, 4.33, 0.005)
     same, apart = (3.5, 3.5, 3.5), (3.5, 3.6, 3.5)
-    judge = pdp_design.tuning_judgement
+    judge = pdp.tuning_judgement
     assert judge(tuned(thesis, same), tuned(far, same)).verdict is AGREES
     assert judge(tuned(far, same), tuned(thesis, same)).verdict is RANKING
     assert judge(tuned(far, same), tuned((0.5, 4.2, 0.1), same)).verdict is DIFFERS
@@ -152,20 +150,20 @@ def test_table_4_2___one_optimum_close_to_the_printed_gains() -> None:
 
 
 def test_figure_4_8___margins_of_the_trial_gains_are_the_recomputed_ones() -> None:
-    found = pdp_design.loop_margins()
+    found = pdp.loop_margins()
     assert [gain_db for _, gain_db, _ in found] == pytest.approx([11.2, 10.1, 8.7], abs=0.1)
     assert [phase_deg for *_, phase_deg in found] == pytest.approx([69.9, 67.3, 56.2], abs=0.5)
-    assert pdp_design.loop_judgement(found).verdict is RANKING
-    assert pdp_design.loop_judgement([(0, 11, 70), (1, 10.5, 40)]).verdict is AGREES
-    assert pdp_design.loop_judgement([(0, 11, 70), (1, 12, 40)]).verdict is DIFFERS
+    assert pdp.loop_judgement(found).verdict is RANKING
+    assert pdp.loop_judgement([(0, 11, 70), (1, 10.5, 40)]).verdict is AGREES
+    assert pdp.loop_judgement([(0, 11, 70), (1, 12, 40)]).verdict is DIFFERS
     # The loop that is plotted crosses -180 deg with the gain that the margin says.
-    loop = pdp_design.loop_gain(0.0, np.linspace(0.2, 10.0, 20_000))
+    loop = pdp.loop_gain(0.0, np.linspace(0.2, 10.0, 20_000))
     crossing = np.flatnonzero((np.diff(np.sign(loop.imag)) != 0.0) & (loop.real[:-1] < -0.05))
     assert -20.0 * np.log10(np.abs(loop[crossing]).max()) == pytest.approx(11.2, abs=0.1)
 
 
 def test_figure_4_8___has_table_and_two_plots() -> None:
-    found = finding_of("figure-4-8", {Call(pdp_design.loop_margins): pdp_design.loop_margins()})
+    found = finding_of("figure-4-8", {Call(pdp.loop_margins): pdp.loop_margins()})
     assert len(found.tables[0].rows) == 3
     assert all("<svg" in plot.svg for plot in found.plots)
     assert len(found.plots) == 2
@@ -183,29 +181,29 @@ def trial(**changed: float) -> StepTrial:
 
 
 def test_figures_4_10_to_4_12___are_judged_by_their_figures() -> None:
-    assert pdpc_runs.calm_judgement({0.0: 0.01, 0.4: 0.01}).verdict is AGREES
-    assert pdpc_runs.calm_judgement({0.0: 0.01, 0.4: 0.5}).verdict is RANKING
-    assert pdpc_runs.calm_judgement({0.0: 0.5, 0.4: 0.5}).verdict is DIFFERS
-    assert pdpc_runs.payload_judgement([trial()]).verdict is AGREES
-    assert pdpc_runs.payload_judgement([trial(overshoot=0.2)]).verdict is RANKING
-    assert pdpc_runs.payload_judgement([trial(), trial(mean_error_v=-0.2)]).verdict is DIFFERS
-    assert pdpc_runs.suppression_judgement([(1.0, 0.02)]).verdict is AGREES
-    assert pdpc_runs.suppression_judgement([(1.0, 0.5)]).verdict is RANKING
-    assert pdpc_runs.suppression_judgement([(1.0, 1.5)]).verdict is DIFFERS
+    assert pdpc.calm_judgement({0.0: 0.01, 0.4: 0.01}).verdict is AGREES
+    assert pdpc.calm_judgement({0.0: 0.01, 0.4: 0.5}).verdict is RANKING
+    assert pdpc.calm_judgement({0.0: 0.5, 0.4: 0.5}).verdict is DIFFERS
+    assert pdpc.payload_judgement([trial()]).verdict is AGREES
+    assert pdpc.payload_judgement([trial(overshoot=0.2)]).verdict is RANKING
+    assert pdpc.payload_judgement([trial(), trial(mean_error_v=-0.2)]).verdict is DIFFERS
+    assert pdpc.suppression_judgement([(1.0, 0.02)]).verdict is AGREES
+    assert pdpc.suppression_judgement([(1.0, 0.5)]).verdict is RANKING
+    assert pdpc.suppression_judgement([(1.0, 1.5)]).verdict is DIFFERS
 
 
 def test_claims_4_2_and_4_3___can_fail() -> None:
-    assert pdpc_claims.tracking_judgement(0.03, 0.2, 0.01).verdict is AGREES
-    assert pdpc_claims.tracking_judgement(0.08, 0.2, 0.01).verdict is RANKING
-    assert pdpc_claims.tracking_judgement(0.03, 0.2, 0.5).verdict is DIFFERS
+    assert pdpc.tracking_judgement(0.03, 0.2, 0.01).verdict is AGREES
+    assert pdpc.tracking_judgement(0.08, 0.2, 0.01).verdict is RANKING
+    assert pdpc.tracking_judgement(0.03, 0.2, 0.5).verdict is DIFFERS
     good, half, bad = [1.0] * 10, [0.4] * 10, [0.0] * 10
-    judge, louder = margin_claim.margin_judgement, margin_claim.LOUDER_DB
+    judge, louder = pdp.margin_judgement, pdp.LOUDER_DB
     assert judge(dict(zip(louder, (good, half, bad), strict=True))).verdict is AGREES
     assert judge(dict(zip(louder, ([0.9] * 10, half, bad), strict=True))).verdict is RANKING
     assert judge(dict(zip(louder, (good, half, half), strict=True))).verdict is DIFFERS
 
 
-def ilqr_trial(**changed: float) -> ilqr_runs.IlqrTrial:
+def ilqr_trial(**changed: float) -> ilqr.IlqrTrial:
     values: dict[str, Any] = {
         "overshoot": 0.02,
         "swing_v": 0.04,
@@ -215,17 +213,17 @@ def ilqr_trial(**changed: float) -> ilqr_runs.IlqrTrial:
         "pdpc_error_v": 0.02,
         "pdpc_overshoot": 0.03,
     }
-    return ilqr_runs.IlqrTrial(**values | changed)
+    return ilqr.IlqrTrial(**values | changed)
 
 
 def test_figures_4_15_to_4_18___held_or_hunting() -> None:
-    assert ilqr_runs.held_judgement([ilqr_trial()]).verdict is AGREES
-    assert ilqr_runs.held_judgement([ilqr_trial(swing_v=0.2)]).verdict is RANKING
-    assert ilqr_runs.held_judgement([ilqr_trial(overshoot=0.2)]).verdict is DIFFERS
+    assert ilqr.held_judgement([ilqr_trial()]).verdict is AGREES
+    assert ilqr.held_judgement([ilqr_trial(swing_v=0.2)]).verdict is RANKING
+    assert ilqr.held_judgement([ilqr_trial(overshoot=0.2)]).verdict is DIFFERS
     hunting = {"overshoot": 0.2, "swing_v": 0.4, "reversals": 2}
-    assert ilqr_runs.hunting_judgement([ilqr_trial(**hunting)]).verdict is RANKING
-    assert ilqr_runs.hunting_judgement([ilqr_trial(**hunting, last_swing_v=0.3)]).verdict is AGREES
-    assert ilqr_runs.hunting_judgement([ilqr_trial()]).verdict is DIFFERS
+    assert ilqr.hunting_judgement([ilqr_trial(**hunting)]).verdict is RANKING
+    assert ilqr.hunting_judgement([ilqr_trial(**hunting, last_swing_v=0.3)]).verdict is AGREES
+    assert ilqr.hunting_judgement([ilqr_trial()]).verdict is DIFFERS
 
 
 @pytest.mark.parametrize(
@@ -239,7 +237,7 @@ def test_figures_4_15_to_4_18___held_or_hunting() -> None:
 def test_claim_4_4___pdpc_has_to_be_better(
     errors: dict[float, float], overshoots: dict[float, float], verdict: Verdict
 ) -> None:
-    found = ilqr_claims.rivals_judgement(errors, overshoots)
+    found = ilqr.rivals_judgement(errors, overshoots)
     assert found.verdict is verdict
     assert "5 V: " in found.because
     assert "3 V: not the smaller error" in found.because or errors[3.0] < 0.05
@@ -256,7 +254,7 @@ def test_claim_4_4___pdpc_has_to_be_better(
     ],
 )
 def test_claim_4_7___needs_both_steps(held: Verdict, hunts: Verdict, verdict: Verdict) -> None:
-    found = ilqr_claims.disturbance_judgement(
+    found = ilqr.disturbance_judgement(
         Judgement(held, "It stands."), Judgement(hunts, "It swings.")
     )
     assert found.verdict is verdict
@@ -265,9 +263,9 @@ def test_claim_4_7___needs_both_steps(held: Verdict, hunts: Verdict, verdict: Ve
 
 def test_reversals___count_turns_beyond_the_noise() -> None:
     time_s = np.linspace(0.0, 4.0, 4001)
-    assert ilqr_runs._reversals(np.sin(2.0 * np.pi * time_s)) == 8
-    assert ilqr_runs._reversals(0.02 * np.sin(2.0 * np.pi * time_s)) == 0
-    assert ilqr_runs._reversals(time_s) == 0
+    assert ilqr._reversals(np.sin(2.0 * np.pi * time_s)) == 8
+    assert ilqr._reversals(0.02 * np.sin(2.0 * np.pi * time_s)) == 0
+    assert ilqr._reversals(time_s) == 0
 
 
 def test_step___of_a_law___tells_what_the_sensors_would_read_without_noise() -> None:

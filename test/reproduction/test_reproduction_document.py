@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from reproduction.framework.computing import Outcome
 from reproduction.framework.document import write_document
-from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, Verdict
-from reproduction.framework.run import Outcome
-from reproduction.framework.subjects import Subject
+from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, Subject, Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,19 +10,23 @@ from typing import TYPE_CHECKING, Any
 import distributed
 import pytest
 
-from reproduction.contents import all_subjects, page_of, select
+from reproduction.contents import all_subjects
 from reproduction.framework import computing
-from reproduction.framework.computing import Workers
-from reproduction.framework.errors import ReproductionError
-from reproduction.framework.findings import Finding, Judgement, Verdict
-from reproduction.framework.run import Outcome, reproduce
-from reproduction.framework.store import Store
-from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.computing import Outcome, Store, Workers, reproduce
+from reproduction.framework.findings import (
+    Call,
+    Finding,
+    Judgement,
+    ReproductionError,
+    Subject,
+    Verdict,
+)
+from reproduction.framework.selection import page_of, select
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from reproduction.framework.subjects import Results
+    from reproduction.framework.findings import Results
 
 HERE = Workers(jobs=1)
 KEYS = ("table-2-1", "table-2-10", "table-3-1a", "figure-2-2", "appendix-b", "appendix-b-1")
@@ -138,7 +142,7 @@ def test_reproduce___worker_with_another_source___gives_no_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     digests = iter(("of the caller", "of the worker"))
-    monkeypatch.setattr(computing, "source_digest", lambda _function: next(digests))
+    monkeypatch.setattr(computing, "source_digest", lambda: next(digests))
     (outcome,) = reproduce(
         [subject("table-2-1", Call(math.sqrt, (4.0,)))], Store(tmp_path), workers=HERE
     )

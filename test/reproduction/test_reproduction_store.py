@@ -1,90 +1,45 @@
 from __future__ import annotations
 
 import operator
-import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-import joblib
 import numpy as np
 import pytest
 
-from reproduction.framework import source_digest as digests
-from reproduction.framework.records import simulated_record
-from reproduction.framework.source_digest import source_digest
-from reproduction.framework.store import Store
-from reproduction.framework.subjects import Call
+from reproduction.framework import computing
+from reproduction.framework.computing import Store, source_digest
+from reproduction.framework.findings import Call
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-    from typing import Any
+    from collections.abc import Iterator
 
 CALL = Call(operator.add, (1, 2))
-PACKAGE = "flexarm_madeup"
-SOURCE = '''
-"""Some words."""
-from importlib.resources import files
-
-from flexarm_madeup.other import helped
-
-FACTOR = 2.0
-
-
-def wanted(x: float) -> float:
-    """Say something."""
-    return helped(FACTOR * x)
-
-
-def reads(name: str) -> str:
-    return (files("flexarm_madeup") / name).read_text()
-
-
-def unrelated() -> int:
-    return 1
-'''
-OTHER = "def helped(x: float) -> float:\n    return x + 1.0\n"
-
-
-def forget() -> None:
-    for cached in (digests._digest, digests._module, digests._text, digests._used):
-        cached.cache_clear()
 
 
 @pytest.fixture(autouse=True)
 def _fresh() -> Iterator[None]:
-    forget()
+    source_digest.cache_clear()
     yield
-    forget()
+    source_digest.cache_clear()
 
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    folder = tmp_path / PACKAGE
-    folder.mkdir()
-    (folder / "__init__.py").write_text("")
-    (folder / "main.py").write_text(SOURCE)
-    (folder / "other.py").write_text(OTHER)
-    (folder / "data.yaml").write_text("a: 1\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    for name in [name for name in sys.modules if name.startswith(PACKAGE)]:
-        monkeypatch.delitem(sys.modules, name)
+    """Return a folder that stands for all sources."""
+    folder = tmp_path / "package"
+    (folder / "room").mkdir(parents=True)
+    (folder / "main.py").write_text("FACTOR = 2.0\n")
+    (folder / "room" / "other.py").write_text("LEVEL = 1.0\n")
+    (folder / "room" / "data.yaml").write_text("a: 1\n")
+    (folder / "words.md").write_text("Some words.\n")
+    monkeypatch.setattr(computing, "SOURCES", (folder,))
     return folder
 
 
-def madeup(name: str) -> Callable[..., Any]:
-    function: Callable[..., Any] = getattr(__import__(f"{PACKAGE}.main").main, name)
-    return function
-
-
-def digest_after(package: Path, file: str, old: str, new: str, name: str = "wanted") -> bool:
-    """Whether the digest is another one after a change."""
-    function = madeup(name)
-    before = source_digest(function)
-    path = package / file
-    assert old in path.read_text()
-    path.write_text(path.read_text().replace(old, new))
-    forget()
-    return source_digest(function) != before
+def digest_anew() -> str:
+    source_digest.cache_clear()
+    return source_digest()
 
 
 @pytest.mark.parametrize("result", [3, None, (1.5, "x"), {"a": [1]}])
@@ -112,7 +67,7 @@ def test_store___file_cut_anywhere___counts_as_none(tmp_path: Path) -> None:
     store.keep(CALL, list(range(100)))
     (path,) = tmp_path.iterdir()
     whole = path.read_bytes()
-    for length in range(0, len(whole), 7):
+    for length in range(len(whole)):
         path.write_bytes(whole[:length])
         assert store.find([CALL]) == {}
     store.keep(CALL, 5)
@@ -135,12 +90,11 @@ def test_store___write_interrupted___leaves_what_was_there(
     store = Store(tmp_path)
     store.keep(CALL, 3)
 
-    def interrupted(_content: object, name: str, **_: object) -> None:
-        with open(name, "wb") as file:  # noqa: PTH123 - half a file, as it would be
-            file.write(b"half")
+    def interrupted(path: Path, _content: bytes) -> None:
+        path.write_text("half")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(joblib, "dump", interrupted)
+    monkeypatch.setattr(Path, "write_bytes", interrupted)
     with pytest.raises(KeyboardInterrupt):
         store.keep(CALL, 4)
     assert store.find([CALL]) == {CALL: 3}
@@ -148,57 +102,40 @@ def test_store___write_interrupted___leaves_what_was_there(
 
 
 def test_store___source_changed___result_is_replaced(tmp_path: Path, package: Path) -> None:
-    store, call = Store(tmp_path / "cache"), Call(madeup("wanted"), (1.0,))
-    store.keep(call, "old")
-    assert digest_after(package, "other.py", "1.0", "2.0")
-    assert store.find([call]) == {}
-    store.keep(call, "new")
-    assert store.find([call]) == {call: "new"}
+    store = Store(tmp_path / "cache")
+    store.keep(CALL, "old")
+    (package / "main.py").write_text("FACTOR = 3.0\n")
+    source_digest.cache_clear()
+    assert store.find([CALL]) == {}
+    store.keep(CALL, "new")
+    assert store.find([CALL]) == {CALL: "new"}
     assert len(list((tmp_path / "cache").iterdir())) == 1
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new"),
-    [
-        ("main.py", "FACTOR * x", "x"),
-        ("main.py", "FACTOR = 2.0", "FACTOR = 3.0"),
-        ("other.py", "x + 1.0", "x - 1.0"),
-        ("main.py", "def unrelated", "print()\ndef unrelated"),
-    ],
-)
-def test_source_digest___change_of_what_is_used___changes_it(
-    package: Path, file: str, old: str, new: str
+@pytest.mark.parametrize("name", ["main.py", "room/other.py", "room/data.yaml"])
+def test_source_digest___file_changed_moved_or_gone___is_another(package: Path, name: str) -> None:
+    path, digests = package / name, {digest_anew()}
+    path.write_text(path.read_text().replace("1", "4").replace("2", "4"))
+    digests.add(digest_anew())
+    path = path.rename(path.with_stem("moved"))
+    digests.add(digest_anew())
+    path.unlink()
+    digests.add(digest_anew())
+    assert len(digests) == 4
+
+
+def test_source_digest___nothing_or_no_source_changed___is_the_same(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert digest_after(package, file, old, new)
+    before = digest_anew()
+    (package / "words.md").write_text("Other words.\n")
+    assert digest_anew() == before
+    # The same sources may lie elsewhere on another machine.
+    moved = package.rename(tmp_path / "elsewhere")
+    monkeypatch.setattr(computing, "SOURCES", (moved,))
+    assert digest_anew() == before
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new"),
-    [
-        ("main.py", "return 1", "return 2"),
-        ("main.py", "Some words", "Other words"),
-        ("main.py", "Say something", "Say nothing"),
-        ("main.py", "helped(FACTOR * x)", "helped( FACTOR*x )  # a comment"),
-        ("data.yaml", "1", "2"),
-    ],
-)
-def test_source_digest___change_of_what_is_not_used___leaves_it(
-    package: Path, file: str, old: str, new: str
-) -> None:
-    assert not digest_after(package, file, old, new)
-
-
-def test_source_digest___function_that_reads_files___depends_on_the_data(package: Path) -> None:
-    assert digest_after(package, "data.yaml", "1", "2", name="reads")
-
-
-def test_source_digest___simulated_record___reaches_the_equations_but_no_node_or_plot() -> None:
-    places, data = digests._reached((simulated_record.__module__, simulated_record.__name__))
-    modules = {module for module, _ in places}
-    assert {
-        "flexarm_daq.rigs.integrator",
-        "flexarm_daq.rigs.beam",
-        "flexarm_control.laws.pdpc",
-    } <= modules
-    assert not {each for each in modules if each.endswith("_node") or "plot" in each}
-    assert "catalogue.yaml" in {path.name for path in data}
+def test_sources___have_the_equations_the_experiments_and_the_thesis() -> None:
+    names = {path.name for folder in computing.SOURCES for path in folder.rglob("*")}
+    assert {"integrator.py", "beam.py", "pdpc.py", "catalogue.yaml", "table_2_1.yaml"} <= names

@@ -13,8 +13,7 @@ from click.testing import CliRunner
 
 from flexarm_bringup.console import terminal
 from reproduction import __main__ as program
-from reproduction.framework.findings import Finding, SideBySide, Verdict, judged
-from reproduction.framework.subjects import Call, Subject
+from reproduction.framework.findings import Call, Finding, SideBySide, Subject, Verdict, judged
 from support.project import PROJECT
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
     from click.testing import Result
 
-    from reproduction.framework.subjects import Results
+    from reproduction.framework.findings import Results
 
 ROOT, WRONG = Call(math.sqrt, (9.0,)), Call(operator.truediv, (1, 0))
 

@@ -58,14 +58,11 @@ _BENCHES = (
 )
 
 
-# A file control.py would hide the package of that name.
-_FILES = {"control": "control_laws"}
-
-
 def _add_bench(name: str, words: str, calls: tuple[str, ...]) -> None:
     def measure(arguments: tuple[str, ...]) -> None:
         root = checkout("benchmarks")
-        command = [sys.executable, str(root / "bench" / f"{_FILES.get(name, name)}.py"), *arguments]
+        (file,) = root.glob(f"bench/*/{name}.py")
+        command = [sys.executable, "-m", f"bench.{file.parent.name}.{name}", *arguments]
         done = subprocess.run(command, check=False, env=environment(root))  # noqa: S603 - our own
         sys.exit(done.returncode)
 

@@ -1,0 +1,298 @@
+"""Claims 2-1 to 2-4: the three kinds of experiments compared."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_daq.experiments.catalogue import catalogue
+from reproduction.chapter2.order_survey import ORDERS
+from reproduction.chapter2.tables import METHOD_TEXT, PAYLOAD_MODES, survey_calls, survey_of
+from reproduction.framework.findings import (
+    LEVEL,
+    Finding,
+    Judgement,
+    SideBySide,
+    Subject,
+    judged,
+    p_text,
+    sign_test,
+    spread,
+    thesis_table,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from numpy.typing import NDArray
+
+    from reproduction.chapter2.order_survey import OrderSurvey
+    from reproduction.framework.findings import Figures, Results
+
+    Figure = Callable[[OrderSurvey], NDArray[np.float64]]
+
+OPEN, BOUNDED, CLOSED = (
+    tuple(name for name in catalogue() if name.startswith(letter)) for letter in "OBC"
+)
+WAVEFORMS = {
+    "square": ("O_dat2", "O_dat4"),
+    "periodic random": ("O_dat6", "O_dat8"),
+    "varying square": ("O_dat10", "O_dat12"),
+    "random": ("O_dat13", "O_dat14"),
+}
+"""All with 2 V: the random waveform has no other."""
+SQUARE = ("O_dat1", "O_dat2", "O_dat3", "O_dat4")
+_BARE = tuple(name for name in CLOSED if catalogue()[name].payload_kg == 0.0)
+_LOADED = tuple(name for name in CLOSED if name not in _BARE)
+_CONSTANT, _RANDOM = (
+    tuple(name for name in BOUNDED if catalogue()[name].waveform == f"bounded_{kind}")
+    for kind in ("constant", "random")
+)
+_STABLE_TITLE = f"Stable orders, of {len(ORDERS)}"
+
+
+def mean_dmv(found: OrderSurvey) -> NDArray[np.float64]:
+    """Return the mean error by data matching, per seed."""
+    return found.mean_dmv
+
+
+def stable_orders(found: OrderSurvey) -> NDArray[np.float64]:
+    """Return how many orders are stable, per seed."""
+    return found.stable_orders
+
+
+def position_dmv(found: OrderSurvey) -> NDArray[np.float64]:
+    """Return the position's error by data matching, per seed."""
+    return np.asarray(found.chosen_dmv[:, 0])
+
+
+def mean_sfv(found: OrderSurvey) -> NDArray[np.float64]:
+    """Return the mean error by set-point following, per seed."""
+    return np.asarray(found.chosen_sfv.mean(axis=1))
+
+
+def over(results: Results, records: Iterable[str], figure: Figure) -> NDArray[np.float64]:
+    """Return the mean of a figure over experiments, per seed."""
+    return np.asarray(np.mean([figure(survey_of(results, name)) for name in records], axis=0))
+
+
+def median_over(results: Results, records: Iterable[str], figure: Figure) -> NDArray[np.float64]:
+    """Return the median over experiments, per seed: of errors that may be infinite."""
+    return np.asarray(np.median([figure(survey_of(results, name)) for name in records], axis=0))
+
+
+def _listed(
+    title: str, series: Mapping[str, Figures], form: str = ".3f", heading: str = "experiments"
+) -> SideBySide:
+    rows = tuple((name, spread(each, form)) for name, each in series.items())
+    return SideBySide(title, (heading, "ours"), rows)
+
+
+def _waveforms(results: Results) -> Finding:
+    errors = {name: over(results, records, mean_dmv) for name, records in WAVEFORMS.items()}
+    return Finding(
+        waveform_judgement(errors),
+        (_listed("Mean error, 2 V", errors, heading="waveform"),),
+        text=(METHOD_TEXT, "Each waveform has two records with 2 V, at 300 and 500 Hz."),
+    )
+
+
+def waveform_judgement(errors: Mapping[str, Figures]) -> Judgement:
+    """Judge whether the square wave gives the least errors, and the random one the largest."""
+    middle = {name: float(np.median(each)) for name, each in errors.items()}
+    others = [name for name in errors if name != "square"]
+    square_p = max(sign_test(errors["square"], errors[name]) for name in others)
+    random_p = max(sign_test(errors[name], errors["random"]) for name in errors if name != "random")
+    best, worst = square_p < LEVEL, random_p < LEVEL
+    ranking = sorted(middle, key=lambda name: middle[name])
+    return judged(
+        agrees=best and worst,
+        same_ranking=best,
+        evidence=(
+            f"From the best to the worst: {', '.join(ranking)}. The square wave "
+            f"{'is' if best else 'is not'} better than each other one ({p_text(square_p)} at "
+            f"most). The random one {'is' if worst else 'is not'} worse than each other one"
+            + (
+                "."
+                if worst
+                else f" ({p_text(random_p)}): the {ranking[-1]} one is. Friction costs it most: "
+                "claim 2-7 shows its error without noise."
+            )
+        ),
+        reason="On our rig another waveform excites the arm better.",
+    )
+
+
+def _bounded(results: Results) -> Finding:
+    stable = {
+        "open loop": over(results, OPEN, stable_orders),
+        "bounded": over(results, BOUNDED, stable_orders),
+    }
+    errors = {
+        "constant magnitude": over(results, _CONSTANT, mean_dmv),
+        "random magnitude": over(results, _RANDOM, mean_dmv),
+    }
+    return Finding(
+        bounded_judgement(*stable.values(), *errors.values()),
+        (
+            _listed(_STABLE_TITLE, stable, ".1f"),
+            _listed("Mean error", errors, heading="bounded experiments"),
+        ),
+        text=(METHOD_TEXT,),
+    )
+
+
+def bounded_judgement(
+    stable_open: Figures, stable_bounded: Figures, constant: Figures, random: Figures
+) -> Judgement:
+    """Judge two claims: bounded experiments give stable models, constant magnitude good ones."""
+    stable_p, error_p = sign_test(stable_open, stable_bounded), sign_test(constant, random)
+    easier, better = stable_p < LEVEL, error_p < LEVEL
+    return judged(
+        agrees=easier and better,
+        same_ranking=better,
+        evidence=(
+            f"A constant magnitude {'gives' if better else 'does not give'} the smaller error, "
+            f"{np.median(constant):.3f} beside {np.median(random):.3f} ({p_text(error_p)}). "
+            f"That a stable model is easier to obtain than in the open loop "
+            + (
+                f"holds ({p_text(stable_p)})."
+                if easier
+                else f"does not hold: {np.median(stable_bounded):.1f} stable orders beside "
+                f"{np.median(stable_open):.1f}. The eigenvalue that leaves the unit circle is the "
+                "real one of the rigid motion; friction, not a flexible mode, puts it there."
+            )
+        ),
+        reason="On our rig a random magnitude excites the arm better.",
+    )
+
+
+def _stable(results: Results) -> Finding:
+    groups = {
+        "open loop": OPEN,
+        "closed loop": CLOSED,
+        "closed loop, no payload": _BARE,
+        "closed loop, with payload": _LOADED,
+    }
+    series = {name: over(results, records, stable_orders) for name, records in groups.items()}
+    text = (
+        "All open-loop experiments are without payload; of the closed-loop ones "
+        f"{len(_BARE)} of {len(CLOSED)} are."
+    )
+    everything, closed, bare, _ = series.values()
+    return Finding(
+        stability_judgement(everything, closed, bare),
+        (_listed(_STABLE_TITLE, series, ".1f"),),
+        text=(METHOD_TEXT, text),
+    )
+
+
+def stability_judgement(open_loop: Figures, closed: Figures, bare: Figures) -> Judgement:
+    """Judge whether the closed loop gives more stable orders, on the whole and without payload."""
+    all_p, bare_p = sign_test(open_loop, closed), sign_test(open_loop, bare)
+    return judged(
+        agrees=all_p < LEVEL,
+        same_ranking=bare_p < LEVEL,
+        evidence=(
+            f"Without payload, like with like: {np.median(bare):.1f} stable orders in the closed "
+            f"loop, {np.median(open_loop):.1f} in the open one ({p_text(bare_p)}). All closed-loop "
+            f"experiments: {np.median(closed):.1f} ({p_text(all_p)})."
+            + ("" if all_p < LEVEL else f" It does not hold with payloads: {PAYLOAD_MODES}.")
+        ),
+        reason="Friction puts the slow pole of our rig outside the unit circle in either loop.",
+    )
+
+
+def _accuracy(results: Results) -> Finding:
+    position, following, matching = (
+        {
+            "open loop": average(results, OPEN, figure),
+            **({"open loop, square wave": over(results, SQUARE, mean_dmv)} if compared else {}),
+            "closed loop": average(results, CLOSED, figure),
+        }
+        for average, figure, compared in (
+            (over, position_dmv, False),
+            (median_over, mean_sfv, False),
+            (over, mean_dmv, True),
+        )
+    )
+    return Finding(
+        accuracy_judgement(position, following, matching),
+        (
+            _listed("Position, error by data matching", position),
+            _listed("Mean error by set-point following", following),
+            _listed("Mean error by data matching", matching),
+        ),
+        text=(METHOD_TEXT, _printed_matching()),
+    )
+
+
+def _printed_matching() -> str:
+    open_loop = {record: row["mean"] for record, row in thesis_table("table_2_1").items()}
+    closed = np.mean([row["mean"] for row in thesis_table("table_2_4").values()])
+    square = np.mean([open_loop[record] for record in SQUARE])
+    return (
+        "That data matching is slightly worse from the closed loop is true of the thesis's square "
+        f"waves only: the average of its Table 2-4 is {closed:.3f}, of its whole Table 2-1 "
+        f"{np.mean(list(open_loop.values())):.3f}, of the square waves there {square:.3f}. So it "
+        "is judged against these."
+    )
+
+
+def accuracy_judgement(
+    position: Mapping[str, Figures],
+    following: Mapping[str, Figures],
+    matching: Mapping[str, Figures],
+) -> Judgement:
+    """Judge the closed loop: better position, better set-point following, worse data matching."""
+    compared = {
+        "position": (position, "open loop"),
+        "set-point following": (following, "open loop"),
+        "data matching": (matching, "open loop, square wave"),
+    }
+    values = {
+        "position": sign_test(position["closed loop"], position["open loop"]),
+        "set-point following": sign_test(following["closed loop"], following["open loop"]),
+        "data matching": sign_test(matching["open loop, square wave"], matching["closed loop"]),
+    }
+    held = [name for name, p_value in values.items() if p_value < LEVEL]
+    figures = "; ".join(
+        f"{name} {np.median(some['closed loop']):.3f} beside {np.median(some[other]):.3f} "
+        f"({p_text(values[name])})"
+        for name, (some, other) in compared.items()
+    )
+    return judged(
+        agrees=len(held) == len(values),
+        same_ranking="set-point following" in held,
+        evidence=f"Closed loop beside open loop: {figures}. Held: {', '.join(held) or 'none'}.",
+        reason="The closed loop moves our arm no better than the open one does.",
+    )
+
+
+SUBJECTS = (
+    Subject(
+        "claim-2-1",
+        "Open loop: the square wave identifies best, the random one worst (2.4.1)",
+        survey_calls(*(name for records in WAVEFORMS.values() for name in records)),
+        _waveforms,
+    ),
+    Subject(
+        "claim-2-2",
+        "Bounded position: stable models are easier, a constant magnitude is better (2.4.2)",
+        survey_calls(*OPEN, *BOUNDED),
+        _bounded,
+    ),
+    Subject(
+        "claim-2-3",
+        "Closed loop: stable models are easier than in the open loop (2.4.3)",
+        survey_calls(*OPEN, *CLOSED),
+        _stable,
+    ),
+    Subject(
+        "claim-2-4",
+        "Closed loop: better position and set-point following, slightly worse matching (2.4.3)",
+        survey_calls(*OPEN, *CLOSED),
+        _accuracy,
+    ),
+)

@@ -1,0 +1,235 @@
+"""Figures 3-1 to 3-25: the models of the first three examples over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_ident.records.iodata import ARM_OUTPUTS
+from flexarm_ident.report.plots.plots import match_plot
+from reproduction.chapter3.costs import RATIO_NEAR
+from reproduction.chapter3.examples import (
+    EXAMPLES,
+    INITIAL,
+    STAGES,
+    TABLES,
+    Records,
+    Validation,
+    reversed_pairs,
+    thesis_rows,
+)
+from reproduction.chapter3.trial import (
+    RUNS_AWAY,
+    both_calls,
+    error_text,
+    errors,
+    ratios,
+    records_of,
+)
+from reproduction.framework.findings import (
+    SENSORS,
+    Finding,
+    Plot,
+    SideBySide,
+    Subject,
+    judged,
+    thesis_table,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from reproduction.chapter3.examples import Curves, ReductionTrial, ThesisRow
+    from reproduction.framework.findings import Results
+
+
+DELTA_NEAR = 1.0 / 3.0
+"""An error of a figure's output agrees within a third, or ..."""
+DELTA_SMALL = 0.05
+"""... within a twentieth of the signal, which no eye tells apart."""
+GOOD = 1.25
+"""A model looks like its full one up to this: the thesis calls 1.12 slightly worse and has 1.38 for
+a model that deviates."""
+POINTS = 600
+_MEANING: Mapping[Validation, str] = {"dmv": "data matching", "sfv": "set-point following"}
+
+
+class FigureOf(NamedTuple):
+    """Contents of a figure of the thesis: the table with its errors, a stage, a validation."""
+
+    number: str
+    table: str
+    stage: str
+    validation: Validation
+
+
+_DRAWN = {
+    "3-1": """1 initial dmv, 2 initial sfv, 3 msv dmv, 4 mrm dmv, 5 mrmc dmv, 6 updated dmv,
+        7 updated sfv, 9 further dmv, 10 further sfv""",
+    "3-2": """11 initial dmv, 12 initial sfv, 13 mrm dmv, 14 msv dmv, 15 mrmc dmv, 16 updated dmv,
+        17 updated sfv""",
+    "3-3": """18 unstable dmv, 19 initial dmv, 20 initial sfv, 21 mrm dmv, 22 msv dmv, 23 mrmc dmv,
+        24 updated dmv, 25 updated sfv""",
+}
+"""Figures by the table that has their errors: number, stage and validation of each."""
+FIGURES = tuple(
+    FigureOf(f"3-{number}", table, stage, "sfv" if validation == "sfv" else "dmv")
+    for table, words in _DRAWN.items()
+    for number, stage, validation in map(str.split, words.split(","))
+)
+
+
+def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) -> Finding:
+    """Draw a stage of an example and judge it by the errors that the thesis gives for its figure.
+
+    A full model is judged by its four errors, a reduced one by what it costs.
+
+    Parameters
+    ----------
+    figure : FigureOf
+        What is drawn.
+    rows : sequence of ThesisRow
+        The thesis's errors of the example.
+    found : Records
+        Our results; the verdict is on those with strong noise.
+    """
+    example, low, noisy = found
+    stage, validation = figure.stage, figure.validation
+    thesis = {(row.stage, row.validation): row for row in rows}
+    theirs = np.array(thesis[stage, validation].delta)
+    shown = found.shown(noisy=True)
+    drawn = np.array(getattr(shown.stages[stage], validation))
+    ours = np.median(errors(noisy, stage, validation), axis=0)
+    runaways = int(np.sum(errors(noisy, stage, validation).max(axis=1) > RUNS_AWAY))
+    lost = (
+        f" In {runaways} of {len(noisy)} records the loop runs away, for the reason at Table 3-6."
+        if runaways
+        else ""
+    )
+    cost = thesis[stage, validation].mean / thesis[INITIAL, validation].mean
+    our_cost = float(np.median(ratios(noisy, stage, validation)))
+    quiet_cost = float(np.median(ratios(low, stage, validation)))
+    if stage in (INITIAL, "unstable"):
+        near = np.abs(ours - theirs) <= np.maximum(DELTA_SMALL, DELTA_NEAR * theirs)
+        turned = reversed_pairs(
+            *(dict(zip(SENSORS, delta.tolist(), strict=True)) for delta in (theirs, ours))
+        )
+        judgement = judged(
+            agrees=bool(near.all()),
+            same_ranking=not turned,
+            evidence=f"{int(near.sum())} of 4 errors agree ({_pairs(theirs, ours)}); "
+            + (
+                "; ".join(
+                    f"ours matches the {worse} better than the {better}" for better, worse in turned
+                )
+                + ", the thesis's the other way round."
+                if turned
+                else "no two sensors are matched in another order than in the thesis."
+            )
+            + lost,
+            reason=f"See Table {figure.table}b for what the errors of our full model rest on.",
+        )
+    else:
+        judgement = judged(
+            agrees=abs(our_cost / cost - 1.0) <= RATIO_NEAR,
+            same_ranking=(our_cost > GOOD) == (cost > GOOD),
+            evidence=f"The error is {_times(our_cost)} the full model's, the thesis's "
+            f"{_times(cost)}; with little noise {_times(quiet_cost)}. Medians of {len(noisy)} "
+            f"records.{lost}",
+            reason=_other_cost(cost, our_cost, quiet_cost),
+        )
+    if shown.curves is None:
+        raise ValueError(f"{example.code}, seed {shown.seed}: nothing was kept to draw")
+    return Finding(
+        judgement,
+        tables=(
+            SideBySide(
+                f"Errors of the {STAGES[stage]} model by {_MEANING[validation]}",
+                ("", *SENSORS, "mean"),
+                tuple(
+                    (label, *map(error_text, delta.tolist()), error_text(float(delta.mean())))
+                    for label, delta in (
+                        ("thesis", theirs),
+                        (f"ours, drawn (seed {shown.seed})", drawn),
+                        (f"ours, median of {len(noisy)} records", ours),
+                    )
+                ),
+            ),
+        ),
+        plots=_plots(shown.curves, stage, validation),
+        text=(_caption(shown, example.code, stage),),
+    )
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2f} times" if ratio < RUNS_AWAY else "many times"
+
+
+def _pairs(theirs: np.ndarray, ours: np.ndarray) -> str:
+    return "ours / thesis's: " + ", ".join(
+        f"{name} {error_text(our)} / {their:.3f}"
+        for name, their, our in zip(SENSORS, theirs.tolist(), ours.tolist(), strict=True)
+    )
+
+
+def _other_cost(cost: float, our_cost: float, quiet_cost: float) -> str:
+    if cost > our_cost:
+        return (
+            "The noise of the gauges hides what is left out: with little noise the error grows "
+            f"{_times(quiet_cost)}."
+        )
+    return "Our records depend more on the modes that are left out; no two rigs have the same ones."
+
+
+def _caption(shown: ReductionTrial, code: str, stage: str) -> str:
+    kept = shown.stages[stage].kept
+    modes = f" and keeps modes {', '.join(kept)}" if kept else ""
+    return (
+        f"The model has {shown.stages[stage].order} states{modes}. It comes from the first half of "
+        f"our record of {EXAMPLES[code].experiment} with seed {shown.seed} and strong noise."
+    )
+
+
+def _plots(curves: Curves, stage: str, validation: Validation) -> tuple[Plot, ...]:
+    measured = curves.measured if validation == "dmv" else curves.set_point
+    simulated = (curves.dmv if validation == "dmv" else curves.sfv)[stage]
+    time_s: NDArray[np.float64] = np.arange(len(measured), dtype=float) * curves.dt_s
+    fitted_s = 0.5 * len(measured) * curves.dt_s if validation == "dmv" else 0.0
+    return tuple(
+        Plot(
+            f"{letter}: {sensor}",
+            match_plot(
+                time_s,
+                measured[:, k].astype(float),
+                simulated[:, k].astype(float),
+                name,
+                fitted_s=fitted_s,
+                points=POINTS,
+            ),
+        )
+        for k, (letter, sensor, name) in enumerate(zip("abcd", SENSORS, ARM_OUTPUTS, strict=True))
+    )
+
+
+def _subject(figure: FigureOf) -> Subject:
+    code = TABLES[figure.table]
+
+    def build(results: Results) -> Finding:
+        return compare_figure(
+            figure,
+            thesis_rows(thesis_table(f"table_{figure.table.replace('-', '_')}b")),
+            records_of(results, code),
+        )
+
+    return Subject(
+        f"figure-{figure.number}",
+        f"{code}, {STAGES[figure.stage]}: {_MEANING[figure.validation]}",
+        both_calls(code),
+        build,
+    )
+
+
+SUBJECTS = (*tuple(map(_subject, FIGURES)),)

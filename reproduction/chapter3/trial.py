@@ -1,0 +1,296 @@
+"""Trials of the examples: from the record to reduced and updated models, with errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+
+from flexarm_daq.experiments.catalogue import experiment
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
+from flexarm_ident import IdentificationError, identify, reduce_model, validate_dmv, validate_sfv
+from flexarm_ident.models.poles import stabilise
+from flexarm_ident.records.preprocess import output_scale, preprocess
+from flexarm_ident.reduction.balanced import balanced_truncation
+from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
+from reproduction.chapter2.order_survey import (
+    CUTOFF_HZ,
+    METHOD,
+    SET_POINT_GAINS,
+    fitted_half,
+    prepared,
+    set_point_record,
+)
+from reproduction.chapter3.examples import (
+    C_UPDATED,
+    EXAMPLES,
+    FILTERED,
+    INITIAL,
+    LOW,
+    THESIS,
+    WAYS,
+    Curves,
+    Records,
+    ReductionTrial,
+    Stage,
+    bending_modes,
+    is_rigid,
+)
+from reproduction.framework.findings import SEEDS, Call
+from reproduction.framework.rig import simulated_record
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident import Identification, IoData, Reduction
+    from reproduction.chapter3.examples import Example, Kept, Matrices, Validation
+    from reproduction.framework.findings import Results
+
+
+NOISE_V: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
+    {LOW: LOW_NOISE_V, THESIS: THESIS_NOISE_V, FILTERED: THESIS_NOISE_V}
+)
+BLOCK_ROWS = 40
+SEARCHED = range(15, 37)
+"""Orders among which an unstable model is looked for."""
+
+
+def reduction_trial(code: str, noise: str, seed: int) -> ReductionTrial:
+    """Identify, reduce and update one example of chapter 3.
+
+    Parameters
+    ----------
+    code
+        A key of `EXAMPLES`.
+    noise
+        A key of `NOISE_V`.
+    seed
+        Of the record.
+    """
+    example = EXAMPLES[code]
+    record = _record(example, noise, seed)
+    trained = fitted_half(record)
+    raw = _identified(example, trained)
+    eigenvalues = np.linalg.eigvals(raw.model.A)
+    moved = tuple(complex(each) for each in eigenvalues[np.abs(eigenvalues) >= 1.0])
+    full = raw if example.unstable else _refitted(raw, trained)
+    models, reductions = _reduced(example, full, trained)
+    if example.unstable:
+        models = {"unstable": raw.model, "initial": _forced(raw.model), **models}
+    else:
+        models = {"initial": full.model, **models}
+    payload_kg = experiment(example.experiment).payload_kg
+    set_point = set_point_record(1.0 / record.dt_s, payload_kg, seed)
+    modes = reductions[next(iter(reductions))].modes
+    found = _Validation(record, set_point, models)
+    known = example.known_modes_hz
+    is_shown = seed == example.shown_seed
+    stages = {}
+    for name in models:
+        kept = reductions[name].kept if name in reductions else ()
+        has = [mode for mode in modes if mode.label in kept] if kept else modes
+        stages[name] = Stage(
+            order=models[name].nstates,
+            kept=kept,
+            bending_hz=tuple(mode.frequency_hz for mode in bending_modes(has, known)),
+            dmv=found.dmv_errors[name],
+            sfv=found.sfv_errors.get(name, ()),
+        )
+    smallest = min(reductions, key=lambda name: reductions[name].order)
+    direct = reductions[smallest].model
+    rebuilt = thesis_realisation(direct, trained, block_rows=BLOCK_ROWS)
+    return ReductionTrial(
+        seed=seed,
+        modes=tuple(replace(mode, kept=True) for mode in modes),
+        bending=tuple(mode.label for mode in bending_modes(modes, known)),
+        rigid=tuple(mode.label for mode in modes if is_rigid(mode, known)),
+        moved=moved,
+        stages=stages,
+        realisation_difference=realisation_difference(direct, rebuilt, trained).frequency_response,
+        models=_matrices(models) if is_shown else {},
+        curves=found.curves() if is_shown and noise == THESIS else None,
+    )
+
+
+def _record(example: Example, noise: str, seed: int) -> IoData:
+    record = simulated_record(example.experiment, seed, NOISE_V[noise])
+    if noise != FILTERED:
+        return prepared(record, example.compensation)
+    return preprocess(record, compensation=example.compensation, bias="first", cutoff_hz=CUTOFF_HZ)
+
+
+def _identified(example: Example, trained: IoData) -> Identification:
+    """Identify the full model, with its unstable eigenvalues where it has some."""
+
+    def identified(order: int) -> Identification:
+        return identify(trained, order=order, method=METHOD, block_rows=BLOCK_ROWS, stable=False)
+
+    found = identified(example.order)
+    if not example.unstable:
+        return found
+    for order in sorted(SEARCHED, key=lambda order: (abs(order - example.order), -order)):
+        eigenvalues = np.linalg.eigvals(found.subspace.matrices(order).A)
+        outside = eigenvalues[np.abs(eigenvalues) >= 1.0]
+        # One that has no partner is real.
+        if len(outside) == 1 and outside[0].real > 0.0:
+            return found if order == example.order else identified(order)
+    raise IdentificationError(f"{trained.label}: no order has one unstable real eigenvalue")
+
+
+def _refitted(raw: Identification, trained: IoData) -> Identification:
+    """Return the stable model of the same order; B is fitted after eigenvalues were moved."""
+    if np.abs(np.linalg.eigvals(raw.model.A)).max() < 1.0:
+        return raw
+    return identify(trained, order=raw.order, method=METHOD, block_rows=BLOCK_ROWS)
+
+
+def _forced(model: control.StateSpace) -> control.StateSpace:
+    """Return a model whose unstable eigenvalues alone are moved (section 3.2, third example)."""
+    names = {"inputs": list(model.input_labels), "outputs": list(model.output_labels)}
+    return control.ss(stabilise(model.A)[0], model.B, model.C, model.D, model.dt, **names)
+
+
+def _reduced(
+    example: Example, full: Identification, trained: IoData
+) -> tuple[dict[str, control.StateSpace], dict[str, Reduction]]:
+    reductions: dict[str, Reduction] = {}
+    for name, kept in example.reduced.items():
+        if name in WAYS:
+            reductions[name] = _reduction(example, full, trained, kept, "none")
+            continue
+        for ending, update in (("", "b"), (C_UPDATED, "c")):
+            reductions[name + ending] = _reduction(example, full, trained, kept, update)
+    models = {name: reduction.model for name, reduction in reductions.items()}
+    first = next(iter(reductions.values()))
+    stable = _forced(full.model)
+    models["balanced"] = balanced_truncation(stable, first.order, output_scale(trained)).model
+    return models, reductions
+
+
+def _reduction(
+    example: Example, full: Identification, trained: IoData, kept: Kept, update: str
+) -> Reduction:
+    known = example.known_modes_hz[: kept.bending_modes] if kept.ranking == "mrmc" else ()
+    return reduce_model(
+        full,
+        trained,
+        ranking=kept.ranking,
+        order=kept.order,
+        known_modes_hz=known,
+        update=update,  # type: ignore[arg-type]
+    )
+
+
+class _Validation:
+    """Both validations of all models of a trial."""
+
+    def __init__(
+        self, record: IoData, set_point: IoData, models: Mapping[str, control.StateSpace]
+    ) -> None:
+        self._record, self._set_point = record, set_point
+        self._dmv: dict[str, FloatArray] = {}
+        self._sfv: dict[str, FloatArray] = {}
+        self.dmv_errors: dict[str, tuple[float, ...]] = {}
+        self.sfv_errors: dict[str, tuple[float, ...]] = {}
+        for name, model in models.items():
+            dmv = validate_dmv(model, record)
+            self._dmv[name], self.dmv_errors[name] = dmv.y, tuple(dmv.delta.tolist())
+            if name in (*WAYS, "balanced", "unstable"):
+                continue
+            sfv = validate_sfv(model, set_point, SET_POINT_GAINS)
+            self._sfv[name], self.sfv_errors[name] = sfv.y, tuple(sfv.delta.tolist())
+
+    def curves(self) -> Curves:
+        """Return what there is to draw."""
+        return Curves(
+            self._record.dt_s,
+            _small(self._record.y),
+            {name: _small(y) for name, y in self._dmv.items()},
+            _small(self._set_point.y),
+            {name: _small(y) for name, y in self._sfv.items()},
+        )
+
+
+def _matrices(models: Mapping[str, control.StateSpace]) -> dict[str, Matrices]:
+    return {name: (model.A, model.B, model.C) for name, model in models.items()}
+
+
+def _small(y: FloatArray) -> NDArray[np.float32]:
+    with np.errstate(over="ignore"):
+        return np.asarray(y, dtype=np.float32)
+
+
+RUNS_AWAY = 10.0
+"""A simulation whose error is ten times its signal is of a loop that is not stable."""
+
+
+def calls(code: str, noise: str) -> tuple[Call, ...]:
+    """Return the computations of one example, one per seed."""
+    return tuple(Call(reduction_trial, (code, noise, seed)) for seed in SEEDS)
+
+
+def both_calls(code: str) -> tuple[Call, ...]:
+    """Return those with little noise and with the thesis's."""
+    return (*calls(code, LOW), *calls(code, THESIS))
+
+
+def trials(results: Results, code: str, noise: str) -> tuple[ReductionTrial, ...]:
+    """Look the results of `calls` up."""
+    return tuple(results[call] for call in calls(code, noise))
+
+
+def records_of(results: Results, code: str) -> Records:
+    """Look up the results of `both_calls`."""
+    return Records(EXAMPLES[code], trials(results, code, LOW), trials(results, code, THESIS))
+
+
+def errors(
+    found: Sequence[ReductionTrial], stage: str, validation: Validation = "dmv"
+) -> NDArray[np.float64]:
+    """Return the errors of a stage, (seeds, 4)."""
+    return np.array([getattr(trial.stages[stage], validation) for trial in found])
+
+
+def means(
+    found: Sequence[ReductionTrial], stage: str, validation: Validation = "dmv"
+) -> NDArray[np.float64]:
+    """Return the mean errors of a stage, (seeds,)."""
+    return np.asarray(errors(found, stage, validation).mean(axis=1))
+
+
+def ratios(
+    found: Sequence[ReductionTrial], stage: str, validation: Validation = "dmv"
+) -> NDArray[np.float64]:
+    """Return the mean errors of a stage as parts of the full model's.
+
+    Records are left out in which the loop with the full model runs away; where that is all of
+    them, the part is infinite.
+    """
+    full = means(found, INITIAL, validation)
+    steady = full < RUNS_AWAY
+    if not steady.any():
+        return np.array([np.inf])
+    return np.asarray(means(found, stage, validation)[steady] / full[steady])
+
+
+def error_text(value: float) -> str:
+    """Return an error as text."""
+    return f"{value:.3f}" if value < RUNS_AWAY else "runs away"
+
+
+def ratio_text(values: NDArray[np.float64]) -> str:
+    """Return the median of `ratios` as text."""
+    middle = float(np.median(values))
+    return f"{middle:.2f}" if middle < RUNS_AWAY else "runs away"
+
+
+def errors_text(values: NDArray[np.float64]) -> str:
+    """Return median and range of an error as text."""
+    low, high = float(values.min()), float(values.max())
+    return f"{error_text(float(np.median(values)))} ({error_text(low)} to {error_text(high)})"
