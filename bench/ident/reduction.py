@@ -34,7 +34,8 @@ from flexarm_ident.models.rank_table import rank_table
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.reduction.balanced import balanced_truncation
 from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
-from flexarm_ident.workflow.workflow import Request, run
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run
 from reproduction.framework.rig import simulated_record
 
 if TYPE_CHECKING:

@@ -19,8 +19,9 @@ from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.runs.recorded_run import samples_hash
 from flexarm_control.design.criteria import step_figures
 from flexarm_ident.records.iodata import ARM_OUTPUTS
-from flexarm_ident.report.page import Section, append_section
-from flexarm_ident.report.plots.plots import step_plot
+from flexarm_ident.report.content.blocks import Plots, Words
+from flexarm_ident.report.page import append_section
+from flexarm_ident.report.plots.time_plots import step_plot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -101,9 +102,10 @@ def write_results(settings: DemoSettings, results: DemoResults) -> None:
     time_s = np.arange(len(step), dtype=np.float64) * step.dt_s
     figures = step_figures(time_s, step.y[:, 0], SET_POINT_V)
     summary = _summary(settings, results, figures)
-    section = _step_section(time_s, step, figures)
+    blocks = _step_blocks(time_s, step, figures)
     report = Path(results.response.report_path, "report.html").read_text(encoding="utf-8")
-    (out / "report.html").write_text(append_section(report, section), encoding="utf-8")
+    longer = append_section(report, "Controlled step", blocks)
+    (out / "report.html").write_text(longer, encoding="utf-8")
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     settled = f"{figures.settling_s:.2f} s" if math.isfinite(figures.settling_s) else "-"
     terminal.CONSOLE.print(
@@ -165,7 +167,9 @@ def _kept_modes_hz(response: Identify.Response, known_modes_hz: Sequence[float])
     ]
 
 
-def _step_section(time_s: NDArray[np.float64], step: IoData, figures: StepFigures) -> Section:
+def _step_blocks(
+    time_s: NDArray[np.float64], step: IoData, figures: StepFigures
+) -> tuple[Words, Plots]:
     """Return the section of the report on the controlled step."""
     words = (
         f"PDPC (4-6 to 4-8) with the thesis's gains, step to {SET_POINT_V:g} V. "
@@ -174,4 +178,5 @@ def _step_section(time_s: NDArray[np.float64], step: IoData, figures: StepFigure
         f"within 5 % after {figures.settling_s:.2f} s."
     )
     set_point_v = np.full(len(step), SET_POINT_V)
-    return Section("Controlled step", words, step_plot(time_s, step.y, set_point_v, step.u[:, 0]))
+    plot = step_plot(time_s, step.y, set_point_v, step.u[:, 0])
+    return Words(words), Plots((("", plot),))

@@ -12,7 +12,7 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
-from flexarm_ident.workflow.workflow import Request
+from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,9 +1,9 @@
-"""What a report says of a reduction: ranks of the modes and what each step costs."""
+"""Section on the reduction: the cost of each step, and the ranks of the modes."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,16 +11,18 @@ from flexarm_core.labels import label_and_unit
 from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.rank_table import rank_table
 from flexarm_ident.reduction.costs import cost_over_orders, step_costs
-from flexarm_ident.report.content import Table, error_text
-from flexarm_ident.report.plots.cost_plot import cost_plot
+from flexarm_ident.report.content.blocks import Heading, Plots, Section, Table, Words
+from flexarm_ident.report.content.wording import error_text
+from flexarm_ident.report.plots.order_plots import cost_plot
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from flexarm_ident.models.modes import Mode
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.reduction.costs import StepCost
-    from flexarm_ident.workflow.workflow import Outcome
+    from flexarm_ident.report.content.blocks import Block, Subject
+    from flexarm_ident.workflow.outcome import Outcome
 
 _ORDERS_SHOWN = 12
 _LOWEST_ORDER = 2
@@ -28,15 +30,53 @@ _UPDATES = {"none": "cut", "b": "B refitted", "c": "C refitted"}
 _KEPT = "\u2713"
 
 
-class Costs(NamedTuple):
-    """What the steps of a reduction cost: sentences, a table and a plot."""
+def _build(subject: Subject) -> Iterator[Block]:
+    outcome = subject.outcome
+    if outcome.reduction is None:
+        yield Words(
+            "The model was not reduced. The ranks say in which order its modes would be kept."
+        )
+    else:
+        yield from _costs(outcome, outcome.reduction.order)
+    yield Heading("Ranks of the modes")
+    yield _ranks(outcome)
+    if outcome.reduction is not None:
+        yield Words(f"{_KEPT} marks the modes that are kept.")
 
-    words: tuple[str, ...]
-    table: Table
-    plot: str
+
+SECTION = Section(50, "Reduction", _build)
 
 
-def ranks(outcome: Outcome) -> Table:
+def _costs(outcome: Outcome, order: int) -> Iterator[Block]:
+    """Tell what the reduction cost, step by step."""
+    found, request, records = outcome.identification, outcome.request, _judged(outcome)
+    known_hz = request.known_modes_hz
+    steps = step_costs(found, records, order=order, known_modes_hz=known_hz)
+    yield from map(Words, _words(outcome, steps))
+    yield _table(outcome, steps)
+    yield Words(
+        "Cut: only the kept modes, as they are in the full model. B or C refitted: that matrix was "
+        "fitted again to the data, (3-11) or (3-19). Errors are of data matching over the whole "
+        "records, driven by the input that moves the linear model. The marked row is the model."
+    )
+    orders = np.unique(np.linspace(_LOWEST_ORDER, found.order, _ORDERS_SHOWN).round().astype(int))
+    wanted = [(request.reduction, request.update), ("mrm", "none"), ("msv", "none")]
+    curves = {
+        _name(ranking, update): cost_over_orders(
+            found,
+            records,
+            orders.tolist(),
+            ranking=ranking,
+            update=update,
+            known_modes_hz=known_hz,
+        )
+        for ranking, update in wanted
+    }
+    plot = cost_plot(curves, full=steps[0].mean, order=order)
+    yield Plots((("Error over the number of states", plot),))
+
+
+def _ranks(outcome: Outcome) -> Table:
     """Return the modes by either index, side by side (Table 3-1a)."""
     table = rank_table(outcome.modes)
     rows = tuple(
@@ -44,34 +84,7 @@ def ranks(outcome: Outcome) -> Table:
         for place, (one, other) in enumerate(zip(table.by_mrm, table.by_msv, strict=True), start=1)
     )
     header = ("Rank", "By MRM: states", "Hz", "MRM", "By MSV: states", "Hz", "MSV")
-    return Table(header, rows)
-
-
-def costs(outcome: Outcome) -> Costs | None:
-    """Return what the reduction cost, step by step; None without a reduction."""
-    if outcome.reduction is None:
-        return None
-    found, request, records = outcome.identification, outcome.request, _judged(outcome)
-    order, known_hz = outcome.reduction.order, request.known_modes_hz
-    steps = step_costs(found, records, order=order, known_modes_hz=known_hz)
-    orders = np.unique(np.linspace(_LOWEST_ORDER, found.order, _ORDERS_SHOWN).round().astype(int))
-    wanted = [(request.reduction, request.update), ("mrm", "none"), ("msv", "none")]
-    curves = {
-        _name(ranking, update): cost_over_orders(
-            found,
-            records,
-            [int(each) for each in orders],
-            ranking=ranking,
-            update=update,
-            known_modes_hz=known_hz,
-        )
-        for ranking, update in wanted
-    }
-    return Costs(
-        _words(outcome, steps),
-        _table(outcome, steps),
-        cost_plot(curves, full=steps[0].mean, order=order),
-    )
+    return Table("ranks", "Ranks of the modes by MRM and by MSV", header, rows)
 
 
 def _judged(outcome: Outcome) -> Sequence[IoData]:
@@ -108,6 +121,8 @@ def _table(outcome: Outcome, steps: Sequence[StepCost]) -> Table:
         for step in steps
     )
     return Table(
+        "costs",
+        "Errors of the full, the reduced and the updated model",
         (*header, "Mean δ, SFV") if following else header,
         rows,
         tuple(_is_chosen(outcome, step) for step in steps),

@@ -1,7 +1,8 @@
-"""The plots of a report, each a pure function from numbers to SVG text.
+"""Time plots: an output as measured and as simulated, an input, and a controlled motion.
 
-Every plot is narrow, so that a page can set two side by side and a phone one below the other.
-Colours are distinct to the colour-blind, and in black and white the line styles tell curves apart.
+Every plot of this folder is a pure function from numbers to SVG text. It is narrow, so that a page
+can set two side by side and a phone one below the other. Colours are distinct to the colour-blind,
+and in black and white the line styles tell curves apart.
 """
 
 from __future__ import annotations
@@ -10,24 +11,20 @@ from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from flexarm_core.arrays import runs
 from flexarm_core.labels import axis_label, label_and_unit
-from flexarm_ident.report.plots.plot_style import (
-    BLACK,
+from flexarm_ident.report.plots.style import (
     DASHED,
     DOTTED,
-    MARK,
     SHADE,
     SOLID,
     STYLE,
     VERMILION,
     figure_of,
+    inline_svg,
     legend_above,
-    plain_numbers,
 )
-from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,8 +33,6 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import BoolArray, FloatArray
 
 CURVE_POINTS = 2000
-
-_SHOWN_SINGULAR_VALUES = 40
 _SHOWN_HOLES = 200
 
 
@@ -132,47 +127,6 @@ def input_plot(
         axes.set_ylabel(axis_label(name))
         _time_axis(axes, time_s)
         return inline_svg(figure, f"{label_and_unit(name)[0]} over time")
-
-
-def singular_value_plot(singular_values: FloatArray, order: int) -> str:
-    """Plot the singular values of (2-21) with the chosen order marked.
-
-    Parameters
-    ----------
-    singular_values : ndarray
-        Singular values, descending.
-    order : int
-        Chosen order.
-
-    Returns
-    -------
-    str
-        SVG.
-    """
-    shown = singular_values[: max(_SHOWN_SINGULAR_VALUES, order + _SHOWN_SINGULAR_VALUES // 4)]
-    positive = np.flatnonzero(shown > 0.0)
-    kept, rest = positive[positive < order], positive[positive >= order]
-    with mpl.rc_context(STYLE):
-        figure = figure_of(3.0)
-        axes = figure.subplots()
-        axes.set_yscale("log")
-        axes.plot(kept + 1, shown[kept], "o", color=BLACK, markersize=3.5, label="used")
-        axes.plot(
-            rest + 1,
-            shown[rest],
-            "o",
-            color=MARK,
-            markersize=3.5,
-            fillstyle="none",
-            label="left out",
-        )
-        axes.axvline(order + 0.5, color=VERMILION, linestyle="--", label=f"order {order}")
-        axes.set(xlabel="number", ylabel="singular value", xlim=(0.0, len(shown) + 1.0))
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.yaxis.set_major_formatter(plain_numbers())
-        axes.yaxis.set_minor_formatter(NullFormatter())
-        legend_above(axes)
-        return inline_svg(figure, f"singular values, order {order} chosen")
 
 
 def step_plot(

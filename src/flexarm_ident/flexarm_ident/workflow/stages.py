@@ -1,4 +1,4 @@
-"""The whole way from records to a validated, reduced model: what the service and the report do.
+"""Stages from records to a validated, reduced model: preprocess, identify, reduce, validate.
 
 Preprocess every record (section 2.5), identify on its leading part, reduce and update (chapter 3),
 validate on the whole of it (section 2.4).
@@ -26,6 +26,7 @@ from flexarm_ident.friction.dry_friction import refer_friction, validate_with_fr
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.reduction.modal import reduce_model
+from flexarm_ident.workflow.outcome import Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,159 +38,13 @@ if TYPE_CHECKING:
     from flexarm_ident.estimation.progress import Progress
     from flexarm_ident.fitting.validation import Dmv, Sfv
     from flexarm_ident.friction.dry_friction import DryFriction
-    from flexarm_ident.models.modes import Mode
     from flexarm_ident.records.source import Source
     from flexarm_ident.reduction.modal import Reduction
+    from flexarm_ident.workflow.request import Request
 
-REDUCTIONS = ("none", "mrm", "msv", "mrmc")
-UPDATES = ("none", "b", "c")
 # The chosen reduced order may cost this much of the fit.
 _REDUCTION_COST = 1.04
 _SMALLEST_REDUCED_ORDER = 4
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is to be done with the records; the fields of the service `Identify`.
-
-    Attributes
-    ----------
-    train_fraction : float
-        Leading part of each record that is fitted, 0 < f <= 1.
-    method : str
-        Estimator, see `identify`.
-    block_rows : int
-        Block rows q of (2-18).
-    order : int, optional
-        Order of the full model; None: chosen.
-    reduction : {'none', 'mrm', 'msv', 'mrmc'}
-        Ranking by which modes are kept.
-    reduced_order : int, optional
-        States to keep; None: the fewest that cost at most 4 % of the fit. More than a chosen order
-        gives the whole model and a note.
-    known_modes_hz : tuple of float
-        Flexible modes that 'mrmc' keeps; with it alone.
-    update : {'none', 'b', 'c'}
-        Matrix that is refitted after the reduction.
-    remove_compensation : bool
-        Subtract the recorded Coulomb compensation from the input.
-    stabilise : bool
-        Move unstable eigenvalues inside the unit circle.
-    friction : bool
-        Look for dry friction where no compensation was recorded, and model it where `identify`
-        finds that the data call for it.
-    refine : bool
-        Refine the model by its simulation error; it never gets worse.
-    """
-
-    train_fraction: float = 0.5
-    method: str = "auto"
-    block_rows: int = 40
-    order: int | None = None
-    reduction: str = "none"
-    reduced_order: int | None = None
-    known_modes_hz: tuple[float, ...] = ()
-    update: str = "none"
-    remove_compensation: bool = True
-    stabilise: bool = True
-    friction: bool = True
-    refine: bool = False
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.train_fraction <= 1.0:
-            raise IdentificationError(
-                f"train_fraction must lie between 0 and 1: {self.train_fraction}"
-            )
-        for field, choices in (("reduction", REDUCTIONS), ("update", UPDATES)):
-            value = getattr(self, field)
-            if value not in choices:
-                raise IdentificationError(f"{field} must be one of {', '.join(choices)}: {value!r}")
-        self._check_reduction()
-
-    def _check_reduction(self) -> None:
-        """Refuse what would be ignored, before the fit takes its time."""
-        if self.reduction == "none":
-            for field, value in (("reduced_order", self.reduced_order), ("update", self.update)):
-                if value not in (None, "none"):
-                    raise IdentificationError(
-                        f"{field} = {value} needs a reduction: choose one of "
-                        f"{', '.join(choice for choice in REDUCTIONS if choice != 'none')}"
-                    )
-        if self.reduced_order is not None:
-            self._check_reduced_order(self.reduced_order)
-        if (self.reduction == "mrmc") != bool(self.known_modes_hz):
-            raise IdentificationError(
-                "reduction mrmc and known modes belong together, the frequencies in Hz of the "
-                "flexible modes that it keeps (known_modes_hz, --known-mode)"
-            )
-
-    def _check_reduced_order(self, reduced_order: int) -> None:
-        smallest = max(1, 2 * len(self.known_modes_hz))
-        if reduced_order < smallest:
-            raise IdentificationError(
-                f"reduced_order = {reduced_order} is too small: {smallest} or more, two states "
-                "for each known mode"
-            )
-        if self.order is not None and reduced_order > self.order:
-            raise IdentificationError(
-                f"reduced_order = {reduced_order} is more than order = {self.order}: lower it, "
-                "or raise the order or leave it open"
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """A validated model and everything that led to it.
-
-    Attributes
-    ----------
-    request : Request
-        What was asked for.
-    records : tuple of IoData
-        The preprocessed records; of streamed ones a leading part.
-    samples : tuple of int
-        Length of each record.
-    fitted : tuple of int
-        Length of its leading part that was fitted.
-    identification : Identification
-        The full model.
-    reduction : Reduction or None
-        The reduced model, when one was asked for.
-    friction : DryFriction or None
-        Dry friction at the inputs of `model`, which then is one from the net input.
-    full_dmv, dmv : tuple of Dmv
-        Data matching of the full model and of `model`, one per record.
-    full_dmv_errors, dmv_errors : ndarray, (outputs,)
-        Errors delta (2-25) of the full model and of `model` over all records together.
-    sfv : Sfv or None
-        Set-point following of `model` on the first record; None without a recorded reference.
-    warnings : tuple of str
-        What a user should know before trusting the model.
-    """
-
-    request: Request
-    records: tuple[IoData, ...]
-    samples: tuple[int, ...]
-    fitted: tuple[int, ...]
-    identification: Identification
-    reduction: Reduction | None
-    friction: DryFriction | None
-    full_dmv: tuple[Dmv, ...]
-    dmv: tuple[Dmv, ...]
-    full_dmv_errors: FloatArray
-    dmv_errors: FloatArray
-    sfv: Sfv | None
-    warnings: tuple[str, ...]
-
-    @property
-    def model(self) -> control.StateSpace:
-        """The reduced model if there is one, else the full one."""
-        return self.reduction.model if self.reduction else self.identification.model
-
-    @property
-    def modes(self) -> tuple[Mode, ...]:
-        """Modes of the full model; those of the reduced one are marked as kept."""
-        return self.reduction.modes if self.reduction else self.identification.modes
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Plots of a model's poles: in the plane of z, and as damping over frequency."""
+"""Pole plots: the plane of z with the unit circle, and damping over frequency."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from flexarm_ident.report.plots.plot_style import (
+from flexarm_ident.report.plots.style import (
     BLACK,
     BLUE,
     MARK,
     STYLE,
     figure_of,
+    inline_svg,
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
