@@ -7,22 +7,35 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
+from click.shell_completion import CompletionItem
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
+from flexarm_ident.subspace.methods import AUTO, METHODS
 from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+_METHODS = {AUTO: "chosen by the data"} | {row.name: row.help for row in METHODS.values()}
+
+
+def _methods(_: click.Context, __: click.Parameter, start: str) -> list[CompletionItem]:
+    """Return the methods of identification that begin with a text, with their help."""
+    return [
+        CompletionItem(name, help=text) for name, text in _METHODS.items() if name.startswith(start)
+    ]
+
 
 _REQUEST_OPTIONS = (
     click.option(
         "--method",
         default="auto",
         show_default=True,
-        help="auto, orse, orse_iv, pbsid or orse_thesis.",
+        help="; ".join(f"{name}: {text}" for name, text in _METHODS.items()) + ".",
+        shell_complete=_methods,
     ),
     click.option(
         "--train-fraction",
