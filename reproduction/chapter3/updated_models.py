@@ -14,6 +14,7 @@ from reproduction.framework.findings import (
     Finding,
     SideBySide,
     Subject,
+    columns,
     judged,
     p_text,
     thesis_table,
@@ -97,16 +98,9 @@ def compare_models(
         tables=(
             SideBySide(
                 "Mean errors; ours as median and range over the records",
-                (
-                    "model",
-                    "record",
-                    "modes by",
-                    "our states",
-                    "DMV",
-                    "ours",
-                    "SFV",
-                    "ours",
-                    "ours, input filtered too",
+                columns(
+                    "model | record | modes by | our states | DMV | ours | SFV | ours | "
+                    "ours, input filtered too"
                 ),
                 tuple(_row(name, table[name], found, filtered) for name in MODEL_STAGES),
             ),
