@@ -11,8 +11,7 @@ import numpy as np
 from flexarm_core.channels import DRIVE_A_PER_V, MAX_COMMAND_V
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.experiments.excitation import BOUND_V, DIRECTION_HZ, VARYING_HZ
-from flexarm_ident.report.plots.plot_style import DOTTED, SOLID, STYLE, figure_of
-from flexarm_ident.report.plots.svg import inline_svg
+from flexarm_ident.report.plots.style import DOTTED, SOLID, STYLE, figure_of, inline_svg
 from reproduction.framework.findings import Call, Finding, Plot, SideBySide, Subject, judged
 from reproduction.framework.rig import simulated_record
 

@@ -11,7 +11,8 @@ import numpy as np
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.fitting.validation import validate_dmv, validate_sfv
 from flexarm_ident.records.iodata import ARM_OUTPUTS
-from flexarm_ident.report.plots.plots import match_plot, singular_value_plot
+from flexarm_ident.report.plots.order_plots import singular_value_plot
+from flexarm_ident.report.plots.time_plots import match_plot
 from reproduction.chapter2.order_survey import (
     SET_POINT_COMPENSATION_V,
     SET_POINT_GAINS,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_ident.records.iodata import ARM_OUTPUTS
-from flexarm_ident.report.plots.plots import match_plot
+from flexarm_ident.report.plots.time_plots import match_plot
 from reproduction.chapter3.costs import RATIO_NEAR
 from reproduction.chapter3.examples import (
     EXAMPLES,

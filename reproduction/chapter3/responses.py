@@ -11,17 +11,17 @@ from scipy import signal
 
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.report.plots.frequency_plot import frequency_grid
-from flexarm_ident.report.plots.plot_style import (
+from flexarm_ident.report.plots.style import (
     BLACK,
     BLUE,
     MARK,
     STYLE,
     VERMILION,
     figure_of,
+    inline_svg,
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.report.plots.svg import inline_svg
 from reproduction.chapter3.examples import INITIAL, Records
 from reproduction.chapter3.trial import both_calls, means, records_of
 from reproduction.framework.findings import (

@@ -15,15 +15,15 @@ from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_daq import RigParameters
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.report.plots.plot_style import (
+from flexarm_ident.report.plots.style import (
     DASHED,
     DOTTED,
     SOLID,
     STYLE,
     figure_of,
+    inline_svg,
     legend_above,
 )
-from flexarm_ident.report.plots.svg import inline_svg
 from reproduction.framework.findings import (
     LEVEL,
     SEEDS,

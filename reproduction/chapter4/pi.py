@@ -24,9 +24,9 @@ from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from flexarm_ident.report.plots.plots import match_plot
-from flexarm_ident.workflow.workflow import Request
-from flexarm_ident.workflow.workflow import run as identify_record
+from flexarm_ident.report.plots.time_plots import match_plot
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run as identify_record
 from reproduction.framework.findings import (
     LEVEL,
     SEEDS,

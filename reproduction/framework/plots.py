@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from flexarm_ident.report.plots.plot_style import (
+from flexarm_ident.report.plots.style import (
     DASHED,
     DOTTED,
     SHADE,
     SOLID,
     STYLE,
     figure_of,
+    inline_svg,
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -6,6 +6,5 @@ from pathlib import Path
 
 PROJECT = Path(__file__).parents[2]
 BAGS = PROJECT / "bags"
-BENCH = PROJECT / "bench"
 SHARED = PROJECT.parent / "shared"
 """Measurements beside the checkout; tests that use them are skipped where they are missing."""

@@ -10,7 +10,7 @@ import yaml
 
 from flexarm_bringup.verbs.models import identify, report
 from flexarm_ident.models.files import load_model
-from flexarm_ident.workflow.workflow import Request
+from flexarm_ident.workflow.request import Request
 from support.project import BAGS
 from support.system_graph import ROOT, eventually
 

@@ -8,52 +8,37 @@ so what it points at is compared with what it says.
 
 from __future__ import annotations
 
-import io
-import struct
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, BinaryIO
-from zlib import crc32
 
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Chunk
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.records import Channel, Chunk, ChunkIndex, Statistics
 from numpy.lib.stride_tricks import sliding_window_view
 
+from flexarm_bags.layout import (
+    INDEX_ENTRY,
+    INDEX_START,
+    MESSAGE_FIXED,
+    MESSAGE_HEAD,
+    RECORD_START,
+    chunk_content,
+    summary_of,
+)
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from mcap.records import ChunkIndex
+    from mcap.records import McapRecord
     from numpy.typing import NDArray
 
     from flexarm_bags.columns import ByteRows
 
-_MESSAGE_HEADER = np.dtype(
-    [
-        ("opcode", "u1"),
-        ("length", "<u8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("log_time", "<u8"),
-        ("publish_time", "<u8"),
-    ]
-)
-# Opcode and length stand in front of what the length counts.
-_RECORD_START = struct.Struct("<BQ")
-_INDEX_STORED = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
-_INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8"), ("channel", "<u2")])
-# An index begins with its channel and the length of its entries.
-_INDEX_START = 6
-# Footer without opcode and length: summary start, offset section, checksum; then the magic.
-_FILE_END = struct.Struct("<QQI8s")
-_CHECKSUM_AND_MAGIC = 12
-_FIXED_PART = _MESSAGE_HEADER.itemsize - _RECORD_START.size
+_POINTER = np.dtype([*INDEX_ENTRY.descr, ("channel", "<u2")])
 
 
 @dataclass(frozen=True)
@@ -64,8 +49,8 @@ class Messages:
     ----------
     log_times_ns : (messages,)
         When each was sent.
-    groups
-        Message numbers and bytes by size, as :func:`flexarm_bags.columns.decode` takes them.
+    groups : list
+        Message numbers and bytes by size, as `columns.decode` takes them.
     """
 
     log_times_ns: NDArray[np.int64]
@@ -82,90 +67,87 @@ class Messages:
             groups.append((numbers, np.frombuffer(joined, np.uint8).reshape(-1, size)))
         return cls(np.array(log_times_ns, dtype=np.int64), groups)
 
-
-class _Collector:
-    """Gathers one topic's messages from chunks, numbers them and sorts them by size."""
-
-    def __init__(self) -> None:
-        self._log_times_ns: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
-        self._rows: dict[int, list[ByteRows]] = defaultdict(list)
-        self._numbers: dict[int, list[NDArray[np.intp]]] = defaultdict(list)
-        self.total = 0
-
-    def add(
-        self, data: NDArray[np.uint8], heads: NDArray[np.void], offsets: NDArray[np.intp]
-    ) -> None:
-        sizes = (heads["length"] - _FIXED_PART).astype(np.intp)
-        starts = offsets + _MESSAGE_HEADER.itemsize
-        if np.all(sizes == sizes[0]):
-            self._take(data, starts, np.arange(len(heads)), int(sizes[0]))
-        else:
-            for size in np.unique(sizes).tolist():
-                numbers = np.flatnonzero(sizes == size)
-                self._take(data, starts[numbers], numbers, size)
-        self._log_times_ns.append(heads["log_time"].astype(np.int64))
-        self.total += len(heads)
-
-    def _take(
-        self,
-        data: NDArray[np.uint8],
-        starts: NDArray[np.intp],
-        numbers: NDArray[np.intp],
-        size: int,
-    ) -> None:
-        self._rows[size].append(_rows(data, starts, size))
-        self._numbers[size].append(numbers + self.total)
-
-    def messages(self) -> Messages:
+    @classmethod
+    def joined(cls, pieces: Iterable[Messages]) -> Messages:
+        """Return the messages of all pieces, numbered through."""
+        times_ns: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
+        by_size: dict[int, list[tuple[NDArray[np.intp], ByteRows]]] = defaultdict(list)
+        total = 0
+        for piece in pieces:
+            for numbers, rows in piece.groups:
+                by_size[rows.shape[1]].append((numbers + total, rows))
+            times_ns.append(piece.log_times_ns)
+            total += len(piece.log_times_ns)
         groups = [
-            (np.concatenate(self._numbers[size]), np.concatenate(rows))
-            for size, rows in self._rows.items()
+            (
+                np.concatenate([numbers for numbers, _ in found]),
+                np.concatenate([r for _, r in found]),
+            )
+            for found in by_size.values()
         ]
-        return Messages(np.concatenate(self._log_times_ns), groups)
+        return cls(np.concatenate(times_ns), groups)
 
 
 class NotIndexedError(FlexarmError):
     """A file is not fully chunked and indexed: only a message by message reader can take it."""
 
 
-def read_topic(streams: Iterable[BinaryIO], topic: str) -> Messages | None:
-    """Read all messages of a topic, chunk by chunk.
+@dataclass(frozen=True)
+class IndexedFile:
+    """An open MCAP file with its summary, which is read when it is first asked for.
 
-    Parameters
+    Attributes
     ----------
-    streams
-        Open MCAP files, in the order in which a split bag was written.
-    topic
-        Name of the topic.
-
-    Returns
-    -------
-    Messages or None
-        In the order of writing; None when a file is not fully chunked and indexed, so that a
-        message by message reader has to be used.
-
-    Raises
-    ------
-    ValueError
-        If a chunk or the summary does not have its checksum, or records do not fill their chunk.
+    stream : BinaryIO
+        The file.
     """
-    collector = _Collector()
+
+    stream: BinaryIO
+
+    @cached_property
+    def _summary(self) -> list[McapRecord]:
+        return summary_of(self.stream)
+
+    @cached_property
+    def statistics(self) -> Statistics:
+        """What the file says it holds; NotIndexedError when it says nothing."""
+        for record in self._summary:
+            if isinstance(record, Statistics):
+                return record
+        raise NotIndexedError("the file has no summary")
+
+    @cached_property
+    def topics(self) -> dict[int, str]:
+        """Topic of each channel."""
+        return {each.id: each.topic for each in self._summary if isinstance(each, Channel)}
+
+    @cached_property
+    def chunks(self) -> list[ChunkIndex]:
+        """Indexes of the chunks, in the order of the file."""
+        found = (record for record in self._summary if isinstance(record, ChunkIndex))
+        return sorted(found, key=lambda index: index.chunk_start_offset)
+
+
+def read_topic(files: Iterable[IndexedFile], topic: str) -> Messages | None:
+    """Read all messages of a topic, in the order of writing.
+
+    Returns None when a file is not fully chunked and indexed, so that a message by message reader
+    has to be used. Parameters and other errors are those of `topic_pieces`.
+    """
     try:
-        for piece in _pieces(streams, topic):
-            collector.add(*piece)
+        return Messages.joined(topic_pieces(files, topic))
     except NotIndexedError:
         return None
-    return collector.messages()
 
 
-def topic_pieces(streams: Iterable[BinaryIO], topic: str) -> Iterator[Messages]:
+def topic_pieces(files: Iterable[IndexedFile], topic: str) -> Iterator[Messages]:
     """Read the messages of a topic and hand them on chunk by chunk, so that memory stays small.
 
     Parameters
     ----------
-    streams
-        Open MCAP files, in the order in which a split bag was written.
-    topic
+    files : iterable of IndexedFile
+        In the order in which a split bag was written.
+    topic : str
         Name of the topic.
 
     Yields
@@ -176,29 +158,47 @@ def topic_pieces(streams: Iterable[BinaryIO], topic: str) -> Iterator[Messages]:
     Raises
     ------
     NotIndexedError
-        If a file is not fully chunked and indexed; known at its end.
+        When a file is not fully chunked and indexed; known at its end.
     ValueError
-        If a chunk or the summary does not have its checksum, or records do not fill their chunk.
+        When a chunk or the summary does not have its checksum, or records do not fill their chunk.
     """
-    for piece in _pieces(streams, topic):
-        yield gathered(*piece)
+    total = expected = 0
+    for file in files:
+        counts = file.statistics.channel_message_counts
+        wanted = [key for key, name in file.topics.items() if name == topic]
+        expected += sum(counts.get(key, 0) for key in wanted)
+        for index in file.chunks:
+            entries = _index_entries(file.stream, index, wanted)
+            if len(entries):
+                file.stream.seek(index.chunk_start_offset + RECORD_START.size)
+                content = chunk_content(Chunk.read(ReadDataStream(file.stream)))
+                heads = _heads(content, entries)
+                total += len(heads)
+                yield gathered(content, heads, entries["offset"].astype(np.intp))
+        if total != expected:
+            raise NotIndexedError("messages stand outside of the indexed chunks")
 
 
 def gathered(
-    data: NDArray[np.uint8], heads: NDArray[np.void], offsets: NDArray[np.intp]
+    content: NDArray[np.uint8], heads: NDArray[np.void], offsets: NDArray[np.intp]
 ) -> Messages:
-    """Return messages out of a chunk's bytes, numbered from 0.
+    """Return messages out of a chunk, numbered from 0.
 
     Parameters
     ----------
-    data
-        From :func:`chunk_content`.
-    heads, offsets
-        Fixed parts and places of the messages' records.
+    content : (bytes,)
+        From `layout.chunk_content`.
+    heads, offsets : (messages,)
+        Fixed parts and places of the messages' records; at least one.
     """
-    collector = _Collector()
-    collector.add(data, heads, offsets)
-    return collector.messages()
+    sizes = (heads["length"] - MESSAGE_FIXED).astype(np.intp)
+    starts = offsets + MESSAGE_HEAD.itemsize
+    different = sizes[:1] if np.all(sizes == sizes[0]) else np.unique(sizes)
+    groups = []
+    for size in different.tolist():
+        numbers = np.flatnonzero(sizes == size)
+        groups.append((numbers, _rows(content, starts[numbers], size)))
+    return Messages(heads["log_time"].astype(np.int64), groups)
 
 
 def heads_at(data: NDArray[np.uint8], offsets: NDArray[np.intp]) -> NDArray[np.void]:
@@ -207,7 +207,7 @@ def heads_at(data: NDArray[np.uint8], offsets: NDArray[np.intp]) -> NDArray[np.v
     Parameters
     ----------
     data
-        From :func:`chunk_content`.
+        From `layout.chunk_content`.
     offsets
         At least one.
 
@@ -216,11 +216,11 @@ def heads_at(data: NDArray[np.uint8], offsets: NDArray[np.intp]) -> NDArray[np.v
     ValueError
         If a message does not fit into the data.
     """
-    if int(offsets.max()) + _MESSAGE_HEADER.itemsize <= len(data):
-        rows = _rows(data, offsets, _MESSAGE_HEADER.itemsize)
-        heads: NDArray[np.void] = rows.view(_MESSAGE_HEADER)[:, 0]
-        ends = offsets.astype(np.uint64) + heads["length"] + _RECORD_START.size
-        if int(heads["length"].min()) >= _FIXED_PART and int(ends.max()) <= len(data):
+    if int(offsets.max()) + MESSAGE_HEAD.itemsize <= len(data):
+        rows = _rows(data, offsets, MESSAGE_HEAD.itemsize)
+        heads: NDArray[np.void] = rows.view(MESSAGE_HEAD)[:, 0]
+        ends = offsets.astype(np.uint64) + heads["length"] + RECORD_START.size
+        if int(heads["length"].min()) >= MESSAGE_FIXED and int(ends.max()) <= len(data):
             return heads
     raise ValueError("a message does not fit into its chunk")
 
@@ -235,56 +235,18 @@ def _rows(data: NDArray[np.uint8], starts: NDArray[np.intp], width: int) -> Byte
     return rows
 
 
-def _pieces(
-    streams: Iterable[BinaryIO], topic: str
-) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.void], NDArray[np.intp]]]:
-    """Yield bytes, fixed parts and offsets of each chunk's messages."""
-    total = expected = 0
-    for stream in streams:
-        reader = make_reader(stream)
-        _check_summary(stream)
-        summary = reader.get_summary()
-        if summary is None or summary.statistics is None:
-            raise NotIndexedError("the file has no summary")
-        wanted = [key for key, entry in summary.channels.items() if entry.topic == topic]
-        counts = summary.statistics.channel_message_counts
-        expected += sum(counts.get(key, 0) for key in wanted)
-        for index in sorted(summary.chunk_indexes, key=lambda entry: entry.chunk_start_offset):
-            entries = _index_entries(stream, index, wanted)
-            if len(entries):
-                stream.seek(index.chunk_start_offset + _RECORD_START.size)
-                data = chunk_content(Chunk.read(ReadDataStream(stream)))
-                heads = _heads(data, entries)
-                total += len(heads)
-                yield data, heads, entries["offset"].astype(np.intp)
-        if total != expected:
-            raise NotIndexedError("messages stand outside of the indexed chunks")
-
-
-def _check_summary(stream: BinaryIO) -> None:
-    stream.seek(-_FILE_END.size, io.SEEK_END)
-    summary_start, _, checksum, _ = _FILE_END.unpack(stream.read(_FILE_END.size))
-    if not checksum:
-        return
-    # The checksum covers everything from the summary on, up to itself.
-    length = stream.tell() - summary_start - _CHECKSUM_AND_MAGIC
-    stream.seek(summary_start)
-    if crc32(stream.read(max(length, 0))) != checksum:
-        raise ValueError("the summary does not have its checksum")
-
-
 def _index_entries(
     stream: BinaryIO, index: ChunkIndex, channels: Sequence[int]
 ) -> NDArray[np.void]:
     """Return where a chunk has messages of the channels, in the order of writing."""
-    found = [np.empty(0, _INDEX_ENTRY)]
+    found = [np.empty(0, _POINTER)]
     for channel in channels:
         if channel not in index.message_index_offsets:
             continue
         stream.seek(index.message_index_offsets[channel])
-        _, length = _RECORD_START.unpack(stream.read(_RECORD_START.size))
-        entries = np.frombuffer(stream.read(length)[_INDEX_START:], _INDEX_STORED)
-        numbered = np.empty(len(entries), _INDEX_ENTRY)
+        _, length = RECORD_START.unpack(stream.read(RECORD_START.size))
+        entries = np.frombuffer(stream.read(length)[INDEX_START.size :], INDEX_ENTRY)
+        numbered = np.empty(len(entries), _POINTER)
         numbered["log_time"], numbered["offset"] = entries["log_time"], entries["offset"]
         numbered["channel"] = channel
         found.append(numbered)
@@ -292,37 +254,6 @@ def _index_entries(
     if np.all(joined["offset"][1:] > joined["offset"][:-1]):
         return joined
     return joined[np.argsort(joined["offset"], kind="stable")]
-
-
-def chunk_content(chunk: Chunk) -> NDArray[np.uint8]:
-    """Return the checked and uncompressed bytes of a chunk.
-
-    Parameters
-    ----------
-    chunk
-        As it stands in the file.
-
-    Raises
-    ------
-    ValueError
-        If it does not have its checksum or its size.
-    """
-    if chunk.compression == "zstd":
-        # The size in the frame's own head is what would be asked of the memory.
-        stated = zstandard.frame_content_size(chunk.data)
-        if stated not in {-1, chunk.uncompressed_size}:
-            raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes says it has {stated}")
-        content = zstandard.ZstdDecompressor().decompress(
-            chunk.data, max_output_size=chunk.uncompressed_size
-        )
-        if chunk.uncompressed_crc and crc32(content) != chunk.uncompressed_crc:
-            raise ValueError("a chunk does not have its checksum")
-    else:
-        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-        content = stream.read(length)
-    if len(content) != chunk.uncompressed_size:
-        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes has {len(content)}")
-    return np.frombuffer(content, np.uint8)
 
 
 def _heads(data: NDArray[np.uint8], entries: NDArray[np.void]) -> NDArray[np.void]:

@@ -1,4 +1,4 @@
-"""Check of an MCAP file: is it what its writer wrote.
+"""MCAP file integrity check.
 
 Every record is visited, and everything that is said twice is compared: checksums, indexes, counts
 and times. A file of the project's own writer has three kinds of checksum that cover every byte
@@ -9,9 +9,7 @@ protects.
 
 from __future__ import annotations
 
-import io
 import mmap
-import struct
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,36 +17,25 @@ from zlib import crc32
 
 import numpy as np
 from mcap import records
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
-from flexarm_bags.chunks import Messages, chunk_content, gathered, heads_at
+from flexarm_bags.chunks import Messages, gathered, heads_at
+from flexarm_bags.layout import (
+    CHECKSUM,
+    MAGIC,
+    RECORD_START,
+    CutError,
+    chunk_content,
+    parse,
+    walk,
+)
+from flexarm_core.errors import one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
-
-_MAGIC = b"\x89MCAP0\r\n"
-_RECORD_START = struct.Struct("<BQ")
-_CHECKSUM_BYTES = 4
-# Channel, sequence, log time and publish time in front of a message's bytes.
-_MESSAGE = struct.Struct("<HIQQ")
-_READERS: dict[int, Callable[[ReadDataStream], records.McapRecord]] = {
-    Opcode.HEADER: records.Header.read,
-    Opcode.SCHEMA: records.Schema.read,
-    Opcode.CHANNEL: records.Channel.read,
-    Opcode.CHUNK: records.Chunk.read,
-    Opcode.MESSAGE_INDEX: records.MessageIndex.read,
-    Opcode.CHUNK_INDEX: records.ChunkIndex.read,
-    Opcode.STATISTICS: records.Statistics.read,
-    Opcode.METADATA: records.Metadata.read,
-    Opcode.METADATA_INDEX: records.MetadataIndex.read,
-    Opcode.SUMMARY_OFFSET: records.SummaryOffset.read,
-    Opcode.DATA_END: records.DataEnd.read,
-    Opcode.FOOTER: records.Footer.read,
-}
 
 
 class TopicMessages(NamedTuple):
@@ -128,46 +115,45 @@ class McapExamination:
             self.notes.append(line)
 
     def _visit(self, data: mmap.mmap) -> Iterator[TopicMessages]:
-        if data[: len(_MAGIC)] != _MAGIC:
+        if data[: len(MAGIC)] != MAGIC:
             self._problem("does not begin as an MCAP file")
             return
-        position = len(_MAGIC)
-        while self._seen[Opcode.FOOTER] == 0:
-            start = position
-            if start + _RECORD_START.size > len(data):
-                self._problem(f"is cut at byte {start}")
+        end = len(MAGIC)
+        try:
+            for opcode, content, end in walk(data, len(MAGIC)):
+                start = content - RECORD_START.size
+                try:
+                    yield from self._take(data, start, opcode, end)
+                except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+                    self._problem(f"the record at byte {start}: {one_line(error)}")
+                if opcode == Opcode.FOOTER:
+                    break
+            else:
+                self._problem(f"is cut at byte {end}")
                 return
-            opcode, length = _RECORD_START.unpack_from(data, start)
-            position = start + _RECORD_START.size + length
-            if position > len(data):
-                self._problem(f"the record at byte {start} is cut")
-                return
-            try:
-                yield from self._take(data, start, opcode, position)
-            except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
-                cause = " ".join(str(error).split()) or type(error).__name__
-                self._problem(f"the record at byte {start}: {cause}")
-        if data[position:] != _MAGIC:
-            self._problem(f"does not end as an MCAP file at byte {position}")
+        except CutError as error:
+            self._problem(str(error))
+            return
+        if data[end:] != MAGIC:
+            self._problem(f"does not end as an MCAP file at byte {end}")
         self._compare()
 
     def _take(self, data: mmap.mmap, start: int, opcode: int, end: int) -> Iterator[TopicMessages]:
         self._seen[opcode] += 1
-        body = data[start + _RECORD_START.size : end]
-        if opcode == Opcode.MESSAGE:
-            yield from self._loose_message(body)
-            return
+        content = data[start + RECORD_START.size : end]
         if opcode == Opcode.ATTACHMENT:
-            self._attachment(body, start)
+            self._attachment(content, start)
             return
-        if opcode not in _READERS:
+        record, length = parse(opcode, content)
+        if record is None:
             self._problem(f"the record at byte {start} is of the unknown kind {opcode}")
             return
-        stream = ReadDataStream(io.BytesIO(body))
-        record = _READERS[opcode](stream)
-        if stream.count != len(body):
+        if length != len(content):
             self._problem(f"the record at byte {start} does not have its length")
-        if isinstance(record, records.Chunk):
+        if isinstance(record, records.Message):
+            self._note("has messages outside of chunks")
+            yield self._counted(record.channel_id, Messages.of([record.log_time], [record.data]))
+        elif isinstance(record, records.Chunk):
             yield from self._chunk(record, start, end)
         elif isinstance(record, records.DataEnd):
             self._data_end(record, memoryview(data)[:start], end)
@@ -176,9 +162,9 @@ class McapExamination:
         else:
             self._plain(record, start)
 
-    def _attachment(self, body: bytes, start: int) -> None:
-        (checksum,) = struct.unpack("<I", body[-_CHECKSUM_BYTES:])
-        if checksum and crc32(body[:-_CHECKSUM_BYTES]) != checksum:
+    def _attachment(self, content: bytes, start: int) -> None:
+        (checksum,) = CHECKSUM.unpack(content[-CHECKSUM.size :])
+        if checksum and crc32(content[: -CHECKSUM.size]) != checksum:
             self._problem(f"the attachment at byte {start} does not have its checksum")
 
     def _data_end(self, record: records.DataEnd, section: memoryview, end: int) -> None:
@@ -188,7 +174,7 @@ class McapExamination:
         elif crc32(section) != record.data_section_crc:
             self._problem("the data section does not have its checksum")
 
-    def _plain(self, record: records.McapRecord, start: int) -> None:
+    def _plain(self, record: records.McapRecord | None, start: int) -> None:
         if isinstance(record, records.Header):
             self.library = record.library
         elif isinstance(record, records.Schema):
@@ -209,13 +195,6 @@ class McapExamination:
     def _same(self, kind: str, number: int, first: object, second: object) -> None:
         if first != second:
             self._problem(f"{kind} {number} stands in there in two versions")
-
-    def _loose_message(self, body: bytes) -> Iterator[TopicMessages]:
-        channel, _, log_time_ns, _ = _MESSAGE.unpack_from(body)
-        raw = np.frombuffer(body[_MESSAGE.size :], np.uint8)[np.newaxis]
-        self._note("has messages outside of chunks")
-        messages = Messages(np.array([log_time_ns], np.int64), [(np.zeros(1, np.intp), raw)])
-        yield self._counted(channel, messages)
 
     def _counted(self, channel: int, messages: Messages) -> TopicMessages:
         if channel not in self.channels:
@@ -250,21 +229,16 @@ class McapExamination:
 
     def _offsets(self, content: NDArray[np.uint8]) -> NDArray[np.intp]:
         """Walk a chunk; return where its messages are."""
-        data = content.data
-        found, position = [], 0
-        while position < len(content):
-            opcode, length = _RECORD_START.unpack_from(data, position)
-            end = position + _RECORD_START.size + length
-            if end > len(content):
-                raise ValueError("a record goes beyond its chunk")
+        data = content.tobytes()
+        found = []
+        for opcode, start, end in walk(data):
+            position = start - RECORD_START.size
             if opcode == Opcode.MESSAGE:
                 found.append(position)
-            elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
-                body = bytes(data[position + _RECORD_START.size : end])
-                self._plain(_READERS[opcode](ReadDataStream(io.BytesIO(body))), position)
-            else:
+                continue
+            if opcode not in {Opcode.SCHEMA, Opcode.CHANNEL}:
                 raise ValueError(f"a chunk holds a record of the unknown kind {opcode}")
-            position = end
+            self._plain(parse(opcode, data[start:end])[0], position)
         return np.array(found, np.intp)
 
     def _message_index(self, index: records.MessageIndex, start: int) -> None:
@@ -316,7 +290,7 @@ class McapExamination:
             self._problem("the footer does not point at the summary")
         if not footer.summary_crc:
             self._note("has no checksum over its summary")
-        elif crc32(summary[:-_CHECKSUM_BYTES]) != footer.summary_crc:
+        elif crc32(summary[: -CHECKSUM.size]) != footer.summary_crc:
             self._problem("the summary does not have its checksum")
 
     def _compare(self) -> None:

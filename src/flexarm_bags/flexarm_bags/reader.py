@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import yaml
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2.reader import DirectoryReader
+from rosbags.rosbag2.storage_mcap import McapReader
 
-from flexarm_bags.chunks import Messages, NotIndexedError, read_topic, topic_pieces
+from flexarm_bags.chunks import IndexedFile, Messages, NotIndexedError, read_topic, topic_pieces
 from flexarm_bags.columns import CdrError, decode, members
 from flexarm_core.errors import BagError, DataError, one_line
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
+    from rosbags.interfaces import Connection
 
     from flexarm_bags.columns import Column
     from flexarm_core.arrays import FloatArray
@@ -117,8 +119,10 @@ def opened(path: Path) -> Iterator[Bag]:
     """
     _require_bag(path)
     try:
-        with AnyReader([path]) as reader:
-            yield Bag(path, reader, _plain_mcap_files(path))
+        with ExitStack() as stack:
+            reader = stack.enter_context(AnyReader([path]))
+            streams = [stack.enter_context(file.open("rb")) for file in _plain_mcap_files(reader)]
+            yield Bag(path, reader, tuple(IndexedFile(stream) for stream in streams))
     except BagError:
         raise
     except DataError as error:
@@ -143,16 +147,13 @@ def _require_bag(path: Path) -> None:
         raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
 
 
-def _plain_mcap_files(path: Path) -> tuple[Path, ...]:
+def _plain_mcap_files(reader: AnyReader) -> list[Path]:
     """Return the files whose chunks can be read directly; none when rosbag2 compressed them."""
-    if not path.is_dir():
-        return (path,) if path.suffix == ".mcap" else ()
-    content = yaml.safe_load((path / "metadata.yaml").read_text("utf-8"))
-    information = content["rosbag2_bagfile_information"]
-    compressed = (information.get("compression_mode") or "none").lower() != "none"
-    if information["storage_identifier"] != "mcap" or compressed:
-        return ()
-    return tuple(path / PurePath(name).name for name in information["relative_file_paths"])
+    storage = getattr(reader.readers[0], "storage", None)
+    parts = storage.storages if isinstance(storage, DirectoryReader) else [storage]
+    plain = [Path(str(part.path)) for part in parts if isinstance(part, McapReader)]
+    compressed = isinstance(storage, DirectoryReader) and storage.metadata.compression_mode
+    return [] if compressed or len(plain) < len(parts) else plain
 
 
 def sibling(topic: str, name: str) -> str:
@@ -170,13 +171,13 @@ class Bag:
         Where it is.
     reader
         Its messages one by one.
-    mcap_files
-        Its files, where their chunks can be read directly.
+    files
+        Its MCAP files, where their chunks can be read directly.
     """
 
     path: Path
     reader: AnyReader
-    mcap_files: tuple[Path, ...]
+    files: tuple[IndexedFile, ...]
 
     @property
     def types(self) -> dict[str, str]:
@@ -221,19 +222,16 @@ class Bag:
         commander = sibling(topic, "commander")
         if not self.has(commander, COMMANDER_INFO):
             return []
-        connections = [entry for entry in self.reader.connections if entry.topic == commander]
-        infos = (
-            self.reader.deserialize(raw, COMMANDER_INFO)
-            for _, _, raw in self.reader.messages(connections)
-        )
+        infos = (self.reader.deserialize(raw, COMMANDER_INFO) for _, _, raw in self._raw(commander))
         # The member is generated from the bag's own definition.
         return [bool(getattr(info, "uses_outputs")) for info in infos]  # noqa: B009
 
     def recorded(self, topic: str) -> Recorded:
         """Return all messages of a topic as columns."""
-        messages = self._chunked_messages(topic)
+        messages = read_topic(self.files, topic) if self.files else None
         if messages is None:
-            messages = self._single_messages(topic)
+            found = [(time_ns, raw) for _, time_ns, raw in self._raw(topic)]
+            messages = Messages.of([time_ns for time_ns, _ in found], [raw for _, raw in found])
         if not len(messages.log_times_ns):
             raise BagError(f"{self.path}: no messages on {topic}")
         layout = members(self.types[topic], self.reader.typestore.fielddefs)
@@ -245,24 +243,21 @@ class Bag:
 
     def pieces(self, topic: str) -> Iterator[Recorded]:
         """Return the messages of a topic as columns, chunk by chunk of the file."""
-        if not self.mcap_files:
+        if not self.files:
             raise BagError(f"{self.path}: only a plain MCAP bag can be read piece by piece")
         layout = members(self.types[topic], self.reader.typestore.fielddefs)
-        with ExitStack() as stack:
-            streams = [stack.enter_context(file.open("rb")) for file in self.mcap_files]
-            try:
-                for messages in topic_pieces(streams, topic):
-                    yield Recorded(messages.log_times_ns, decode(messages.groups, layout))
-            except NotIndexedError as error:
-                raise BagError(f"{self.path}: {error}: read it as a whole") from error
+        try:
+            for messages in topic_pieces(self.files, topic):
+                yield Recorded(messages.log_times_ns, decode(messages.groups, layout))
+        except NotIndexedError as error:
+            raise BagError(f"{self.path}: {error}: read it as a whole") from error
 
     def channels(self, topic: str) -> Channels | None:
         """Return the last ChannelInfo of a topic, None when there is none."""
         if self.types.get(topic) != CHANNEL_INFO:
             return None
-        connections = [entry for entry in self.reader.connections if entry.topic == topic]
         info = None
-        for _, _, raw in self.reader.messages(connections):
+        for _, _, raw in self._raw(topic):
             info = self.reader.deserialize(raw, CHANNEL_INFO)
         if info is None:
             return None
@@ -274,25 +269,7 @@ class Bag:
             source=str(getattr(info, "source")),  # noqa: B009
         )
 
-    def _chunked_messages(self, topic: str) -> Messages | None:
-        """Return None when the files are not fully chunked and indexed."""
-        if not self.mcap_files:
-            return None
-        with ExitStack() as stack:
-            streams = [stack.enter_context(file.open("rb")) for file in self.mcap_files]
-            return read_topic(streams, topic)
-
-    def _single_messages(self, topic: str) -> Messages:
+    def _raw(self, topic: str) -> Iterator[tuple[Connection, int, bytes]]:
+        """Return connection, log time and bytes of each message of a topic."""
         connections = [entry for entry in self.reader.connections if entry.topic == topic]
-        times_ns: list[int] = []
-        raws: list[bytes] = []
-        for _, time_ns, raw in self.reader.messages(connections):
-            times_ns.append(time_ns)
-            raws.append(raw)
-        sizes = np.array([len(raw) for raw in raws], dtype=np.int64)
-        groups = []
-        for size in np.unique(sizes).tolist():
-            numbers = np.flatnonzero(sizes == size)
-            joined = b"".join(raws[number] for number in numbers)
-            groups.append((numbers, np.frombuffer(joined, np.uint8).reshape(-1, size)))
-        return Messages(np.array(times_ns, dtype=np.int64), groups)
+        return self.reader.messages(connections)

@@ -2,35 +2,37 @@
 
 What an MCAP file of ours holds is in chunks, each with a checksum. Where the index at the end of
 the file is whole, each chunk is read by itself, and a damaged one costs its own messages only. A
-file that was cut has no index; its chunks are read one after the other, as far as they go.
+file that was cut has no index; its chunks are read one after the other, past what is damaged.
 """
 
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass
-from io import SEEK_END, BytesIO
 from itertools import chain
-from typing import TYPE_CHECKING, BinaryIO
+from mmap import ACCESS_READ, mmap
+from typing import TYPE_CHECKING
 
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, ChunkIndex, McapRecord, Message, Schema, Statistics
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema, Statistics
+from mcap.stream_reader import get_chunk_data_stream
 
+from flexarm_bags.layout import MAGIC, RECORD_START, CutError, parse, summary_of, walk
 from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.schema import MessageDefinition
 from flexarm_bags.writer import BagWriter, RecordingError
+from flexarm_core.errors import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-# Opcode, length, two offsets and a checksum, and the magic that ends the file.
-_FOOTER = struct.Struct("<BQQQI8s")
-_MAGIC = b"\x89MCAP0\r\n"
-_CHECKSUM_BYTES = 4
+    from mcap.records import McapRecord
+
+# Times, sizes and checksum of a chunk stand in front of the name of its compression.
+_COMPRESSION = b"\x04\x00\x00\x00zstd"
+_COMPRESSION_AT = RECORD_START.size + struct.calcsize("<QQQI")
 
 
 @dataclass(frozen=True)
@@ -109,95 +111,100 @@ class _FileRepair:
         schemas: dict[int, Schema] = {}
         topics: dict[int, RecordedTopic] = {}
         count, announced = 0, None
-        with self._file.open("rb") as stream:
-            for record in self._contents(stream):
-                if isinstance(record, Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, Channel) and record.schema_id in schemas:
-                    try:
-                        topics[record.id] = _topic(record, schemas[record.schema_id])
-                    except UnicodeDecodeError as error:
-                        self._note(f"a definition is damaged: {_cause(error)}")
-                elif isinstance(record, Message) and record.channel_id in topics:
-                    yield topics[record.channel_id], record
-                    count += 1
-                elif isinstance(record, Statistics):
-                    announced = record.message_count
+        for record in self._contents():
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel) and record.schema_id in schemas:
+                try:
+                    topics[record.id] = _topic(record, schemas[record.schema_id])
+                except UnicodeDecodeError as error:
+                    self._note(f"a definition is damaged: {one_line(error)}")
+            elif isinstance(record, Message) and record.channel_id in topics:
+                yield topics[record.channel_id], record
+                count += 1
+            elif isinstance(record, Statistics):
+                announced = record.message_count
         if announced is not None and announced != count:
             self._note(f"{announced - count} of {announced} messages are lost")
 
-    def _contents(self, stream: BinaryIO) -> Iterator[McapRecord]:
+    def _contents(self) -> Iterator[McapRecord]:
         """Yield the records, those in chunks among them.
 
         The definitions are repeated in the summary: the first chunk may be damaged.
         """
-        summary = _summary(stream)
-        chunks = [record for record in summary if isinstance(record, ChunkIndex)]
-        records = chain(summary, self._indexed(stream, chunks)) if chunks else self._all(stream)
-        for record in records:
-            if not isinstance(record, Chunk):
-                yield record
-                continue
+        if not self._file.stat().st_size:
+            self._note("is empty")
+            return
+        with (
+            self._file.open("rb") as stream,
+            mmap(stream.fileno(), 0, access=ACCESS_READ) as data,
+        ):
             try:
-                inner = breakup_chunk(record, validate_crc=True)
-            except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
-                self._note(f"a chunk is damaged: {_cause(error)}")
-            else:
-                yield from inner
+                summary = summary_of(stream)
+            except Exception:  # noqa: BLE001 - parsers raise anything on damaged bytes
+                summary = []
+            chunks = [record for record in summary if isinstance(record, ChunkIndex)]
+            records = chain(summary, self._indexed(data, chunks)) if chunks else self._all(data)
+            for record in records:
+                if isinstance(record, Chunk):
+                    yield from self._inner(record)
+                else:
+                    yield record
 
-    def _indexed(self, stream: BinaryIO, chunks: list[ChunkIndex]) -> Iterator[McapRecord]:
-        for index in chunks:
-            stream.seek(index.chunk_start_offset)
-            reader = StreamReader(
-                stream, skip_magic=True, emit_chunks=True, record_size_limit=index.chunk_length
-            )
-            try:
-                record = next(reader.records)
-            except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
-                self._note(f"a chunk is damaged: {_cause(error)}")
-                continue
-            if isinstance(record, Chunk):
-                yield record
-            else:
-                self._note("a chunk is damaged: its kind is overwritten")
-
-    def _all(self, stream: BinaryIO) -> Iterator[McapRecord]:
-        """Yield the records one after the other, as far as they can be told apart."""
-        stream.seek(len(_MAGIC))
-        limit = self._file.stat().st_size
-        reader = StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=limit)
+    def _inner(self, chunk: Chunk) -> list[McapRecord]:
         try:
-            yield from reader.records
+            stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+            content = stream.read(length)
+            parsed = [parse(opcode, content[start:end])[0] for opcode, start, end in walk(content)]
         except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
-            self._note(_cause(error))
+            self._note(f"a chunk is damaged: {_cause(error)}")
+            return []
+        return [record for record in parsed if record is not None]
+
+    def _indexed(self, data: mmap, chunks: list[ChunkIndex]) -> Iterator[McapRecord]:
+        for index in chunks:
+            start = index.chunk_start_offset
+            content = data[start + RECORD_START.size : start + index.chunk_length]
+            if data[start] != Opcode.CHUNK:
+                self._note("a chunk is damaged: its kind is overwritten")
+                continue
+            try:
+                record, _ = parse(Opcode.CHUNK, content)
+            except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+                self._note(f"a chunk is damaged: {_cause(error)}")
+            else:
+                yield from [record] if record else []
+
+    def _all(self, data: mmap) -> Iterator[McapRecord]:
+        """Yield the records one after the other; behind damage, from the next chunk on."""
+        at, start, end = len(MAGIC), 0, 0
+        while at >= 0:
+            try:
+                for opcode, start, end in walk(data, at):
+                    at = start - RECORD_START.size
+                    record, length = parse(opcode, data[start:end])
+                    if record is not None:
+                        yield record
+                    if opcode == Opcode.FOOTER and data[end:] == MAGIC:
+                        return
+                    if record is not None and length != end - start:
+                        self._note(f"the record at byte {at} does not have its length")
+                        break
+                else:
+                    self._note("it ends in the middle")
+            except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+                self._note(_cause(error))
+            # Only a name in front of the compressed bytes tells where the next chunk may begin.
+            at = data.find(_COMPRESSION, at + _COMPRESSION_AT + 1) - _COMPRESSION_AT
 
     def _note(self, text: str) -> None:
         self._damage.append(f"{self._file.name}: {text}")
 
 
 def _cause(error: Exception) -> str:
-    if isinstance(error, (EndOfFile, struct.error)):
+    if isinstance(error, CutError | EndOfFile | struct.error):
         return "it ends in the middle"
-    return " ".join(str(error).split()) or type(error).__name__
-
-
-def _summary(stream: BinaryIO) -> list[McapRecord]:
-    """Return the records behind the data; nothing when they are not there or damaged."""
-    size = stream.seek(0, SEEK_END)
-    if size < _FOOTER.size:
-        return []
-    stream.seek(-_FOOTER.size, SEEK_END)
-    kind, _, start, _, checksum, magic = _FOOTER.unpack(stream.read(_FOOTER.size))
-    if kind != Opcode.FOOTER or magic != _MAGIC or not 0 < start < size:
-        return []
-    stream.seek(start)
-    raw = stream.read()
-    if checksum and zlib.crc32(raw[: -_CHECKSUM_BYTES - len(_MAGIC)]) != checksum:
-        return []
-    try:
-        return list(StreamReader(BytesIO(raw), skip_magic=True).records)
-    except Exception:  # noqa: BLE001 - parsers raise anything on damaged bytes
-        return []
+    return one_line(error)
 
 
 def _topic(channel: Channel, schema: Schema) -> RecordedTopic:

@@ -26,7 +26,7 @@ from flexarm_core.specs import ParameterSpec
 from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.job import Results, identify_bags, model_name
 from flexarm_ident.models.files import parse_exports
-from flexarm_ident.workflow.workflow import Outcome, Request
+from flexarm_ident.workflow.request import Request
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.msg import ModeSummary
 from flexarm_msgs.srv import Identify
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
     from flexarm_ident.estimation.progress import Progress
     from flexarm_ident.models.modes import Mode
+    from flexarm_ident.workflow.outcome import Outcome
 
     Asked: TypeAlias = "Identify.Request | IdentifyBags.Goal"
     Answer: TypeAlias = "Identify.Response | IdentifyBags.Result"

@@ -1,26 +1,37 @@
-"""From bags to a folder of results: what the command, the service and the action do."""
+"""Identification job: from bags to a folder with the model and its report."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+import tempfile
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_ident.estimation import progress as stages
+from flexarm_ident.estimation.progress import whole
+from flexarm_ident.friction.friction_parameters import friction_fields
+from flexarm_ident.models.files import FORMATS, save_model
+from flexarm_ident.models.model_parameters import model_parameters
+from flexarm_ident.provenance import model_provenance
 from flexarm_ident.reading.read import read_bag, sample_count, stream_bag
-from flexarm_ident.results import write_report, write_results
-from flexarm_ident.workflow import workflow
+from flexarm_ident.report.content.blocks import Subject
+from flexarm_ident.report.page import render_report
+from flexarm_ident.workflow.stages import run
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Iterator, Sequence
 
     from flexarm_ident.estimation.progress import Progress
     from flexarm_ident.models.model_parameters import ParameterValue
     from flexarm_ident.records.source import Source
+    from flexarm_ident.workflow.outcome import Outcome
+    from flexarm_ident.workflow.request import Request
 
 LARGEST_IN_MEMORY = 1_000_000
 """Samples of a bag from which it is read in pieces, each time it is gone through."""
+MODEL_FILE = "model.yaml"
+REPORT_FILE = "report.html"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +52,7 @@ class Results:
 
     name: str
     folder: Path
-    outcome: workflow.Outcome
+    outcome: Outcome
     parameters: dict[str, ParameterValue]
 
 
@@ -53,7 +64,7 @@ def model_name(bag: Path) -> str:
 def identify_bags(
     bags: Sequence[Path],
     folder: Path,
-    request: workflow.Request,
+    request: Request,
     *,
     exports: Sequence[str] = (),
     progress: Progress = lambda _stage, _fraction: None,
@@ -61,7 +72,7 @@ def identify_bags(
     """Read bags, identify one model, and write it with its report.
 
     A bag of more than `LARGEST_IN_MEMORY` samples is read in pieces, so that memory does not grow
-    with its length; see `workflow.run` for what that leaves out.
+    with its length; see `workflow.stages.run` for what that leaves out.
 
     Parameters
     ----------
@@ -72,7 +83,7 @@ def identify_bags(
     request : Request
         What is to be done.
     exports : sequence of str
-        Suffixes of further formats, see `exports.parse_exports`.
+        Suffixes of further formats, see `models.files.parse_exports`.
     progress : callable
         Called with the stage and the part of the whole that is done. What it raises ends the job
         and leaves no file.
@@ -89,7 +100,7 @@ def identify_bags(
     OSError
         If the folder cannot be written.
     """
-    report = stages.whole(progress)
+    report = whole(progress)
     measured, outcome = _identified(bags, request, report)
     name = model_name(bags[0])
     parameters = write_results(
@@ -106,7 +117,7 @@ def identify_bags(
 def report_bags(
     bags: Sequence[Path],
     file: Path,
-    request: workflow.Request,
+    request: Request,
     *,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Results:
@@ -131,7 +142,7 @@ def report_bags(
     OSError
         If the file cannot be written.
     """
-    report = stages.whole(progress)
+    report = whole(progress)
     measured, outcome = _identified(bags, request, report)
     name = model_name(bags[0])
     parameters = write_report(
@@ -140,21 +151,149 @@ def report_bags(
     return Results(name, file.parent, outcome, parameters)
 
 
+def write_results(
+    folder: Path,
+    outcome: Outcome,
+    measured: Sequence[Source],
+    *,
+    name: str,
+    exports: Sequence[str] = (),
+    before_commit: Callable[[], None] = lambda: None,
+) -> dict[str, ParameterValue]:
+    """Write `model.yaml`, ready for `--params-file`, `report.html`, and further formats.
+
+    Everything is written beside the folder first. A new folder appears complete or not at all; in
+    one that is there, files of an earlier identification are replaced and others stay.
+
+    Parameters
+    ----------
+    folder : Path
+        Created when it is missing.
+    outcome : Outcome
+        The identification.
+    measured : sequence of Source
+        The records as they were read; their hashes are written beside the model.
+    name : str
+        Name of the model.
+    exports : sequence of str
+        Suffixes of `models.files.FORMATS` beside `.yaml`.
+    before_commit : callable
+        Called when all is written but nothing is in its place; may raise to leave no trace.
+
+    Returns
+    -------
+    dict
+        The model as flat parameters `models.<name>.*`.
+
+    Raises
+    ------
+    ModelFileError
+        When the model cannot be written in one of the formats.
+    OSError
+        When the folder cannot be written.
+    """
+    subject, provenance = _subject(name, outcome, measured)
+    model_files = [Path(MODEL_FILE), *(Path(MODEL_FILE).with_suffix(each) for each in exports)]
+    listed = replace(subject, files=[str(file) for file in model_files])
+    report = render_report(listed, title=_title(name))
+    with _staging(folder) as staging:
+        for file in model_files:
+            save_model(staging / file, outcome.model, name=name, provenance=provenance)
+        (staging / REPORT_FILE).write_text(report, encoding="utf-8")
+        before_commit()
+        _commit(staging, folder)
+    return dict(subject.parameters)
+
+
+def write_report(
+    file: Path,
+    outcome: Outcome,
+    measured: Sequence[Source],
+    *,
+    name: str,
+    before_commit: Callable[[], None] = lambda: None,
+) -> dict[str, ParameterValue]:
+    """Write nothing but the report; the model is inside it.
+
+    Parameters
+    ----------
+    file : Path
+        HTML file; its folder is created when it is missing.
+    outcome, measured, name, before_commit
+        As in `write_results`.
+
+    Returns
+    -------
+    dict
+        The model as flat parameters `models.<name>.*`.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be written.
+    """
+    subject, _ = _subject(name, outcome, measured)
+    report = render_report(subject, title=_title(name))
+    with _staging(file) as staging:
+        staged = staging / REPORT_FILE
+        staged.write_text(report, encoding="utf-8")
+        before_commit()
+        staged.replace(file)
+    return dict(subject.parameters)
+
+
 def _identified(
-    bags: Sequence[Path], request: workflow.Request, report: Progress
-) -> tuple[list[Source], workflow.Outcome]:
+    bags: Sequence[Path], request: Request, report: Progress
+) -> tuple[list[Source], Outcome]:
     """Return the records as measured, and what was identified from them."""
     measured: list[Source] = []
     for done, bag in enumerate(bags):
         report("reading", done / len(bags))
         measured.append(_read(bag, request))
-    outcome = workflow.run(measured, request, progress=report)
+    outcome = run(measured, request, progress=report)
     report("writing", 0.0)
     return measured, outcome
 
 
-def _read(bag: Path, request: workflow.Request) -> Source:
+def _read(bag: Path, request: Request) -> Source:
     # In pieces, the compensation is always removed.
     if request.remove_compensation and sample_count(bag) > LARGEST_IN_MEMORY:
         return stream_bag(bag)
     return read_bag(bag)
+
+
+def _subject(
+    name: str, outcome: Outcome, measured: Sequence[Source]
+) -> tuple[Subject, dict[str, str | list[str] | list[float]]]:
+    """Return what the report is about, and what stands beside the model."""
+    provenance = model_provenance(outcome, measured) | friction_fields(outcome.friction)
+    parameters = model_parameters(name, outcome.model, provenance=provenance)
+    return Subject(outcome, name, parameters), provenance
+
+
+def _title(name: str) -> str:
+    return f"Identification of {name}"
+
+
+@contextmanager
+def _staging(target: Path) -> Iterator[Path]:
+    """Give a folder beside the target, for what is moved to it when it is complete."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as beside:
+        # A folder inside has the usual permissions.
+        staging = Path(beside, "results")
+        staging.mkdir()
+        yield staging
+
+
+def _commit(staging: Path, folder: Path) -> None:
+    if not folder.exists():
+        staging.rename(folder)
+        return
+    for suffix in FORMATS:
+        # A format of an earlier model would contradict the new ones.
+        stale = (folder / MODEL_FILE).with_suffix(suffix)
+        if not (staging / stale.name).exists():
+            stale.unlink(missing_ok=True)
+    for file in staging.iterdir():
+        file.replace(folder / file.name)

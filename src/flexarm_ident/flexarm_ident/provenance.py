@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_ident.records.source import Source
-    from flexarm_ident.workflow.workflow import Outcome
+    from flexarm_ident.workflow.outcome import Outcome
 
 _CHUNK = 16_384
 _PACKAGES = ("flexarm_ident", "numpy", "scipy", "control")

@@ -58,7 +58,9 @@ class Recording:
                 if count % CHUNK == 0:
                     writer.flush()
         self.file = mcap_file(bag)
-        self.chunks = chunks_of(self.file.read_bytes())
+        raw = self.file.read_bytes()
+        self.chunks = chunks_of(raw)
+        (self.summary_at,) = struct.unpack_from("<Q", raw, len(raw) - len(MAGIC) - 20)
 
     def whole_at(self, size: int) -> int:
         """Return how many messages are whole when the file is cut to a size."""
@@ -217,6 +219,46 @@ def test_one_wrong_byte_anywhere___no_message_is_changed(
     assert all(message in in_order for message in saved)
     assert len(saved) == len(recording.messages) or damage
     assert len(saved) >= len(recording.messages) - CHUNK
+
+
+@pytest.mark.slow
+@settings(max_examples=100)
+@given(st.data())
+def test_cut_and_wrong_bits___every_whole_chunk_is_saved_and_nothing_is_changed(
+    tmp_path_factory: pytest.TempPathFactory, recording: Recording, data: st.DataObject
+) -> None:
+    raw = bytearray(recording.file.read_bytes())
+    size = data.draw(st.just(len(raw)) | st.integers(0, len(raw)))
+    wrong = data.draw(st.sets(st.integers(0, 8 * len(raw) - 1), max_size=6))
+    for bit in wrong:
+        raw[bit // 8] ^= 1 << bit % 8
+    folder = tmp_path_factory.mktemp("bits")
+    damaged = damaged_copy(recording, folder / "run", bytes(raw[:size]))
+
+    def is_whole(start: int, end: int) -> bool:
+        return end <= size and not any(start <= bit // 8 < end for bit in wrong)
+
+    saved, damage = repaired(damaged, folder / "copy")
+
+    in_order = iter(recording.messages)
+    assert all(message in in_order for message in saved)
+    assert len(saved) == len(recording.messages) or damage
+    # The definitions are in the first chunk, and again in the summary.
+    if is_whole(*recording.chunks[0]) or is_whole(recording.summary_at, len(raw)):
+        for number, chunk in enumerate(recording.chunks):
+            if is_whole(*chunk):
+                assert all(each in saved for each in recording.messages[number * CHUNK :][:CHUNK])
+
+
+def test_wrong_lengths_without_an_index___cost_their_chunk_only(
+    recording: Recording, tmp_path: Path
+) -> None:
+    raw = bytearray(recording.file.read_bytes()[:-1])
+    for start in (recording.chunks[1][0], recording.chunks[3][1]):
+        # Of a chunk, and of the index of messages behind another one.
+        raw[start + 4] ^= 0x40
+    summary = repair_bag(damaged_copy(recording, tmp_path / "run", bytes(raw)), tmp_path / "copy")
+    assert content(summary.bag) == [*recording.messages[:CHUNK], *recording.messages[2 * CHUNK :]]
 
 
 def test_chunk_of_another_kind___is_missed(recording: Recording, tmp_path: Path) -> None:

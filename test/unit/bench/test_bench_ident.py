@@ -1,35 +1,27 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
 
-from support.project import BENCH
+from support.benchmarks import run_bench
 
 if TYPE_CHECKING:
     from pathlib import Path
+    from subprocess import CompletedProcess
 
 pytestmark = pytest.mark.slow
 
 
-def run_ident(*options: str, cache: Path) -> subprocess.CompletedProcess[str]:
-    source = str(BENCH.parent / "src" / "flexarm_ident")
-    environment = {"PYTHONPATH": source, "XDG_CACHE_HOME": str(cache), "OMP_NUM_THREADS": "1"}
-    return subprocess.run(  # noqa: S603 - our own benchmark
-        [sys.executable, str(BENCH / "ident.py"), *options],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**environment, "PATH": "/usr/bin:/bin", "COLUMNS": "120"},
-    )
+def run_ident(cache: Path, *options: str) -> CompletedProcess[str]:
+    """Run the benchmark where no peer is installed."""
+    return run_bench("ident.ident", *options, XDG_CACHE_HOME=str(cache), PATH="/usr/bin:/bin")
 
 
 def test_bench_ident___quick___rows_and_missing_peers_are_named(tmp_path: Path) -> None:
     file = tmp_path / "rows.json"
-    done = run_ident("--quick", "--json", str(file), cache=tmp_path)
+    done = run_ident(tmp_path, "--quick", "--json", str(file))
     assert done.returncode == 0, done.stderr
     (row,) = json.loads(file.read_text("utf-8"))
     assert {key: row[key] for key in ("method", "noise", "k", "seeds", "unstable", "failure")} == {
@@ -50,7 +42,7 @@ def test_bench_ident___quick___rows_and_missing_peers_are_named(tmp_path: Path) 
 
 def test_bench_ident___stability___no_model_of_any_noise_is_unstable(tmp_path: Path) -> None:
     file = tmp_path / "counts.json"
-    done = run_ident("--stability", "3", "--json", str(file), cache=tmp_path)
+    done = run_ident(tmp_path, "--stability", "3", "--json", str(file))
     assert done.returncode == 0, done.stderr
     counts = json.loads(file.read_text("utf-8"))
     methods, noises = ("orse", "orse_iv", "auto"), ("white", "butterworth", "ar1", "closed_loop")
@@ -64,4 +56,4 @@ def test_bench_ident___stability___no_model_of_any_noise_is_unstable(tmp_path: P
 
 
 def test_bench_ident___unknown_option___fails(tmp_path: Path) -> None:
-    assert run_ident("--fast", cache=tmp_path).returncode == 2
+    assert run_ident(tmp_path, "--fast").returncode == 2

@@ -1,35 +1,24 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from support.project import BENCH
+from support.benchmarks import run_bench
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = pytest.mark.slow
 
-SCRIPT = BENCH / "reduction.py"
-
 
 def test_bench_reduction___few_records___bear_out_the_claims_of_tables_3_1_to_3_3(
     tmp_path: Path,
 ) -> None:
     file = tmp_path / "trials.json"
-    done = subprocess.run(  # noqa: S603 - our own benchmark
-        [sys.executable, str(SCRIPT), "--seeds", "3", "--json", str(file)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OMP_NUM_THREADS": "1"},
-    )
+    done = run_bench("ident.reduction", "--seeds", "3", "--json", str(file))
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("3 of 3") == 6
     trials: list[dict[str, Any]] = json.loads(file.read_text("utf-8"))

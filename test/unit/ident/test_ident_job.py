@@ -16,7 +16,8 @@ from flexarm_ident.estimation.progress import whole
 from flexarm_ident.job import identify_bags, model_name
 from flexarm_ident.models.files import load_model
 from flexarm_ident.provenance import record_hash
-from flexarm_ident.workflow.workflow import Request, run
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run
 from support.bag_samples import START_NS, io_sample, write_bag
 from support.ident_systems import random_model, step_by_step
 

@@ -27,8 +27,6 @@ _ALL = (
     # Their nodes wait more than they work, and some keep the time: two at once, on any machine.
     ("system tests", ["pytest", "--numprocesses", "2", "--dist", "loadfile", "test/system"]),
 )
-# A file control.py would hide the package of that name.
-_FILES = {"control": "control_laws"}
 
 
 def check_everything(arguments: tuple[str, ...], *, quick: bool = False) -> int:
@@ -75,7 +73,8 @@ def run_bench(name: str, arguments: tuple[str, ...]) -> int:
         Outside a checkout.
     """
     root = checkout("benchmarks")
-    command = [sys.executable, str(root / "bench" / f"{_FILES.get(name, name)}.py"), *arguments]
+    (file,) = root.glob(f"bench/*/{name}.py")
+    command = [sys.executable, "-m", f"bench.{file.parent.name}.{name}", *arguments]
     return subprocess.run(command, check=False, env=_environment(root)).returncode  # noqa: S603
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from flexarm_bringup.console import terminal
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
-from flexarm_ident.workflow.workflow import Request
+from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -29,8 +29,9 @@ from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_ident.reading.read import read_bag_report
 from flexarm_ident.records.iodata import ARM_OUTPUTS
-from flexarm_ident.report.page import Section, append_section
-from flexarm_ident.report.plots.plots import step_plot
+from flexarm_ident.report.content.blocks import Plots, Words
+from flexarm_ident.report.page import append_section
+from flexarm_ident.report.plots.time_plots import step_plot
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
@@ -270,8 +271,9 @@ def _write_report(out: Path, response: Identify.Response, step: BagReading) -> N
         f"overshoot {100 * figures.overshoot:.1f} %, "
         f"within 5 % after {figures.settling_s:.2f} s."
     )
-    section = Section("Controlled step", words, plot)
-    (out / "report.html").write_text(append_section(text, section), encoding="utf-8")
+    blocks = (Words(words), Plots((("", plot),)))
+    longer = append_section(text, "Controlled step", blocks)
+    (out / "report.html").write_text(longer, encoding="utf-8")
 
 
 def _show_step(summary: dict[str, Any], out: Path, *, keep_bag: bool) -> None:

@@ -11,7 +11,8 @@ from flexarm_control.models.nominal_models import nominal_model
 from flexarm_core.errors import IdentificationError, SettingError
 from flexarm_ident.models.ros_yaml import read_parameter_file
 from flexarm_ident.reading.read import read_bag_report
-from flexarm_ident.workflow import workflow
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -170,7 +171,7 @@ def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) ->
 
 def _identified(bag: Path) -> control.StateSpace:
     data = read_bag_report(bag).data
-    return workflow.run(data, workflow.Request(reduction="mrm", update="b")).model
+    return run(data, Request(reduction="mrm", update="b")).model
 
 
 def _payload_kg(name: str) -> float:

@@ -10,8 +10,8 @@ import numpy as np
 import scipy
 
 from flexarm_core.arrays import runs
-from flexarm_ident.records.data_warning import DataWarning
-from flexarm_ident.records.dead_sensor import dead_stretches
+from flexarm_ident.records.iodata import DataWarning
+from flexarm_ident.records.signals import dead_stretches
 from flexarm_ident.subspace.feedback import feedback_test
 from flexarm_ident.subspace.orse import SINGULAR_CONDITION
 

@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.friction.levels import CoulombEstimate
     from flexarm_ident.models.modes import Mode
-    from flexarm_ident.records.data_warning import DataWarning
-    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.iodata import DataWarning, IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.orse import Subspace
 

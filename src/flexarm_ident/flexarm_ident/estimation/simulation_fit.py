@@ -21,7 +21,7 @@ from flexarm_ident.friction.arm_fit import fit_arm
 from flexarm_ident.friction.layout import arm_layout
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.models.free_run import simulate
-from flexarm_ident.records.dead_sensor import live_samples
+from flexarm_ident.records.signals import live_samples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

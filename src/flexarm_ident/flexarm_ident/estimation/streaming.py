@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.estimation.identification import Identification
     from flexarm_ident.estimation.progress import Progress
-    from flexarm_ident.records.data_warning import DataWarning
+    from flexarm_ident.records.iodata import DataWarning
     from flexarm_ident.records.source import Source
 
 EXCERPT_SAMPLES = 65_536

@@ -19,9 +19,8 @@ from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
 from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
 from flexarm_ident.friction.layout import drive_columns
 from flexarm_ident.models.state_space import state_space
-from flexarm_ident.records.bandwidth import bandwidth_hz, smoothed
-from flexarm_ident.records.dead_sensor import live_samples
 from flexarm_ident.records.iodata import as_records
+from flexarm_ident.records.signals import bandwidth_hz, live_samples, smoothed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

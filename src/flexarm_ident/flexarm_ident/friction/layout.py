@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.records.bandwidth import bandwidth_hz, smoothed
+from flexarm_ident.records.signals import bandwidth_hz, smoothed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -15,8 +15,8 @@ import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.friction.layout import SMOOTHING, drive_columns
-from flexarm_ident.records.bandwidth import bandwidth_hz, smoothed
 from flexarm_ident.records.iodata import as_records
+from flexarm_ident.records.signals import bandwidth_hz, smoothed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,8 +10,7 @@ import numpy as np
 from flexarm_core.errors import DataError
 from flexarm_ident.reading.loop_kind import loop_kind
 from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_rows, timetable
-from flexarm_ident.records.data_warning import DataWarning
-from flexarm_ident.records.iodata import ARM_OUTPUTS, IoData
+from flexarm_ident.records.iodata import ARM_OUTPUTS, DataWarning, IoData
 from flexarm_ident.records.source import joined
 
 if TYPE_CHECKING:

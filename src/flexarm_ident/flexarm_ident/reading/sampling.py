@@ -9,8 +9,8 @@ import numpy as np
 
 from flexarm_core.arrays import runs
 from flexarm_ident.reading.grid import LATEST
-from flexarm_ident.records.data_warning import DataWarning
 from flexarm_ident.records.holes import LONGEST_FILLED, unusable_rows
+from flexarm_ident.records.iodata import DataWarning
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

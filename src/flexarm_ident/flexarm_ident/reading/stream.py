@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.reading.alignment import Header
-    from flexarm_ident.records.data_warning import DataWarning
-    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.iodata import DataWarning, IoData
 
     Rows = tuple[FloatArray, FloatArray]
 

@@ -13,16 +13,37 @@ from flexarm_core.errors import DataError
 from flexarm_ident.records.holes import filled, unusable_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
     from flexarm_core.arrays import BoolArray, FloatArray
-    from flexarm_ident.records.data_warning import DataWarning
 
 ARM_OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
 DRIVE_LIMIT_V = 10.0
 """Limit of our own rig's drive: beyond it the drive does not follow its command."""
+
+
+@dataclass(frozen=True)
+class DataWarning:
+    """One thing to know before trusting a model.
+
+    Attributes
+    ----------
+    name : str
+        What it is, the same for all data: ``saturation``.
+    text : str
+        One line that says where, how much, and what to do.
+    figures : mapping of str to float
+        The figures in the text.
+    """
+
+    name: str
+    text: str
+    figures: Mapping[str, float]
+
+    def __str__(self) -> str:
+        return self.text
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +130,11 @@ class IoData:
     def label(self) -> str:
         """Name of the record in messages."""
         return self.source or "record"
+
+    @property
+    def times_s(self) -> FloatArray:
+        """Instants of the samples from the first one on, (samples,)."""
+        return np.linspace(0.0, (len(self) - 1) * self.dt_s, len(self))
 
     @property
     def effort(self) -> FloatArray:

@@ -10,8 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.records.data_warning import DataWarning
-    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.iodata import DataWarning, IoData
 
 
 class Samples(Protocol):

@@ -9,7 +9,7 @@ from scipy import signal
 
 from flexarm_ident import IoData
 from flexarm_ident.diagnostics.quality import assess, excited_band_hz
-from flexarm_ident.records.data_warning import DataWarning
+from flexarm_ident.records.iodata import DataWarning
 from flexarm_ident.subspace.gram import block_gram
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 

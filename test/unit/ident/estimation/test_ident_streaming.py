@@ -18,9 +18,10 @@ from flexarm_ident.provenance import record_hash
 from flexarm_ident.reading.read import stream_bag
 from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, remove_compensation
 from flexarm_ident.records.source import even_chunks
-from flexarm_ident.report.data import record_table
+from flexarm_ident.report.sections.data import record_table
 from flexarm_ident.subspace.gram import LagSums
-from flexarm_ident.workflow.workflow import Request, run
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run
 from support.bag_samples import (
     START_NS,
     Sent,

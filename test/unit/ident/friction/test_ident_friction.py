@@ -13,7 +13,7 @@ from flexarm_ident.friction.layout import Drive
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.stick_slip import friction_force
-from flexarm_ident.records.dead_sensor import live_samples
+from flexarm_ident.records.signals import live_samples
 from support.ident_systems import DT_S, arm_model, named
 
 if TYPE_CHECKING:

@@ -20,12 +20,13 @@ from flexarm_ident.friction.dry_friction import (
 )
 from flexarm_ident.friction.friction_parameters import friction_fields, friction_from_parameters
 from flexarm_ident.friction.layout import Drive, arm_layout
+from flexarm_ident.job import write_results
 from flexarm_ident.models.files import EXPORTS
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.model_parameters import ModelFileError, flat_parameters, model_parameters
 from flexarm_ident.reduction.modal import truncate
-from flexarm_ident.results import write_results
-from flexarm_ident.workflow.workflow import Outcome, Request, run
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 from support.project import BAGS
 
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from flexarm_ident.workflow.outcome import Outcome
 
     Array = NDArray[np.float64]
 

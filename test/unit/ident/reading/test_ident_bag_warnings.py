@@ -10,7 +10,7 @@ import pytest
 from flexarm_ident import identify, job, read_bag
 from flexarm_ident.job import identify_bags
 from flexarm_ident.reading.read import stream_bag
-from flexarm_ident.workflow.workflow import Request
+from flexarm_ident.workflow.request import Request
 from support.bag_samples import START_NS, io_sample, write_bag
 from support.ident_systems import random_model, step_by_step
 

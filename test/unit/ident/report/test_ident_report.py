@@ -5,7 +5,8 @@ import re
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -17,26 +18,24 @@ from flexarm_ident.models.files import load_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.models.modes import mode_table
 from flexarm_ident.provenance import model_provenance, record_hash
-from flexarm_ident.report.page import Section, append_section, render_report
-from flexarm_ident.report.plots.cost_plot import cost_plot
+from flexarm_ident.report import sections as registry
+from flexarm_ident.report.content.blocks import Plots, Subject, Words
+from flexarm_ident.report.page import append_section, render_report
 from flexarm_ident.report.plots.frequency_plot import frequency_grid, frequency_plot
-from flexarm_ident.report.plots.plots import (
-    input_plot,
-    match_plot,
-    singular_value_plot,
-    step_plot,
-)
-from flexarm_ident.report.plots.pole_plot import damping_plot, pole_plot
-from flexarm_ident.workflow.workflow import Outcome, Request, run
+from flexarm_ident.report.plots.order_plots import cost_plot, singular_value_plot
+from flexarm_ident.report.plots.pole_plots import damping_plot, pole_plot
+from flexarm_ident.report.plots.time_plots import input_plot, match_plot, step_plot
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from flexarm_ident.models.modes import Mode
+    from flexarm_ident.workflow.outcome import Outcome
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 KNOWN_HZ = (9.4, 24.1, 45.6)
@@ -105,10 +104,14 @@ def text(outcome: Outcome) -> str:
     return rendered(outcome)
 
 
-def rendered(outcome: Outcome, title: str = "An arm", **more: Any) -> str:  # noqa: ANN401
+def subject_of(outcome: Outcome, files: Sequence[str] = ()) -> Subject:
     provenance = model_provenance(outcome, outcome.records)
     parameters = model_parameters("arm", outcome.model, provenance=provenance)
-    return render_report(outcome, title=title, name="arm", parameters=parameters, **more)
+    return Subject(outcome, "arm", parameters, files)
+
+
+def rendered(outcome: Outcome, title: str = "An arm", files: Sequence[str] = ()) -> str:
+    return render_report(subject_of(outcome, files), title=title)
 
 
 @pytest.fixture(scope="module")
@@ -252,9 +255,9 @@ def test_render_report___simulation_that_runs_away___is_still_drawn(outcome: Out
     assert not re.search(r' d="[^"]*(nan|inf|e\+)', text)
 
 
-def test_render_report___extra_sections___stand_at_the_end_in_order(small: Outcome) -> None:
-    sections = [Section("First <b>", "5 < 6 & more"), Section("Second", "with a plot", a_step())]
-    text = rendered(small, extra_sections=sections)
+def test_append_section___two___stand_at_the_end_in_order(small: Outcome) -> None:
+    text = append_section(rendered(small), "First <b>", [Words("5 < 6 & more")])
+    text = append_section(text, "Second", [Words("with a plot"), Plots((("", a_step()),))])
     headings = [unescape(heading) for heading in re.findall("<h2>(.*?)</h2>", text)]
     assert headings[-3:] == ["The model", "First <b>", "Second"]
     assert "<p>5 &lt; 6 &amp; more</p>" in text
@@ -343,9 +346,22 @@ def test_render_report___flawed_data___lists_checks_with_figures() -> None:
     assert "Saturation nothing found" in words
 
 
+def test_sections___registry___has_every_module_once_in_the_order_of_the_report(
+    outcome: Outcome, text: str
+) -> None:
+    modules = {file.stem for file in Path(registry.__file__).parent.glob("[a-z]*.py")}
+    rows = registry.sections()
+    assert len(rows) == len(modules) == len({row.place for row in rows})
+    titles = [row.title for row in rows if row.applies(subject_of(outcome))]
+    assert re.findall("<h2>(.*?)</h2>", text) == titles
+    assert re.findall(r'<section id="(.*?)">', text) == [
+        row.anchor for row in rows if row.title in titles
+    ]
+
+
 def test_append_section___text_of_something_else___is_refused() -> None:
     with pytest.raises(IdentificationError, match="cannot add 'Step': the text is no report"):
-        append_section("<html></html>", Section("Step", "words"))
+        append_section("<html></html>", "Step", [Words("words")])
 
 
 def times(samples: int) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from flexarm_ident.job import report_bags
-from flexarm_ident.workflow.workflow import Request
+from flexarm_ident.workflow.request import Request
 from support.project import BAGS
 
 if TYPE_CHECKING:

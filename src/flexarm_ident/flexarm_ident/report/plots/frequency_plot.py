@@ -1,4 +1,4 @@
-"""The plot of a frequency response, as SVG text like those of `plots`."""
+"""Plot of a frequency response, with its standard deviation."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from matplotlib.ticker import MultipleLocator, NullFormatter
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_and_damping
-from flexarm_ident.report.plots.plot_style import (
+from flexarm_ident.report.plots.style import (
     BLUE,
     DASHED,
     SOLID,
     STYLE,
     VERMILION,
     figure_of,
+    inline_svg,
     legend_above,
     plain_numbers,
 )
-from flexarm_ident.report.plots.svg import inline_svg
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

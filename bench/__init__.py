@@ -1,0 +1,1 @@
+"""Benchmarks of flexarm beside its peers; `flexarm bench NAME` runs one."""

@@ -1,0 +1,1 @@
+"""Benchmarks of the bag format: speed of reading, damaged files."""

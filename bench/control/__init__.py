@@ -1,0 +1,1 @@
+"""Benchmarks of the control laws on the simulated rig."""

@@ -1,0 +1,1 @@
+"""Benchmarks of the identification: accuracy, time, damaged records, reduction."""

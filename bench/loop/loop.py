@@ -1,0 +1,211 @@
+"""Benchmark of the loop: daq and controller as processes over DDS, beside a bare Python loop.
+
+The simulated rig in real time. Lateness of the ticks, time from a sample to its command, missed
+periods and unanswered samples are what the DAQ node reports of itself on `/diagnostics`. The floor
+is a Python loop that only sleeps until its next deadline, in a process of its own at the same time
+and priority: what it misses, this machine makes every Python program miss.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from diagnostic_msgs.msg import DiagnosticArray
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from bench.tools import json_option, write_json
+from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_node import qos
+from flexarm_node.process import prefer_realtime
+from flexarm_node.statistics import Percentiles, Window
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from multiprocessing.connection import Connection
+
+_SETTLE_S = 2.0
+_PERCENTILES = {"p50": "p50", "p99": "p99", "p999": "p999", "max": "maximum"}
+
+
+@dataclass(frozen=True)
+class Row:
+    """Figures of one run; times in ms, CPU as a share of one core per node."""
+
+    asked_hz: float
+    rate_hz: float
+    reply_ms: dict[str, float]
+    late_ms: dict[str, float]
+    floor_late_ms: dict[str, float]
+    samples: int
+    missed: int
+    floor_missed: int
+    unanswered: int
+    fell_safe: int
+    cpu: dict[str, float]
+    realtime: bool
+    load: bool
+
+
+@click.command()
+@click.option(
+    "--rate", "rates_hz", type=click.FloatRange(10.0, 2000.0), multiple=True, default=(300.0,),
+    show_default=True, help="Hz; repeat for several.",
+)  # fmt: skip
+@click.option("--minutes", type=click.FloatRange(0.05), default=1.0, show_default=True)
+@click.option("--load", is_flag=True, help="Keep one core busy beside it.")
+@json_option
+def main(
+    *, rates_hz: tuple[float, ...], minutes: float, load: bool, json_file: Path | None
+) -> None:
+    """Measure each rate, print one table, and write its rows to a file on request."""
+    console = Console()
+    try:
+        rows = [measure(rate_hz, 60.0 * minutes, load=load) for rate_hz in rates_hz]
+    except LaunchError as error:
+        raise click.ClickException(str(error)) from None
+    console.print(table(rows))
+    if not all(row.realtime for row in rows):
+        console.print(
+            "Without real-time priority, which this account may not take: a busy machine shows."
+        )
+    write_json(json_file, rows)
+
+
+def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:
+    """Run the loop for that long and return what it and the floor report."""
+    parameters: dict[str, dict[str, Any]] = {
+        "daq": {"rate_hz": rate_hz, "statistics_s": length_s, "time": "real"},
+        "controller": {"law": "pdpc", "reference": "square", "square.amplitude_v": 2.0},
+    }
+    log = Path("out/bench/loop.log")
+    with ExitStack() as stack:
+        operator, processes = stack.enter_context(
+            running_graph(parameters, log, nodes=("controller", "daq"))
+        )
+        if load:
+            stack.enter_context(beside(_burn))
+        heard: dict[str, str] = {}
+        operator.listen(DiagnosticArray, "/diagnostics", qos.SENT, _keep("daq", heard))
+        operator.activate("controller")
+        operator.activate("daq")
+        operator.wait(lambda: int(heard.get("samples", 0)) > _SETTLE_S * rate_hz, "samples")
+        floor = stack.enter_context(beside(_floor, rate_hz, length_s))
+        first, first_s = int(heard["samples"]), float(heard["time_s"])
+        cpu_s = processes.cpu_s()
+        for _ in track(range(round(length_s)), f"{rate_hz:g} Hz"):
+            until_s = time.monotonic() + 1.0
+            operator.wait(lambda until=until_s: time.monotonic() >= until, "time")  # type: ignore[misc]
+        used_s = {name: value - cpu_s[name] for name, value in processes.cpu_s().items()}
+        operator.wait(lambda: float(heard["time_s"]) >= first_s + length_s, "the last report")
+        elapsed_s = float(heard["time_s"]) - first_s
+        floor_late, floor_missed = floor.recv()
+        samples = int(heard["samples"])
+        return Row(
+            asked_hz=rate_hz,
+            rate_hz=(samples - first) / elapsed_s,
+            reply_ms=_read(heard, "reply"),
+            late_ms=_read(heard, "late"),
+            floor_late_ms={
+                name: 1e3 * getattr(floor_late, field) for name, field in _PERCENTILES.items()
+            },
+            samples=samples,
+            missed=int(heard["missed periods"]),
+            floor_missed=floor_missed,
+            unanswered=int(heard["unanswered samples"]),
+            fell_safe=int(heard["events: stale"]),
+            cpu={name: value / elapsed_s for name, value in used_s.items()},
+            realtime=_may_take_priority(),
+            load=load,
+        )
+
+
+def table(rows: list[Row]) -> Table:
+    """Return the table that is printed: one column per rate."""
+    result = Table("", *(f"{row.asked_hz:g} Hz{' + load' * row.load}" for row in rows))
+    lines: dict[str, list[str]] = {
+        "rate, Hz": [f"{row.rate_hz:.2f}" for row in rows],
+        "missed periods (floor)": [f"{row.missed} ({row.floor_missed})" for row in rows],
+        "unanswered": [f"{row.unanswered / row.samples:.2%}" for row in rows],
+        "falls to safe state": [str(row.fell_safe) for row in rows],
+    }
+    for title, field in (("reply", "reply_ms"), ("late", "late_ms"), ("floor", "floor_late_ms")):
+        for name in _PERCENTILES:
+            lines[f"{title} {name}, ms"] = [f"{getattr(row, field)[name]:.3f}" for row in rows]
+    for name in rows[0].cpu:
+        lines[f"{name}, share of a core"] = [f"{row.cpu[name]:.1%}" for row in rows]
+    for title, values in lines.items():
+        result.add_row(title, *values)
+    return result
+
+
+@contextmanager
+def beside(work: Any, *arguments: object) -> Iterator[Connection]:  # noqa: ANN401 - any function
+    """Run a function in a process of its own; what it sends comes through the connection."""
+    ours, theirs = multiprocessing.Pipe()
+    process = multiprocessing.get_context("spawn").Process(
+        target=work, args=(theirs, *arguments), daemon=True
+    )
+    process.start()
+    try:
+        yield ours
+    finally:
+        process.kill()
+        process.join()
+
+
+def _floor(result: Connection, rate_hz: float, length_s: float) -> None:
+    prefer_realtime()
+    period_s = 1.0 / rate_hz
+    late = Window(round(rate_hz * length_s))
+    missed = 0
+    deadline_s = start_s = time.monotonic()
+    while deadline_s < start_s + length_s:
+        skipped = max(0, int((time.monotonic() - deadline_s) / period_s - 1.0))
+        missed += skipped
+        deadline_s += (1 + skipped) * period_s
+        time.sleep(max(0.0, deadline_s - time.monotonic()))
+        late.add(time.monotonic() - deadline_s)
+    figures: tuple[Percentiles, int] = (late.percentiles(), missed)
+    result.send(figures)
+
+
+def _burn(_: Connection) -> None:
+    while True:
+        pass
+
+
+def _keep(name: str, heard: dict[str, str]) -> Any:  # noqa: ANN401 - a callback
+    def on_message(message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == f"flexarm: {name}" and status.values:
+                heard.update({each.key: each.value for each in status.values})
+                heard["time_s"] = repr(time.monotonic())
+
+    return on_message
+
+
+def _read(heard: dict[str, str], what: str) -> dict[str, float]:
+    return {name: float(heard[f"{what} {name} ms"]) for name in _PERCENTILES}
+
+
+def _may_take_priority() -> bool:
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except PermissionError:
+        return False
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    return True
+
+
+if __name__ == "__main__":
+    main()

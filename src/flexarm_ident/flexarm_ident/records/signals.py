@@ -1,0 +1,116 @@
+"""Signals of a record: their bandwidth, smoothing, and stretches of a dead sensor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+
+_POWER_IN_BAND = 0.999
+_ORDER = 2
+_CONTINUOUS = 0.95
+_LONGEST_HOLD = 20
+_MOSTLY = 0.5
+
+
+def bandwidth_hz(records: Sequence[IoData]) -> float:
+    """Return the frequency below which 99.9 % of every output's power lies."""
+    highest = 0.0
+    for record in records:
+        frequency, power = scipy.signal.periodogram(
+            record.y, 1.0 / record.dt_s, window="hann", detrend="constant", axis=0
+        )
+        total = np.cumsum(power, axis=0)
+        inside = total < _POWER_IN_BAND * total[-1]
+        highest = max(highest, float(frequency[inside.sum(axis=0).max()]))
+    return highest
+
+
+def smoothed(x: FloatArray, cutoff_hz: float, dt_s: float) -> FloatArray:
+    """Return signals low-passed forwards and backwards, which costs no phase.
+
+    Parameters
+    ----------
+    x : ndarray, (samples, channels)
+        Signals.
+    cutoff_hz : float
+        Cut-off; signals pass as they are when it reaches 0.45 of the sampling rate.
+    dt_s : float
+        Sampling period.
+
+    Returns
+    -------
+    ndarray, (samples, channels)
+        Smoothed signals.
+    """
+    if cutoff_hz * dt_s >= 0.45:  # noqa: PLR2004 (of the sampling rate: nothing left to remove)
+        return x
+    sections = scipy.signal.butter(_ORDER, cutoff_hz, fs=1.0 / dt_s, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=0))
+
+
+def live_samples(record: IoData) -> FloatArray:
+    """Return 1.0 where an output was measured and 0.0 in holes and where its sensor was dead.
+
+    An output that changes from sample to sample, as a gauge does and an encoder does not, is dead
+    where it keeps exactly one value for more than 20 samples.
+
+    Parameters
+    ----------
+    record : IoData
+        Record as measured; filtering hides dead sensors.
+
+    Returns
+    -------
+    ndarray, (samples, outputs)
+        Weights.
+    """
+    live = np.where(np.isnan(record.y_measured), 0.0, 1.0)
+    for channel, y in enumerate(record.y.T):
+        for rows in _holds(y):
+            live[rows.start : rows.stop, channel] = 0.0
+    return live
+
+
+def dead_stretches(record: IoData, channel: int) -> tuple[range, ...]:
+    """Return the rows in which one output was dead while the rig moved.
+
+    A simulated rig without noise rests with all outputs constant: nothing is wrong with them.
+
+    Parameters
+    ----------
+    record : IoData
+        Record as measured.
+    channel : int
+        Number of the output.
+
+    Returns
+    -------
+    tuple of range
+        Stretches in which the output is dead as in `live_samples`, and another one or an input
+        changes in most of the samples.
+    """
+    holds = _holds(record.y[:, channel])
+    if not holds:
+        return ()
+    others = np.delete(record.y, channel, axis=1)
+    moves = np.any(np.diff(np.hstack([others, record.u]), axis=0) != 0.0, axis=1)
+    return tuple(rows for rows in holds if np.mean(moves[rows.start : rows.stop - 1]) > _MOSTLY)
+
+
+def _holds(y: FloatArray) -> list[range]:
+    """Return where a continuous signal keeps one value; nothing for one that is not continuous."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(y) != 0.0) + 1, [len(y)]])
+    lengths = np.diff(edges)
+    holds = np.flatnonzero(lengths > _LONGEST_HOLD)
+    elsewhere = len(y) - lengths[holds].sum()
+    if len(lengths) - len(holds) < _CONTINUOUS * elsewhere or elsewhere == 0:
+        return []
+    return [range(int(edges[hold]), int(edges[hold + 1])) for hold in holds]

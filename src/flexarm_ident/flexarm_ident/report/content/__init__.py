@@ -1,0 +1,1 @@
+"""The parts that sections of the report are made of."""

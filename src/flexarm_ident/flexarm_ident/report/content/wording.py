@@ -1,0 +1,87 @@
+"""Wording of a report: figures, lists and labels as text."""
+
+from __future__ import annotations
+
+import math
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from flexarm_core.labels import label_and_unit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.workflow.outcome import Outcome
+
+
+def error_text(delta: float) -> str:
+    """Return an error (2-25) with four decimals."""
+    return f"{delta:.4f}" if math.isfinite(delta) else "∞"
+
+
+def percent(error: float) -> str:
+    """Return an error in percent."""
+    return f"{100.0 * error:.1f} %" if math.isfinite(error) else "more than can be told"
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: ``1 record``, ``2 records``."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return one or more words as a list: ``a, b and c``."""
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def ranges(numbers: Iterable[int]) -> str:
+    """Return rising numbers with runs drawn together: ``7 to 12, 14``."""
+    runs = (
+        [number for _, number in run]
+        for _, run in groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0])
+    )
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
+
+
+def plus_minus(deviation: float | None) -> str:
+    """Return a standard deviation as it stands behind its value; empty without one."""
+    return "" if deviation is None else f" \u00b1 {deviation:.3f}"
+
+
+def figures_text(figures: Mapping[str, float]) -> str:
+    """Return named figures with their units: ``share 0.2, longest 3 s``."""
+    words = []
+    for key, value in figures.items():
+        name, unit = label_and_unit(key)
+        words.append(" ".join(filter(None, (name, f"{value:.4g}", unit))))
+    return ", ".join(words)
+
+
+def short_labels(records: Sequence[IoData]) -> dict[str, str]:
+    """Return the labels of records without the remarks in brackets that bags add to them."""
+    labels = [record.label for record in records]
+    short = [label.partition(" (")[0] for label in labels]
+    return dict(zip(labels, short if len(set(short)) == len(set(labels)) else labels, strict=True))
+
+
+def shortened(outcome: Outcome, text: str) -> str:
+    """Return a text with the records' labels made short."""
+    for label, short in short_labels(outcome.records).items():
+        text = text.replace(label, short)
+    return text
+
+
+def deviation_words(outcome: Outcome) -> str:
+    """Return where the standard deviations come from, or why there are none."""
+    found = outcome.identification
+    if found.mode_uncertainty:
+        return "± is the standard deviation, from leaving out one tenth of the data at a time."
+    if found.friction is not None:
+        return (
+            "There is no standard deviation: an arm with dry friction is fitted by simulation, "
+            "which is not done again for parts of the data."
+        )
+    if found.samples != tuple(len(record) for record in found.records):
+        return "There is no standard deviation: the data were fitted in pieces."
+    return "There is no standard deviation: the data are too short to leave out parts of them."

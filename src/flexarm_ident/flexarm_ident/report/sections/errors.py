@@ -1,0 +1,48 @@
+"""Section on the errors of the model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexarm_core.labels import label_and_unit
+from flexarm_ident.report.content.blocks import Section, Table, Words
+from flexarm_ident.report.content.wording import error_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.report.content.blocks import Block, Subject
+    from flexarm_ident.workflow.outcome import Outcome
+
+
+def _build(subject: Subject) -> Iterator[Block]:
+    yield _errors(subject.outcome)
+    yield Words(
+        "The error δ is the RMS of measured minus simulated output, divided by the RMS of the "
+        "measured output (2-24), (2-25). 0 is a perfect model; 1 is no better than a line at zero. "
+        "DMV, data matching: the model gets the measured input. SFV, set-point following: the "
+        "model gets the recorded set-point through the control law of the experiment."
+    )
+
+
+SECTION = Section(70, "Errors", _build)
+
+
+def _errors(outcome: Outcome) -> Table:
+    """Return the errors (2-25) of each output and their mean, as Tables 3-1b to 3-3b."""
+    columns: list[tuple[str, FloatArray]] = []
+    if outcome.reduction:
+        columns.append(("Full, DMV", outcome.full_dmv_errors))
+    name = "Reduced" if outcome.reduction else "Full"
+    columns.append((f"{name}, DMV", outcome.dmv_errors))
+    if outcome.sfv is not None:
+        columns.append((f"{name}, SFV", outcome.sfv.delta))
+    rows = [
+        (label_and_unit(output)[0], *(error_text(delta[i]) for _, delta in columns))
+        for i, output in enumerate(outcome.records[0].outputs)
+    ]
+    rows.append(("mean", *(error_text(float(delta.mean())) for _, delta in columns)))
+    header = ("Output", *(title for title, _ in columns))
+    marked = (*(False for _ in rows[1:]), True)
+    return Table("errors", "Errors of the outputs", header, tuple(rows), marked)

@@ -1,0 +1,71 @@
+"""Section on dry friction: its levels, with how they were found."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexarm_core.labels import label_and_unit
+from flexarm_ident.report.content.blocks import Section, Table, Words
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_ident.friction.dry_friction import DryFriction
+    from flexarm_ident.friction.levels import CoulombEstimate
+    from flexarm_ident.report.content.blocks import Block, Subject
+    from flexarm_ident.workflow.outcome import Outcome
+
+
+def _applies(subject: Subject) -> bool:
+    outcome = subject.outcome
+    return outcome.friction is not None or outcome.identification.coulomb is not None
+
+
+def _build(subject: Subject) -> Iterator[Block]:
+    friction, coulomb = subject.outcome.friction, subject.outcome.identification.coulomb
+    if friction is not None:
+        yield _fitted(subject.outcome, friction)
+        yield Words(
+            "The levels were fitted together with the model, by free simulation. The model moves "
+            "under the input less friction and offset; the friction follows from its own speeds. "
+            "± is the standard deviation, from the residuals and their correlation in time."
+        )
+    elif coulomb is not None:
+        yield _estimated(coulomb)
+        yield Words(
+            "The levels are from a regression of the input where its drive slips; they are not in "
+            "the model. One stands out when it is above three standard deviations and 5 % of the "
+            "RMS input."
+        )
+
+
+SECTION = Section(60, "Dry friction", _build, _applies)
+
+
+def _fitted(outcome: Outcome, friction: DryFriction) -> Table:
+    """Return the levels and offsets in the model with their deviations and units."""
+    rows = tuple(
+        (*label_and_unit(name), _plus_minus(*level), _plus_minus(*offset))
+        for name, level, offset in zip(
+            outcome.model.input_labels,
+            zip(friction.levels, friction.level_deviations, strict=True),
+            zip(friction.offsets, friction.offset_deviations, strict=True),
+            strict=True,
+        )
+    )
+    return Table("friction", "Dry friction", ("Input", "Unit", "Coulomb level", "Offset"), rows)
+
+
+def _estimated(coulomb: CoulombEstimate) -> Table:
+    """Return the levels by regression, which are not in the model."""
+    rows = tuple(
+        (*label_and_unit(drive.input), _plus_minus(level, deviation), "yes" if present else "no")
+        for drive, level, deviation, present in zip(
+            coulomb.drives, coulomb.levels, coulomb.deviations, coulomb.significant, strict=True
+        )
+    )
+    return Table("friction", "Dry friction", ("Input", "Unit", "Coulomb level", "Stands out"), rows)
+
+
+def _plus_minus(value: float, deviation: float) -> str:
+    return f"{value:.4g} \u00b1 {deviation:.2g}"

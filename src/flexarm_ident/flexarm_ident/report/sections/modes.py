@@ -1,0 +1,57 @@
+"""Section on the modes of the full model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexarm_ident.report.content.blocks import Section, Table, Words
+from flexarm_ident.report.content.wording import deviation_words, plus_minus
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_ident.report.content.blocks import Block, Subject
+    from flexarm_ident.workflow.outcome import Outcome
+
+_LARGE = 1e3
+
+
+def _build(subject: Subject) -> Iterator[Block]:
+    table = _modes(subject.outcome)
+    yield table
+    marked = " The marked modes are the reduced model." if table.marked else ""
+    yield Words(
+        "These are the modes of the full model. MSV is the weight of a mode in a pulse response, "
+        "MRM its mean response to the recorded input; rank 1 is the largest. A mode without a "
+        "frequency does not oscillate. A negative damping ratio is an unstable mode. "
+        f"{deviation_words(subject.outcome)}{marked}"
+    )
+
+
+SECTION = Section(30, "Modes", _build)
+
+
+def _modes(outcome: Outcome) -> Table:
+    """Return the modes of the full model, as Tables 3-1a to 3-3a."""
+    header = ("States", "Frequency, Hz", "Damping", "MSV (rank)", "MRM (rank)", "Kept")
+    deviations = outcome.identification.mode_uncertainty or [None] * len(outcome.modes)
+    rows = tuple(
+        (
+            mode.label,
+            f"{mode.frequency_hz:.3f}{plus_minus(deviation and deviation.frequency_std_hz)}"
+            if mode.frequency_hz
+            else "-",
+            f"{mode.damping_ratio:.3f}{plus_minus(deviation and deviation.damping_std)}",
+            f"{_index(mode.msv)} ({mode.msv_rank})",
+            f"{_index(mode.mrm)} ({mode.mrm_rank})",
+            "yes" if mode.kept else "no",
+        )
+        for mode, deviation in zip(outcome.modes, deviations, strict=True)
+    )
+    kept = tuple(mode.kept for mode in outcome.modes)
+    marked = () if all(kept) else kept
+    return Table("modes", "Modes of the full model", header, rows, marked)
+
+
+def _index(value: float) -> str:
+    return f"{value:.3f}" if value < _LARGE else f"{value:.1e}"

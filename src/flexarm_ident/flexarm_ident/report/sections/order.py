@@ -1,0 +1,71 @@
+"""Section on the order of the full model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
+from flexarm_ident.report.content.wording import plus_minus, ranges
+from flexarm_ident.report.plots.order_plots import singular_value_plot, stabilisation_plot
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_ident.report.content.blocks import Block, Subject
+    from flexarm_ident.workflow.outcome import Outcome
+
+
+def _build(subject: Subject) -> Iterator[Block]:
+    found, request = subject.outcome.identification, subject.outcome.request
+    yield from map(Words, _why(subject.outcome))
+    diagram = stabilisation_plot(
+        found.diagram, known_modes_hz=request.known_modes_hz, order=found.order
+    )
+    yield Plots(
+        (
+            ("Singular values", singular_value_plot(found.singular_values, found.order)),
+            ("Stabilisation diagram", diagram),
+        )
+    )
+    if not found.diagram.modes:
+        yield Words("No mode comes back over enough of the orders to count as one of the plant.")
+        return
+    yield Words(
+        "These modes come back over the orders: they are of the plant, or of a steady disturbance "
+        "such as the mains, and not of noise. ± says how far the choice of the order moves them."
+    )
+    yield _clusters(subject.outcome)
+
+
+SECTION = Section(20, "Order", _build)
+
+
+def _why(outcome: Outcome) -> list[str]:
+    """Return why the full model has its order."""
+    identification = outcome.identification
+    how = "as asked for" if outcome.request.order else "chosen by its fit"
+    if identification.friction is not None:
+        how = "that of an arm's equations of motion; what follows is of its subspace start"
+    stable = ranges(identification.stable_orders)
+    return [
+        f"The full model has order {identification.order}, {how}.",
+        f"The widest gap of the singular values is after number {identification.suggested_order}.",
+        f"Models of these orders are stable as identified: {stable}."
+        if stable
+        else "No order gives a model that is stable as identified.",
+    ]
+
+
+def _clusters(outcome: Outcome) -> Table:
+    """Return the modes that come back over the orders, with their scatter."""
+    rows = tuple(
+        (
+            f"{mode.frequency_hz:.3f}{plus_minus(mode.frequency_std_hz)}",
+            f"{mode.damping_ratio:.3f}{plus_minus(mode.damping_std)}",
+            f"{mode.count} ({100.0 * mode.share:.0f} %)",
+            ranges(sorted(mode.orders)),
+        )
+        for mode in outcome.identification.diagram.modes
+    )
+    header = ("Frequency, Hz", "Damping", "Found at", "Orders")
+    return Table("clusters", "Modes that come back over the orders", header, rows)

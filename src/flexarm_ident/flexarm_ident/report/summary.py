@@ -1,0 +1,58 @@
+"""Summary at the top of a report: the model in a few sentences, and cautions."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from flexarm_ident.report.content.wording import counted, listed, percent, shortened
+from flexarm_ident.report.sections.data import check_title
+
+if TYPE_CHECKING:
+    from flexarm_ident.workflow.outcome import Outcome
+
+_LIGHT_DAMPING = 0.2
+
+
+def summary(outcome: Outcome) -> list[str]:
+    """Return the outcome in a few sentences."""
+    records, model = outcome.records, outcome.model
+    seconds = sum(outcome.samples) * records[0].dt_s
+    full = outcome.identification.order
+    origin = f", reduced from {full}" if model.nstates < full else ""
+    friction = " and dry friction at its inputs" if outcome.friction else ""
+    error = percent(float(outcome.dmv_errors.mean()))
+    lines = [
+        f"The model has {model.nstates} states{origin}{friction}.",
+        f"It comes from {counted(len(records), 'record')} of {seconds:.1f} s in all.",
+        f"Driven by the measured input alone, it misses the outputs by {error} on average.",
+    ]
+    if outcome.sfv is not None:
+        lines.append(
+            "Under the experiment's own control law, it misses them by "
+            f"{percent(outcome.sfv.mean)} on average."
+        )
+    light = [
+        f"{mode.frequency_hz:.2f} Hz"
+        for mode in sorted(outcome.modes, key=lambda mode: mode.frequency_hz)
+        if mode.kept and mode.is_pair and mode.damping_ratio < _LIGHT_DAMPING
+    ]
+    lines.append(
+        f"It vibrates at {listed(light)} (damping ratio below {_LIGHT_DAMPING})."
+        if light
+        else f"It has no vibration with a damping ratio below {_LIGHT_DAMPING}."
+    )
+    return lines
+
+
+def cautions(outcome: Outcome) -> list[str]:
+    """Return what to know before using the model: the checks that found something, and warnings."""
+    warnings = outcome.identification.data_warnings
+    found = ", ".join(
+        check_title(name).lower() + (f" ({count} times)" if count > 1 else "")
+        for name, count in Counter(warning.name for warning in warnings).items()
+    )
+    checked = {warning.text for warning in warnings}
+    headline = [f"The data show: {found}. The figures stand under Data."] if found else []
+    others = [shortened(outcome, text) for text in outcome.warnings if text not in checked]
+    return [*headline, *others]

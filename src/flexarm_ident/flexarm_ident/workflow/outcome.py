@@ -1,0 +1,73 @@
+"""Outcome of an identification: the validated model and everything that led to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import control
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.fitting.validation import Dmv, Sfv
+    from flexarm_ident.friction.dry_friction import DryFriction
+    from flexarm_ident.models.modes import Mode
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.reduction.modal import Reduction
+    from flexarm_ident.workflow.request import Request
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A validated model and everything that led to it.
+
+    Attributes
+    ----------
+    request : Request
+        What was asked for.
+    records : tuple of IoData
+        The preprocessed records; of streamed ones a leading part.
+    samples : tuple of int
+        Length of each record.
+    fitted : tuple of int
+        Length of its leading part that was fitted.
+    identification : Identification
+        The full model.
+    reduction : Reduction or None
+        The reduced model, when one was asked for.
+    friction : DryFriction or None
+        Dry friction at the inputs of `model`, which then is one from the net input.
+    full_dmv, dmv : tuple of Dmv
+        Data matching of the full model and of `model`, one per record.
+    full_dmv_errors, dmv_errors : ndarray, (outputs,)
+        Errors delta (2-25) of the full model and of `model` over all records together.
+    sfv : Sfv or None
+        Set-point following of `model` on the first record; None without a recorded reference.
+    warnings : tuple of str
+        What a user should know before trusting the model.
+    """
+
+    request: Request
+    records: tuple[IoData, ...]
+    samples: tuple[int, ...]
+    fitted: tuple[int, ...]
+    identification: Identification
+    reduction: Reduction | None
+    friction: DryFriction | None
+    full_dmv: tuple[Dmv, ...]
+    dmv: tuple[Dmv, ...]
+    full_dmv_errors: FloatArray
+    dmv_errors: FloatArray
+    sfv: Sfv | None
+    warnings: tuple[str, ...]
+
+    @property
+    def model(self) -> control.StateSpace:
+        """The reduced model if there is one, else the full one."""
+        return self.reduction.model if self.reduction else self.identification.model
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """Modes of the full model; those of the reduced one are marked as kept."""
+        return self.reduction.modes if self.reduction else self.identification.modes

@@ -1,0 +1,99 @@
+"""Request of an identification: what is to be done with the records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flexarm_core.errors import IdentificationError
+
+REDUCTIONS = ("none", "mrm", "msv", "mrmc")
+UPDATES = ("none", "b", "c")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be done with the records; the fields of the service `Identify`.
+
+    Attributes
+    ----------
+    train_fraction : float
+        Leading part of each record that is fitted, 0 < f <= 1.
+    method : str
+        Estimator, see `identify`.
+    block_rows : int
+        Block rows q of (2-18).
+    order : int, optional
+        Order of the full model; None: chosen.
+    reduction : {'none', 'mrm', 'msv', 'mrmc'}
+        Ranking by which modes are kept.
+    reduced_order : int, optional
+        States to keep; None: the fewest that cost at most 4 % of the fit. More than a chosen order
+        gives the whole model and a note.
+    known_modes_hz : tuple of float
+        Flexible modes that 'mrmc' keeps; with it alone.
+    update : {'none', 'b', 'c'}
+        Matrix that is refitted after the reduction.
+    remove_compensation : bool
+        Subtract the recorded Coulomb compensation from the input.
+    stabilise : bool
+        Move unstable eigenvalues inside the unit circle.
+    friction : bool
+        Look for dry friction where no compensation was recorded, and model it where `identify`
+        finds that the data call for it.
+    refine : bool
+        Refine the model by its simulation error; it never gets worse.
+    """
+
+    train_fraction: float = 0.5
+    method: str = "auto"
+    block_rows: int = 40
+    order: int | None = None
+    reduction: str = "none"
+    reduced_order: int | None = None
+    known_modes_hz: tuple[float, ...] = ()
+    update: str = "none"
+    remove_compensation: bool = True
+    stabilise: bool = True
+    friction: bool = True
+    refine: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.train_fraction <= 1.0:
+            raise IdentificationError(
+                f"train_fraction must lie between 0 and 1: {self.train_fraction}"
+            )
+        for field, choices in (("reduction", REDUCTIONS), ("update", UPDATES)):
+            value = getattr(self, field)
+            if value not in choices:
+                raise IdentificationError(f"{field} must be one of {', '.join(choices)}: {value!r}")
+        self._check_reduction()
+
+    def _check_reduction(self) -> None:
+        """Refuse what would be ignored, before the fit takes its time."""
+        if self.reduction == "none":
+            for field, value in (("reduced_order", self.reduced_order), ("update", self.update)):
+                if value not in (None, "none"):
+                    raise IdentificationError(
+                        f"{field} = {value} needs a reduction: choose one of "
+                        f"{', '.join(choice for choice in REDUCTIONS if choice != 'none')}"
+                    )
+        if self.reduced_order is not None:
+            self._check_reduced_order(self.reduced_order)
+        if (self.reduction == "mrmc") != bool(self.known_modes_hz):
+            raise IdentificationError(
+                "reduction mrmc and known modes belong together, the frequencies in Hz of the "
+                "flexible modes that it keeps (known_modes_hz, --known-mode)"
+            )
+
+    def _check_reduced_order(self, reduced_order: int) -> None:
+        smallest = max(1, 2 * len(self.known_modes_hz))
+        if reduced_order < smallest:
+            raise IdentificationError(
+                f"reduced_order = {reduced_order} is too small: {smallest} or more, two states "
+                "for each known mode"
+            )
+        if self.order is not None and reduced_order > self.order:
+            raise IdentificationError(
+                f"reduced_order = {reduced_order} is more than order = {self.order}: lower it, "
+                "or raise the order or leave it open"
+            )

@@ -1,0 +1,268 @@
+"""Stages from records to a validated, reduced model: preprocess, identify, reduce, validate.
+
+Preprocess every record (section 2.5), identify on its leading part, reduce and update (chapter 3),
+validate on the whole of it (section 2.4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.estimation.pipeline import identify
+from flexarm_ident.estimation.simulation_fit import is_compensated
+from flexarm_ident.estimation.streaming import (
+    excerpt,
+    identify_stream,
+    leading,
+    validate_stream,
+    without_bias,
+)
+from flexarm_ident.fitting.validation import validate_dmv, validate_sfv
+from flexarm_ident.friction.dry_friction import refer_friction, validate_with_friction
+from flexarm_ident.records.iodata import IoData, as_records
+from flexarm_ident.records.preprocess import preprocess
+from flexarm_ident.reduction.modal import reduce_model
+from flexarm_ident.workflow.outcome import Outcome
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.estimation.progress import Progress
+    from flexarm_ident.fitting.validation import Dmv, Sfv
+    from flexarm_ident.friction.dry_friction import DryFriction
+    from flexarm_ident.records.source import Source
+    from flexarm_ident.reduction.modal import Reduction
+    from flexarm_ident.workflow.request import Request
+
+# The chosen reduced order may cost this much of the fit.
+_REDUCTION_COST = 1.04
+_SMALLEST_REDUCED_ORDER = 4
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """A preprocessed record, and the part of it that is in memory: all or a leading one."""
+
+    whole: Source
+    shown: IoData
+
+    @property
+    def is_streamed(self) -> bool:
+        return self.whole is not self.shown
+
+    def head(self, fraction: float) -> _Record:
+        samples = max(1, round(fraction * len(self.whole)))
+        shown = self.shown.head(samples)
+        return _Record(leading(self.whole, samples) if self.is_streamed else shown, shown)
+
+
+def run(
+    records: IoData | Sequence[Source], request: Request, *, progress: Progress | None = None
+) -> Outcome:
+    """Identify, reduce, update and validate.
+
+    Parameters
+    ----------
+    records : IoData or sequence of Source
+        Records of one rig as measured. With one that is read in chunks, memory does not depend on
+        their lengths; a reduction then uses the leading parts, and there is neither set-point
+        following nor friction nor refinement.
+    request : Request
+        What is to be done.
+    progress : callable, optional
+        Called with the name of the stage and the part of it that is done.
+
+    Returns
+    -------
+    Outcome
+        The model with its validation.
+
+    Raises
+    ------
+    IdentificationError
+        If the data or the request do not allow it.
+    """
+    report = progress or (lambda _stage, _fraction: None)
+    measured = [records] if isinstance(records, IoData) else list(records)
+    prepared = [_prepared(record, request) for record in measured]
+    shown = as_records([record.shown for record in prepared])
+    trained = [record.head(request.train_fraction) for record in prepared]
+    in_memory = [record for record in measured if isinstance(record, IoData)]
+    # Compensated drives show no friction that a model could be fitted to: the thesis's own way.
+    friction_wanted = request.friction and not is_compensated(in_memory)
+    identification = _identify(trained, replace(request, friction=friction_wanted), progress)
+    report("reduction", 0.0)
+    reduction = _reduce(identification, request)
+    report("validation", 0.0)
+    full, friction = identification.model, identification.friction
+    full_dmv = _validate(full, friction, identification.x0, prepared)
+    if reduction is None:
+        model, dmv = full, full_dmv
+    else:
+        model = reduction.model
+        if friction is not None:
+            friction = refer_friction(
+                friction,
+                (full, model),
+                (identification.x0, reduction.x0),
+                identification.linear_records,
+            )
+        dmv = _validate(model, friction, reduction.x0, prepared)
+    powers = [_power(record.whole) for record in prepared]
+    sfv, notes = (None, []) if friction else _set_point_following(model, prepared[0])
+    report("validation", 1.0)
+    return Outcome(
+        request=request,
+        records=shown,
+        samples=tuple(len(record.whole) for record in prepared),
+        fitted=tuple(len(record.whole) for record in trained),
+        identification=identification,
+        reduction=reduction,
+        friction=friction,
+        full_dmv=full_dmv,
+        dmv=dmv,
+        full_dmv_errors=_joined_errors(full_dmv, powers),
+        dmv_errors=_joined_errors(dmv, powers),
+        sfv=sfv,
+        warnings=(
+            *identification.warnings,
+            *(reduction.warnings if reduction else ()),
+            *notes,
+        ),
+    )
+
+
+def _prepared(record: Source, request: Request) -> _Record:
+    if isinstance(record, IoData):
+        compensation = "remove" if request.remove_compensation else "keep"
+        data = preprocess(record, compensation=compensation)  # type: ignore[arg-type]
+        return _Record(data, data)
+    whole = without_bias(record)
+    return _Record(whole, excerpt(whole))
+
+
+def _identify(
+    trained: Sequence[_Record], request: Request, progress: Progress | None
+) -> Identification:
+    if not any(record.is_streamed for record in trained):
+        return identify(
+            [record.shown for record in trained],
+            order=request.order,
+            block_rows=request.block_rows,
+            method=request.method,
+            stable=request.stabilise,
+            friction=request.friction,
+            refine=request.refine,
+            progress=progress,
+        )
+    found = identify_stream(
+        [record.whole for record in trained],
+        order=request.order,
+        block_rows=request.block_rows,
+        method=request.method,
+        stable=request.stabilise,
+        progress=progress,
+    )
+    samples = sum(len(record.whole) for record in trained)
+    held = sum(len(record.shown) for record in trained)
+    note = (
+        f"{samples} samples were fitted in pieces: a chosen method or order, the modes' weights "
+        f"and a reduction are from the first {held}; no search for friction, no refinement"
+    )
+    return replace(found, notes=(*found.notes, note))
+
+
+def _validate(
+    model: control.StateSpace,
+    friction: DryFriction | None,
+    x0: Sequence[FloatArray],
+    records: Sequence[_Record],
+) -> tuple[Dmv, ...]:
+    found = []
+    for record, start in zip(records, x0, strict=True):
+        if friction is not None:
+            found.append(validate_with_friction(model, friction, record.shown, start))
+        elif record.is_streamed:
+            found.append(validate_stream(model, record.whole, start))
+        else:
+            found.append(validate_dmv(model, record.shown))
+    return tuple(found)
+
+
+def _power(record: Source) -> FloatArray:
+    return np.asarray(np.sum([np.nansum(y**2, axis=0) for _, y in record.chunks(1 << 14)], axis=0))
+
+
+def _joined_errors(dmv: Sequence[Dmv], powers: Sequence[FloatArray]) -> FloatArray:
+    """Return the errors over all records together, from those of each and the outputs' power."""
+    if len(dmv) == 1:
+        return dmv[0].delta
+    with np.errstate(invalid="ignore", divide="ignore"):
+        missed = [
+            np.where(each.delta == 0.0, 0.0, each.delta**2 * power)
+            for each, power in zip(dmv, powers, strict=True)
+        ]
+        total, power = np.sum(missed, axis=0), np.sum(powers, axis=0)
+        error = np.where(total == 0.0, 0.0, np.sqrt(total / power))
+    return np.where(np.isfinite(error), error, np.inf)
+
+
+def _reduce(identification: Identification, request: Request) -> Reduction | None:
+    if request.reduction == "none":
+        return None
+    records = identification.linear_records
+
+    def reduced(order: int) -> Reduction:
+        return reduce_model(
+            identification,
+            records,
+            ranking=request.reduction,  # type: ignore[arg-type]
+            order=order,
+            known_modes_hz=request.known_modes_hz,
+            update=request.update,  # type: ignore[arg-type]
+        )
+
+    if request.reduced_order is not None:
+        if request.reduced_order > identification.order:
+            return _noted(reduced(identification.order), request.reduced_order)
+        return reduced(request.reduced_order)
+    affordable = _REDUCTION_COST * _fit_error(identification.model, records)
+    smallest = min(
+        identification.order, max(_SMALLEST_REDUCED_ORDER, 2 * len(request.known_modes_hz))
+    )
+    for order in range(smallest, identification.order):
+        candidate = reduced(order)
+        if _fit_error(candidate.model, records) <= affordable:
+            return candidate
+    return reduced(identification.order)
+
+
+def _noted(whole: Reduction, asked: int) -> Reduction:
+    note = (
+        f"the whole model was kept: the data gave {whole.order} states, {asked} were to be kept; "
+        "a longer record or a stronger excitation shows more"
+    )
+    return replace(whole, warnings=(note, *whole.warnings))
+
+
+def _fit_error(model: control.StateSpace, records: Sequence[IoData]) -> float:
+    return float(np.mean([validate_dmv(model, record).mean for record in records]))
+
+
+def _set_point_following(
+    model: control.StateSpace, record: _Record
+) -> tuple[Sfv | None, list[str]]:
+    if record.shown.reference is None:
+        return None, []
+    try:
+        return validate_sfv(model, record.shown), []
+    except IdentificationError as error:
+        return None, [f"no set-point following validation: {error}"]

@@ -1,0 +1,71 @@
+"""The programs of `examples`, run as their user runs them, where ROS can't be imported."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from support.project import PROJECT
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+EXAMPLES = sorted((PROJECT / "examples").glob("*.py"))
+MOST_LINES = 60
+
+
+def printed(program: str, folder: Path) -> str:
+    """Run a program in a Python without ROS and return what it printed."""
+    (folder / "rclpy.py").write_text('raise ImportError("an example needs no ROS")\n', "utf-8")
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, str(PROJECT / "examples" / f"{program}.py")],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), *sys.path])},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def figure(pattern: str, text: str) -> float:
+    """Return the number that a pattern catches in a text."""
+    found = re.search(pattern, text)
+    assert found, text
+    return float(found[1])
+
+
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: str(file.stem))
+def test_example___is___short(file: Path) -> None:
+    assert len(file.read_text("utf-8").splitlines()) < MOST_LINES
+
+
+def test_identify_bag___recorded_arm___prints_the_bending_modes_and_small_errors(
+    tmp_path: Path,
+) -> None:
+    text = printed("identify_bag", tmp_path)
+    kept_hz = [float(hz) for hz in re.findall(r"([\d.]+) Hz .* kept", text)]
+    # The thesis's arm bends at 9.4 and 24.1 Hz.
+    assert any(abs(hz - 9.4) < 0.5 for hz in kept_hz)
+    assert any(abs(hz - 24.1) < 0.7 for hz in kept_hz)
+    assert figure(r"position_v: ([\d.]+)", text) < 0.25
+
+
+def test_design_controller___identified_model___margins_hold_and_the_step_settles(
+    tmp_path: Path,
+) -> None:
+    text = printed("design_controller", tmp_path)
+    assert figure(r"margins: ([\d.]+) dB", text) > 9.9
+    assert figure(r"dB, ([\d.]+) deg", text) > 54.0
+    assert figure(r"settled after ([\d.]+) s", text) < 2.0
+
+
+def test_own_rig___under_pd_control___comes_to_the_set_point(tmp_path: Path) -> None:
+    text = printed("own_rig", tmp_path)
+    assert abs(figure(r"mean error ([-+\d.]+) V", text)) < 0.05
+    assert figure(r"settled after ([\d.]+) s", text) < 3.0
