@@ -56,8 +56,8 @@ METHOD_TEXT = (
     f"with the least mean error is chosen. {len(SEEDS)} seeds: median, and range in brackets."
 )
 PAYLOAD_MODES = (
-    "with payloads many of the eigenvalues outside the unit circle belong to the second flexible "
-    "mode, which is hardly damped in our beam"
+    "many of the eigenvalues outside the unit circle then belong to the second flexible mode, "
+    "which is hardly damped in our beam"
 )
 _KINDS = {
     "table-2-1": (

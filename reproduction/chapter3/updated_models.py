@@ -69,7 +69,9 @@ def compare_models(
     near = {kind: _count_near(theirs[kind], ours[kind]) for kind in kinds}
     order = {kind: stats.spearmanr(theirs[kind], ours[kind]) for kind in kinds}
     ranked = [bool(order[kind].statistic > 0.0 and order[kind].pvalue < LEVEL) for kind in kinds]
-    others = [table[name]["dmv_mean"] for name, (code, _) in MODEL_STAGES.items() if code[1] != "o"]
+    others = [
+        table[name]["dmv_mean"] for name, (code, _) in MODEL_STAGES.items() if code != "Ao2_19"
+    ]
     runaways, runaways_filtered = (
         [name for name, value in zip(MODEL_STAGES, values, strict=True) if value > RUNS_AWAY]
         for values in (ours["sfv"], by_filter)
