@@ -29,7 +29,6 @@ from reproduction.framework.plots import time_plot
 from reproduction.framework.rig import (
     AT_REST_S,
     RATE_HZ,
-    LawRun,
     StepTrial,
     run_law,
     step_to,
@@ -41,8 +40,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from flexarm_control.simulation import LoopRun
     from reproduction.framework.findings import Results
-
 
 SHOWN = 1
 CASES = ((0.0, 1.0), (0.2, 3.0), (0.4, 5.0))
@@ -70,7 +69,7 @@ SETTLING_TEXT = (
 class SquareRun:
     """The square wave of Figure 4-12 and the vibration late in each half-period, V."""
 
-    run: LawRun
+    run: LoopRun
     moving_v: float
     resting_v: float
 
@@ -84,7 +83,7 @@ def pdpc_trials(seed: int) -> Trials:
     }
 
 
-def pdpc_step(name: str, payload_kg: float, setpoint_v: float, seed: int) -> LawRun:
+def pdpc_step(name: str, payload_kg: float, setpoint_v: float, seed: int) -> LoopRun:
     """Step one payload under one law."""
     return step_to(build_law(name), setpoint_v, arm=RigParameters(payload_kg=payload_kg), seed=seed)
 
@@ -97,7 +96,7 @@ def pdpc_square(seed: int) -> SquareRun:
     arm = RigParameters(payload_kg=_WORST_KG)
     run = run_law(build_law("pdpc"), reference_v, arm=arm, seed=seed)
     since_s = run.time_s % (0.5 * _PERIOD_S)
-    gauge_v = run.true_v[:, _BASE]
+    gauge_v = run.true_y[:, _BASE]
     moving, resting = since_s < 0.1 * _PERIOD_S, since_s >= 0.4 * _PERIOD_S
     return SquareRun(run, float(np.ptp(gauge_v[moving])), float(np.ptp(gauge_v[resting])))
 
@@ -122,8 +121,8 @@ def _strain(results: Results) -> Finding:
     return Finding(calm_judgement(calmer), (vibration,), plots, (GAUGE_TEXT,))
 
 
-def _signals(run: LawRun, sensor: int) -> dict[str, NDArray[np.float64]]:
-    return {"measured": run.measured_v[:, sensor], "without noise": run.true_v[:, sensor]}
+def _signals(run: LoopRun, sensor: int) -> dict[str, NDArray[np.float64]]:
+    return {"measured": run.y[:, sensor], "without noise": run.true_y[:, sensor]}
 
 
 def _plot(
@@ -205,7 +204,7 @@ def _payloads(results: Results) -> Finding:
         _plot(
             f"{words} under PDPC with three payloads",
             time_s,
-            {name: run.measured_v[:, index] for name, run in runs.items()},
+            {name: run.y[:, index] for name, run in runs.items()},
             words,
         )
         for words, index in (("position", 0), ("base strain", _BASE))
