@@ -22,7 +22,7 @@ DIRECTION_HZ: Final = 0.5
 VARYING_HZ: Final = (0.6, 3.0)
 """Frequencies of the varying square waveform (2.4.1, item 3)."""
 HOLD_S: Final = 0.01
-"""How long a random magnitude is held. Chosen: its spectrum is flat over the modes below 50 Hz."""
+"""Hold time of a random magnitude. Chosen here: its spectrum is flat over the modes below 50 Hz."""
 _ROUNDING_S = 1e-9
 
 
