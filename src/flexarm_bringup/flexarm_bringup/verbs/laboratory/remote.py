@@ -98,7 +98,9 @@ def reference(volts: float) -> None:
             )
         publisher = operator.node.create_publisher(Float64, f"{NAMESPACE}/reference", qos.NEWEST)
         operator.acquaint("controller")
-        operator.wait(lambda: has_every_reader(node, [publisher], least=1), "the controller")
+        operator.wait(
+            lambda: has_every_reader(operator.node, [publisher], least=1), "the controller"
+        )
         publisher.publish(Float64(data=volts))
         publisher.wait_for_all_acked(_ACKNOWLEDGED)
     terminal.CONSOLE.print(f"set-point {volts:g} V")
