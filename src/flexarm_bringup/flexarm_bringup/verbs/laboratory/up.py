@@ -19,6 +19,7 @@ from flexarm_bringup.verbs.laboratory.options import (
     REAL_TIME,
     chosen_pace,
 )
+from flexarm_control.laws.registry import LAWS
 
 if TYPE_CHECKING:
     from flexarm_bringup.graph.operator import Operator
@@ -65,7 +66,7 @@ class _Settings:
     help="Set-points from /flexarm/reference, or a built-in profile.",
 )
 @click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
-@click.option("--law", default="pdpc", show_default=True, help="Law of the controller.")
+@click.option("--law", default="pdpc", show_default=True, help=f"Law: {', '.join(LAWS)}.")
 @REAL_TIME
 @PARAMETER_FILES
 @examples(

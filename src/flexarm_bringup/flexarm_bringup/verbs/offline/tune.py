@@ -11,7 +11,7 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
-from flexarm_control.design.tuning_job import TuneRequest, load_models
+from flexarm_control.design.tuning_job import TUNINGS, TuneRequest, load_models
 from flexarm_control.design.tuning_job import tune as tune_gains
 from flexarm_ident.models.ros_yaml import write_parameter_file
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--law",
-    type=click.Choice(["pdp", "pi"]),
+    type=click.Choice(tuple(TUNINGS)),
     default="pdp",
     show_default=True,
     help="pi: one model, no weights, no margins.",
