@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.laws.law_protocol import NO_EFFORT, SATURATION_V, Effort, limited
+from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
 from flexarm_control.models.arm_model import POSITION, check_arm_model, check_no_feedthrough
+from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import Bounded, limits
 
@@ -31,7 +32,7 @@ PLAUSIBLE_V = 100.0
 
 @dataclass(frozen=True)
 class RegulatorWeights(Bounded):
-    """What the design of a regulator weighs.
+    """Weights of the design of a regulator.
 
     The thesis weighs the states of its own realisation, which is not printed; here the outputs are
     weighed, which any realisation has. The defaults are chosen by trial on the simulated rig.
@@ -59,7 +60,7 @@ class RegulatorWeights(Bounded):
 
 @dataclass(frozen=True)
 class IlqrWeights(RegulatorWeights):
-    """What the design of Figure 4-13 weighs.
+    """Weights of the design of Figure 4-13.
 
     Attributes
     ----------
@@ -233,7 +234,7 @@ class Ilqr:
         feedback_v = float(np.dot(design.kc, self._state))
         effort_v = design.kp * reference_v + design.ki * integral_v - feedback_v
         answer = limited(effort_v)
-        if -SATURATION_V <= effort_v <= SATURATION_V or effort_v * error_v < 0.0:
+        if -MAX_COMMAND_V <= effort_v <= MAX_COMMAND_V or effort_v * error_v < 0.0:
             self._integral_v = integral_v
         known[self._order] = answer.effort_v
         np.dot(self._move, known, out=self._next)

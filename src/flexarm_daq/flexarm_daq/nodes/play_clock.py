@@ -1,4 +1,4 @@
-"""The time of a play that can be stopped and started, and numbers and stamps that go on in it."""
+"""Clock of a play that can be stopped and started, with the numbers and stamps of its messages."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from flexarm_bags.stamped import restamped, sequence_of
+from flexarm_bags.sequence import restamped, sequence_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.records.iodata import IoData
-from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES, is_closed_loop
+from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
 from flexarm_ident.subspace.gram import stretches
+from flexarm_ident.subspace.loop_test import is_closed_loop
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
