@@ -1,4 +1,4 @@
-"""What the numbers and times of recorded samples say about what is missing and about the clocks."""
+"""Timeline of recorded samples: gaps by their numbers and times, and steps of the clocks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a model came from: records with the hash of their content, method, request, versions.
+"""Provenance of a model: records with the hash of their content, method, request, versions.
 
 There is no date in it: the same records and request give the same files, byte by byte.
 """

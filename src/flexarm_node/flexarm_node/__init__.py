@@ -1,1 +1,1 @@
-"""What every node of flexarm shares: QoS, bounded parameters, signals, the fast path."""
+"""Shared parts of the nodes of flexarm: QoS, bounded parameters, signals, the fast path."""

@@ -1,4 +1,4 @@
-"""What carries the messages of a node with a loop: UDP, and what got lost is soon repeated.
+"""Transport of a node with a loop: UDP, with lost messages soon repeated.
 
 Fast DDS over shared memory stops a whole participant for a third of a second when somebody joins
 late: it opens the newcomer's channel, and sleeps in a health check while it holds the lock that

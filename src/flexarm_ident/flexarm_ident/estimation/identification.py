@@ -1,4 +1,4 @@
-"""What an identification gives: the model, how it came about, and what there is to say of it."""
+"""Result of an identification: the model, its origin, and the findings about it."""
 
 from __future__ import annotations
 

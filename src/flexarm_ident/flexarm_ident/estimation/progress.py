@@ -1,4 +1,4 @@
-"""How far a whole identification is, from how far its stages are."""
+"""Progress of a whole identification from the progress of its stages."""
 
 from __future__ import annotations
 

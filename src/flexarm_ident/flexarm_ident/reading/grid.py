@@ -1,4 +1,4 @@
-"""When samples were taken: from their stamps and numbers to places on an even grid.
+"""Instants of samples: from their stamps and numbers to places on an even grid.
 
 The model is one of even samples. A rig that stalls, a recorder that loses messages and a clock that
 jitters give uneven ones. Here each sample gets its instant in periods, and each instant of the grid

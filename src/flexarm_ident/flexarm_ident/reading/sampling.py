@@ -1,4 +1,4 @@
-"""What there is to say of when samples were taken: runs, holes and late samples."""
+"""Findings about the sampling: runs, holes and late samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the estimator takes its samples from: a record in memory, or a bag read piece by piece."""
+"""Source of the samples of an estimator: a record in memory, or a bag read piece by piece."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each step of a reduction costs: full model, kept modes, refitted B or C (Table 3-1b)."""
+"""Cost of each step of a reduction: full model, kept modes, refitted B or C (Table 3-1b)."""
 
 from __future__ import annotations
 

@@ -2,12 +2,10 @@ from __future__ import annotations
 
 import os
 
-import click
 import pytest
 
 from flexarm_bringup.graph.run_watch import Run
 from flexarm_bringup.runs.pace import Pace, pace_text
-from flexarm_bringup.verbs.laboratory.options import chosen_pace as chosen
 from flexarm_node.process import PRIORITY
 
 
@@ -24,14 +22,6 @@ def test_pace___that_never_rests___asks_for_no_priority(
     monkeypatch.setenv(PRIORITY, "15")
     pace.prepare()
     assert os.environ[PRIORITY] == ("0" if pace is Pace.FAST else "15")
-
-
-def test_options___choose_a_pace_and_exclude_each_other() -> None:
-    assert chosen() is Pace.WALL_CLOCK
-    assert chosen(fast=True) is Pace.FAST
-    assert chosen(real_time=True) is Pace.REAL
-    with pytest.raises(click.UsageError, match="exclude each other"):
-        chosen(fast=True, real_time=True)
 
 
 def test_pace_text___says_what_was_reached_and_missed() -> None:
