@@ -55,6 +55,19 @@ _ANCHOR = re.compile(r'^<a id="([\w-]+)"></a>$', re.MULTILINE)
 _LITERAL = re.compile(r"(`+[^`]+`+)")
 
 
+_METHODS_HERE = "<!-- table of methods -->"
+
+
+def _with_methods(_: Sphinx, __: str, source: list[str]) -> None:
+    """Put the table of the estimators where a page asks for it."""
+    if _METHODS_HERE in source[0]:
+        from flexarm_ident.subspace.methods import METHODS  # noqa: PLC0415 - one page needs it
+
+        rows = [f"| `{row.name}` | {row.title} | {row.help} |" for row in METHODS.values()]
+        table = ["| method | what it is | when |", "| --- | --- | --- |", *rows]
+        source[0] = source[0].replace(_METHODS_HERE, "\n".join(table))
+
+
 def _with_targets(_: Sphinx, __: str, source: list[str]) -> None:
     """Turn the anchors of plain Markdown into targets that links are checked against."""
     source[0] = _ANCHOR.sub(r"(\1)=", source[0])
@@ -74,6 +87,7 @@ def _as_plain_text(*arguments: Any) -> None:  # noqa: ANN401 - as autodoc calls 
 def setup(app: Sphinx) -> None:
     """Add what the pages need beside the extensions."""
     app.connect("source-read", _with_targets)
+    app.connect("source-read", _with_methods)
     app.connect("autodoc-process-docstring", _as_plain_text)
     # GitHub draws these; here their few lines are read as they stand.
     app.add_lexer("mermaid", TextLexer)

@@ -1,11 +1,11 @@
-"""A rig of one's own under a control law, without ROS: five methods and a loop."""
+"""A rig of one's own under a control law, without ROS: five methods."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flexarm_control import build_law, step_figures
-from flexarm_daq.rigs.rig import Rig, RigSample
+from flexarm_control import build_law, simulate, step_figures
+from flexarm_daq.rigs.rig_protocol import Rig, RigSample
 
 RATE_HZ, SETPOINT_V, LENGTH_S = 300.0, 2.0, 4.0
 # Acceleration of the position by 1 V, lag of the motor, and volts of the tachometer.
@@ -40,16 +40,9 @@ class RigidArm:
 def main() -> None:
     """Step the rig with PD control."""
     rig: Rig = RigidArm()
-    law = build_law("pd")
-    rig.open()
-    time_s, position_v = [], []
-    for _ in range(round(LENGTH_S * RATE_HZ)):
-        sample = rig.read()
-        rig.write(sum(law.step(sample.volts.tolist(), SETPOINT_V)))
-        time_s.append(sample.time_s)
-        position_v.append(sample.volts[0])
+    run = simulate(rig, build_law("pd"), np.full(round(LENGTH_S * RATE_HZ), SETPOINT_V))
     rig.close()
-    step = step_figures(np.array(time_s), np.array(position_v), SETPOINT_V)
+    step = step_figures(run.time_s, run.y[:, 0], SETPOINT_V)
     print(f"mean error {step.mean_error_v:+.4f} V, settled after {step.settling_s:.2f} s")
 
 

@@ -155,7 +155,7 @@ def trial(case: tuple[str, PdpGains, tuple[float, float], int]) -> Trial:
     run = step_to(
         law, setpoint_v, arm=RigParameters(payload_kg=payload_kg), seed=seed, length_s=LENGTH_S
     )
-    time_s, measured_v, true_v = run.time_s, run.measured_v, run.true_v
+    time_s, measured_v, true_v = run.time_s, run.y, run.true_y
     figures = step_figures(time_s, measured_v[:, 0], setpoint_v)
     late = time_s >= RESIDUAL_FROM_S
     return Trial(
@@ -178,7 +178,7 @@ def ilqr_trial(case: tuple[float, int]) -> IlqrTrial:
     setpoint_v, seed = case
     rig = RigParameters(payload_kg=ILQR_PAYLOAD_KG)
     run = step_to(build_law("ilqr"), setpoint_v, arm=rig, seed=seed, length_s=ILQR_LENGTH_S)
-    position_v = run.measured_v[:, 0]
+    position_v = run.y[:, 0]
     return IlqrTrial(
         setpoint_v,
         seed,

@@ -21,8 +21,8 @@ from bench.tools import count_option, json_option, run_trials, write_json
 from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.payload import PayloadDetection, PayloadEstimator
 from flexarm_control.laws.pdpc import Pdpc
-from flexarm_control.laws.schedule import ScheduleGains
-from flexarm_control.laws.scheduled import ScheduledPdpc
+from flexarm_control.laws.pdpc_scheduled import ScheduledPdpc, ScheduleGains
+from flexarm_control.simulation import simulate
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
 
@@ -76,15 +76,10 @@ def trial(case: tuple[float, float, str, int, str]) -> Trial:
     )
     estimator = PayloadEstimator(PayloadDetection())
     rig = SimulatedRig(RigParameters(payload_kg=payload_kg, noise_v=NOISE_V[noise]), seed=seed)
-    rig.open()
-    position_v = np.zeros(round(LENGTH_S * RATE_HZ))
-    for sample in range(len(position_v)):
-        volts = rig.read().volts.tolist()
-        position_v[sample] = volts[0]
-        if sample < DETECTED_S * RATE_HZ:
-            estimator.step(volts)
-        rig.write(sum(law.step(volts, setpoint_v)))
-    figures = step_figures(np.arange(len(position_v)) / RATE_HZ, position_v, setpoint_v)
+    run = simulate(rig, law, np.full(round(LENGTH_S * RATE_HZ), setpoint_v))
+    for volts in run.y[run.time_s < DETECTED_S].tolist():
+        estimator.step(volts)
+    figures = step_figures(run.time_s, run.y[:, 0], setpoint_v)
     estimate = estimator.estimate
     return Trial(
         payload_kg,

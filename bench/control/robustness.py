@@ -129,7 +129,7 @@ def step(case: Case) -> Run:
     name, tuned, rig, setpoint_v, seed = case
     law: Law = PdpcPlus(tuned) if name == "pdpc_plus" else Pdpc(tuned, THRESHOLDS)
     run = step_to(law, setpoint_v, arm=rig, seed=seed, length_s=LENGTH_S)
-    figures = step_figures(run.time_s, run.true_v[:, 0], setpoint_v)
+    figures = step_figures(run.time_s, run.true_y[:, 0], setpoint_v)
     return Run(
         name,
         rig.payload_kg,

@@ -10,6 +10,7 @@ import numpy as np
 from flexarm_bags.reader import Recorded
 from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
+from flexarm_control.simulation import simulate
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.reading.alignment import arm_alignment
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from flexarm_daq.rigs.rig_protocol import RigSample
     from flexarm_ident import IoData
 
     Array = NDArray[np.float64]
@@ -69,6 +71,33 @@ class Run:
         )
 
 
+class _Timed:
+    """The simulated rig with samples at given instants, and each command a while after."""
+
+    def __init__(self, instants: Array, seed: int) -> None:
+        self._instants_s = [*instants.tolist(), np.inf]
+        self._next = 0
+        self._now_s = 0.0
+        self._rig = SimulatedRig(
+            RigParameters(), rate_hz=RATE_HZ, seed=seed, clock=lambda: self._now_s
+        )
+
+    def open(self) -> None:
+        """Start at rest."""
+        self._rig.open()
+
+    def read(self) -> RigSample:
+        """Sample at the next instant."""
+        self._now_s = self._instants_s[self._next]
+        self._next += 1
+        return self._rig.read()
+
+    def write(self, command_v: float) -> None:
+        """Command the drive `REPLY_S` later, before the next sample."""
+        self._now_s = min(self._now_s + REPLY_S, self._instants_s[self._next])
+        self._rig.write(command_v)
+
+
 def simulated(seed: int, jitter: float = 0.0) -> Run:
     """Run the experiment, with samples whose instants scatter by a part of the period."""
     entry = experiment(EXPERIMENT)
@@ -79,23 +108,14 @@ def simulated(seed: int, jitter: float = 0.0) -> Run:
     if jitter:
         instants += np.clip(rng.normal(0.0, jitter, entry.samples), -0.9, 0.9) / RATE_HZ
         instants = np.sort(instants - instants.min())
-    now_s = 0.0
-    rig = SimulatedRig(RigParameters(), rate_hz=RATE_HZ, seed=seed, clock=lambda: now_s)
-    rig.open()
-    y, in_force = np.empty((entry.samples, 4)), np.zeros((entry.samples, 2))
-    answers = np.empty((entry.samples, 2))
-    acting = np.zeros(2)
-    for k, instant_s in enumerate(instants.tolist()):
-        now_s = instant_s
-        y[k], in_force[k] = rig.read().volts, acting
-        acting = answers[k] = np.array(law.step(y[k].tolist(), float(reference(instant_s))))
-        following = instants[k + 1] if k + 1 < len(instants) else np.inf
-        now_s = min(instant_s + REPLY_S, following)
-        rig.write(float(acting.sum()))
+    reference_v = np.array([reference(instant_s) for instant_s in instants.tolist()])
+    run = simulate(_Timed(instants, seed), law, reference_v)
+    answers = np.column_stack([run.effort, run.compensation])
+    in_force = np.vstack([np.zeros(2), answers[:-1]])
     numbers = np.arange(1, entry.samples + 1)
     in_force[:, 0] += in_force[:, 1]
     answers[:, 0] += answers[:, 1]
-    return Run(numbers, instants, y, in_force, numbers - 1, answers, numbers, numbers)
+    return Run(numbers, instants, run.y, in_force, numbers - 1, answers, numbers, numbers)
 
 
 def single(share: float, *, numbered: bool, answers: bool = False) -> Damage:

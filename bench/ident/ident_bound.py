@@ -29,6 +29,7 @@ from bench.tools import (
 from flexarm_ident import IoData, identify
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form
+from flexarm_ident.subspace.methods import METHODS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     Complex = NDArray[np.complex128]
 
 ORDER, LENGTHS = 18, (6_000, 60_000)
-METHODS = ("orse_thesis", "orse", "orse_iv", "pbsid")
 _STEPS, _HALVINGS = 8, 8
 
 

@@ -107,9 +107,9 @@ def ilqr_trial(setpoint_v: float, seed: int) -> IlqrTrial:
         )
         for name in ("ilqr", "pdpc")
     )
-    position_v, true_v = run.measured_v[:, 0], run.true_v[:, 0]
+    position_v, true_v = run.y[:, 0], run.true_y[:, 0]
     figures = step_figures(run.time_s, position_v, setpoint_v)
-    other = step_figures(rival.time_s, rival.measured_v[:, 0], setpoint_v)
+    other = step_figures(rival.time_s, rival.y[:, 0], setpoint_v)
     return IlqrTrial(
         figures.overshoot,
         float(np.ptp(position_v[run.time_s >= LATE_S])),
@@ -146,7 +146,7 @@ def ilqr_run(setpoint_v: float, seed: int) -> IlqrRun:
     return IlqrRun(
         run.time_s,
         np.array(simulated.y[:, 0], dtype=float),
-        run.measured_v[:, 0],
+        run.y[:, 0],
         np.array(simulated.effort, dtype=float),
         run.command_v,
     )

@@ -28,7 +28,6 @@ from reproduction.framework.plots import time_plot
 from reproduction.framework.rig import (
     AT_REST_S,
     RATE_HZ,
-    LawRun,
     StepTrial,
     run_law,
     step_to,
@@ -38,8 +37,8 @@ from reproduction.framework.rig import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flexarm_control.simulation import LoopRun
     from reproduction.framework.findings import Results
-
 
 SHOWN = 1
 CASES = ((0.0, 1.0), (0.2, 3.0), (0.4, 5.0))
@@ -67,7 +66,7 @@ SETTLING_TEXT = (
 class SquareRun:
     """The square wave of Figure 4-12 and the vibration late in each half-period, V."""
 
-    run: LawRun
+    run: LoopRun
     moving_v: float
     resting_v: float
 
@@ -85,7 +84,7 @@ def pdpc_trials(seed: int) -> Trials:
     }
 
 
-def pdpc_step(name: str, payload_kg: float, setpoint_v: float, seed: int) -> LawRun:
+def pdpc_step(name: str, payload_kg: float, setpoint_v: float, seed: int) -> LoopRun:
     """Step one payload under one law."""
     return step_to(build_law(name), setpoint_v, arm=RigParameters(payload_kg=payload_kg), seed=seed)
 
@@ -99,7 +98,7 @@ def pdpc_square(seed: int) -> SquareRun:
         build_law("pdpc"), reference_v, arm=RigParameters(payload_kg=_WORST_KG), seed=seed
     )
     since_s = run.time_s % (0.5 * _PERIOD_S)
-    gauge_v = run.true_v[:, _BASE]
+    gauge_v = run.true_y[:, _BASE]
     moving, resting = since_s < 0.1 * _PERIOD_S, since_s >= 0.4 * _PERIOD_S
     return SquareRun(run, float(np.ptp(gauge_v[moving])), float(np.ptp(gauge_v[resting])))
 
@@ -118,7 +117,7 @@ def _strain(results: Results) -> Finding:
     for name, words in (("pdpc", "conditional"), ("pdpc_unconditional", "unconditional")):
         run = results[Call(pdpc_step, (name, 0.0, 1.0, SHOWN))]
         for gauge, index in (("base", _BASE), ("middle", _MIDDLE)):
-            signals = {"measured": run.measured_v[:, index], "without noise": run.true_v[:, index]}
+            signals = {"measured": run.y[:, index], "without noise": run.true_y[:, index]}
             caption = f"{gauge} gauge, {words} compensation, 0 g, 1 V"
             plots.append(
                 Plot(caption, time_plot(run.time_s, signals, f"{gauge} strain, V", caption))
@@ -207,7 +206,7 @@ def _payloads(results: Results) -> Finding:
             f"{words} under PDPC with three payloads",
             time_plot(
                 time_s,
-                {name: run.measured_v[:, index] for name, run in runs.items()},
+                {name: run.y[:, index] for name, run in runs.items()},
                 f"{words}, V",
                 f"{words} under PDPC with three payloads",
             ),
@@ -240,7 +239,7 @@ def _square(results: Results) -> Finding:
             f"{words} with 400 g, square wave of 5 V",
             time_plot(
                 shown.time_s,
-                {"measured": shown.measured_v[:, index], "without noise": shown.true_v[:, index]},
+                {"measured": shown.y[:, index], "without noise": shown.true_y[:, index]},
                 f"{words}, V",
                 f"{words} with 400 g, square wave of 5 V",
             ),

@@ -18,8 +18,8 @@ import numpy as np
 from flexarm_control.design.criteria import step_figures
 from flexarm_control.design.tuning import tune_pi
 from flexarm_control.laws.gains import Sampling
-from flexarm_control.laws.law import Effort
-from flexarm_control.laws.registry import Pi
+from flexarm_control.laws.law_protocol import Effort
+from flexarm_control.laws.pi import Pi
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flexarm_control.laws.law import Law
+    from flexarm_control.laws.law_protocol import Law
     from reproduction.framework.findings import Results
 
 
@@ -183,7 +183,7 @@ def pi_case(code: str, seed: int) -> PiCase:
         min(figures.rise_s, STEP_S),
         on_rig.time_s,
         position_v,
-        on_rig.measured_v[:, 0],
+        on_rig.y[:, 0],
     )
 
 

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_control.design.criteria import step_figures
+from flexarm_control.laws.law_protocol import Effort
 from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
+from flexarm_control.simulation import simulate
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.experiments.excitation import EXCITATIONS
@@ -20,38 +22,19 @@ from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V
 from flexarm_ident import IoData
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
-    from flexarm_control.laws.law import Law
+    from flexarm_control.laws.law_protocol import Law
+    from flexarm_control.simulation import LoopRun
     from flexarm_daq.experiments.catalogue import Experiment
+    from flexarm_daq.experiments.excitation import Excitation
 
 RATE_HZ = 300.0
 STEP_S = 10.0
 AT_REST_S = 8.0
 """From here on a step counts as over, and what moves is vibration."""
-
-
-@dataclass(frozen=True)
-class LawRun:
-    """Signals of one run.
-
-    Attributes
-    ----------
-    time_s : ndarray, (samples,)
-        Sample instants.
-    reference_v : ndarray, (samples,)
-        Reference.
-    measured_v, true_v : ndarray, (samples, 4)
-        The four sensors, with noise and converters and without.
-    command_v : ndarray, (samples,)
-        Command to the drive.
-    """
-
-    time_s: NDArray[np.float64]
-    reference_v: NDArray[np.float64]
-    measured_v: NDArray[np.float64]
-    true_v: NDArray[np.float64]
-    command_v: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -116,46 +99,51 @@ def run_experiment(entry: Experiment, parameters: RigParameters, seed: int) -> I
         The record as it was sampled; with compensation and reference when a law made the commands.
     """
     rig = SimulatedRig(parameters, rate_hz=entry.rate_hz, seed=seed)
-    rig.open()
-    source = f"{entry.name}, seed {seed}"
-    return (
-        _controlled(rig, entry, seed, source) if entry.law else _excited(rig, entry, seed, source)
-    )
-
-
-def _excited(rig: SimulatedRig, entry: Experiment, seed: int, source: str) -> IoData:
-    excitation = EXCITATIONS[entry.waveform](entry.magnitude_v, seed)
-    y, u = np.empty((entry.samples, 4)), np.empty(entry.samples)
-    for k in range(entry.samples):
-        y[k] = rig.read().volts
-        u[k] = excitation.step(k / entry.rate_hz, float(y[k, 0]))
-        rig.write(float(u[k]))
-    return IoData(u, y, dt_s=1.0 / entry.rate_hz, closed_loop=False, source=source)
-
-
-def _controlled(rig: SimulatedRig, entry: Experiment, seed: int, source: str) -> IoData:
-    profile = dict(entry.profile)
-    if entry.reference == "varying_square":
-        profile["seed"] = seed
-    law, reference = build_law(entry.law, entry.gains), build_reference(entry.reference, profile)
-    y, answers = np.empty((entry.samples, 4)), np.empty((entry.samples, 2))
-    reference_v = np.array([reference(k / entry.rate_hz) for k in range(entry.samples)])
-    for k in range(entry.samples):
-        y[k] = rig.read().volts
-        answers[k] = law.step(y[k].tolist(), float(reference_v[k]))
-        rig.write(float(answers[k].sum()))
+    time_s = [k / entry.rate_hz for k in range(entry.samples)]
+    law: Law
+    if entry.law:
+        profile = dict(entry.profile)
+        if entry.reference == "varying_square":
+            profile["seed"] = seed
+        reference = build_reference(entry.reference, profile)
+        law, reference_v = build_law(entry.law, entry.gains), [reference(each) for each in time_s]
+    else:
+        law = _OpenLoop(EXCITATIONS[entry.waveform](entry.magnitude_v, seed), entry.rate_hz)
+        reference_v = [0.0] * entry.samples
+    run = simulate(rig, law, np.array(reference_v))
     return IoData(
-        answers.sum(axis=1),
-        y,
+        run.command_v,
+        run.y,
         dt_s=1.0 / entry.rate_hz,
-        closed_loop=True,
-        source=source,
-        compensation=answers[:, 1],
-        reference=reference_v,
+        closed_loop=entry.closed_loop,
+        source=f"{entry.name}, seed {seed}",
+        compensation=run.compensation if entry.law else None,
+        reference=run.reference_v if entry.law else None,
     )
 
 
-def run_law(law: Law, reference_v: NDArray[np.float64], *, arm: RigParameters, seed: int) -> LawRun:
+class _OpenLoop:
+    """An excitation as a law: it follows time and no reference."""
+
+    def __init__(self, excitation: Excitation, rate_hz: float) -> None:
+        self._excitation = excitation
+        self._rate_hz = rate_hz
+
+    def step(self, volts: Sequence[float], _: float) -> Effort:
+        """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
+        time_s = self._samples / self._rate_hz
+        self._samples += 1
+        return Effort(self._excitation.step(time_s, volts[0]), 0.0)
+
+    def reset(self) -> None:
+        """Begin the experiment anew."""
+        self._samples = 0
+        self._excitation.reset()
+
+
+def run_law(
+    law: Law, reference_v: NDArray[np.float64], *, arm: RigParameters, seed: int
+) -> LoopRun:
     """Run a law on the rig from rest.
 
     Parameters
@@ -170,34 +158,24 @@ def run_law(law: Law, reference_v: NDArray[np.float64], *, arm: RigParameters, s
         Seed of the sensor noise.
     """
     rig = SimulatedRig(arm, rate_hz=RATE_HZ, seed=seed)
-    rig.open()
-    samples = len(reference_v)
-    measured_v, true_v = np.empty((samples, 4)), np.empty((samples, 4))
-    command_v = np.empty(samples)
-    for k, reference in enumerate(reference_v.tolist()):
-        measured_v[k] = rig.read().volts
-        true_v[k] = rig.outputs_v()
-        command_v[k] = sum(law.step(measured_v[k].tolist(), reference))
-        rig.write(float(command_v[k]))
-    return LawRun(np.arange(samples) / RATE_HZ, reference_v, measured_v, true_v, command_v)
+    return simulate(rig, law, reference_v, true_outputs=rig.outputs_v)
 
 
 def step_to(
     law: Law, setpoint_v: float, *, arm: RigParameters, seed: int, length_s: float = STEP_S
-) -> LawRun:
+) -> LoopRun:
     """Run a law to a constant set-point; see `run_law`."""
     reference_v = np.full(round(length_s * RATE_HZ), setpoint_v)
     return run_law(law, reference_v, arm=arm, seed=seed)
 
 
-def step_trial(run: LawRun) -> StepTrial:
+def step_trial(run: LoopRun) -> StepTrial:
     """Return the figures of a step."""
-    position_v = run.measured_v[:, 0]
+    position_v = run.y[:, 0]
     figures = step_figures(run.time_s, position_v, float(run.reference_v[0]))
     at_rest = run.time_s >= AT_REST_S
     gauge_v, vibration_v = (
-        float(np.sqrt(np.mean(np.square(signals[at_rest, 1]))))
-        for signals in (run.measured_v, run.true_v)
+        float(np.sqrt(np.mean(np.square(signals[at_rest, 1])))) for signals in (run.y, run.true_y)
     )
     return StepTrial(
         figures.mean_error_v, figures.overshoot, figures.settling_s, gauge_v, vibration_v

@@ -20,9 +20,18 @@ COMPUTING_PACKAGES = (
 CONNECTING = {
     *(
         f"flexarm_node.{name}"
-        for name in ("waiting", "qos", "parameters", "process", "loop_node", "transport")
+        for name in (
+            "waiting",
+            "qos",
+            "parameters",
+            "process",
+            "loop_node",
+            "answering_node",
+            "transport",
+        )
     ),
     "flexarm_daq.nodes.rig_choice",
+    "flexarm_daq.nodes.topic_link",
 }
 """Modules that talk to ROS, beside the nodes themselves."""
 

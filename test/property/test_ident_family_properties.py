@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from flexarm_ident import identify, reduce_model
 from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.methods import METHODS
 from support.ident_systems import named, pulse_responses, random_model, record, step_by_step
 
 if TYPE_CHECKING:
@@ -23,10 +24,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SEEDS = st.integers(0, 10_000)
-METHODS = ("orse", "orse_iv", "pbsid", "orse_thesis")
 STATES, BLOCK_ROWS = 5, 8
 few = settings(max_examples=12, suppress_health_check=[HealthCheck.too_slow])
-every_method = pytest.mark.parametrize("method", METHODS)
+every_method = pytest.mark.parametrize("method", list(METHODS))
 
 
 def found(data: IoData | list[IoData], method: str, order: int = STATES) -> Identification:

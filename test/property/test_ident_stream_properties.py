@@ -11,7 +11,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from flexarm_ident import IdentificationError, identify, read_bag
-from flexarm_ident.estimation.streaming import identify_stream
 from flexarm_ident.reading.read import stream_bag
 from flexarm_ident.records.preprocess import remove_compensation
 from support.bag_samples import START_NS, arm_state, commander_info, write_in_chunks
@@ -102,8 +101,8 @@ def assert_same_model(whole: IoData, stream: BagStream) -> None:
         found = identify(whole, order=5, block_rows=10)
     except IdentificationError as error:
         with pytest.raises(IdentificationError, match=re.escape(str(error))):
-            identify_stream([stream], order=5, block_rows=10)
+            identify([stream], order=5, block_rows=10)
         return
-    other = identify_stream([stream], order=5, block_rows=10)
+    other = identify([stream], order=5, block_rows=10)
     np.testing.assert_allclose(other.model.A, found.model.A, atol=1e-6)
     np.testing.assert_allclose(other.fit_error, found.fit_error, rtol=1e-6)

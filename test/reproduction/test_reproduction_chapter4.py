@@ -270,7 +270,7 @@ def test_reversals___count_turns_beyond_the_noise() -> None:
 
 def test_step___of_a_law___tells_what_the_sensors_would_read_without_noise() -> None:
     run = step_to(build_law("pdpc"), 3.0, arm=RigParameters(payload_kg=0.2), seed=1)
-    noise_v = run.measured_v - run.true_v
+    noise_v = run.y - run.true_y
     assert np.std(noise_v, axis=0) == pytest.approx(RigParameters().noise_v, rel=0.1)
     found = step_trial(run)
     assert abs(found.mean_error_v) <= 0.05

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.loop.acquisition import Acquisition, LockStep, Record
+from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.commander import Command
 from flexarm_daq.loop.limiter import Limiter, LimiterSettings
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
 from flexarm_daq.loop.watchdog import Watchdog
-from flexarm_daq.rigs.rig import RigError, RigSample
+from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from flexarm_daq.loop.exchange import Record
 
 # A power of two: sums of periods are exact.
 RATE_HZ = 256.0

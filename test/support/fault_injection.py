@@ -21,12 +21,12 @@ from flexarm_daq.loop.limiter import Limiter
 from flexarm_daq.loop.sensor_check import SensorCheck
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.faulty import SENSOR_FAULTS, Fault, FaultyRig
-from flexarm_daq.rigs.rig import RigError
+from flexarm_daq.rigs.rig_protocol import RigError
 from flexarm_daq.rigs.simulated import SimulatedRig
 
 if TYPE_CHECKING:
-    from flexarm_daq.loop.acquisition import Record
-    from flexarm_daq.rigs.rig import Rig, RigSample
+    from flexarm_daq.loop.exchange import Record
+    from flexarm_daq.rigs.rig_protocol import Rig, RigSample
 
 RATE_HZ = 300.0
 SAMPLES_AFTER = 300

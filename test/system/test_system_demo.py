@@ -36,22 +36,19 @@ KEYS = {
 DEMO = [str(ROOT / "flexarm"), "demo", "--fast"]
 
 
-@pytest.mark.parametrize(("payload_kg", "first_mode_within"), [(0.0, 0.08), (0.4, 0.15)])
-def test_demo___meets_its_figures_and_leaves_only_results(
-    graph: Graph, tmp_path: Path, payload_kg: float, first_mode_within: float
-) -> None:
+def test_demo___meets_its_figures_and_leaves_only_results(graph: Graph, tmp_path: Path) -> None:
     out = tmp_path / "demo"
 
-    demo = graph.run([*DEMO, "--payload", str(payload_kg), "--seed", "5", "--out", str(out)])
+    demo = graph.run([*DEMO, "--payload", "0.4", "--seed", "5", "--out", str(out)])
 
     assert demo.exit_code(200.0) == 0, demo.printed
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary) >= KEYS
     assert (summary["samples"], summary["lost"], summary["seed"]) == (12_000, 0, 5)
-    true_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg))
+    true_hz = natural_frequencies_hz(RigParameters(payload_kg=0.4))
     np.testing.assert_allclose(summary["true_modes_hz"], true_hz)
     first, second, *_ = np.abs(np.array(summary["modes_hz"]) / true_hz - 1.0)
-    assert first <= first_mode_within
+    assert first <= 0.15
     assert second <= 0.08
     assert summary["dmv_mean"] < 0.45
     assert summary["dmv_mean"] == pytest.approx(np.mean(summary["dmv"]))

@@ -128,7 +128,7 @@ def test_experiment_with_a_sample_unanswered___is_refused_and_kept_apart(
     graph.node.create_subscription(
         ArmState, "state", lambda _: heard_s.append(time.monotonic()), qos.EVERY
     )
-    process = graph.run([*COMMAND, "B_dat8", "--fast", "-o", str(tmp_path / "out")])
+    process = graph.run([*COMMAND, "O_dat6", "--fast", "-o", str(tmp_path / "out")])
     graph.wait(lambda: len(heard_s) > 50, "samples")
     (experiment,) = graph.survivors("experiment_node")
     os.kill(experiment, signal.SIGSTOP)
@@ -140,9 +140,9 @@ def test_experiment_with_a_sample_unanswered___is_refused_and_kept_apart(
         os.kill(experiment, signal.SIGCONT)
 
     assert process.exit_code(240.0) == 1
-    refusal = r"^flexarm: \d+ of 12000 samples had no command of their own"
+    refusal = r"^flexarm: \d+ of 6000 samples had no command of their own"
     assert re.search(refusal, process.printed, re.MULTILINE), process.printed
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"B_dat8.partial", "nodes.log"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"O_dat6.partial", "nodes.log"}
 
 
 def test_experiment_whose_recorder_fails___ends_at_once_and_keeps_what_there_is(

@@ -115,6 +115,9 @@ def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
     for errors in (response.dmv, response.sfv):
         assert errors[-1] == pytest.approx(np.mean(errors[:-1]))
     assert response.dmv[-1] < largest_dmv
+    found_hz = np.array([mode.frequency_hz for mode in kept])
+    for true_hz in natural_frequencies_hz(RigParameters())[:2]:
+        assert np.min(np.abs(found_hz / true_hz - 1.0)) <= 0.08
 
 
 def test_results___are_files_that_ros_reads_back(laboratory: Graph) -> None:

@@ -5,14 +5,16 @@ from flexarm_control.design.margins import Margins, margins
 from flexarm_control.design.tuning import PdpTuning, PiTuning, tune_pdp, tune_pi
 from flexarm_control.laws.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains
 from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
-from flexarm_control.laws.law import Effort, Law
+from flexarm_control.laws.law_protocol import Effort, Law
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
+from flexarm_control.laws.pd import Pd
 from flexarm_control.laws.pdpc import Pdp, Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus
-from flexarm_control.laws.registry import LAWS, Pd, Pi, build_law
+from flexarm_control.laws.pi import Pi
+from flexarm_control.laws.registry import LAWS, build_law
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_control.references import REFERENCES, Reference, build_reference
-from flexarm_control.simulation import LoopRun, simulate_loop
+from flexarm_control.simulation import LoopRun, simulate, simulate_loop
 
 # The name under which callers catch what this package refuses.
 from flexarm_core.errors import SettingError as ControlError
@@ -50,6 +52,7 @@ __all__ = [
     "margins",
     "nominal_model",
     "nominal_payloads_kg",
+    "simulate",
     "simulate_loop",
     "step_figures",
     "tune_pdp",

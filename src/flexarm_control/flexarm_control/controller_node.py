@@ -1,4 +1,4 @@
-"""The controller: answers every sample of `state` with one `command`.
+"""Controller node: answers every sample of `state` with one `command` of a control law.
 
 A managed node. The law, its gains and the reference are parameters; a change is checked as a whole
 and takes effect between two samples. While the node is not active the DAQ node's watchdog holds the
@@ -7,43 +7,33 @@ drive at zero.
 
 from __future__ import annotations
 
-import math
-import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from std_msgs.msg import Float64
 
-from flexarm_control.laws.registry import LAWS, build_law, law_rate_hz
-from flexarm_control.laws.scheduled import ScheduledPdpc
+from flexarm_control.laws.registry import LAWS, LawSpec, build_law
 from flexarm_control.laws.switching import Handover
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.sample_rate import SampleRate, suits
 from flexarm_core.channels import TRAVEL_V
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import ParameterSpec
-from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand, PayloadEstimate
+from flexarm_msgs.msg import ArmState, MotorCommand, PayloadEstimate
 from flexarm_node import qos
-from flexarm_node.loop_node import LoopNode
+from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
-from flexarm_node.stamps import set_stamp, stamp_ns
-from flexarm_node.statistics import Window
-from flexarm_node.waiting import TopicWaiter
 
 if TYPE_CHECKING:
-    import threading
     from collections.abc import Iterator, Mapping
 
-    from builtin_interfaces.msg import Time
+    from rclpy.publisher import Publisher
 
-    from flexarm_control.laws.law import Law
+    from flexarm_control.laws.law_protocol import Law
 
-_WAIT_S = 0.1
 # A recorder that was not heard of yet when the reference changed learns it so soon.
-_TELL_AGAIN_S = 1.0
-_PAYLOAD_S = 0.1
-_SILENT_S = 1.0
-_STATISTICS_SAMPLES = 3000
+_TELL_AGAIN_NS = 1_000_000_000
+_PAYLOAD_NS = 100_000_000
 TOPIC = "topic"
 """The reference comes from the topic `reference` and not from a built-in profile."""
 
@@ -57,11 +47,11 @@ PARAMETERS = (
     ParameterSpec(
         "reference", TOPIC, "a built-in profile, or the topic", choices=(TOPIC, *REFERENCES)
     ),
-    *(spec for name, law in LAWS.items() for spec in _declared(name, law.parameters)),
     *(
         spec
-        for name, reference in REFERENCES.items()
-        for spec in _declared(name, reference.parameters)
+        for table in (LAWS, REFERENCES)
+        for name, row in table.items()
+        for spec in _declared(name, row.parameters)
     ),
 )
 _NAMES = {spec.name for spec in PARAMETERS}
@@ -69,31 +59,40 @@ _NAMES = {spec.name for spec in PARAMETERS}
 
 @dataclass(frozen=True)
 class Setup:
-    """What answers the samples; replaced as a whole, by one assignment.
+    """Law and reference in force; replaced as a whole, by one assignment.
 
     Attributes
     ----------
-    name, law
+    spec : LawSpec
+        Row of the control law.
+    law : Law
         The control law.
-    rate_hz
-        Sampling rate that it is made for; None when it suits any.
-    profile
+    rate_hz : float or None
+        Sampling rate that it is made for, Hz; None when it suits any.
+    profile : Reference or None
         The built-in reference, or None when it comes from the topic.
     """
 
-    name: str
+    spec: LawSpec
     law: Law
     rate_hz: float | None
     profile: Reference | None
 
     def check_rate(self, measured_hz: float | None) -> None:
-        """Raise when the samples come at another rate than the law is made for."""
+        """Refuse samples that come at another rate than the law is made for.
+
+        Raises
+        ------
+        SettingError
+            When they do; the message says what to set.
+        """
         if self.rate_hz is None or measured_hz is None or suits(self.rate_hz, measured_hz):
             return
-        set_it = f"{self.name}.rate_hz"
+        name = self.spec.name
+        set_it = f"{name}.rate_hz"
         advice = f"set {set_it}" if set_it in _NAMES else "sample at that rate or take another law"
         raise SettingError(
-            f"law {self.name} is made for {self.rate_hz:g} Hz and the samples come at "
+            f"law {name} is made for {self.rate_hz:g} Hz and the samples come at "
             f"{measured_hz:.0f} Hz: {advice}"
         )
 
@@ -110,8 +109,8 @@ def _setup(values: Mapping[str, Any]) -> Setup:
     profile = None
     if reference != TOPIC:
         profile = build_reference(reference, _below(reference, values))
-    chosen = _below(name, values)
-    return Setup(name, build_law(name, chosen), law_rate_hz(name, chosen), profile)
+    spec, chosen = LAWS[name], _below(name, values)
+    return Setup(spec, build_law(name, chosen), spec.rate_hz(chosen), profile)
 
 
 def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,7 +118,7 @@ def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
 
 
-class ControllerNode(LoopNode):
+class ControllerNode(AnsweringNode):
     """Wires parameters and topics to a law and a reference."""
 
     def __init__(self) -> None:
@@ -132,17 +131,16 @@ class ControllerNode(LoopNode):
         )
         self._setup = _setup(self.parameters.values())
         self._reference_v = 0.0
-        self._heard_s = math.inf
-        self._answered = 0
-        self._skipped = 0
-        self._answer_s = Window(_STATISTICS_SAMPLES)
         self.start_if_asked()
+
+    def commander(self) -> tuple[str, bool]:
+        """Return the name of the law, and that it looks at the outputs."""
+        spec = self._setup.spec
+        return spec.name, bool(spec.uses_outputs)
 
     def make_topics(self) -> None:
         """Make the topics of the loop."""
-        self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
-        self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
-        self._commander = self.create_publisher(CommanderInfo, "commander", qos.STATUS)
+        super().make_topics()
         self._references_out = self.create_publisher(Float64, "reference", qos.STATUS_SENT)
         self._payloads = self.create_publisher(PayloadEstimate, "payload", qos.STATUS)
         self._references_in = self.create_subscription(
@@ -151,89 +149,62 @@ class ControllerNode(LoopNode):
 
     def release_topics(self) -> None:
         """Give the topics back."""
-        self._states.close()
-        self.destroy_publisher(self._commands)
-        self.destroy_publisher(self._commander)
+        super().release_topics()
         self.destroy_publisher(self._references_out)
         self.destroy_publisher(self._payloads)
         self.destroy_subscription(self._references_in)
 
+    def publishers(self) -> tuple[Publisher, ...]:
+        """Return what a recorder must have in full before a run counts as ended."""
+        return (*super().publishers(), self._references_out)
+
     def prepare(self) -> None:
-        """Wait for every reader of the commands, drop an old sample, tell law and set-point."""
-        self.await_listeners(self._commands, least=1)
-        self._states.wait_newest(0.0)
-        self._declare(self._setup.name)
+        """Make ready for a run, and tell the set-point."""
+        super().prepare()
+        self._handover = Handover(self._setup.law)
+        self._rate = SampleRate()
+        self._weighed_ns = 0
         if self._setup.profile is None:
             # A record shall have the set-point in force from its first sample on.
             self._references_out.publish(Float64(data=self._reference_v))
 
-    def loop(self, stopping: threading.Event) -> None:
-        """Answer until told to stop."""
-        last_sequence = 0
-        start_ns = 0
-        told_v, told_s, weighed_ns = None, 0.0, 0
-        command = MotorCommand()
-        command.header.frame_id = "flexarm"
-        handover = Handover(self._setup.law)
-        rate = SampleRate()
-        self._heard_s = math.inf
-        while not stopping.is_set():
-            state = self._states.wait_newest(_WAIT_S)
-            if state is None:
-                self.spare_time()
-                continue
-            received_s = self._heard_s = time.monotonic()
-            setup = self._setup
-            handover.replace(setup.law)
-            taken_ns = stamp_ns(state.header.stamp)
-            if state.sequence <= last_sequence or last_sequence == 0:
-                start_ns, last_sequence, told_v = taken_ns, state.sequence - 1, None
-                handover.reset()
-                rate.reset()
-            self._skipped += state.sequence - last_sequence - 1
-            last_sequence = state.sequence
-            setup.check_rate(rate.add(taken_ns))
-            if setup.profile is not None:
-                time_s = (taken_ns - start_ns) * 1e-9
-                self._reference_v = setup.profile(time_s)
-                if self._reference_v != told_v or time_s - told_s >= _TELL_AGAIN_S:
-                    told_v, told_s = self._reference_v, time_s
-                    self._references_out.publish(Float64(data=told_v))
-            effort = handover.step(
-                (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v),
-                self._reference_v,
-            )
-            set_stamp(command.header.stamp, self.get_clock().now().nanoseconds)
-            command.sequence += 1
-            command.state_sequence = state.sequence
-            command.effort_v, command.compensation_v = effort
-            self._commands.publish(command)
-            self._answered += 1
-            if isinstance(setup.law, ScheduledPdpc) and taken_ns - weighed_ns >= _PAYLOAD_S * 1e9:
-                weighed_ns = taken_ns
-                self._tell_payload(setup.law, state.header.stamp)
-            self._answer_s.add(time.monotonic() - received_s)
-            self.spare_time()
-        # A recorder shall have everything before the run counts as ended.
-        self.await_acknowledged(self._commands, self._references_out, self._commander)
+    def begin(self) -> None:
+        """Forget the run of samples before."""
+        self._handover.replace(self._setup.law)
+        self._handover.reset()
+        self._rate.reset()
+        self._told_v: float | None = None
+        self._told_ns = 0
 
-    def _tell_payload(self, law: ScheduledPdpc, stamp: Time) -> None:
-        payload_kg, deviation_kg, detected = law.payload
-        message = PayloadEstimate(
-            payload_kg=payload_kg, deviation_kg=deviation_kg, detected=detected
+    def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
+        """Fill the command in."""
+        setup = self._setup
+        self._handover.replace(setup.law)
+        setup.check_rate(self._rate.add(taken_ns))
+        if setup.profile is not None:
+            self._reference_v = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
+            if self._reference_v != self._told_v or taken_ns - self._told_ns >= _TELL_AGAIN_NS:
+                self._told_v, self._told_ns = self._reference_v, taken_ns
+                self._references_out.publish(Float64(data=self._told_v))
+        command.effort_v, command.compensation_v = self._handover.step(
+            (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v),
+            self._reference_v,
         )
-        message.header.stamp = stamp
-        self._payloads.publish(message)
 
-    def _declare(self, law: str) -> None:
-        info = CommanderInfo(node=self.get_fully_qualified_name(), law=law, uses_outputs=True)
-        info.header.stamp = self.get_clock().now().to_msg()
-        self._commander.publish(info)
+    def answered(self, state: ArmState, taken_ns: int) -> None:
+        """Tell the payload now and then, when the law estimates it."""
+        setup = self._setup
+        if setup.spec.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
+            return
+        self._weighed_ns = taken_ns
+        message = PayloadEstimate(**setup.spec.payload(setup.law)._asdict())
+        message.header.stamp = state.header.stamp
+        self._payloads.publish(message)
 
     def _replace(self, values: Mapping[str, Any]) -> None:
         before, self._setup = self._setup, _setup(values)
-        if self.running and self._setup.name != before.name:
-            self._declare(self._setup.name)
+        if self.running and self._setup.spec is not before.spec:
+            self.declare_commander()
 
     def _on_reference(self, message: Float64) -> None:
         if self._setup.profile is not None:
@@ -245,22 +216,10 @@ class ControllerNode(LoopNode):
             return
         self._reference_v = message.data
 
-    def warning(self) -> str:
-        """Return that the samples have stopped, when they have."""
-        if time.monotonic() - self._heard_s < _SILENT_S:
-            return ""
-        return "no samples any more: is the DAQ node active?"
-
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""
-        answer = self._answer_s.percentiles()
-        yield {
-            "law": self._setup.name,
-            "answered samples": self._answered,
-            "skipped periods": self._skipped,
-            "answer p50 ms": f"{answer.p50 * 1e3:.3f}",
-            "answer p99 ms": f"{answer.p99 * 1e3:.3f}",
-        }
+        yield {"law": self._setup.spec.name}
+        yield from super().figures()
 
 
 def main() -> int:

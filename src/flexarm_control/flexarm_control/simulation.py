@@ -1,19 +1,46 @@
-"""Closed loop of a law on a linear model of the arm, for design checks."""
+"""Simulation of a law in its loop, without nodes: on a rig, or on a linear model of the arm."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from flexarm_control.models.arm_model import check_arm_model, check_no_feedthrough
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import control
 
-    from flexarm_control.laws.law import Law
+    from flexarm_control.laws.law_protocol import Effort, Law
     from flexarm_core.arrays import FloatArray
+
+
+class Sample(Protocol):
+    """One reading of a rig."""
+
+    @property
+    def time_s(self) -> float:
+        """Instant of the sample, s."""
+
+    @property
+    def volts(self) -> FloatArray:
+        """Position, base strain, middle strain and speed, V, shape (4,)."""
+
+
+class Rig(Protocol):
+    """What a simulation needs of a rig; `flexarm_daq.SimulatedRig` is one."""
+
+    def open(self) -> None:
+        """Start, with the drive at zero."""
+
+    def read(self) -> Sample:
+        """Sample the four channels."""
+
+    def write(self, command_v: float, /) -> None:
+        """Command the drive, V."""
 
 
 @dataclass(frozen=True)
@@ -22,20 +49,109 @@ class LoopRun:
 
     Attributes
     ----------
-    time_s
-        Sample instants, s, shape (samples,).
-    y
-        Position, base strain, middle strain and speed, V, shape (samples, 4).
-    effort
-        Feedback effort u_e, V, shape (samples,).
-    compensation
-        Coulomb friction compensation u_c, V, shape (samples,).
+    time_s : ndarray, shape (samples,)
+        Sample instants, s.
+    y : ndarray, shape (samples, 4)
+        Position, base strain, middle strain and speed, V.
+    effort : ndarray, shape (samples,)
+        Feedback effort u_e, V.
+    compensation : ndarray, shape (samples,)
+        Coulomb friction compensation u_c, V.
+    reference_v : ndarray, shape (samples,)
+        Position reference, V.
+    true_y : ndarray, shape (samples, 4)
+        As `y`, without noise and converters; (samples, 0) where nobody tells.
     """
 
     time_s: FloatArray
     y: FloatArray
     effort: FloatArray
     compensation: FloatArray
+    reference_v: FloatArray
+    true_y: FloatArray
+
+    @property
+    def command_v(self) -> FloatArray:
+        """Command of the drive (4-6), V, shape (samples,)."""
+        return self.effort + self.compensation
+
+
+def _whole(answer: Effort) -> float:
+    return answer.effort_v + answer.compensation_v
+
+
+def simulate(
+    rig: Rig,
+    law: Law,
+    reference_v: FloatArray,
+    *,
+    acting_v: Callable[[Effort], float] = _whole,
+    true_outputs: Callable[[], FloatArray] | None = None,
+) -> LoopRun:
+    """Run a law on a rig from rest, each command acting at the sample that it answers.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig; it is opened first.
+    law : Law
+        The law; it is reset first.
+    reference_v : ndarray, shape (samples,)
+        Reference at every sample, V.
+    acting_v : callable
+        Command of the drive for an answer of the law, V; by default the sum of its parts (4-6).
+    true_outputs : callable, optional
+        Called after every reading: tells the outputs without noise, V, shape (4,).
+
+    Returns
+    -------
+    LoopRun
+        Signals at every sample.
+
+    Raises
+    ------
+    FlexarmError
+        When the rig cannot be opened, read or written.
+    """
+    samples = len(reference_v)
+    time_s, y, answers = np.empty(samples), np.empty((samples, 4)), np.empty((samples, 2))
+    true_y = np.empty((samples, 0 if true_outputs is None else 4))
+    rig.open()
+    law.reset()
+    for k, reference in enumerate(np.asarray(reference_v, dtype=float).tolist()):
+        sample = rig.read()
+        time_s[k], y[k] = sample.time_s, sample.volts
+        if true_outputs is not None:
+            true_y[k] = true_outputs()
+        answers[k] = answer = law.step(y[k].tolist(), reference)
+        rig.write(acting_v(answer))
+    reference_v = np.asarray(reference_v, dtype=float)
+    return LoopRun(time_s, y, answers[:, 0], answers[:, 1], reference_v, true_y)
+
+
+class _ModelSample(NamedTuple):
+    time_s: float
+    volts: FloatArray
+
+
+class _ModelRig:
+    """A linear model of the arm, at rest when it is opened."""
+
+    def __init__(self, model: control.StateSpace) -> None:
+        self._dt_s = float(model.dt)
+        self._a, self._c = np.asarray(model.A), np.asarray(model.C)
+        self._b = np.asarray(model.B)[:, 0]
+
+    def open(self) -> None:
+        self._samples = 0
+        self._state = np.zeros(len(self._a))
+
+    def read(self) -> _ModelSample:
+        return _ModelSample(self._dt_s * self._samples, self._c @ self._state)
+
+    def write(self, command_v: float) -> None:
+        self._samples += 1
+        self._state = self._a @ self._state + self._b * command_v
 
 
 def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) -> LoopRun:
@@ -47,12 +163,12 @@ def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) 
 
     Parameters
     ----------
-    model
+    model : control.StateSpace
         Model of the arm; `flexarm_control.models.arm_model.delayed` gives it a loop delay.
-    law
+    law : Law
         The law; it is reset first.
-    reference_v
-        Reference at every sample, V, shape (samples,).
+    reference_v : ndarray, shape (samples,)
+        Reference at every sample, V.
 
     Returns
     -------
@@ -66,13 +182,4 @@ def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) 
     """
     check_arm_model(model)
     check_no_feedthrough(model)
-    A, b, C = np.asarray(model.A), np.asarray(model.B)[:, 0], np.asarray(model.C)
-    samples = len(reference_v)
-    y, effort, compensation = np.empty((samples, len(C))), np.empty(samples), np.empty(samples)
-    x = np.zeros(len(A))
-    law.reset()
-    for k, reference in enumerate(np.asarray(reference_v, dtype=float).tolist()):
-        y[k] = C @ x
-        effort[k], compensation[k] = law.step(y[k].tolist(), reference)
-        x = A @ x + b * effort[k]
-    return LoopRun(model.dt * np.arange(samples), y, effort, compensation)
+    return simulate(_ModelRig(model), law, reference_v, acting_v=lambda answer: answer.effort_v)

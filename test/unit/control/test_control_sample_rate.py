@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_control.laws.registry import LAWS, law_rate_hz
+from flexarm_control.laws.registry import LAWS
 from flexarm_control.sample_rate import TOLERANCE, SampleRate, suits
 
 
@@ -54,8 +54,8 @@ def test_suits___bounds() -> None:
 
 
 def test_law_rate___laws_with_dynamics_have_one___the_others_suit_any() -> None:
-    rates = {name: law_rate_hz(name, {}) for name in LAWS}
-    any_rate = {name for name, rate in rates.items() if rate is None}
-    assert any_rate == {"pd", "pdp", "pdpc", "pdpc_unconditional"}
-    assert all(rates[name] == pytest.approx(300.0) for name in rates.keys() - any_rate)
-    assert law_rate_hz("pdpc_plus", {"rate_hz": 500.0}) == 500.0
+    any_rate = {"pd", "pdp", "pdpc", "pdpc_unconditional"}
+    with_dynamics = {"pi", "ilqr", "lqg", "pdpc_plus", "pdpc_scheduled"}
+    assert all(LAWS[name].rate_hz({}) is None for name in any_rate)
+    assert all(LAWS[name].rate_hz({}) == pytest.approx(300.0) for name in with_dynamics)
+    assert LAWS["pdpc_plus"].rate_hz({"rate_hz": 500.0}) == 500.0

@@ -25,7 +25,7 @@ _ALL = (
     *_READ,
     ("unit tests", ["pytest", "--numprocesses", "auto", "--ignore", "test/system"]),
     # Their nodes wait more than they work, and some keep the time: two at once, on any machine.
-    ("system tests", ["pytest", "--numprocesses", "2", "--dist", "loadfile", "test/system"]),
+    ("system tests", ["pytest", "--numprocesses", "2", "--dist", "worksteal", "test/system"]),
 )
 
 

@@ -15,8 +15,8 @@ from flexarm_bringup.console import terminal
 from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V, TRAVEL_V
 from flexarm_daq.rigs.nidaq.driver import load_nidaqmx, named_errors
 from flexarm_daq.rigs.nidaq.terminals import DIRECTION_HIGH_V, Sensors
-from flexarm_daq.rigs.rig import RigError
 from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
+from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

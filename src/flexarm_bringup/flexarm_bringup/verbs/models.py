@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
+from click.shell_completion import CompletionItem
 
 from flexarm_bringup.verbs.verb import RUN_ON, examples
 
@@ -14,12 +15,32 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+def _methods(start: str = "") -> list[CompletionItem]:
+    """Return the methods of identification that begin with a text, with their help."""
+    from flexarm_ident.subspace.methods import AUTO, METHODS  # noqa: PLC0415
+
+    rows = {AUTO: "chosen by the data"} | {row.name: row.help for row in METHODS.values()}
+    return [
+        CompletionItem(name, help=text) for name, text in rows.items() if name.startswith(start)
+    ]
+
+
+class _MethodOption(click.Option):
+    """Option whose help lists the methods, read when the help is shown."""
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """Return the option and its help."""
+        self.help = "; ".join(f"{item.value}: {item.help}" for item in _methods()) + "."
+        return super().get_help_record(ctx)
+
+
 _REQUEST_OPTIONS = (
     click.option(
         "--method",
+        cls=_MethodOption,
         default="auto",
         show_default=True,
-        help="auto, orse, orse_iv, pbsid or orse_thesis.",
+        shell_complete=lambda _context, _option, start: _methods(start),
     ),
     click.option(
         "--train-fraction",

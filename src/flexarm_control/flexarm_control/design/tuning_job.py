@@ -1,12 +1,14 @@
-"""A tuning as somebody asks for it: models by name, file or bag in, gains as parameters out."""
+"""Tuning job: models by name, file or bag in, gains as parameters out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from flexarm_control.design.tuning import tune_pdp, tune_pi
+from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.nominal_models import nominal_model
 from flexarm_core.errors import IdentificationError, SettingError
 from flexarm_ident.models.ros_yaml import read_parameter_file
@@ -15,16 +17,15 @@ from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     import control
 
     from flexarm_control.design.margins import Margins
+    from flexarm_control.laws.gains import PdpGains, PiGains
 
-TUNABLE = ("pdp", "pi")
 _NOMINAL = "nominal:"
 _FLIPPED = ":flipped"
-_PDP_LAWS = ("pdp", "pdpc", "pdpc_unconditional", "pdpc_plus")
 # Starts that agree to this have found one minimum; V/V.
 _SPREAD = 0.05
 
@@ -36,7 +37,7 @@ class TuneRequest:
     Attributes
     ----------
     law
-        One of `TUNABLE`.
+        One of `TUNINGS`; the gains are those of every law that names this tuning in its row.
     error_weight, strain_weight
         W_E and W_sg of (4-3); None takes those of `tune_pdp`. PI has none.
     gain_margin_db, phase_margin_deg
@@ -128,9 +129,9 @@ def tune(models: Mapping[str, control.StateSpace], request: TuneRequest) -> Tune
     SettingError
         When the law cannot be tuned, or no gains meet the request.
     """
-    if request.law not in TUNABLE:
-        raise SettingError(f"law {request.law!r} is not tunable; choose {' or '.join(TUNABLE)}")
-    return _tune_pi(models, request) if request.law == "pi" else _tune_pdp(models, request)
+    if request.law not in TUNINGS:
+        raise SettingError(f"law {request.law!r} is not tunable; choose {' or '.join(TUNINGS)}")
+    return TUNINGS[request.law](models, request)
 
 
 def _tune_pi(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
@@ -140,7 +141,7 @@ def _tune_pi(models: Mapping[str, control.StateSpace], request: TuneRequest) -> 
     if unused:
         raise SettingError(f"pi is tuned without {', '.join(unused)}: leave that out or take pdp")
     found = tune_pi(next(iter(models.values())), delay_s=request.delay_s)
-    return TuneResult({"pi.kp": found.gains.kp, "pi.ki": found.gains.ki}, (found.criterion,))
+    return TuneResult(_parameters("pi", found.gains), (found.criterion,))
 
 
 def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
@@ -149,7 +150,6 @@ def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) ->
         delay_s=request.delay_s,
         **request.constraints(),
     )
-    gains = {"kp": found.gains.kp, "kd": found.gains.kd, "ksg": found.gains.ksg}
     feasible = sum(search.feasible for search in found.searches)
     word = "agree" if found.gain_spread <= _SPREAD else "do NOT agree"
     starts = (
@@ -157,7 +157,7 @@ def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) ->
         f"gains differ by at most {found.gain_spread:.3g}"
     )
     return TuneResult(
-        {f"{law}.{name}": float(gain) for law in _PDP_LAWS for name, gain in gains.items()},
+        _parameters("pdp", found.gains),
         (found.criterion, sum(found.error_itae), sum(found.strain_itae)),
         found.margins,
         found.error_itae,
@@ -167,6 +167,22 @@ def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) ->
             starts,
         ),
     )
+
+
+def _parameters(tuning: str, gains: PdpGains | PiGains) -> dict[str, float]:
+    """Gains as parameters of every law that the tuning is for."""
+    return {
+        f"{row.name}.{name}": float(gain)
+        for row in LAWS.values()
+        if row.tuning == tuning
+        for name, gain in asdict(gains).items()
+    }
+
+
+#: Every tuning by the name that the rows of the laws have for it.
+TUNINGS: Mapping[str, Callable[[Mapping[str, control.StateSpace], TuneRequest], TuneResult]] = (
+    MappingProxyType({"pdp": _tune_pdp, "pi": _tune_pi})
+)
 
 
 def _identified(bag: Path) -> control.StateSpace:

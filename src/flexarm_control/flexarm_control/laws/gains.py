@@ -96,7 +96,22 @@ class Coulomb(Bounded):
 
 
 @dataclass(frozen=True)
-class Compensation(Bounded):
+class CompensationLevel(Bounded):
+    """Level of the Coulomb friction compensation of a PDP law (4-8), without its conditions.
+
+    Attributes
+    ----------
+    compensation_v
+        Level that follows the sign of the effort, V.
+    """
+
+    compensation_v: float = field(
+        default=0.7, metadata=limits(0.0, 2.0, "V", "level of the Coulomb friction compensation")
+    )
+
+
+@dataclass(frozen=True)
+class Compensation(CompensationLevel):
     """Conditional Coulomb friction compensation (4-8).
 
     Attributes
@@ -107,9 +122,6 @@ class Compensation(Bounded):
         The compensation is off while both the position error and the speed are smaller, V.
     """
 
-    compensation_v: float = field(
-        default=0.7, metadata=limits(0.0, 2.0, "V", "level of the Coulomb friction compensation")
-    )
     error_threshold_v: float = field(
         default=0.05,
         metadata=limits(0.0, 1.0, "V", "position error from which the compensation acts"),

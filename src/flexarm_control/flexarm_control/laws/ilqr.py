@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.laws.law import NO_EFFORT, SATURATION_V, Effort, limited
+from flexarm_control.laws.law_protocol import NO_EFFORT, SATURATION_V, Effort, limited
 from flexarm_control.models.arm_model import POSITION, check_arm_model, check_no_feedthrough
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import Bounded, limits
@@ -217,7 +217,7 @@ class Ilqr:
         self._integral_v = 0.0
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
-        """Answer one sample; see `flexarm_control.laws.law.Law.step`."""
+        """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
         design, known = self._design, self._known
         for place, channel in enumerate(design.channels, self._order + 1):
             if not -PLAUSIBLE_V < volts[channel] < PLAUSIBLE_V:

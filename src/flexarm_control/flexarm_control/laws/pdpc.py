@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from flexarm_control.laws.gains import Compensation, PdpGains
-from flexarm_control.laws.law import limited
+from flexarm_control.laws.law_protocol import limited
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_control.laws.law import Effort
+    from flexarm_control.laws.law_protocol import Effort
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from math import exp, isfinite, pi
 from typing import TYPE_CHECKING
 
 from flexarm_control.laws.gains import PdpGains
-from flexarm_control.laws.law import NO_EFFORT, Effort, limited
+from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
 from flexarm_core.specs import Bounded, limits
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ class PdpcPlus:
         self._started = self._resting = False
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
-        """Answer one sample; see `flexarm_control.laws.law.Law.step`."""
+        """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
         gains, rest = self._gains, self._rest
         error_v, strain_v, speed_v = reference_v - volts[0], volts[1], volts[3]
         effort_v = gains.kp * error_v - gains.kd * speed_v - gains.ksg * volts[2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_control.laws.law import NO_EFFORT, Effort, Law, limited
+from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, Law, limited
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +45,7 @@ class Handover:
         self.law = law
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
-        """Answer one sample; see `flexarm_control.laws.law.Law.step`."""
+        """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
         answer = self.law.step(volts, reference_v)
         if answer is NO_EFFORT:
             # A fault, or nothing to do: zero is then right, whatever was before.

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.linalg import fractional_matrix_power
 
 from flexarm_core.errors import SettingError
-from flexarm_ident.models.state_space import with_matrices
 
 if TYPE_CHECKING:
     import control
@@ -98,6 +97,9 @@ def delayed(model: control.StateSpace, delay_s: float) -> control.StateSpace:
         A, B, C, D = _append_held_input(A, B - new, C, D, new)
     for _ in range(whole):
         A, B, C, D = _append_held_input(A, B, C, D, np.zeros_like(B))
+    # The identification, loaded by whoever makes a model: a controller at work makes none.
+    from flexarm_ident.models.state_space import with_matrices  # noqa: PLC0415
+
     return with_matrices(model, A=A, B=B, C=C, D=D)
 
 

@@ -10,7 +10,6 @@ import yaml
 
 from flexarm_control.models.arm_model import MIDDLE_STRAIN
 from flexarm_core.errors import SettingError
-from flexarm_ident.models.state_space import state_space
 
 if TYPE_CHECKING:
     import control
@@ -86,6 +85,9 @@ def identified_model() -> control.StateSpace:
 
 
 def _read(text: str) -> control.StateSpace:
+    # The identification, loaded by whoever makes a model.
+    from flexarm_ident.models.state_space import state_space  # noqa: PLC0415
+
     content = yaml.safe_load(text)
     return state_space(
         content["a"],

@@ -17,13 +17,13 @@ import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, INPUT_RANGE_V
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.rig import RigError
+from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_daq.loop.limiter import Limiter
-    from flexarm_daq.rigs.rig import Rig
+    from flexarm_daq.rigs.rig_protocol import Rig
 
 PULSE_V: Final = 2.0
 """Height of the pulses: 1 A, three times what breaks the friction; it turns the arm 6 degrees."""

@@ -10,39 +10,31 @@ import time
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from rclpy.clock import Clock as SystemClock
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, COMMAND, DRIVE_A_PER_V
+from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import ParameterSpec
-from flexarm_daq.loop.acquisition import Acquisition, LockStep, Record
-from flexarm_daq.loop.commander import Command, Verdict
+from flexarm_daq.loop.acquisition import Acquisition, LockStep
+from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.limiter import LIMITS, Limiter, LimiterSettings
 from flexarm_daq.loop.safety import COUNTED
 from flexarm_daq.loop.self_test import run_self_test
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.nodes.rig_choice import RIG_PARAMETERS, is_virtual, make_rig, wants_self_test
+from flexarm_daq.nodes.topic_link import TopicLink
 from flexarm_daq.rigs.faulty import Fault, FaultyRig
-from flexarm_daq.rigs.rig import Rig, RigError
-from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_daq.rigs.rig_protocol import Rig, RigError
 from flexarm_daq.rigs.simulated import SimulatedRig
-from flexarm_msgs.msg import ArmState, MotorCommand
-from flexarm_node import qos
-from flexarm_node.loop_node import LoopNode, wait_until
+from flexarm_node.loop_node import LoopNode
 from flexarm_node.process import run
-from flexarm_node.stamps import set_stamp, stamp_ns, stamp_text
 from flexarm_node.statistics import Rate
-from flexarm_node.waiting import TopicWaiter
 
 if TYPE_CHECKING:
     import threading
     from collections.abc import Iterator, Mapping
 
-    from rclpy.publisher import Publisher
 
 _NO_FAULT = "none"
 
@@ -100,9 +92,6 @@ PARAMETERS = (
 
 _LIVE = ("payload_kg", *(field.name for field in fields(LimiterSettings)))
 """Parameters that may change while the loop runs, and act at once."""
-_POSITION, _, _, _SPEED = CHANNELS
-_TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V
-_JOINT_STATES_HZ = 50.0
 _SILENT_S = 1.0
 _SLOWEST_PACE = 0.01
 
@@ -127,7 +116,7 @@ class DaqNode(LoopNode):
 
     def make_topics(self) -> None:
         """Make the topics of the loop."""
-        self._link = _TopicLink(self)
+        self._link = TopicLink(self)
 
     def release_topics(self) -> None:
         """Give the topics back."""
@@ -253,119 +242,6 @@ class DaqNode(LoopNode):
         self.get_logger().warning("emergency stop")
         response.message = "the drive is held at zero until the node is deactivated"
         return response
-
-
-class _TopicLink:
-    """The loop's two topics, used by the sampling thread alone."""
-
-    def __init__(self, node: LoopNode) -> None:
-        self._node = node
-        self._publisher = node.create_publisher(ArmState, "state", qos.SENT)
-        self._joint_states = node.create_publisher(JointState, "joint_states", qos.SENT)
-        self._commands: TopicWaiter[Any] = TopicWaiter(node, MotorCommand, "command", qos.NEWEST)
-        self._clock: Publisher[Clock] | None = None
-        self._now = Clock()
-        self._state = ArmState()
-        self._state.header.frame_id = "flexarm"
-        self._joint = JointState(name=["hub"])
-        self._joint.header.frame_id = "flexarm"
-        self._joint_every = 1
-        self._start_ns = 0
-
-    def start(self, rate_hz: float, *, virtual: bool, await_commander: bool) -> None:
-        """Prepare for a run: match every reader, drop the commands of an earlier run."""
-        if virtual and self._clock is None:
-            self._clock = self._node.create_publisher(Clock, "/clock", qos.NEWEST)
-        if not virtual:
-            self._release_clock()
-        if virtual and await_commander and not wait_until(self.has_commander):
-            self._node.get_logger().warning("no commander is there: the arm moves on without")
-        self._node.await_listeners(self._publisher)
-        self._commands.wait_newest(0.0)
-        self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))
-
-    @property
-    def newest_s(self) -> str:
-        """Stamp of the newest sample, in seconds since the epoch."""
-        return stamp_text(self._state.header.stamp)
-
-    def has_commander(self) -> bool:
-        """Tell whether somebody is there who could send commands."""
-        return self._commands.publishers() > 0
-
-    def publish(self, record: Record) -> None:
-        """Publish one sample, and the SI view of some when somebody listens."""
-        if record.sequence == 1:
-            # The rig's clock began when it was opened, which may have taken its time; and the
-            # first sample takes its own until it is here.
-            # The node whose time is `/clock` cannot follow it.
-            clock = self._node.get_clock() if self._clock is None else SystemClock()
-            now_ns = clock.now().nanoseconds
-            self._start_ns = record.start_ns(now_ns, time.monotonic())
-        state = self._state
-        set_stamp(state.header.stamp, self._start_ns + round(record.time_s * 1e9))
-        state.sequence = record.sequence
-        (
-            state.position_v,
-            state.base_strain_v,
-            state.middle_strain_v,
-            state.speed_v,
-        ) = record.volts.tolist()
-        state.command_v = record.command_v
-        state.compensation_v = record.compensation_v
-        state.command_sequence = record.command_sequence
-        self._publisher.publish(state)
-        if self._clock is not None and self._clock.get_subscription_count():
-            self._now.clock = state.header.stamp
-            self._clock.publish(self._now)
-        if record.sequence % self._joint_every == 0 and self._joint_states.get_subscription_count():
-            self._publish_joints(state)
-
-    def wait(self, timeout_s: float) -> Command | None:
-        """Return the newest command, or None when none came in time."""
-        message = self._commands.wait_newest(timeout_s)
-        if message is None:
-            return None
-        return Command(
-            message.sequence,
-            message.state_sequence,
-            message.effort_v,
-            message.compensation_v,
-            stamp_ns(message.header.stamp),
-        )
-
-    def spare_time(self) -> None:
-        """Have the node report on itself."""
-        self._node.spare_time()
-
-    def commanders(self) -> list[str]:
-        """Return the nodes that could send commands; one that was killed is seen for a while."""
-        found = self._node.get_publishers_info_by_topic(self._commands.topic)
-        return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found)
-
-    def await_readers(self) -> None:
-        """Wait until every reader has every sample."""
-        self._node.await_acknowledged(self._publisher)
-
-    def close(self) -> None:
-        """Give the topics back."""
-        self._commands.close()
-        self._release_clock()
-        self._node.destroy_publisher(self._publisher)
-        self._node.destroy_publisher(self._joint_states)
-
-    def _release_clock(self) -> None:
-        if self._clock is not None:
-            self._node.destroy_publisher(self._clock)
-            self._clock = None
-
-    def _publish_joints(self, state: ArmState) -> None:
-        joint = self._joint
-        joint.header.stamp = state.header.stamp
-        joint.position = [_POSITION.to_si(state.position_v)]
-        joint.velocity = [_SPEED.to_si(state.speed_v)]
-        joint.effort = [COMMAND.to_si(state.command_v) * _TORQUE_NM_PER_A]
-        self._joint_states.publish(joint)
 
 
 def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:

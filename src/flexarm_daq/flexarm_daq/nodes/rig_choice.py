@@ -16,7 +16,7 @@ from flexarm_daq.rigs.simulated import SimulatedRig
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_daq.rigs.rig import Rig
+    from flexarm_daq.rigs.rig_protocol import Rig
 
 NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
 

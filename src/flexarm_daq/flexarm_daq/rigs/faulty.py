@@ -10,12 +10,12 @@ import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES, INPUT_RANGE_V
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.rig import RigError, RigSample
+from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flexarm_daq.rigs.rig import Rig
+    from flexarm_daq.rigs.rig_protocol import Rig
 
 _BURST_SAMPLES: Final = 30
 _BURST_V: Final = 1.0
@@ -58,7 +58,7 @@ SENSOR_FAULTS: Final = (
 
 
 class FaultyRig:
-    """A `flexarm_daq.rigs.rig.Rig` around another one, with a fault.
+    """A `flexarm_daq.rigs.rig_protocol.Rig` around another one, with a fault.
 
     Parameters
     ----------

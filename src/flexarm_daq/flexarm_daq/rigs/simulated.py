@@ -10,8 +10,8 @@ import numpy as np
 
 from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.rig import RigError, RigSample
 from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +23,7 @@ MAX_CATCH_UP_S: Final = 1.0
 
 
 class SimulatedRig:
-    """A `flexarm_daq.rigs.rig.Rig` without hardware.
+    """A `flexarm_daq.rigs.rig_protocol.Rig` without hardware.
 
     In virtual time, the default, sample k stands at k / `rate_hz` however long the caller takes,
     and a command acts the rig's `loop_delay_s` after the last sample: the same seed and the same

@@ -19,13 +19,10 @@ from flexarm_ident.diagnostics.uncertainty import (
 from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.modes import mode_table
 from flexarm_ident.records.preprocess import output_scale
-from flexarm_ident.subspace import orse
+from flexarm_ident.subspace.methods import METHODS, Data
 from flexarm_ident.subspace.order import candidate_orders, stable_orders, suggest_order
-from flexarm_ident.subspace.pbsid import predictor_space
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import control
 
     from flexarm_core.arrays import FloatArray
@@ -40,7 +37,7 @@ if TYPE_CHECKING:
     from flexarm_ident.models.modes import Mode
     from flexarm_ident.records.iodata import DataWarning, IoData
     from flexarm_ident.subspace.gram import BlockGram
-    from flexarm_ident.subspace.orse import Subspace
+    from flexarm_ident.subspace.orse import StateMatrices, Subspace
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +110,13 @@ class Identification:
     friction: DryFriction | None = None
     coulomb: CoulombEstimate | None = None
 
+    @property
+    def title(self) -> str:
+        """Name of the method in reports."""
+        if self.friction is not None:
+            return "flexible arm with dry friction, fitted by free simulation"
+        return METHODS[self.method].title
+
     @cached_property
     def data_warnings(self) -> tuple[DataWarning, ...]:
         """What the records cannot carry, each with its name and figures."""
@@ -171,10 +175,9 @@ class Identification:
         if self.friction is not None or self.samples != tuple(map(len, self.records)):
             return None
 
-        def estimate(gram: BlockGram) -> orse.StateMatrices:
-            feedthrough = bool(np.any(self.model.D))
-            space = subspace(gram, self.records, self.method, feedthrough=feedthrough)
-            return space.matrices(self.order)
+        def estimate(gram: BlockGram) -> StateMatrices:
+            data = Data(gram, self.records, feedthrough=bool(np.any(self.model.D)))
+            return METHODS[self.method].build(data).matrices(self.order)
 
         try:
             return jackknife(self.records, self.gram.block_rows, estimate)
@@ -196,33 +199,3 @@ class Identification:
     def suggested_order(self) -> int:
         """Order before the widest gap of the singular values (2-22)."""
         return suggest_order(self.singular_values, candidate_orders(self.subspace)[-1])
-
-
-def subspace(
-    gram: BlockGram, records: Sequence[IoData], method: str, *, feedthrough: bool
-) -> Subspace:
-    """Return the estimator's subspace.
-
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data, of `shifts` block rows.
-    records : sequence of IoData
-        The records, for the scaling of 'orse_thesis'.
-    method : str
-        One of `METHODS`.
-    feedthrough : bool
-        Whether the output may follow the input at once.
-
-    Returns
-    -------
-    Subspace
-        Models of every order.
-    """
-    if method == "orse_iv":
-        return orse.past_instruments(gram)
-    if method == "pbsid":
-        return predictor_space(gram, feedthrough=feedthrough)
-    if method == "orse_thesis":
-        return orse.plain(gram, output_scale(records))
-    return orse.innovation_scaled(gram)

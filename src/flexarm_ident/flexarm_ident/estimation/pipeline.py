@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from flexarm_ident.estimation.identification import Identification, subspace
+from flexarm_ident.estimation.identification import Identification
 from flexarm_ident.estimation.simulation_fit import refined, with_friction
+from flexarm_ident.estimation.streaming import excerpt
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.models.poles import is_stable, stabilise
 from flexarm_ident.models.state_space import state_space
-from flexarm_ident.records.iodata import as_records
-from flexarm_ident.subspace.choice import select_method
-from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.records.iodata import IoData, as_records
+from flexarm_ident.subspace.choice import estimate, select_method
+from flexarm_ident.subspace.methods import AUTO, METHODS
 from flexarm_ident.subspace.order import choose_order
-from flexarm_ident.subspace.request_check import check_request, shifts
+from flexarm_ident.subspace.request_check import check_request
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_ident.estimation.progress import Progress
-    from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
-    from flexarm_ident.subspace.orse import Subspace
+    from flexarm_ident.subspace.choice import Selection
 
 
 def identify(
-    data: IoData | Sequence[IoData],
+    data: IoData | Sequence[Source],
     *,
     order: int | None = None,
     block_rows: int = 40,
@@ -38,20 +39,23 @@ def identify(
 ) -> Identification:
     """Identify a discrete state-space model from one or several records.
 
+    Records that do not fit into memory are passed over a few times, in chunks: products for A and
+    C, products for B and x0, and the residual when the error is too small to follow from products.
+    Their method and order, if they are left open, and the modes' weights come from their leading
+    parts, `streaming.EXCERPT_SAMPLES` long. They have neither friction nor refinement.
+
     Parameters
     ----------
-    data : IoData or sequence of IoData
-        Records of one rig; several are fitted by one model, each with its own initial state.
+    data : IoData or sequence of Source
+        Records of one rig, in memory or read in chunks such as `BagStream`; several are fitted by
+        one model, each with its own initial state.
     order : int, optional
         Number of states, less than `block_rows`. By default one of 7 to 36 by a criterion of
         information, see `choose_order`.
     block_rows : int
         Block rows of the Hankel matrices, q of (2-18).
-    method : {'auto', 'orse', 'orse_iv', 'pbsid', 'orse_thesis'}
-        ORSE with outputs scaled by their innovation ('orse'), with past data as instruments
-        ('orse_iv'), or with the thesis's own scaling ('orse_thesis'); PBSID-opt ('pbsid'). 'auto'
-        takes 'pbsid' where noise reaches the input, 'orse_iv' where it is coloured, and 'orse'
-        elsewhere; see `selection` for the tests.
+    method : str
+        A name in `METHODS`, or 'auto', which takes the one that the data ask for: see `choice`.
     stable : bool
         Move unstable eigenvalues inside the unit circle before B is fitted (section 3.2).
     feedthrough : bool
@@ -74,82 +78,61 @@ def identify(
     IdentificationError
         If the data or the request do not allow an identification.
     """
-    records = as_records(data)
-    found = identify_records(
-        records,
-        records,
-        order=order,
-        block_rows=block_rows,
-        method=method,
+    records: Sequence[Source] = [data] if isinstance(data, IoData) else data
+    excerpts = as_records([excerpt(record) for record in records])
+    report = progress or _silent
+    check_request(records, order, block_rows, method)
+    report("gram", 0.0)
+    if method == AUTO:
+        closed_loop = any(record.closed_loop for record in excerpts)
+        chosen = select_method(
+            records, block_rows, closed_loop=closed_loop, order=order, feedthrough=feedthrough
+        )
+    else:
+        chosen = estimate(records, excerpts, method, block_rows, feedthrough=feedthrough)
+    report("range space", 1.0)
+    states = order or choose_order(
+        chosen.gram.leading(block_rows),
+        chosen.space,
+        excerpts,
         stable=stable,
         feedthrough=feedthrough,
         progress=progress,
     )
+    linear = _linear_model(
+        chosen, states, records, block_rows=block_rows, stable=stable, feedthrough=feedthrough
+    )
+    report("fit", 1.0)
+    found = replace(linear, records=excerpts)
+    if not all(isinstance(record, IoData) for record in records):
+        return found
     if friction:
-        replaceable = method == "auto" and order is None and not feedthrough
+        replaceable = method == AUTO and order is None and not feedthrough
         found = with_friction(found, replaceable=replaceable, progress=progress)
     if refine and found.friction is None:
         found = refined(found, progress=progress)
     return found
 
 
-def identify_records(
+def _linear_model(
+    chosen: Selection,
+    order: int,
     records: Sequence[Source],
-    excerpts: Sequence[IoData],
     *,
-    order: int | None,
     block_rows: int,
-    method: str,
     stable: bool,
     feedthrough: bool,
-    progress: Progress | None,
 ) -> Identification:
-    """Identify a subspace model: what `identify` and `identify_stream` have in common.
-
-    Parameters
-    ----------
-    records : sequence of Source
-        Records of one rig, in memory or read in chunks.
-    excerpts : sequence of IoData
-        The records themselves, or leading parts that fit into memory. Method and order are chosen
-        by them, and they stand in the result.
-    order, block_rows, method, stable, feedthrough, progress
-        As in `identify`.
-
-    Returns
-    -------
-    Identification
-        The model.
-    """
-    report = progress or _silent
-    check_request(records, order, block_rows, method)
-    report("gram", 0.0)
-    choice = ""
-    space: Subspace
-    if method == "auto":
-        closed_loop = any(record.closed_loop for record in excerpts)
-        method, choice, gram, space = select_method(
-            records, block_rows, closed_loop=closed_loop, order=order, feedthrough=feedthrough
-        )
-    else:
-        gram = block_gram(records, shifts(method, block_rows))
-        space = subspace(gram, excerpts, method, feedthrough=feedthrough)
-    report("range space", 1.0)
-    if order is None:
-        order = choose_order(
-            gram.leading(block_rows),
-            space,
-            excerpts,
-            stable=stable,
-            feedthrough=feedthrough,
-            progress=progress,
-        )
-    raw = space.matrices(order)
+    """Return the model of one order, without the records that it shows."""
+    raw = chosen.space.matrices(order)
     A, moved = stabilise(raw.A) if stable else (raw.A, 0)
     fit = fit_inputs(
-        A, raw.C, records, feedthrough=feedthrough, noise_weighted=method != "orse_thesis"
+        A,
+        raw.C,
+        records,
+        feedthrough=feedthrough,
+        noise_weighted=METHODS[chosen.method].noise_weighted,
     )
-    report("fit", 1.0)
     first = records[0]
     model = state_space(
         A, fit.B, raw.C, fit.D, first.dt_s, inputs=first.inputs, outputs=first.outputs
@@ -163,20 +146,20 @@ def identify_records(
         model=model,
         x0=fit.x0,
         order=order,
-        method=method,
+        method=chosen.method,
         block_rows=block_rows,
-        singular_values=space.singular_values,
+        singular_values=chosen.space.singular_values,
         fit_error=fit.error,
-        input_condition=space.condition,
+        input_condition=chosen.space.condition,
         fit_rank=fit.rank,
         fit_condition=fit.condition,
         moved_eigenvalues=moved,
         notes=tuple(notes),
-        gram=gram,
-        subspace=space,
-        records=tuple(excerpts),
+        gram=chosen.gram,
+        subspace=chosen.space,
+        records=(),
         samples=tuple(len(record) for record in records),
-        choice=choice,
+        choice=chosen.reason,
     )
 
 

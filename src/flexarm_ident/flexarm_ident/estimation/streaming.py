@@ -1,8 +1,4 @@
-"""Identification of records that need not fit into memory.
-
-What is long, the products of the samples and the simulation errors, is summed up in chunks. What
-needs a record in memory, such as the choice of method and order, is done on its leading part.
-"""
+"""Records that need not fit into memory: leading parts, biases, validation in chunks."""
 
 from __future__ import annotations
 
@@ -11,21 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.errors import DataError
-from flexarm_ident.estimation.pipeline import identify_records
 from flexarm_ident.fitting.validation import Dmv
 from flexarm_ident.models.free_run import BlockSimulation
-from flexarm_ident.records.iodata import IoData, as_records
+from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, preprocess
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     import control
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.estimation.identification import Identification
-    from flexarm_ident.estimation.progress import Progress
     from flexarm_ident.records.iodata import DataWarning
     from flexarm_ident.records.source import Source
 
@@ -131,54 +123,6 @@ def without_bias(source: Source) -> Part:
         count += int(np.count_nonzero(~np.isnan(y[:, 0])))
     gauges = np.isin(source.outputs, ZERO_MEAN_OUTPUTS)
     return Part(source, len(source), np.where(gauges, total / max(count, 1), bias))
-
-
-def identify_stream(
-    records: Sequence[Source],
-    *,
-    order: int | None = None,
-    block_rows: int = 40,
-    method: str = "orse",
-    stable: bool = True,
-    feedthrough: bool = False,
-    progress: Progress | None = None,
-) -> Identification:
-    """Identify a model as `identify` does, from records that are read in chunks.
-
-    A few passes are made over each record: products for A and C, products for B and x0, and the
-    residual when the error is too small to follow from products. Memory does not depend on the
-    records' length: method and order, if they are left open, and the modes' weights come from the
-    first `EXCERPT_SAMPLES` samples. There is neither friction nor refinement.
-
-    Parameters
-    ----------
-    records : sequence of Source
-        Records of one rig, such as `BagStream`.
-    order, block_rows, method, stable, feedthrough, progress
-        As in `identify`.
-
-    Returns
-    -------
-    Identification
-        The model, with the leading parts as its `records`.
-
-    Raises
-    ------
-    IdentificationError
-        If the data or the request do not allow an identification.
-    """
-    if not records:
-        raise DataError("no record given")
-    return identify_records(
-        records,
-        as_records([excerpt(record) for record in records]),
-        order=order,
-        block_rows=block_rows,
-        method=method,
-        stable=stable,
-        feedthrough=feedthrough,
-        progress=progress,
-    )
 
 
 def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -> Dmv:

@@ -1,9 +1,9 @@
-"""Which estimator do the data ask for? What `method="auto"` does.
+"""Estimator by name, or by what the data ask for (`method="auto"`).
 
 Three questions are asked in this order, and the first yes decides:
 
 1. Does noise reach the input, as the record says itself (`IoData.closed_loop`)? PBSID-opt.
-2. Do later inputs know of the outputs' innovation (`feedback.reaches_inputs`)? PBSID-opt.
+2. Are later inputs correlated with the outputs' innovation (`feedback.reaches_inputs`)? PBSID-opt.
 3. Is the outputs' noise coloured (`whiteness.whiteness_test`)? ORSE with past instruments.
 
 Otherwise ORSE without instruments, which is the cheapest and as accurate on white noise. Both ORSE
@@ -17,28 +17,28 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from flexarm_ident.subspace.feedback import reaches_inputs
 from flexarm_ident.subspace.gram import block_gram
-from flexarm_ident.subspace.orse import innovation_scaled, past_instruments
-from flexarm_ident.subspace.pbsid import predictor_space
-from flexarm_ident.subspace.request_check import shifts
+from flexarm_ident.subspace.methods import METHODS, Data
+from flexarm_ident.subspace.orse import innovation_scaled
 from flexarm_ident.subspace.whiteness import whiteness_test
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.orse import Subspace
 
 
 class Selection(NamedTuple):
-    """The chosen estimator with its result, which follows from the same products.
+    """The estimator and its result, which follows from the same products.
 
     Attributes
     ----------
-    method : {'orse', 'orse_iv', 'pbsid'}
-        Estimator.
+    method : str
+        Name in `METHODS`.
     reason : str
-        What was chosen and why, in one sentence.
+        What 'auto' chose and why, in one sentence; empty when the method was given.
     gram : BlockGram
         Products of the data.
     space : Subspace
@@ -49,6 +49,39 @@ class Selection(NamedTuple):
     reason: str
     gram: BlockGram
     space: Subspace
+
+
+def estimate(
+    records: Sequence[Source],
+    excerpts: Sequence[IoData],
+    method: str,
+    block_rows: int,
+    *,
+    feedthrough: bool,
+) -> Selection:
+    """Return the result of one estimator.
+
+    Parameters
+    ----------
+    records : sequence of Source
+        Records of one rig, in memory or read in chunks.
+    excerpts : sequence of IoData
+        The records themselves, or leading parts that fit into memory.
+    method : str
+        Name in `METHODS`.
+    block_rows : int
+        Block rows of the Hankel matrices, q of (2-18).
+    feedthrough : bool
+        Whether D will be fitted.
+
+    Returns
+    -------
+    Selection
+        Products and subspace.
+    """
+    row = METHODS[method]
+    gram = block_gram(records, row.shifts(block_rows))
+    return Selection(method, "", gram, row.build(Data(gram, excerpts, feedthrough)))
 
 
 def select_method(
@@ -79,28 +112,23 @@ def select_method(
     Selection
         Choice, reason and what was computed for it.
     """
+
+    def chosen(method: str, because: str) -> Selection:
+        found = estimate(records, (), method, block_rows, feedthrough=feedthrough)
+        return found._replace(reason=f"{method} was chosen: {because}")
+
     if closed_loop:
-        return _past_only(
-            records, block_rows, "a record was made in closed loop", feedthrough=feedthrough
-        )
+        return chosen("pbsid", "a record was made in closed loop")
     gram = block_gram(records, block_rows)
     if reaches_inputs(gram):
-        because = "later inputs know of the outputs' noise, by feedback or seemingly by friction"
-        return _past_only(records, block_rows, because, feedthrough=feedthrough)
+        return chosen(
+            "pbsid",
+            "later inputs know of the outputs' noise, by feedback or seemingly by friction",
+        )
     space = innovation_scaled(gram)
     noise = whiteness_test(space, gram.columns, order or block_rows // 2)
     figures = f"spread {noise.spread:.3g} of its power over directions, limit {noise.limit:.3g}"
     if not noise.white:
-        gram = block_gram(records, shifts("orse_iv", block_rows))
-        reason = f"orse_iv was chosen: the outputs' noise is coloured: {figures}"
-        return Selection("orse_iv", reason, gram, past_instruments(gram))
+        return chosen("orse_iv", f"the outputs' noise is coloured: {figures}")
     reason = f"orse was chosen: no feedback, and the outputs' noise passes for white: {figures}"
     return Selection("orse", reason, gram, space)
-
-
-def _past_only(
-    records: Sequence[Source], block_rows: int, because: str, *, feedthrough: bool
-) -> Selection:
-    gram = block_gram(records, shifts("pbsid", block_rows))
-    reason = f"pbsid was chosen: {because}"
-    return Selection("pbsid", reason, gram, predictor_space(gram, feedthrough=feedthrough))

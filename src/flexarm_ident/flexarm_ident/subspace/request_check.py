@@ -1,4 +1,4 @@
-"""What an identification is asked for, checked against its records before any work."""
+"""Check of a request against its records, before any work."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import DataError, IdentificationError
+from flexarm_ident.subspace.methods import AUTO, METHODS, check_method
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,14 +16,8 @@ if TYPE_CHECKING:
 
     from flexarm_ident.records.source import Source
 
-METHODS = ("orse", "orse_iv", "pbsid", "orse_thesis")
 _SMALLEST_BLOCK_ROWS = 2
 _CHUNK = 16384
-
-
-def shifts(method: str, block_rows: int) -> int:
-    """Return the block rows that a method needs: as many again where it looks at the past."""
-    return block_rows if method in {"orse", "orse_thesis"} else 2 * block_rows
 
 
 def check_request(
@@ -39,7 +34,7 @@ def check_request(
     block_rows : int
         Block rows q of (2-18).
     method : str
-        'auto' or one of `METHODS`.
+        'auto' or a name in `METHODS`.
 
     Raises
     ------
@@ -48,14 +43,13 @@ def check_request(
     DataError
         If the records together are too short or an input excites nothing.
     """
-    if method not in ("auto", *METHODS):
-        raise IdentificationError(f"method must be one of auto, {', '.join(METHODS)}: {method!r}")
+    check_method(method)
     if block_rows < _SMALLEST_BLOCK_ROWS:
         raise IdentificationError(f"block_rows must be 2 or more: {block_rows}")
     first = records[0]
     if order is not None:
         _check_order(records, order, block_rows, method)
-    needed = shifts(method, block_rows) * _samples_a_shift(first)
+    needed = _shifts(method, block_rows) * _samples_a_shift(first)
     usable = sum(_usable(record, needed) for record in records)
     if usable < needed:
         samples = sum(map(len, records))
@@ -73,6 +67,12 @@ def check_request(
             )
 
 
+def _shifts(method: str, block_rows: int) -> int:
+    """Return the block rows of the Gram; as many as any method needs while none is chosen."""
+    rows = METHODS.values() if method == AUTO else [METHODS[method]]
+    return max(row.shifts(block_rows) for row in rows)
+
+
 def _samples_a_shift(record: Source) -> int:
     return len(record.inputs) + len(record.outputs) + 1
 
@@ -85,7 +85,7 @@ def _check_order(records: Sequence[Source], order: int, block_rows: int, method:
     )
     if order >= block_rows:
         shortest = min(records, key=len)
-        allowed = len(shortest) // (shifts(method, 1) * _samples_a_shift(shortest))
+        allowed = len(shortest) // (_shifts(method, 1) * _samples_a_shift(shortest))
         message += (
             f"; block_rows = {order + 1} would do"
             if order < allowed

@@ -16,7 +16,6 @@ from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.estimation.simulation_fit import is_compensated
 from flexarm_ident.estimation.streaming import (
     excerpt,
-    identify_stream,
     leading,
     validate_stream,
     without_bias,
@@ -152,25 +151,18 @@ def _prepared(record: Source, request: Request) -> _Record:
 def _identify(
     trained: Sequence[_Record], request: Request, progress: Progress | None
 ) -> Identification:
-    if not any(record.is_streamed for record in trained):
-        return identify(
-            [record.shown for record in trained],
-            order=request.order,
-            block_rows=request.block_rows,
-            method=request.method,
-            stable=request.stabilise,
-            friction=request.friction,
-            refine=request.refine,
-            progress=progress,
-        )
-    found = identify_stream(
+    found = identify(
         [record.whole for record in trained],
         order=request.order,
         block_rows=request.block_rows,
         method=request.method,
         stable=request.stabilise,
+        friction=request.friction,
+        refine=request.refine,
         progress=progress,
     )
+    if not any(record.is_streamed for record in trained):
+        return found
     samples = sum(len(record.whole) for record in trained)
     held = sum(len(record.shown) for record in trained)
     note = (

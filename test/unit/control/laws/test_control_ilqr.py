@@ -13,6 +13,7 @@ from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
 from flexarm_control.models.nominal_models import identified_model, nominal_model
+from flexarm_control.simulation import simulate
 from flexarm_core.errors import SettingError
 from flexarm_daq import RigParameters, SimulatedRig
 
@@ -165,14 +166,11 @@ def test_friction___is_held_while_it_is_constant_and_not_when_it_reverses(
     """Section 4.4: 3 V at 300 g is well, at 5 V the arm overshoots, reverses and hunts."""
     rig = SimulatedRig(RigParameters(payload_kg=0.3), seed=1)
     law = Ilqr(design_ilqr(identified_model()))
-    rig.open()
-    position_v = np.zeros(round(20.0 * RATE_HZ))
-    for sample in range(len(position_v)):
-        volts = rig.read().volts.tolist()
-        position_v[sample] = volts[0]
-        rig.write(law.step(volts, setpoint_v).effort_v)
 
-    figures = step_figures(np.arange(len(position_v)) / RATE_HZ, position_v, setpoint_v)
+    run = simulate(rig, law, np.full(round(20.0 * RATE_HZ), setpoint_v))
+
+    position_v = run.y[:, 0]
+    figures = step_figures(run.time_s, position_v, setpoint_v)
     swing_v = np.ptp(position_v[round(10.0 * RATE_HZ) :])
     assert (figures.overshoot >= 0.08) is hunts
     assert bool(swing_v >= 0.2) is hunts

@@ -17,6 +17,7 @@ from flexarm_control.laws.payload import (
     PayloadEstimator,
 )
 from flexarm_control.laws.pdpc import Pdpc
+from flexarm_control.simulation import simulate
 from flexarm_core.errors import SettingError
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
@@ -125,12 +126,11 @@ def test_simulated_rig___is_weighed_within_60_grams_by_its_first_step(
     payload_kg: float, setpoint_v: float, noise_v: tuple[float, float, float, float]
 ) -> None:
     rig = SimulatedRig(RigParameters(payload_kg=payload_kg, noise_v=noise_v), seed=7)
-    law, estimator = Pdpc(), PayloadEstimator(DETECTION)
-    rig.open()
-    for _ in range(round(2.0 * RATE_HZ)):
-        volts = rig.read().volts.tolist()
+    estimator = PayloadEstimator(DETECTION)
+
+    run = simulate(rig, Pdpc(), np.full(round(2.0 * RATE_HZ), setpoint_v))
+    for volts in run.y.tolist():
         estimator.step(volts)
-        rig.write(sum(law.step(volts, setpoint_v)))
 
     assert estimator.estimate.detected
     assert estimator.estimate.payload_kg == pytest.approx(payload_kg, abs=0.06)

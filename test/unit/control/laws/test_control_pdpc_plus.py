@@ -9,6 +9,7 @@ import pytest
 
 from flexarm_control import Compensation, Pdpc, PdpcPlus, PdpGains, step_figures
 from flexarm_control.laws.pdpc_plus import Rest
+from flexarm_control.simulation import simulate
 from flexarm_daq import RigParameters, SimulatedRig
 
 RATE_HZ = 300.0
@@ -17,23 +18,13 @@ POSITION_ONLY = PdpGains(1.0, 0.0, 0.0)
 REST = Rest(rest_error_v=0.02, error_hysteresis_v=0.02, rest_speed_v=0.05, speed_hysteresis_v=0.05)
 
 
-class _Observed(SimulatedRig):
-    def base_strain_v(self) -> float:
-        return float(self._plant.outputs_v()[1])
-
-
 def _step_arm(
     law: Pdpc | PdpcPlus, payload_kg: float, setpoint_v: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Measured position, and base strain without noise."""
-    rig = _Observed(RigParameters(payload_kg=payload_kg), seed=3)
-    rig.open()
-    position_v, strain_v = np.zeros((2, 3000))
-    for sample in range(3000):
-        volts = rig.read().volts.tolist()
-        position_v[sample], strain_v[sample] = volts[0], rig.base_strain_v()
-        rig.write(sum(law.step(volts, setpoint_v)))
-    return position_v, strain_v
+    rig = SimulatedRig(RigParameters(payload_kg=payload_kg), seed=3)
+    run = simulate(rig, law, np.full(3000, setpoint_v), true_outputs=rig.outputs_v)
+    return run.y[:, 0], run.true_y[:, 1]
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_daq.loop.acquisition import LockStep, Record
+from flexarm_daq.loop.acquisition import LockStep
 from flexarm_daq.loop.commander import Command, Verdict
+from flexarm_daq.loop.exchange import Record
 from flexarm_daq.loop.limiter import LimiterSettings
 from flexarm_daq.loop.safety import DriveState, Event
-from flexarm_daq.rigs.rig import RigError, RigSample
+from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 from support.acquisition_bench import (
     PERIOD_S,
     TIMEOUT_S,

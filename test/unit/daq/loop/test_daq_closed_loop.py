@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
+from support.driven_rig import driven
 
 Law = Callable[[NDArray[np.float64]], float]
 
@@ -55,21 +56,14 @@ def step(
 
     The gauge is judged over 8 to 10 s, as the arm bends and not as its noisy sensor reads.
     """
-    rig = SimulatedRig(parameters, seed=seed)
-    rig.open()
-    outputs_v = np.empty((4500, 4))
-    true_gauge_v = np.empty(4500)
-    for k in range(len(outputs_v)):
-        outputs_v[k] = rig.read().volts
-        true_gauge_v[k] = rig._plant.outputs_v()[1]
-        rig.write(min(max(law(outputs_v[k]), -10.0), 10.0))
-    position_v = outputs_v[:, 0]
+    run = driven(SimulatedRig(parameters, seed=seed), lambda _, volts: law(volts), 4500)
+    position_v = run.y[:, 0]
     outside = np.flatnonzero(np.abs(position_v - reference_v) > 0.05 * reference_v)
     return Trial(
         overshoot=float(position_v.max() / reference_v - 1.0),
         settling_s=float(outside[-1] + 1) / 300.0,
         mean_error_v=float(position_v[3000:].mean() - reference_v),
-        base_gauge_rms_v=float(true_gauge_v[2400:3000].std()),
+        base_gauge_rms_v=float(run.true_y[2400:3000, 1].std()),
     )
 
 

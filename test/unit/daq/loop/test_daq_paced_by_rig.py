@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_daq.loop import acquisition
-from flexarm_daq.loop.acquisition import Acquisition, Record
+from flexarm_daq.loop.acquisition import Acquisition
 from flexarm_daq.loop.commander import Command
 from flexarm_daq.loop.limiter import Limiter
 from flexarm_daq.loop.sensor_check import SensorCheck
@@ -20,6 +20,8 @@ from support.nidaqmx_double import NidaqmxDouble
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from flexarm_daq.loop.exchange import Record
 
 RATE_HZ = 500.0
 REPLY_S = 4e-4

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_daq.loop.safety import TRANSITIONS, DriveState, Event, Safety
-from flexarm_daq.rigs.rig import RigError
+from flexarm_daq.rigs.rig_protocol import RigError
 from support.acquisition_bench import Bench, Clock, reply
 from support.project import PROJECT
 
 if TYPE_CHECKING:
-    from flexarm_daq.loop.acquisition import Record
     from flexarm_daq.loop.commander import Command
+    from flexarm_daq.loop.exchange import Record
 
 DRAWING = PROJECT / "docs" / "safety.md"
 RUNNING = (DriveState.READY, DriveState.DRIVING, DriveState.HELD)

@@ -23,8 +23,8 @@ from flexarm_daq.loop.self_test import (
 )
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
-from flexarm_daq.rigs.rig import Rig, RigError, RigSample
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
+from flexarm_daq.rigs.rig_protocol import Rig, RigError, RigSample
 from flexarm_daq.rigs.simulated import SimulatedRig
 from support.nidaq_board import Board
 from support.nidaqmx_double import NidaqmxDouble

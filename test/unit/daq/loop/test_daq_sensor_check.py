@@ -11,13 +11,12 @@ from flexarm_core.errors import SettingError
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
 from flexarm_daq.rigs.simulated import SimulatedRig
+from support.driven_rig import driven
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
-    Drive = Callable[[float, NDArray[np.float64]], float]
+    from support.driven_rig import Drive
 
 NO_NOISE_V = (0.0, 0.0, 0.0, 0.0)
 RATE_HZ = 300.0
@@ -53,12 +52,8 @@ def complaints(
     rig = SimulatedRig(parameters, rate_hz=rate_hz, seed=seed)
     has_noise = parameters.noise_v != NO_NOISE_V
     check = SensorCheck(rate_hz, None if has_noise else SensorLimits(stuck_samples=0))
-    found = []
-    rig.open()
-    for _ in range(int(length_s * rate_hz)):
-        sample = rig.read()
-        found.append(check.complaint(sample.time_s, sample.volts))
-        rig.write(max(-10.0, min(10.0, drive(sample.time_s, sample.volts))))
+    run = driven(rig, drive, int(length_s * rate_hz), rate_hz)
+    found = [check.complaint(*sample) for sample in zip(run.time_s.tolist(), run.y, strict=True)]
     return [each for each in found if each]
 
 

@@ -8,7 +8,7 @@ import pytest
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
 from flexarm_daq.rigs.faulty import SENSOR_FAULTS, Fault, FaultyRig
-from flexarm_daq.rigs.rig import RigError, RigSample
+from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 from flexarm_daq.rigs.simulated import SimulatedRig
 
 GOOD = 5

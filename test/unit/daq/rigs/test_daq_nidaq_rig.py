@@ -17,7 +17,7 @@ from flexarm_core.errors import SettingError
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.driver import load_nidaqmx
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
-from flexarm_daq.rigs.rig import DriveNotStoppedError, RigError
+from flexarm_daq.rigs.rig_protocol import DriveNotStoppedError, RigError
 from support import nidaqmx_double as double_module
 from support.nidaq_board import Board
 from support.nidaqmx_double import (

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from flexarm_core.errors import BagError
 from flexarm_ident import DataError, IdentificationError, IoData, identify, job, read_bag
-from flexarm_ident.estimation.streaming import EXCERPT_SAMPLES, identify_stream
+from flexarm_ident.estimation.streaming import EXCERPT_SAMPLES
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.reading.read import stream_bag
 from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, remove_compensation
@@ -124,12 +124,12 @@ def test_even_chunks___any_pieces___every_row_once_in_order(lengths: list[int], 
 @pytest.mark.parametrize("method", ["auto", "orse", "orse_iv", "pbsid", "orse_thesis"])
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("lengths", [[100_000], [1], [997, 64, 3]])
-def test_identify_stream___any_pieces___is_the_model_of_the_whole_record(
+def test_identify___any_pieces___is_the_model_of_the_whole_record(
     method: str, noise: float, lengths: list[int]
 ) -> None:
     data = arm_record(9001 if lengths != [1] else 2001, noise)
     whole = identify(data, order=9, block_rows=15, method=method)
-    stream = identify_stream([Pieces(data, lengths)], order=9, block_rows=15, method=method)
+    stream = identify([Pieces(data, lengths)], order=9, block_rows=15, method=method)
     for part in "ABC":
         here, there = getattr(stream.model, part), getattr(whole.model, part)
         np.testing.assert_allclose(here, there, atol=1e-10)
@@ -138,10 +138,10 @@ def test_identify_stream___any_pieces___is_the_model_of_the_whole_record(
     assert stream.model.input_labels == ["command_v"]
 
 
-def test_identify_stream___two_records___each_has_its_initial_state() -> None:
+def test_identify___two_records___each_has_its_initial_state() -> None:
     model = random_model(3)
     parts = [record(model, 700, seed=1), record(model, 450, seed=2)]
-    found = identify_stream([Pieces(part, [101]) for part in parts], order=5, block_rows=8)
+    found = identify([Pieces(part, [101]) for part in parts], order=5, block_rows=8)
     for part, x0 in zip(parts, found.x0, strict=True):
         np.testing.assert_allclose(
             step_by_step(found.model, part.u, x0), part.y, atol=1e-7 * np.abs(part.y).max()
@@ -156,12 +156,12 @@ def test_fit_error___noisy_record___is_that_of_the_simulation() -> None:
     np.testing.assert_allclose(found.fit_error, expected, rtol=1e-6)
 
 
-def test_identify_stream___no_record_or_other_method___raises() -> None:
+def test_identify___no_record_or_other_method___raises() -> None:
     with pytest.raises(DataError, match="no record given"):
-        identify_stream([], order=3)
+        identify([], order=3)
     data = record(random_model(1), 300, seed=1)
     with pytest.raises(IdentificationError, match=r"method must be one of auto, .*'guess'"):
-        identify_stream([data], order=3, method="guess")
+        identify([data], order=3, method="guess")
 
 
 def arm_messages(sequences: Sequence[int]) -> list[Sent]:
@@ -230,9 +230,7 @@ def test_stream_bag___declared_commander___closed_the_loop(tmp_path: Path) -> No
     uri = write_in_chunks(tmp_path / "run", messages, 50)
     assert read_bag(uri).closed_loop is True
     assert stream_bag(uri).closed_loop is True
-    assert (
-        identify_stream([stream_bag(uri)], order=2, block_rows=4, method="auto").method == "pbsid"
-    )
+    assert identify([stream_bag(uri)], order=2, block_rows=4, method="auto").method == "pbsid"
 
 
 def test_stream_bag___value_is_not_finite___names_channel_and_row(tmp_path: Path) -> None:
@@ -309,13 +307,13 @@ def test_record_hash___in_pieces___is_that_of_the_whole() -> None:
 
 
 @pytest.mark.parametrize("method", ["auto", "orse", "orse_iv", "pbsid", "orse_thesis"])
-def test_identify_stream___ten_times_the_samples___takes_no_more_memory(method: str) -> None:
+def test_identify___ten_times_the_samples___takes_no_more_memory(method: str) -> None:
     base = arm_record(5000, 0.05)
-    identify_stream([Repeated(base, 2)], order=9, block_rows=15, method=method)
+    identify([Repeated(base, 2)], order=9, block_rows=15, method=method)
     peaks = []
     for times in (20, 200):
         tracemalloc.start()
-        identify_stream([Repeated(base, times)], order=9, block_rows=15, method=method)
+        identify([Repeated(base, times)], order=9, block_rows=15, method=method)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.1 * peaks[0]

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 from flexarm_daq.rigs.nidaq.driver import load_nidaqmx
 from flexarm_daq.rigs.nidaq.terminals import Drive, NidaqSettings, Sensors
-from flexarm_daq.rigs.rig import DriveNotStoppedError, RigError
+from flexarm_daq.rigs.rig_protocol import DriveNotStoppedError, RigError
 
 if TYPE_CHECKING:
     from flexarm_daq.rigs.nidaq.driver import Nidaqmx
-    from flexarm_daq.rigs.rig import RigSample
+    from flexarm_daq.rigs.rig_protocol import RigSample
 
 
 class NidaqRig:
-    """A `flexarm_daq.rigs.rig.Rig` on a board of National Instruments.
+    """A `flexarm_daq.rigs.rig_protocol.Rig` on a board of National Instruments.
 
     The voltages are the thesis's channels as they are; `flexarm_core.channels` has their scale.
     Whatever fails, the magnitude is set to zero before the error goes on: by the running task,

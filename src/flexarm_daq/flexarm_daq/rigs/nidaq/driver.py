@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
-from flexarm_daq.rigs.rig import RigError
+from flexarm_daq.rigs.rig_protocol import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

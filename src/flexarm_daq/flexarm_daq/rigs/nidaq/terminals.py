@@ -18,7 +18,7 @@ import numpy as np
 from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V
 from flexarm_core.errors import SettingError
 from flexarm_daq.rigs.nidaq.driver import named_errors, succeeds
-from flexarm_daq.rigs.rig import RigError, RigSample
+from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
     from flexarm_daq.rigs.nidaq.driver import Nidaqmx

@@ -25,13 +25,6 @@ if TYPE_CHECKING:
     from flexarm_ident.report.content.blocks import Block, Subject
     from flexarm_ident.workflow.outcome import Outcome
 
-_METHODS = {
-    "orse": "ORSE, outputs scaled by their innovation",
-    "orse_iv": "ORSE with past data as instruments",
-    "orse_thesis": "ORSE, outputs scaled by their maxima",
-    "pbsid": "PBSID-opt",
-    "arm": "flexible arm with dry friction, fitted by free simulation",
-}
 _RANKINGS = {
     "mrm": "largest modal response (MRM)",
     "msv": "largest mode singular value (MSV)",
@@ -72,7 +65,7 @@ def _making(outcome: Outcome) -> Facts:
     """Return how the model was made."""
     identification = outcome.identification
     facts = {
-        "method": _METHODS.get(identification.method, identification.method),
+        "method": identification.title,
         "block rows": str(identification.block_rows),
         "full order": str(identification.order),
         "sampling period": f"{outcome.model.dt:.6g} s",

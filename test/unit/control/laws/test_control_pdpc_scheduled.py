@@ -15,14 +15,14 @@ from flexarm_control.design.tuning import tune_pdp
 from flexarm_control.laws.gains import Compensation, PdpGains
 from flexarm_control.laws.payload import PayloadDetection
 from flexarm_control.laws.pdpc import Pdpc
-from flexarm_control.laws.schedule import GainSchedule, ScheduleGains, between
-from flexarm_control.laws.scheduled import ScheduledPdpc
+from flexarm_control.laws.pdpc_scheduled import GainSchedule, ScheduledPdpc, ScheduleGains, between
 from flexarm_control.models.nominal_models import nominal_model
+from flexarm_control.simulation import simulate
 from flexarm_core.errors import SettingError
 from flexarm_daq import RigParameters, SimulatedRig
 
 if TYPE_CHECKING:
-    from flexarm_control.laws.law import Law
+    from flexarm_control.laws.law_protocol import Law
 
 RATE_HZ = 300.0
 ROBUST, FASTEST = ScheduleGains().robust, ScheduleGains().schedule
@@ -35,15 +35,8 @@ def scheduled() -> ScheduledPdpc:
 def step_response(law: Law, payload_kg: float, setpoint_v: float) -> tuple[np.ndarray, np.ndarray]:
     """Position and command of a step of 3 s on the simulated rig, V."""
     rig = SimulatedRig(RigParameters(payload_kg=payload_kg), seed=3)
-    rig.open()
-    law.reset()
-    position_v, command_v = np.zeros((2, round(3.0 * RATE_HZ)))
-    for sample in range(len(position_v)):
-        volts = rig.read().volts.tolist()
-        position_v[sample] = volts[0]
-        command_v[sample] = sum(law.step(volts, setpoint_v))
-        rig.write(command_v[sample])
-    return position_v, command_v
+    run = simulate(rig, law, np.full(round(3.0 * RATE_HZ), setpoint_v))
+    return run.y[:, 0], run.command_v
 
 
 @given(st.floats(-1.0, 2.0))

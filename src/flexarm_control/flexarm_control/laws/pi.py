@@ -1,0 +1,49 @@
+"""PI law that evaluates models (Figure 4-1)."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from flexarm_control.laws.law_protocol import NO_EFFORT, SATURATION_V, limited
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_control.laws.gains import PiGains, Sampling
+    from flexarm_control.laws.law_protocol import Effort
+
+
+class Pi:
+    """PI law that evaluates models (Figure 4-1), without friction compensation.
+
+    u_e = kp e + ki dt (e(0) + ... + e(k)), with e = R - y1. The sum stands still while the drive
+    is saturated and the error would drive it further.
+
+    Parameters
+    ----------
+    gains
+        Gains of the law.
+    sampling
+        Sampling rate of its samples.
+    """
+
+    def __init__(self, gains: PiGains, sampling: Sampling) -> None:
+        self._gains = gains
+        self._dt_s = 1.0 / sampling.rate_hz
+        self._integral_v_s = 0.0
+
+    def step(self, volts: Sequence[float], reference_v: float) -> Effort:
+        """Answer one sample; see `Law.step`."""
+        error_v = reference_v - volts[0]
+        if not isfinite(error_v):
+            return NO_EFFORT
+        integral_v_s = self._integral_v_s + self._dt_s * error_v
+        effort_v = self._gains.kp * error_v + self._gains.ki * integral_v_s
+        if abs(effort_v) <= SATURATION_V or effort_v * error_v < 0.0:
+            self._integral_v_s = integral_v_s
+        return limited(effort_v)
+
+    def reset(self) -> None:
+        """Forget the sum of the errors."""
+        self._integral_v_s = 0.0

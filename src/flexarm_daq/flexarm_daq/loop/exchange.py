@@ -1,0 +1,275 @@
+"""Exchange with the rig: a sample out, a command in, and the drive kept safe.
+
+The exchange asks no clock: whoever paces it says what time it is (`flexarm_daq.loop.acquisition`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from flexarm_core.channels import CHANNELS
+from flexarm_daq.loop.commander import Commander, Verdict
+from flexarm_daq.loop.safety import Event, Safety
+from flexarm_daq.rigs.rig_protocol import RigError
+from flexarm_node.statistics import Window
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from flexarm_daq.loop.commander import Command
+    from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+    from flexarm_daq.loop.sensor_check import SensorCheck
+    from flexarm_daq.loop.watchdog import Watchdog
+    from flexarm_daq.rigs.rig_protocol import Rig, RigSample
+
+
+class Applied(NamedTuple):
+    """What the drive was told: volts after the limiter, and which command they come from."""
+
+    command_v: float
+    compensation_v: float
+    command_sequence: int
+
+
+class Record(NamedTuple):
+    """One sample with the command in force while it was taken.
+
+    `sequence` is the number of its period, from 1. `time_s` is the rig's time, `taken_s` the
+    monotonic clock's.
+    """
+
+    sequence: int
+    time_s: float
+    taken_s: float
+    volts: NDArray[np.float64]
+    command_v: float
+    compensation_v: float
+    command_sequence: int
+
+    def start_ns(self, now_ns: int, now_s: float) -> int:
+        """Return when the rig's time began, on another clock.
+
+        Parameters
+        ----------
+        now_ns : int
+            What the other clock shows.
+        now_s : float
+            What the monotonic clock shows at the same instant.
+        """
+        return now_ns - round((now_s - self.taken_s + self.time_s) * 1e9)
+
+
+_NOTHING = Applied(0.0, 0.0, 0)
+
+
+class Link(Protocol):
+    """Where samples go and commands come from."""
+
+    def publish(self, record: Record) -> None:
+        """Hand one sample out."""
+
+    def wait(self, timeout_s: float) -> Command | None:
+        """Return the newest command, or None when none came in time."""
+
+    def spare_time(self) -> None:
+        """Do what is short and can wait.
+
+        Called after the answer to a sample, or else in the wait for it, at the latest in every
+        second period.
+        """
+
+
+class Exchange:
+    """What happens with every sample and every command of one run.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is sampled.
+    limiter : Limiter
+        The last gate before the rig.
+    watchdog : Watchdog
+        Judge of the command's age.
+    sensors : SensorCheck
+        Judge of the sensors.
+    link : Link
+        Where samples go.
+    rate_hz : float
+        Sampling rate, Hz.
+    statistics_s : float
+        How long `reply_s` looks back, s.
+
+    Attributes
+    ----------
+    safety : Safety
+        State of the drive.
+    commander : Commander
+        Who is in force, and what became of the commands.
+    sequence : int
+        Number of the newest sample: of its period, from 1 on.
+    taken : int
+        Samples taken.
+    missed : int
+        Whole periods skipped.
+    unanswered : int
+        Samples whose answer had not come when the next one was taken.
+    limited : int
+        Commands that the limiter changed.
+    limited_by : Counter of str
+        How often each limit of the limiter acted.
+    reply_s : Window
+        Time from a sample to its command, s.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        limiter: Limiter,
+        watchdog: Watchdog,
+        sensors: SensorCheck,
+        link: Link,
+        *,
+        rate_hz: float,
+        statistics_s: float = 10.0,
+    ) -> None:
+        self._rig = rig
+        self._limiter = limiter
+        self._watchdog = watchdog
+        self._sensors = sensors
+        self._link = link
+        self._period_s = 1.0 / rate_hz
+        self._emergency = False
+        self._position_v = 0.0
+        self._applied = _NOTHING
+        self._tick_s = 0.0
+        self._sample_time_s = -math.inf
+        self._started_s = (math.nan, math.nan)
+        self.safety = Safety()
+        self.commander = Commander()
+        self.sequence = 0
+        self.taken = 0
+        self.missed = 0
+        self.unanswered = 0
+        self.limited = 0
+        self.limited_by: Counter[str] = Counter()
+        self.reply_s = Window(max(1, round(statistics_s * rate_hz)))
+
+    @property
+    def refused(self) -> int:
+        """Commands that were not obeyed because of where they come from or what they answer."""
+        return self.commander.verdicts.total() - self.commander.verdicts[Verdict.ACCEPTED]
+
+    @property
+    def real_time_factor(self) -> float:
+        """How fast the rig's time has passed since the first sample, for that of the wall clock.
+
+        NaN before the second sample.
+        """
+        # Another thread may ask between two assignments: a figure, no more.
+        time_s, tick_s = self._started_s
+        passed_s = self._tick_s - tick_s
+        return (self._sample_time_s - time_s) / passed_s if passed_s > 0.0 else math.nan
+
+    def limit(self, settings: LimiterSettings) -> None:
+        """Take other limits from the next command on; any thread may call."""
+        self._limiter.settings = settings
+
+    def emergency_stop(self) -> None:
+        """Take the drive to zero at the next tick and keep it there until the run ends.
+
+        Any thread may call.
+        """
+        self._emergency = True
+
+    def _read(self) -> RigSample:
+        """Sample the rig.
+
+        Raises
+        ------
+        RigError
+            When the rig fails, a channel is missing, or the rig's clock stands still.
+        """
+        sample = self._rig.read()
+        if len(sample.volts) != len(CHANNELS):
+            raise RigError(
+                f"short reading: {len(sample.volts)} of {len(CHANNELS)} channels, check the board"
+            )
+        if not sample.time_s > self._sample_time_s:
+            raise RigError(
+                f"the rig's clock does not go on after {sample.time_s:.4f} s, check the board"
+            )
+        return sample
+
+    def _take(self, sample: RigSample, now_s: float, skipped: int = 0) -> None:
+        """Take a sample, so many whole periods too late, and hand it out."""
+        self._tick_s = now_s
+        if self.commander.answered != self.sequence:
+            self.unanswered += 1
+        in_force = self._applied
+        self._look_for_faults(sample)
+        if not self.safety.driving:
+            self._let_go()
+        self.missed += skipped
+        self.sequence += 1 + skipped
+        self.taken += 1
+        self._position_v = float(sample.volts[0])
+        self._sample_time_s = sample.time_s
+        if self.taken == 1:
+            self._started_s = (sample.time_s, now_s)
+        self._link.publish(Record(self.sequence, sample.time_s, now_s, sample.volts, *in_force))
+
+    def _act(self, command: Command, now_s: float) -> bool:
+        """Let a command act, when it may; return whether it is accepted."""
+        verdict = self.commander.judge(command, self.sequence)
+        if verdict is Verdict.CONFLICT:
+            self.safety.on(
+                Event.TWO_COMMANDERS,
+                f"two commanders: command {command.sequence} for sample {command.state_sequence} "
+                "is not the only one",
+            )
+            self._write(_NOTHING)
+        if verdict is not Verdict.ACCEPTED:
+            return False
+        self._watchdog.fed(self._sample_time_s)
+        self.reply_s.add(now_s - self._tick_s)
+        if self._emergency:
+            return True
+        self.safety.on(Event.COMMAND)
+        if not self.safety.driving:
+            return True
+        limited = self._limiter.apply(
+            command.effort_v, command.compensation_v, self._position_v, self._period_s
+        )
+        self.limited += bool(limited.reasons)
+        self.limited_by.update(limited.reasons)
+        self._write(Applied(limited.command_v, limited.compensation_v, command.sequence))
+        return True
+
+    def _lose_commander(self) -> None:
+        """Take the drive to zero: the commander in force is silent."""
+        self.commander.release()
+        self.safety.on(Event.STALE)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Take the drive to zero, if it is not there; the next command starts from zero."""
+        if self._applied != _NOTHING:
+            self._write(_NOTHING)
+            self._limiter.reset()
+
+    def _look_for_faults(self, sample: RigSample) -> None:
+        complaint = self._sensors.complaint(sample.time_s, sample.volts)
+        if complaint:
+            self.safety.on(Event.SENSOR_FAULT, complaint)
+        if self._emergency:
+            self.safety.on(Event.EMERGENCY_STOP, "emergency stop")
+        if self._watchdog.stale(sample.time_s):
+            self.commander.release()
+            self.safety.on(Event.STALE)
+
+    def _write(self, applied: Applied) -> None:
+        self._rig.write(applied.command_v)
+        self._applied = applied

@@ -1,0 +1,123 @@
+"""Estimators of a range space: one row each.
+
+A new estimator is a module with a function that returns a `Subspace`, and a row here. The request's
+check, `identify`, the command's help, the reports and the documentation read the rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.records.preprocess import output_scale
+from flexarm_ident.subspace.orse import innovation_scaled, past_instruments, plain
+from flexarm_ident.subspace.pbsid import predictor_space
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
+    from flexarm_ident.subspace.orse import Subspace
+
+AUTO = "auto"
+"""The method that lets the data choose, see `choice`."""
+
+
+class Data(NamedTuple):
+    """What an estimator works on.
+
+    Attributes
+    ----------
+    gram : BlockGram
+        Products of the records, of `Method.shifts` block rows.
+    records : sequence of IoData
+        The records, or leading parts that fit into memory.
+    feedthrough : bool
+        Whether the output may follow the input at once.
+    """
+
+    gram: BlockGram
+    records: Sequence[IoData]
+    feedthrough: bool
+
+
+@dataclass(frozen=True)
+class Method:
+    """An estimator.
+
+    Attributes
+    ----------
+    name : str
+        Value of `method` in requests.
+    build : callable
+        Returns the subspace of `Data`.
+    looks_back : bool
+        Whether it takes as many block rows of the past as of the future.
+    title : str
+        Name in reports.
+    help : str
+        What the estimator is for, in a few words.
+    noise_weighted : bool
+        Whether B is fitted to outputs that are weighted by their noise.
+    """
+
+    name: str
+    build: Callable[[Data], Subspace]
+    looks_back: bool
+    title: str
+    help: str
+    noise_weighted: bool = True
+
+    def shifts(self, block_rows: int) -> int:
+        """Return the block rows of the Gram for `block_rows` block rows of the future."""
+        return 2 * block_rows if self.looks_back else block_rows
+
+
+_ROWS = (
+    Method(
+        name="orse",
+        build=lambda data: innovation_scaled(data.gram),
+        looks_back=False,
+        title="ORSE, outputs scaled by their innovation",
+        help="open loop, white noise",
+    ),
+    Method(
+        name="orse_iv",
+        build=lambda data: past_instruments(data.gram),
+        looks_back=True,
+        title="ORSE with past data as instruments",
+        help="coloured noise",
+    ),
+    Method(
+        name="pbsid",
+        build=lambda data: predictor_space(data.gram, feedthrough=data.feedthrough),
+        looks_back=True,
+        title="PBSID-opt",
+        help="closed loop, friction",
+    ),
+    Method(
+        name="orse_thesis",
+        build=lambda data: plain(data.gram, output_scale(data.records)),
+        looks_back=False,
+        title="ORSE, outputs scaled by their maxima",
+        help="the thesis's own scaling, to reproduce it",
+        noise_weighted=False,
+    ),
+)
+METHODS = {row.name: row for row in _ROWS}
+"""The estimators by name."""
+
+
+def check_method(name: str) -> None:
+    """Check that a method is 'auto' or has a row.
+
+    Raises
+    ------
+    IdentificationError
+        If it is neither.
+    """
+    if name not in (AUTO, *METHODS):
+        choices = ", ".join((AUTO, *METHODS))
+        raise IdentificationError(f"method must be one of {choices}: {name!r}")

@@ -1,0 +1,145 @@
+"""Managed node that answers every sample of `state` with one `command`."""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
+from flexarm_node import qos
+from flexarm_node.loop_node import LoopNode
+from flexarm_node.stamps import set_stamp, stamp_ns
+from flexarm_node.statistics import Window
+from flexarm_node.waiting import TopicWaiter
+
+if TYPE_CHECKING:
+    import threading
+    from collections.abc import Iterator, Mapping
+
+    from rclpy.publisher import Publisher
+
+_WAIT_S = 0.1
+_SILENT_S = 1.0
+_STATISTICS_SAMPLES = 3000
+
+
+class AnsweringNode(LoopNode):
+    """Base of the nodes that command the arm, by a law or by an excitation.
+
+    A subclass fills the commands in. This class takes the samples, numbers the commands, declares
+    who commands, and keeps the figures.
+
+    Attributes
+    ----------
+    run_start_ns : int
+        Stamp of the first sample of the run, ns.
+    """
+
+    run_start_ns = 0
+    _heard_s = math.inf
+    _answered = 0
+    _skipped = 0
+
+    @abstractmethod
+    def commander(self) -> tuple[str, bool]:
+        """Return the name of what makes the commands, and whether these use the outputs."""
+
+    @abstractmethod
+    def begin(self) -> None:
+        """Make ready for the first sample: a run of samples begins, or begins anew."""
+
+    @abstractmethod
+    def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
+        """Fill in effort and compensation of the command.
+
+        Parameters
+        ----------
+        state : ArmState
+            The sample.
+        taken_ns : int
+            Its stamp, ns.
+        command : MotorCommand
+            The command; its effort and compensation are those of the sample before.
+        """
+
+    def answered(self, state: ArmState, taken_ns: int) -> None:
+        """Do what may follow the command; see `answer`."""
+
+    def publishers(self) -> tuple[Publisher, ...]:
+        """Return what a recorder must have in full before a run counts as ended."""
+        return (self._commands, self._commander_out)
+
+    def make_topics(self) -> None:
+        """Make the topics of the loop."""
+        self._answer_s = Window(_STATISTICS_SAMPLES)
+        self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
+        self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
+        self._commander_out = self.create_publisher(CommanderInfo, "commander", qos.STATUS)
+
+    def release_topics(self) -> None:
+        """Give the topics back."""
+        self._states.close()
+        self.destroy_publisher(self._commands)
+        self.destroy_publisher(self._commander_out)
+
+    def prepare(self) -> None:
+        """Wait for every reader of the commands, drop an old sample, tell what will command."""
+        self.await_listeners(self._commands, least=1)
+        self._states.wait_newest(0.0)
+        self.declare_commander()
+
+    def declare_commander(self) -> None:
+        """Tell recorders and people what makes the commands."""
+        name, uses_outputs = self.commander()
+        info = CommanderInfo(
+            node=self.get_fully_qualified_name(), law=name, uses_outputs=uses_outputs
+        )
+        info.header.stamp = self.get_clock().now().to_msg()
+        self._commander_out.publish(info)
+
+    def loop(self, stopping: threading.Event) -> None:
+        """Answer until told to stop; a count of samples that goes back begins a new run."""
+        last_sequence = 0
+        command = MotorCommand()
+        command.header.frame_id = "flexarm"
+        self._heard_s = math.inf
+        while not stopping.is_set():
+            state = self._states.wait_newest(_WAIT_S)
+            if state is None:
+                self.spare_time()
+                continue
+            received_s = self._heard_s = time.monotonic()
+            taken_ns = stamp_ns(state.header.stamp)
+            if state.sequence <= last_sequence or last_sequence == 0:
+                self.run_start_ns, last_sequence = taken_ns, state.sequence - 1
+                self.begin()
+            self._skipped += state.sequence - last_sequence - 1
+            last_sequence = state.sequence
+            self.answer(state, taken_ns, command)
+            set_stamp(command.header.stamp, self.get_clock().now().nanoseconds)
+            command.sequence += 1
+            command.state_sequence = state.sequence
+            self._commands.publish(command)
+            self._answered += 1
+            self.answered(state, taken_ns)
+            self._answer_s.add(time.monotonic() - received_s)
+            self.spare_time()
+        self.await_acknowledged(*self.publishers())
+
+    def warning(self) -> str:
+        """Return that the samples have stopped, when they have."""
+        if time.monotonic() - self._heard_s < _SILENT_S:
+            return ""
+        return "no samples any more: is the DAQ node active?"
+
+    def figures(self) -> Iterator[Mapping[str, object]]:
+        """Yield the figures of the loop."""
+        answer = self._answer_s.percentiles()
+        yield {
+            "answered samples": self._answered,
+            "skipped periods": self._skipped,
+            "answer p50 ms": f"{answer.p50 * 1e3:.3f}",
+            "answer p99 ms": f"{answer.p99 * 1e3:.3f}",
+        }
