@@ -15,10 +15,12 @@ copyright = "flexarm maintainers, Apache-2.0"  # noqa: A001 - Sphinx names it
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
-exclude_patterns = ["README.md"]
+exclude_patterns = ["README.md", "templates"]
+templates_path = ["templates"]
 # A type whose name two modules have is linked to one of them.
 suppress_warnings = ["ref.python"]
 

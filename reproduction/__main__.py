@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.verbs.verb import Verbs, examples
+from flexarm_bringup.console.verb_group import VerbGroup, examples
 from reproduction.contents import all_subjects
 from reproduction.framework.computing import Store, Workers, reproduce
 from reproduction.framework.document import write_document
@@ -28,7 +28,7 @@ CACHE = Path("out/reproduction/cache")
 _COLOURS = {Verdict.AGREES: "green", Verdict.SAME_RANKING: "yellow", Verdict.DIFFERS: "red"}
 
 
-@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=VerbGroup, context_settings={"help_option_names": ["-h", "--help"]})
 def main() -> None:
     """Be the command whose verb this program is: its usage, error lines and exit codes."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 import yaml
 
-from flexarm_bringup.verbs.models import identify, report
+from flexarm_bringup.verbs.offline.identify import identify, report
 from flexarm_ident.models.files import load_model
 from flexarm_ident.workflow.request import Request
 from support.project import BAGS

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from flexarm_bringup.graph.operation import Run
+    from flexarm_bringup.graph.run_watch import Run
 
 pytestmark = pytest.mark.system
 

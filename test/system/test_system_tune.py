@@ -8,25 +8,31 @@ import pytest
 from rclpy.parameter import Parameter
 
 from flexarm_msgs.srv import Tune
-from support.system_graph import ROOT
+from support.system_graph import ROOT, Graph
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
-
-    from support.system_graph import Graph
 
 pytestmark = pytest.mark.system
 
 NOMINAL = ["nominal:0", "nominal:0.2", "nominal:0.4"]
 
 
-def test_service___gives_gains_that_keep_the_margins_and_that_the_controller_takes(
-    graph: Graph,
-) -> None:
-    graph.start("tuner")
-    graph.start("controller")
+@pytest.fixture(scope="module")
+def tuner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """Return one graph with a tuner for all questions."""
+    with Graph(tmp_path_factory.mktemp("tuner")) as graph:
+        graph.start("tuner")
+        yield graph
 
-    response: Tune.Response = graph.call(Tune, "tune", Tune.Request(models=NOMINAL), 120.0)
+
+def test_service___gives_gains_that_keep_the_margins_and_that_the_controller_takes(
+    tuner: Graph,
+) -> None:
+    tuner.start("controller")
+
+    response: Tune.Response = tuner.call(Tune, "tune", Tune.Request(models=NOMINAL), 120.0)
 
     assert response.success, response.message
     assert min(response.gain_margins_db) >= 9.99
@@ -34,13 +40,11 @@ def test_service___gives_gains_that_keep_the_margins_and_that_the_controller_tak
     assert len(response.gain_margins_db) == len(response.phase_margins_deg) == len(NOMINAL)
     gains = {each.name: Parameter.from_parameter_msg(each).value for each in response.parameters}
     assert {"pdpc.kp", "pdpc.kd", "pdpc.ksg"} <= set(gains)
-    assert graph.refusal("controller", gains) == ""
+    assert tuner.refusal("controller", gains) == ""
 
 
-def test_service___refuses_a_model_that_is_not_there(graph: Graph) -> None:
-    graph.start("tuner")
-
-    response = graph.call(Tune, "tune", Tune.Request(models=["nominal:0.3"]))
+def test_service___refuses_a_model_that_is_not_there(tuner: Graph) -> None:
+    response = tuner.call(Tune, "tune", Tune.Request(models=["nominal:0.3"]))
 
     assert not response.success
     assert "0.3" in response.message
@@ -55,11 +59,9 @@ def test_service___refuses_a_model_that_is_not_there(graph: Graph) -> None:
     ],
 )
 def test_service___refuses_a_value_that_has_no_sense(
-    graph: Graph, fields: dict[str, Any], complaint: str
+    tuner: Graph, fields: dict[str, Any], complaint: str
 ) -> None:
-    graph.start("tuner")
-
-    response = graph.call(Tune, "tune", Tune.Request(models=NOMINAL[:1], **fields))
+    response = tuner.call(Tune, "tune", Tune.Request(models=NOMINAL[:1], **fields))
 
     assert not response.success
     assert response.message.startswith(complaint)

@@ -6,46 +6,47 @@ import os
 
 import click
 
-from flexarm_bringup.verbs import bags, checkout, graph, models, remote
-from flexarm_bringup.verbs.verb import Verbs
+from flexarm_bringup.console.verb_group import LazyVerbGroup
 
 # The matrices here are small: more threads of BLAS would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+VERBS = {
+    "demo": "laboratory.demo:demo",
+    "up": "laboratory.up:up",
+    "status": "laboratory.remote:status",
+    "reference": "laboratory.remote:reference",
+    "set": "laboratory.remote:set_",
+    "stop": "laboratory.remote:stop",
+    "deactivate": "laboratory.remote:deactivate",
+    "activate": "laboratory.remote:activate",
+    "run": "laboratory.programs:run",
+    "exec": "checkout.execute:execute",
+    "import": "offline.bags:import_",
+    "experiment": "laboratory.experiment:experiment",
+    "catalogue": "laboratory.experiment:catalogue",
+    "identify": "offline.identify:identify",
+    "report": "offline.identify:report",
+    "tune": "offline.tune:tune",
+    "reproduce": "checkout.reproduce:reproduce",
+    "play": "laboratory.programs:play",
+    "record": "laboratory.programs:record",
+    "bag": "offline.bags:bag",
+    "test": "checkout.checks:test",
+    "docs": "checkout.docs:docs",
+    "bench": "checkout.bench:bench",
+    "doctor": "health.doctor:doctor",
+}
+"""Verbs in the order of the help, and the function that each is."""
 
-@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+
+_NAMES = {"help_option_names": ["-h", "--help"]}
+
+
+@click.group(cls=LazyVerbGroup, places=VERBS, context_settings=_NAMES)
 @click.version_option("0.1.0", prog_name="flexarm")
 def main() -> None:
     """Measure, model and control a flexible arm.
 
     FLEXARM_DEBUG=1 shows where an error comes from.
     """
-
-
-for _verb in (
-    graph.demo,
-    graph.up,
-    remote.status,
-    remote.reference,
-    remote.set_,
-    remote.stop,
-    remote.deactivate,
-    remote.activate,
-    graph.run,
-    graph.execute,
-    bags.import_,
-    graph.experiment,
-    graph.catalogue,
-    models.identify,
-    models.report,
-    models.tune,
-    models.reproduce,
-    bags.play,
-    bags.record,
-    bags.bag,
-    checkout.test,
-    checkout.docs,
-    checkout.bench,
-    graph.doctor,
-):
-    main.add_command(_verb)

@@ -1,4 +1,4 @@
-"""The rate at which samples really come, from their stamps."""
+"""Measured sampling rate, from the stamps of the samples."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class Sample(Protocol):
 
 
 class Rig(Protocol):
-    """What a simulation needs of a rig; `flexarm_daq.SimulatedRig` is one."""
+    """Rig as a simulation needs it; `flexarm_daq.SimulatedRig` is one."""
 
     def open(self) -> None:
         """Start, with the drive at zero."""

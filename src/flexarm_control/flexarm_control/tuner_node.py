@@ -1,4 +1,4 @@
-"""The tuning as a service: models in, gains as parameters of the controller out."""
+"""Tuner node: models in, gains as parameters of the controller out."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bench.tools import make_table, run_trials, write_json
-from flexarm_bringup.verbs.checkout import bench
+from flexarm_bringup.verbs.checkout.bench import bench
 from support.project import PROJECT
 
 if TYPE_CHECKING:

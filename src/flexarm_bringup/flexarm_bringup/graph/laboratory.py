@@ -1,4 +1,4 @@
-"""The graph of the laboratory as processes, and an operator for it."""
+"""Graph of the laboratory: its nodes as processes, in a domain of their own."""
 
 from __future__ import annotations
 
@@ -8,24 +8,22 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import gettempdir
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import try_shutdown
+import yaml
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.graph.interruption import interruptible
-from flexarm_bringup.graph.operation import NAMESPACE, Operator
-from flexarm_bringup.graph.parameter_files import unknown_nodes
+from flexarm_bringup.graph.client import NAMESPACE
 from flexarm_bringup.graph.processes import LaunchError, NodeProcesses, NodeProgram
+from flexarm_bringup.graph.session import ros_domain, session
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from typing import Any
+    from collections.abc import Collection, Iterator, Mapping, Sequence
+
+    from flexarm_bringup.graph.operator import Operator
 
 _DISCOVERY_S = 0.7
+_PARAMETERS = "ros__parameters"
 _NODES = {
     "recorder": ("flexarm_daq", "recorder_node"),
     "ident": ("flexarm_ident", "ident_node"),
@@ -51,14 +49,19 @@ def running_graph(
 
     Parameters
     ----------
-    parameters
+    parameters : mapping
         Parameters to start with, by node name.
-    log
+    log : Path
         File that gets what the nodes print.
-    nodes
+    nodes : sequence of str
         Which ones, in this order.
-    files
+    files : tuple of Path
         Parameter files for all of them; a node takes what is under its name.
+
+    Yields
+    ------
+    tuple of Operator and NodeProcesses
+        The graph's operator and its processes.
 
     Raises
     ------
@@ -68,13 +71,10 @@ def running_graph(
     for file in files:
         for name in unknown_nodes(file, _KNOWN):
             terminal.CONSOLE.print(f"note: {file} is also for {name}, no node here", markup=False)
-    with interruptible(), _claimed_domain(), initialised():
-        node = rclpy.create_node("operator", namespace=NAMESPACE)
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        programs = [NodeProgram(*_NODES[name], parameters.get(name, {}), files) for name in nodes]
-        processes = NodeProcesses(programs, log)
-        operator = Operator(node, executor, processes.check, processes.complaint)
+    programs = [NodeProgram(*_NODES[name], parameters.get(name, {}), files) for name in nodes]
+    processes = NodeProcesses(programs, log)
+    checks = processes.check, processes.complaint
+    with _claimed_domain(), session("operator", *checks) as operator:
         _require_free_domain(operator)
         with processes:
             for name in _MANAGED:
@@ -85,14 +85,31 @@ def running_graph(
             yield operator, processes
 
 
-@contextmanager
-def initialised() -> Iterator[None]:
-    """Have rclpy for a while; signals stay Python's."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+def unknown_nodes(file: Path, known: Collection[str]) -> list[str]:
+    """Return the nodes that a parameter file names and nobody has.
+
+    Parameters
+    ----------
+    file : Path
+        As for `--params-file` of ROS 2. One that cannot be read is left to the nodes.
+    known : collection of str
+        Full names of nodes.
+    """
     try:
-        yield
-    finally:
-        try_shutdown()
+        content = yaml.safe_load(file.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return []
+    names = _named(content, "") if isinstance(content, dict) else iter(())
+    return [name for name in names if "*" not in name and name not in known]
+
+
+def _named(content: Mapping[str, Any], namespace: str) -> Iterator[str]:
+    for key, below in content.items():
+        name = f"{namespace}/{str(key).strip('/')}"
+        if isinstance(below, dict) and _PARAMETERS in below:
+            yield name
+        elif isinstance(below, dict):
+            yield from _named(below, name)
 
 
 @contextmanager
@@ -130,8 +147,3 @@ def _taken(by: str) -> str:
         f"{by} runs already in ROS domain {ros_domain()}: "
         "stop it, or set ROS_DOMAIN_ID to another number"
     )
-
-
-def ros_domain() -> str:
-    """Return the ROS domain of this process."""
-    return os.environ.get("ROS_DOMAIN_ID", "0")

@@ -1,197 +1,236 @@
-"""A graph that is running already, operated from another terminal."""
+"""Operator of the graph: transitions, parameters, recording and sampled runs."""
 
 from __future__ import annotations
 
-from collections import Counter
-from contextlib import contextmanager
+import time
 from typing import TYPE_CHECKING, Any
 
-import rclpy
-import yaml
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from lifecycle_msgs.msg import State
-from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
-from std_msgs.msg import Float64
-from std_srvs.srv import Trigger
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter, parameter_value_to_python
+from std_srvs.srv import SetBool
 
-from flexarm_bringup.console import terminal
-from flexarm_bringup.graph.interruption import interruptible
-from flexarm_bringup.graph.laboratory import initialised, ros_domain
-from flexarm_bringup.graph.operation import NAMESPACE, Operator
+from flexarm_bringup.graph.client import NAMESPACE, SERVICE_S, GraphClient
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_core.channels import TRAVEL_V
-from flexarm_node import qos
+from flexarm_bringup.graph.run_watch import STATE, Run, RunWatch
+from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Mapping
 
+    from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
-# A discovery that misses the first announcements hears the next ones after 3 s.
-_DISCOVERY_S = 7.0
-_ACKNOWLEDGED = Duration(seconds=3)
-_DIAGNOSTICS = "/diagnostics"
-_OURS = "flexarm: "
-# Each node reports once a second, and one whose first announcement was missed is heard of after
-# 3 s: when one has reported so often, all have.
-_REPORTS = 5
+_COMMAND = f"{NAMESPACE}/command"
+_SENDS = {"daq": STATE, "controller": _COMMAND, "experiment": _COMMAND}
+"""The first message of each node with a loop goes to this topic."""
+_RECORD = "recorder/record"
+_IDENTIFY_S = 900.0
+_GOALS = {
+    Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
+    Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_CLEANUP: State.PRIMARY_STATE_UNCONFIGURED,
+}
+_COMPLAINTS_S = 1.0
 
 
-def emergency_stop() -> None:
-    """Take the drive to zero until the DAQ node is activated anew.
-
-    Raises
-    ------
-    LaunchError
-        When no DAQ node is there, or it does not answer.
-    """
-    with _attached("daq") as (operator, _):
-        response = operator.call(Trigger, "emergency_stop", Trigger.Request())
-    terminal.CONSOLE.print(response.message, markup=False)
-
-
-def show_status() -> None:
-    """Print what every node of the graph reports of itself on `/diagnostics`.
-
-    Raises
-    ------
-    LaunchError
-        When none reports.
-    """
-    newest: dict[str, DiagnosticStatus] = {}
-    reports: Counter[str] = Counter()
-
-    def hear(message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name.startswith(_OURS):
-                newest[status.name] = status
-                reports[status.name] += 1
-
-    with _operator() as (operator, node):
-        operator.listen(DiagnosticArray, _DIAGNOSTICS, qos.EVERY, hear)
-
-        def complete() -> bool:
-            all_known = len(newest) >= node.count_publishers(_DIAGNOSTICS)
-            return all_known and max(reports.values(), default=0) >= _REPORTS
-
-        try:
-            operator.wait(complete, "reports", _DISCOVERY_S)
-        except LaunchError:
-            if not newest:
-                raise LaunchError(f"no node reports in ROS domain {ros_domain()}") from None
-    for name, status in sorted(newest.items()):
-        terminal.CONSOLE.print(f"{name.removeprefix(_OURS)}: {status.message}", markup=False)
-        for each in status.values:
-            terminal.CONSOLE.print(f"    {each.key:36s} {each.value}", markup=False)
-
-
-def set_reference(reference_v: float) -> None:
-    """Publish one set-point for the controller.
-
-    Raises
-    ------
-    LaunchError
-        When it is beyond the travel, no controller is there, or that has a reference of its own.
-    """
-    if not abs(reference_v) <= TRAVEL_V:
-        raise LaunchError(f"{reference_v:g} V is beyond the travel, +-{TRAVEL_V:.3f} V")
-    with _attached("controller") as (operator, node):
-        source = operator.values("controller", ("reference",))["reference"]
-        if source != "topic":
-            raise LaunchError(
-                f"the controller follows its own reference, {source}: "
-                "flexarm set controller reference=topic"
-            )
-        publisher = node.create_publisher(Float64, f"{NAMESPACE}/reference", qos.NEWEST)
-        operator.acquaint("controller")
-        operator.wait(lambda: publisher.get_subscription_count() > 0, "the controller")
-        publisher.publish(Float64(data=reference_v))
-        publisher.wait_for_all_acked(_ACKNOWLEDGED)
-    terminal.CONSOLE.print(f"set-point {reference_v:g} V")
-
-
-def set_parameters(name: str, assignments: Sequence[str]) -> None:
-    """Set parameters of a running node, all or none.
+class Operator(GraphClient):
+    """Operator of the nodes of one graph.
 
     Parameters
     ----------
-    name
-        Node below the namespace, such as `controller`.
-    assignments
-        Each as NAME=VALUE.
-
-    Raises
-    ------
-    LaunchError
-        When one cannot be understood, is unknown or is refused; the node's own words then.
+    node, executor, check
+        As for `GraphClient`.
+    complaint : callable
+        Returns the last complaint of a node, by its name, or nothing.
     """
-    wanted = dict(_parsed(each) for each in assignments)
-    with _attached(name) as (operator, _):
-        present = operator.values(name, tuple(wanted))
-        changes = {key: _as_kind(value, present[key]) for key, value in wanted.items()}
-        operator.set_parameters(name, changes)
-    for key, value in changes.items():
-        terminal.CONSOLE.print(f"{name} {key}: {present[key]} -> {value}", markup=False)
 
+    def __init__(
+        self,
+        node: Node,
+        executor: SingleThreadedExecutor,
+        check: Callable[[], None],
+        complaint: Callable[[str], str] = lambda _: "",
+    ) -> None:
+        super().__init__(node, executor, check)
+        self._complaint = complaint
+        self._watch = RunWatch(node)
 
-def change_state(name: str, *, active: bool) -> None:
-    """Activate a managed node, configuring it if need be, or deactivate it.
+    def configure(self, name: str) -> None:
+        """Take a managed node from unconfigured to inactive."""
+        if not self.transition(name, Transition.TRANSITION_CONFIGURE):
+            raise LaunchError(f"{name} refused to configure{self._why(name)}")
 
-    Raises
-    ------
-    LaunchError
-        When it is not there, is in that state already, or refuses.
-    """
-    with _attached(name) as (operator, _):
-        before = operator.state(name)
-        if active and before.id == State.PRIMARY_STATE_ACTIVE:
-            raise LaunchError(
-                f"{name} is active already; what holds it ends with: deactivate {name}"
-            )
-        if not active and before.id != State.PRIMARY_STATE_ACTIVE:
-            raise LaunchError(f"{name} is not active but {before.label}")
-        if not active:
-            operator.deactivate(name)
-        else:
-            if before.id == State.PRIMARY_STATE_UNCONFIGURED:
-                operator.configure(name)
-            operator.activate(name)
-        state = operator.state(name).label
-    terminal.CONSOLE.print(f"{name} is {state}", markup=False)
+    def activate(self, name: str) -> None:
+        """Take a managed node from inactive to active, such that everybody hears its first message.
 
+        It may not have heard of all the readers that are known here.
+        """
+        if name in _SENDS:
+            listeners = self.node.count_subscribers(_SENDS[name])
+            self.set_parameters(name, {"listeners": listeners})
+        if not self.transition(name, Transition.TRANSITION_ACTIVATE):
+            raise LaunchError(f"{name} refused to activate{self._why(name)}")
 
-@contextmanager
-def _operator() -> Iterator[tuple[Operator, Node]]:
-    with interruptible(), initialised():
-        node = rclpy.create_node("remote", namespace=NAMESPACE)
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        yield Operator(node, executor, lambda: None), node
+    def deactivate(self, name: str) -> None:
+        """Take a managed node from active to inactive."""
+        if not self.transition(name, Transition.TRANSITION_DEACTIVATE):
+            raise LaunchError(f"{name} refused to deactivate")
 
+    def transition(self, name: str, transition: int) -> bool:
+        """Ask a managed node for a transition and return whether it made it."""
+        before = self.state(name)
 
-@contextmanager
-def _attached(name: str) -> Iterator[tuple[Operator, Node]]:
-    with _operator() as (operator, node):
-        wanted = f"{NAMESPACE}/{name}"
-        try:
-            operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
-        except LaunchError:
-            raise LaunchError(f"no node {wanted} in ROS domain {ros_domain()}") from None
-        yield operator, node
+        def made() -> ChangeState.Response | None:
+            now = self.state(name)
+            # An activated DAQ node may have taken all its samples and stopped by now.
+            if now.id == before.id and self._watch.sequence == 0:
+                return None
+            return ChangeState.Response(success=now.id in (_GOALS[transition], before.id))
 
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return bool(self.call(ChangeState, f"{name}/change_state", request, unheard=made).success)
 
-def _parsed(assignment: str) -> tuple[str, Any]:
-    name, sign, text = assignment.partition("=")
-    if not (name and sign):
-        raise LaunchError(f"{assignment!r}: write NAME=VALUE")
-    try:
-        return name, yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise LaunchError(f"{assignment!r}: the value is none") from None
+    def state(self, name: str) -> State:
+        """Return the lifecycle state of a managed node."""
+        state: State = self.call(GetState, f"{name}/get_state", GetState.Request()).current_state
+        return state
 
+    def is_active(self, name: str) -> bool:
+        """Return whether a managed node is active."""
+        return bool(self.state(name).id == State.PRIMARY_STATE_ACTIVE)
 
-def _as_kind(value: object, present: object) -> object:
-    """Take a whole number for a float where a float is wanted: 2 for 2.0."""
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    return float(value) if whole and isinstance(present, float) else value  # type: ignore[arg-type]
+    def set_parameters(self, name: str, values: Mapping[str, Any]) -> None:
+        """Set parameters of a node, all or none."""
+        request = SetParametersAtomically.Request()
+        request.parameters = [
+            Parameter(key, value=value).to_parameter_msg() for key, value in values.items()
+        ]
+        response = self.call(SetParametersAtomically, f"{name}/set_parameters_atomically", request)
+        if not response.result.successful:
+            raise LaunchError(f"{name} refused: {response.result.reason}")
+
+    def values(self, name: str, parameters: tuple[str, ...]) -> dict[str, Any]:
+        """Return parameters of a node by their names."""
+        request = GetParameters.Request(names=parameters)
+        response = self.call(GetParameters, f"{name}/get_parameters", request)
+        unknown = [
+            parameter
+            for parameter, value in zip(parameters, response.values, strict=False)
+            if value.type == ParameterType.PARAMETER_NOT_SET
+        ]
+        if unknown or len(response.values) != len(parameters):
+            raise LaunchError(f"{name} has no parameter {', '.join(unknown or parameters)}")
+        values = map(parameter_value_to_python, response.values)
+        return dict(zip(parameters, values, strict=True))
+
+    def await_recorder(self) -> None:
+        """Wait until the recorder and its readers are known here.
+
+        Its service is the last that it announces.
+        """
+        self.wait(self.client(SetBool, _RECORD).service_is_ready, "the recorder")
+
+    def record(self, bag: str | None) -> str:
+        """Start to record into a new bag, or stop with None; return what the recorder says."""
+        if bag is not None:
+            self.set_parameters("recorder", {"bag": bag})
+        response = self.call(SetBool, _RECORD, SetBool.Request(data=bag is not None))
+        # The second answer, when the first one was lost.
+        started = response.message == f"already recording to {bag}"
+        if not (response.success or started):
+            raise LaunchError(f"recorder: {response.message}")
+        return str(response.message)
+
+    def identify(self, request: Identify.Request) -> Identify.Response:
+        """Call the identification service; its refusal becomes an error."""
+        response = self.call(Identify, "identify", request, _IDENTIFY_S)
+        if not response.success:
+            raise LaunchError(f"identify: {response.message}")
+        return response
+
+    def start_sampling(self, samples: int = 0) -> None:
+        """Activate the DAQ node, such that it waits for who commands.
+
+        Parameters
+        ----------
+        samples
+            Have it stop by itself after that many periods; 0: never.
+        """
+        self.set_parameters("daq", {"samples": samples, "await_commander": True})
+        self.activate("daq")
+
+    def sample(self, samples: int, progress: Callable[[int], None]) -> Run:
+        """Let the DAQ node sample for so many periods and wait until it has stopped by itself.
+
+        Raises
+        ------
+        LaunchError
+            When hardly a new sample comes for a long time, the DAQ node ends too early, which is
+            noticed within seconds, or the recorder has failed.
+        """
+        with self._watch as watch:
+            self.start_sampling(samples)
+            self._await_samples(samples, progress)
+            deadline_s = time.monotonic() + SERVICE_S
+            while self.is_active("daq"):
+                if time.monotonic() > deadline_s:
+                    raise LaunchError("daq did not stop after its last sample")
+            progress(samples)
+            self.wait(watch.has_reported, "the figures of the run")
+            run = watch.run()
+            if run.taken + run.missed < samples:
+                raise LaunchError(
+                    f"daq ended after {run.taken} of {samples} samples{self._why('daq')}"
+                )
+            return run
+
+    def recorded_run(
+        self, commander: str, bag: str, samples: int, progress: Callable[[int], None]
+    ) -> Run:
+        """Record one run of the loop.
+
+        Parameters
+        ----------
+        commander
+            The node that commands; active for this run alone, since what it sent is complete when
+            it has been deactivated.
+        bag
+            To be created.
+        samples, progress
+            As for `sample`.
+
+        Raises
+        ------
+        LaunchError
+            When a node does not do its part.
+        """
+        self.record(bag)
+        self.activate(commander)
+        run = self.sample(samples, progress)
+        self.deactivate(commander)
+        return run._replace(recorded=self.record(None))
+
+    def _await_samples(self, samples: int, progress: Callable[[int], None]) -> None:
+        """Wait for the last sample, or until the DAQ node has stopped before."""
+        watch = self._watch
+        watch.restart_clock()
+        asked, asked_s = 0, time.monotonic()
+        while watch.sequence < samples:
+            self.spin()
+            progress(watch.sequence)
+            if time.monotonic() - asked_s > _COMPLAINTS_S:
+                if complaint := self._complaint("recorder"):
+                    raise LaunchError(f"recorder: {complaint}")
+                if watch.sequence == asked and not self.is_active("daq"):
+                    return
+                asked, asked_s = watch.sequence, time.monotonic()
+            if stall := watch.stall():
+                raise LaunchError(stall)
+
+    def _why(self, name: str) -> str:
+        complaint = self._complaint(name)
+        return f": {complaint}" if complaint else ""

@@ -1,4 +1,4 @@
-"""The time in which a run is sampled: at the wall clock's pace, as fast as it goes, or hard."""
+"""Pace of a run: that of the wall clock, as fast as it goes, or hard real time."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from flexarm_daq.nodes.rig_choice import is_virtual
 from flexarm_node.process import PRIORITY
 
 if TYPE_CHECKING:
-    from flexarm_bringup.graph.operation import Operator, Run
+    from flexarm_bringup.graph.operator import Operator
+    from flexarm_bringup.graph.run_watch import Run
 
 
 class Pace(Enum):
-    """What a user can choose; nothing else differs between the first two."""
+    """Pace that a user can choose; nothing else differs between the first two."""
 
     WALL_CLOCK = "wall clock"
     """The simulated rig in virtual time that waits for the wall clock; a board in real time."""

@@ -1,1 +1,1 @@
-"""What can be typed after `flexarm`; each verb only reads its arguments and calls one function."""
+"""Verbs of the `flexarm` command: each module is imported when its verb is called."""

@@ -250,7 +250,7 @@ def _sign_changes(
     second: ComplexArray,
     form: Callable[[ComplexArray, ComplexArray], FloatArray],
 ) -> list[tuple[int, float]]:
-    """Where a form of two responses changes sign: index, and share of the interval after it.
+    """Return the sign changes of a form of two responses: index, and share of the interval after.
 
     The inner loop can be far less damped than the plant. So the responses of the plant are
     interpolated and not the loop: the form is then a polynomial of second degree in the share.

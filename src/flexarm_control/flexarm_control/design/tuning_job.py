@@ -32,7 +32,7 @@ _SPREAD = 0.05
 
 @dataclass(frozen=True)
 class TuneRequest:
-    """What to tune.
+    """Request of a tuning.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class TuneRequest:
 
 @dataclass(frozen=True)
 class TuneResult:
-    """Gains and what certifies them.
+    """Gains with their certificate.
 
     Attributes
     ----------

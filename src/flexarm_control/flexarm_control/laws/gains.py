@@ -67,7 +67,7 @@ class PiGains(Bounded):
 
 @dataclass(frozen=True)
 class Sampling(Bounded):
-    """How often a law with a memory is asked.
+    """Sampling rate of a law with a memory.
 
     Attributes
     ----------

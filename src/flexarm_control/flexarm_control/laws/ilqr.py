@@ -31,7 +31,7 @@ PLAUSIBLE_V = 100.0
 
 @dataclass(frozen=True)
 class RegulatorWeights(Bounded):
-    """What the design of a regulator weighs.
+    """Weights of the design of a regulator.
 
     The thesis weighs the states of its own realisation, which is not printed; here the outputs are
     weighed, which any realisation has. The defaults are chosen by trial on the simulated rig.
@@ -59,7 +59,7 @@ class RegulatorWeights(Bounded):
 
 @dataclass(frozen=True)
 class IlqrWeights(RegulatorWeights):
-    """What the design of Figure 4-13 weighs.
+    """Weights of the design of Figure 4-13.
 
     Attributes
     ----------

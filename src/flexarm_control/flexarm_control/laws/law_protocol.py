@@ -1,4 +1,4 @@
-"""What a control law is: four measured signals and a reference in, an effort out, every sample.
+"""Protocol of a control law: four signals and a reference in, an effort out, every sample.
 
 A law answers with the feedback effort u_e and the Coulomb friction compensation u_c, kept apart
 (4-6): the identification subtracts u_c.
@@ -24,7 +24,7 @@ SATURATION_V = 10.0
 
 
 class Effort(NamedTuple):
-    """What a law asks of the motor.
+    """Answer of a law: the parts of the command.
 
     Attributes
     ----------

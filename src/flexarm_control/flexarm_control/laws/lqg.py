@@ -29,7 +29,7 @@ _STATE_SHARE = 1e-6
 
 @dataclass(frozen=True)
 class LqgWeights(RegulatorWeights):
-    """What the design weighs and expects.
+    """Weights and noise levels of the design.
 
     Attributes
     ----------

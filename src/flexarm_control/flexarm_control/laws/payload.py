@@ -1,4 +1,4 @@
-"""The payload at the tip, detected from the motion (chapter 5, future work 1).
+"""Payload at the tip, estimated from the motion (chapter 5, future work 1).
 
 Seen from the hub the arm is a cantilever with the payload at its end. The base gauge y2 measures
 how far the cantilever is bent, the tachometer y4 how its root is turned::
@@ -52,7 +52,7 @@ _MOVING_V = 0.01
 
 @dataclass(frozen=True)
 class PayloadDetection(Bounded):
-    """What the estimator knows of the rig, and how it listens.
+    """Settings of the payload estimator.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What this package asks of a model of the arm: its signals, a loop delay, its response."""
+"""Models of the arm: their signals, a loop delay, their frequency response."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The experiments of the thesis by their names (section 2.4, Tables A-1 to A-4)."""
+"""Catalogue of the experiments of the thesis (section 2.4, Tables A-1 to A-4)."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Experiment:
 
     @property
     def input_text(self) -> str:
-        """What drives the arm, in words."""
+        """Input of the arm, in words."""
         if not self.closed_loop:
             return f"{self.waveform.replace('_', ' ')} {self.magnitude_v:g} V"
         gains = ", ".join(f"{name} {value:g}" for name, value in self.gains.items())

@@ -22,7 +22,7 @@ VARYING_HZ: Final = (0.6, 3.0)
 BOUND_V: Final = 3.0
 """Bound of the position, 35 degrees (2.4.2)."""
 HOLD_S: Final = 0.01
-"""How long a random magnitude is held. Chosen: its spectrum is flat over the modes below 50 Hz."""
+"""Hold time of a random magnitude. Chosen here: its spectrum is flat over the modes below 50 Hz."""
 _ROUNDING_S = 1e-9
 
 

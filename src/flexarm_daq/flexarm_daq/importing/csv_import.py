@@ -45,7 +45,7 @@ class CsvImportError(FlexarmError):
 
 @dataclass(frozen=True)
 class ImportSummary:
-    """What an import has written.
+    """Summary of an import.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which columns of a CSV file are time, inputs and outputs: the map of an import."""
+"""Column map of a CSV file: time, inputs and outputs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class CsvChannel:
 
 @dataclass(frozen=True)
 class CsvMap:
-    """What the columns mean.
+    """Meaning of the columns.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The sampling loop: read the rig, hand the sample out, let the answer act, keep the drive safe.
+"""Sampling loop in real or virtual time, with the drive at zero before and after.
 
 A command acts when it arrives, inside the period: a whole sample of delay makes the thesis's
 control loops unstable. In real time the loop ticks on absolute deadlines and serves commands in
@@ -41,7 +41,7 @@ _STOP_POLL_S = 0.05
 
 
 class LockStep(NamedTuple):
-    """How virtual time goes.
+    """Settings of virtual time.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Acquisition(Exchange):
     paced_by_rig : bool
         In real time: the rig's own clock says when a sample is due, and reading waits for it.
     lockstep : LockStep or None
-        How virtual time goes; None runs in real time.
+        Settings of virtual time; None runs in real time.
     statistics_s : float
         How long `late_s` and `reply_s` look back, s.
 

@@ -1,4 +1,4 @@
-"""One commander at a time, its commands in order, each for a sample of its own.
+"""Commander in force: one at a time, its commands in order, each for a sample of its own.
 
 The middleware does not tell who sent a message. But a commander numbers its commands, and sends one
 for each sample that it answers, so between two of them its own count grows by at least one and by
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 
 class Command(NamedTuple):
-    """What a controller asks for in answer to one sample."""
+    """Request of a controller in answer to one sample, V."""
 
     sequence: int
     state_sequence: int
@@ -24,7 +24,7 @@ class Command(NamedTuple):
 
 
 class Verdict(Enum):
-    """What becomes of a command."""
+    """Verdict on a command."""
 
     ACCEPTED = "accepted"
     DUPLICATE = "duplicate"

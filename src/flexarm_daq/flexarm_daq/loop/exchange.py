@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Applied(NamedTuple):
-    """What the drive was told: volts after the limiter, and which command they come from."""
+    """Command in force: volts after the limiter, and the number of the command they come from."""
 
     command_v: float
     compensation_v: float
@@ -66,7 +66,7 @@ _NOTHING = Applied(0.0, 0.0, 0)
 
 
 class Link(Protocol):
-    """Where samples go and commands come from."""
+    """Far end of the loop: samples go there, commands come from there."""
 
     def publish(self, record: Record) -> None:
         """Hand one sample out."""
@@ -83,12 +83,12 @@ class Link(Protocol):
 
 
 class Exchange:
-    """What happens with every sample and every command of one run.
+    """Treatment of every sample and every command of one run.
 
     Parameters
     ----------
     rig : Rig
-        What is sampled.
+        Rig under control.
     limiter : Limiter
         The last gate before the rig.
     watchdog : Watchdog
@@ -164,7 +164,7 @@ class Exchange:
 
     @property
     def real_time_factor(self) -> float:
-        """How fast the rig's time has passed since the first sample, for that of the wall clock.
+        """Ratio of the rig's time to that of the wall clock, since the first sample.
 
         NaN before the second sample.
         """

@@ -1,4 +1,4 @@
-"""The last gate before the rig: nothing else writes to the drive."""
+"""Limiter of the command: the last gate before the rig."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class LimiterSettings:
 
 
 class LimitedCommand(NamedTuple):
-    """What goes to the drive.
+    """Limited command.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The drive's states: when a command may act, what takes the drive to zero and what keeps it there.
+"""State machine of the drive: when a command may act, and when the drive is at zero.
 
 Drawn in `docs/safety.md`; `TRANSITIONS` is the drawing as a table.
 """
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class DriveState(Enum):
-    """What the drive does."""
+    """State of the drive."""
 
     OFF = "off"
     """Not sampling, the drive is at zero."""
@@ -27,7 +27,7 @@ class DriveState(Enum):
 
 
 class Event(Enum):
-    """What can happen to the drive."""
+    """Event that may change the state of the drive."""
 
     START = "start"
     """The rig was opened."""

@@ -1,4 +1,4 @@
-"""Does the rig answer a small current with the right signs? Asked before it is armed.
+"""Self-test of the rig before it is armed: the signs of its answer to a small current.
 
 Two short pulses of current, up and down, each followed by a pause in which friction stops the arm.
 While a pulse lasts, the speed and the base gauge follow the current and the middle gauge goes
@@ -56,7 +56,7 @@ class SelfTestError(RigError):
 
 
 class Answer(NamedTuple):
-    """How one channel answered.
+    """Answer of one channel.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Can the sensors be trusted? Looked at sample by sample, by what the rig cannot do.
+"""Sensor check: every sample is held against what a healthy rig can do.
 
 - A reading that is not a number is none.
 - **Out of its travel**: the arm cannot go beyond its stops, an open potentiometer reads the rail.
@@ -37,7 +37,7 @@ _POSITION, _, _, _SPEED = CHANNELS
 
 @dataclass(frozen=True)
 class SensorLimits:
-    """What a healthy rig stays within.
+    """Limits of a healthy rig.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Age of the command: a controller that has gone silent must not go on driving the arm."""
+"""Watchdog on the age of the command: a silent controller must not drive the arm on."""
 
 from __future__ import annotations
 

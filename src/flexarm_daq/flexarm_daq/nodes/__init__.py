@@ -1,1 +1,1 @@
-"""Nodes of the rig: DAQ driver, exciter, recorder and player."""
+"""Nodes of the rig: DAQ, experiment, recorder and player."""

@@ -1,4 +1,4 @@
-"""The DAQ driver: samples the rig, publishes `state`, lets commands act, reports on itself.
+"""DAQ node: samples the rig, publishes `state`, lets commands act, reports on itself.
 
 A managed node. Configuring checks the parameters and makes the topics, activating starts the
 sampling, deactivating stops it with the drive at zero.

@@ -1,4 +1,4 @@
-"""What a record must be told anew: the last message of each topic that is kept for latecomers."""
+"""Kept messages: the last one of each topic that a new record must be told again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The time of a play that can be stopped and started, and numbers and stamps that go on in it."""
+"""Clock of a play that can be stopped and started, with the numbers and stamps of its messages."""
 
 from __future__ import annotations
 

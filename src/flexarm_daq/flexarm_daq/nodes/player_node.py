@@ -1,4 +1,4 @@
-"""The player: publishes the messages of a bag with their original timing, then ends.
+"""Player node: publishes the messages of a bag with their original timing, then ends.
 
 It plays no topic that another node publishes: two sources of samples would move the arm.
 The service `~/play` stops and starts it. It can stand in for the DAQ node: then it publishes the

@@ -48,7 +48,7 @@ TOPICS = {
     "joint_states": (JointState, "sensor_msgs/msg/JointState", qos.EVERY),
     "io": (IoSample, "flexarm_msgs/msg/IoSample", qos.EVERY),
 }
-"""What can be recorded: message type, its name, QoS of the subscription.
+"""Topics that can be recorded: message type, its name, QoS of the subscription.
 
 What is kept for latecomers stands first: it is taken before the samples that it is about.
 """

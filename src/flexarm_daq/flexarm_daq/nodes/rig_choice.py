@@ -1,4 +1,4 @@
-"""Which rig the DAQ node samples and in which time: the parameters, and the rig made from them."""
+"""Choice of the rig and its time: the parameters of the DAQ node, and the rig made from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A rig with one fault that sets in at a known moment: to see that everybody copes."""
+"""Rig with one fault that sets in at a known sample, for tests of the loop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _OPEN_DECAY: Final = 0.7
 
 
 class Fault(Enum):
-    """What can break."""
+    """Fault of a rig."""
 
     STUCK = "stuck"
     """The sensor keeps its reading."""

@@ -1,4 +1,4 @@
-"""What a rig is to the rest of the system: one sample in, one command out.
+"""Protocol of a rig: one sample in, one command out.
 
 Reading and writing are two calls, not one exchange, because a command acts when it arrives: within
 the sampling period, after the controller has answered. A rig that applied it with the next sample

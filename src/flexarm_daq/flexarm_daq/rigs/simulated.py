@@ -1,4 +1,4 @@
-"""The rig in simulation: plant, sensor noise and converters, in real or in virtual time."""
+"""Simulated rig: plant, sensor noise and converters, in real or in virtual time."""
 
 from __future__ import annotations
 

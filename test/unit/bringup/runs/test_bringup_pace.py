@@ -5,9 +5,9 @@ import os
 import click
 import pytest
 
-from flexarm_bringup.graph.operation import Run
+from flexarm_bringup.graph.run_watch import Run
 from flexarm_bringup.runs.pace import Pace, pace_text
-from flexarm_bringup.verbs.graph import _pace as chosen
+from flexarm_bringup.verbs.laboratory.options import chosen_pace as chosen
 from flexarm_node.process import PRIORITY
 
 

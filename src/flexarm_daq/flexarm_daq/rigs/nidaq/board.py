@@ -1,4 +1,4 @@
-"""The rig behind a National Instruments board."""
+"""Rig behind a National Instruments board, sampled by its clock."""
 
 from __future__ import annotations
 

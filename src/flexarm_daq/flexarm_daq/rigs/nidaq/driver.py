@@ -1,4 +1,4 @@
-"""The package `nidaqmx`: imported here alone, when it is needed, and its errors as ours."""
+"""Driver package `nidaqmx`, imported when it is needed; its errors become rig errors."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _OTHER_ADVICE: Final = f"run {_LOOK}"
 
 
 class Nidaqmx(Protocol):
-    """What is used of the package `nidaqmx`; tests put a double in its place."""
+    """Used part of the package `nidaqmx`; tests put a double in its place."""
 
     Task: Any
     constants: Any

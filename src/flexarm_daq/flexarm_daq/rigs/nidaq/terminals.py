@@ -27,7 +27,7 @@ DIRECTION_HIGH_V: Final = 5.0
 """Level of DAC1 for counter-clockwise rotation seen from the top; 0 V is clockwise."""
 
 TERMINALS: Final = ("rse", "nrse", "diff", "default")
-"""How an input is wired: against ground, against AISENSE, as a pair, or as the board prefers."""
+"""Wirings of an input: against ground, against AISENSE, as a pair, or as the board prefers."""
 
 _BUFFER_S: Final = 10.0
 _TIMEOUT_PERIODS: Final = 3
@@ -38,7 +38,7 @@ _RATE_TOLERANCE: Final = 1e-3
 
 @dataclass(frozen=True)
 class NidaqSettings:
-    """Where the rig is connected; by default as in section 2.3.
+    """Terminals of the rig; by default as in section 2.3.
 
     Attributes
     ----------

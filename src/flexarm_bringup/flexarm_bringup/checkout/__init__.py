@@ -1,1 +1,0 @@
-"""Work in a checkout: checks, documentation, benchmarks."""

@@ -1,0 +1,101 @@
+"""Click groups of verbs: one-line errors, and verbs that are imported when they are called."""
+
+from __future__ import annotations
+
+import ast
+import os
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flexarm_core.errors import FlexarmError, one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+_VERBS = "flexarm_bringup.verbs"
+_FOLDER = Path(__file__).parents[1] / "verbs"
+
+RUN_ON = {"ignore_unknown_options": True, "allow_interspersed_args": False}
+"""Settings of a verb that hands its arguments on."""
+
+
+class VerbGroup(click.Group):
+    """Group that turns an error a user can mend into one line, and Ctrl-C into exit code 130."""
+
+    def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - as click has it
+        """Run the verb."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            click.echo("flexarm: interrupted", err=True)
+            sys.exit(130)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except (FlexarmError, OSError) as error:
+            if os.environ.get("FLEXARM_DEBUG"):
+                raise
+            click.echo(f"flexarm: {one_line(error)}", err=True)
+            sys.exit(1)
+
+
+class LazyVerbGroup(VerbGroup):
+    """Group that lists its verbs without importing them.
+
+    Parameters
+    ----------
+    places : mapping of str to str
+        Verb and its place, as `room.module:function` below the folder `verbs`.
+    """
+
+    def __init__(self, *args: Any, places: Mapping[str, str], **settings: Any) -> None:  # noqa: ANN401 - click's own
+        super().__init__(*args, **settings)
+        self.places = places
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Return the verbs in the order of their places."""
+        return list(self.places)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Return a stand-in that knows the help of a verb, which is read without an import."""
+        place = self.places.get(cmd_name)
+        return place and click.Command(cmd_name, help=_docstring(place))  # type: ignore[return-value]
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Import the verb that is called."""
+        name, stand_in, rest = super().resolve_command(ctx, args)
+        return name, stand_in and self.load(str(stand_in.name)), rest
+
+    def load(self, verb: str) -> click.Command:
+        """Import a verb."""
+        module, _, function = self.places[verb].partition(":")
+        command: click.Command = getattr(import_module(f"{_VERBS}.{module}"), function)
+        return command
+
+
+def examples(*lines: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Add command lines to the help of a verb, each without its `flexarm`."""
+
+    def add(function: Callable[..., Any]) -> Callable[..., Any]:
+        text = "\n".join(f"  flexarm {line}" for line in lines)
+        function.__doc__ = f"{function.__doc__}\n\n\b\nExamples:\n{text}"
+        return function
+
+    return add
+
+
+def _docstring(place: str) -> str:
+    """Return the docstring of the function at a place."""
+    module, _, function = place.partition(":")
+    source = (_FOLDER / f"{module.replace('.', '/')}.py").read_text("utf-8")
+    (verb,) = (
+        each
+        for each in ast.parse(source).body
+        if isinstance(each, ast.FunctionDef) and each.name == function
+    )
+    return ast.get_docstring(verb) or ""

@@ -1,0 +1,174 @@
+"""Client of the graph: services and topics, waited for with deadlines."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from lifecycle_msgs.srv import GetState
+from rcl_interfaces.srv import GetParameters
+
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_msgs.srv import Identify, Tune
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rclpy.client import Client
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+    from rclpy.qos import QoSProfile
+    from rclpy.task import Future
+
+NAMESPACE = "/flexarm"
+SERVICE_S = 30.0
+"""Deadline of everything that usually takes a moment."""
+_UNHEARD_S = 3.0
+_READ_UNHEARD_S = 0.5
+"""For questions that change nothing: they may be put again soon."""
+_READS = (GetState, GetParameters)
+_ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
+"""Long work and its node: a second question would be refused while the first is at work."""
+_POLL_S = 0.1
+
+
+class GraphClient:
+    """Client of the nodes of one graph.
+
+    Parameters
+    ----------
+    node : Node
+        Node for the clients and the readers.
+    executor : SingleThreadedExecutor
+        Executor that spins it.
+    check : callable
+        Called while waiting; raises when a process has ended.
+    """
+
+    def __init__(
+        self, node: Node, executor: SingleThreadedExecutor, check: Callable[[], None]
+    ) -> None:
+        self.node = node
+        self._executor = executor
+        self._check = check
+        self._clients: dict[tuple[type, str], Client] = {}
+
+    def listen(
+        self, kind: type, topic: str, profile: QoSProfile, heard: Callable[[Any], None]
+    ) -> None:
+        """Hand every message of a topic to a function, while something is waited for."""
+        self.node.create_subscription(kind, topic, heard, profile)
+
+    def nodes(self) -> set[str]:
+        """Return the full names of the nodes that are there."""
+        return {
+            f"{space.rstrip('/')}/{name}"
+            for name, space in self.node.get_node_names_and_namespaces()
+        }
+
+    def spin(self) -> None:
+        """Handle what has come, or wait a moment for it."""
+        self._check()
+        self._executor.spin_once(timeout_sec=_POLL_S)
+
+    def wait(self, condition: Callable[[], bool], what: str, timeout_s: float = SERVICE_S) -> None:
+        """Spin until the condition holds.
+
+        Raises
+        ------
+        LaunchError
+            When it does not within the time.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > deadline_s:
+                raise LaunchError(f"{what} did not come within {timeout_s:.0f} s")
+            self.spin()
+
+    def acquaint(self, name: str, timeout_s: float = SERVICE_S) -> None:
+        """Wait until a node knows all the clients and readers that were made here so far.
+
+        Discovery announces them in the order in which they were made. So a node that answers the
+        newest client knows all of them, and none of its later answers is dropped.
+
+        Raises
+        ------
+        LaunchError
+            When the node does not answer in time.
+        """
+        parameters = f"{NAMESPACE}/{name}/get_parameters"
+        client = self.node.create_client(GetParameters, parameters)
+        try:
+            self._ask(client, GetParameters.Request(), timeout_s, patience_s=_READ_UNHEARD_S)
+        finally:
+            self.node.destroy_client(client)
+
+    def call(
+        self,
+        service: type,
+        name: str,
+        request: object,
+        timeout_s: float = SERVICE_S,
+        unheard: Callable[[], object | None] = lambda: None,
+    ) -> Any:  # noqa: ANN401 - the service's own response type
+        """Call a service below the namespace and return its response.
+
+        A server that has not yet discovered the client's reader drops its answer. So the
+        question is put again when no answer comes for a while.
+
+        Parameters
+        ----------
+        service : type
+            Type of the service.
+        name : str
+            Its name below the namespace.
+        request : object
+            The question.
+        timeout_s : float
+            Deadline of the answer, s.
+        unheard : callable
+            Called when no answer came: what the answer must have been, or None to ask again.
+
+        Raises
+        ------
+        LaunchError
+            When the service or its answer does not come in time.
+        """
+        client = self.client(service, name)
+        if service in _ASKED_ONCE:
+            self.acquaint(_ASKED_ONCE[service], max(timeout_s, SERVICE_S))
+            return self._ask(client, request, timeout_s, patience_s=timeout_s)
+        patience_s = _READ_UNHEARD_S if service in _READS else _UNHEARD_S
+        return self._ask(client, request, timeout_s, patience_s=patience_s, unheard=unheard)
+
+    def client(self, service: type, name: str) -> Client:
+        """Return the client of a service below the namespace: only the first is discovered."""
+        key = (service, name)
+        if key not in self._clients:
+            self._clients[key] = self.node.create_client(service, f"{NAMESPACE}/{name}")
+        return self._clients[key]
+
+    def _ask(
+        self,
+        client: Client,
+        request: object,
+        timeout_s: float,
+        *,
+        patience_s: float,
+        unheard: Callable[[], object | None] = lambda: None,
+    ) -> Any:  # noqa: ANN401 - the service's own response type
+        service = client.srv_name
+        self.wait(client.service_is_ready, f"service {service}", max(timeout_s, SERVICE_S))
+        deadline_s = time.monotonic() + timeout_s
+        answers: list[Future[Any]] = []
+        while time.monotonic() < deadline_s:
+            answers.append(client.call_async(request))
+            until_s = min(time.monotonic() + patience_s, deadline_s)
+            while time.monotonic() < until_s:
+                for answer in answers:
+                    if answer.done():
+                        return answer.result()
+                self.spin()
+            if (inferred := unheard()) is not None:
+                return inferred
+        raise LaunchError(f"the answer of {service} did not come within {timeout_s:.0f} s")

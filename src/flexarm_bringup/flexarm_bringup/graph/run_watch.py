@@ -1,0 +1,116 @@
+"""Watch of a sampled run: the newest sample, stalls, and the figures at its end."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray
+
+from flexarm_bringup.graph.client import NAMESPACE
+from flexarm_msgs.msg import ArmState
+from flexarm_node import qos
+from flexarm_node.stamps import stamp_text
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+STATE = f"{NAMESPACE}/state"
+STALLED_S = 30.0
+"""A run with hardly a new sample in this time has stalled."""
+_SLOWEST = 10
+"""So many samples come within that time however slow the run; in virtual time one whose answer does
+not come may take a third of it."""
+
+
+class Run(NamedTuple):
+    """Figures of a run that has ended, as the DAQ node reports them.
+
+    Attributes
+    ----------
+    taken : int
+        Samples taken.
+    missed : int
+        Periods without a sample.
+    real_time_factor : float
+        Pace of the arm's time beside that of the wall clock.
+    recorded : str
+        Report of the recorder; empty when nothing was recorded.
+    """
+
+    taken: int
+    missed: int
+    real_time_factor: float
+    recorded: str = ""
+
+
+class RunWatch:
+    """Watch of one run of the DAQ node at a time.
+
+    Parameters
+    ----------
+    node : Node
+        Node for the readers; whoever waits spins it.
+
+    Attributes
+    ----------
+    sequence : int
+        Number of the newest sample of the run; 0 before the first and between runs.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self.sequence = 0
+        self._sampled_s = ""
+        self._figures: dict[str, str] | None = None
+        self._counted = 0
+        self._counted_s = 0.0
+
+    def __enter__(self) -> RunWatch:  # noqa: PYI034 - Self needs Python 3.11
+        self.sequence = 0
+        if self._figures is None:
+            topic = "/diagnostics"
+            self._node.create_subscription(DiagnosticArray, topic, self._on_report, qos.EVERY)
+        self._figures = {}
+        self._reader = self._node.create_subscription(ArmState, STATE, self._on_state, qos.NEWEST)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._node.destroy_subscription(self._reader)
+        self.sequence = 0
+
+    def restart_clock(self) -> None:
+        """Count stalls from now on."""
+        self._counted, self._counted_s = 0, time.monotonic()
+
+    def stall(self) -> str:
+        """Return a stall of the run in words, or nothing."""
+        if self.sequence >= self._counted + _SLOWEST:
+            self._counted, self._counted_s = self.sequence, time.monotonic()
+        if time.monotonic() - self._counted_s <= STALLED_S:
+            return ""
+        new = self.sequence - self._counted
+        return f"{new} new samples in {STALLED_S:.0f} s after {self._counted}"
+
+    def has_reported(self) -> bool:
+        """Return whether the newest figures are those of the run's last sample."""
+        figures = self._figures or {}
+        return figures.get("last sample s") == self._sampled_s and figures["drive"] == "off"
+
+    def run(self) -> Run:
+        """Return the figures of the run, once they have been reported."""
+        figures = self._figures or {}
+        return Run(
+            int(figures["samples"]),
+            int(figures["missed periods"]),
+            float(figures["real-time factor"]),
+        )
+
+    def _on_state(self, state: ArmState) -> None:
+        self.sequence = state.sequence
+        self._sampled_s = stamp_text(state.header.stamp)
+
+    def _on_report(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == "flexarm: daq":
+                self._figures = {each.key: each.value for each in status.values}

@@ -1,0 +1,78 @@
+"""Session of this process on the graph: ROS for a while, an operator, and Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import signal
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+
+from flexarm_bringup.graph.client import NAMESPACE
+from flexarm_bringup.graph.operator import Operator
+from flexarm_bringup.graph.processes import LaunchError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+@contextmanager
+def session(
+    name: str,
+    check: Callable[[], None] = lambda: None,
+    complaint: Callable[[str], str] = lambda _: "",
+) -> Iterator[Operator]:
+    """Join the graph as a node and give an operator.
+
+    Parameters
+    ----------
+    name : str
+        Name of the node below the namespace.
+    check, complaint : callable
+        As for `Operator`.
+    """
+    with interruptible():
+        # Signals stay Python's.
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            node = rclpy.create_node(name, namespace=NAMESPACE)
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            yield Operator(node, executor, check, complaint)
+        finally:
+            try_shutdown()
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Leave the block by a KeyboardInterrupt at SIGINT or SIGTERM.
+
+    A binding in C++ that calls Python may report one as an error of its own, such as "Unable to
+    convert call argument". The failure of a node, a `LaunchError`, is told all the same.
+    """
+    stopped = False
+
+    def interrupt(*_: object) -> None:
+        nonlocal stopped
+        stopped = True
+        raise KeyboardInterrupt
+
+    for stop in (signal.SIGINT, signal.SIGTERM):  # also where a shell has SIGINT ignored
+        signal.signal(stop, interrupt)
+    try:
+        yield
+    except LaunchError:
+        raise
+    except Exception as error:
+        if stopped:
+            raise KeyboardInterrupt from error
+        raise
+
+
+def ros_domain() -> str:
+    """Return the ROS domain of this process."""
+    return os.environ.get("ROS_DOMAIN_ID", "0")

@@ -1,1 +1,0 @@
-"""Health of the environment and of the hardware."""

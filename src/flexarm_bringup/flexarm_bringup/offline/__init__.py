@@ -1,1 +1,0 @@
-"""Work without nodes: files, identification, tuning."""

@@ -1,0 +1,119 @@
+"""Recorded run: one run of the loop with its bag read back and found whole."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.runs.pace import in_lockstep, pace_text
+from flexarm_bringup.runs.record_place import put_in_place
+from flexarm_ident.reading.read import read_bag_report
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from flexarm_bringup.graph.operator import Operator
+    from flexarm_bringup.graph.run_watch import Run
+    from flexarm_ident.reading.alignment import BagReading
+    from flexarm_ident.records.iodata import IoData
+
+
+class RecordedRun(NamedTuple):
+    """Run of the loop and its record.
+
+    Attributes
+    ----------
+    run : Run
+        Figures of the run.
+    reading : BagReading
+        Samples of the bag.
+    lockstep : bool
+        Whether it was sampled in virtual time.
+    """
+
+    run: Run
+    reading: BagReading
+    lockstep: bool
+
+
+def record_run(
+    operator: Operator,
+    commander: str,
+    record: Path,
+    samples: int,
+    *,
+    text: str,
+    bag: Path | None = None,
+) -> RecordedRun:
+    """Record one run with its progress on the terminal, and refuse a record that is not whole.
+
+    Parameters
+    ----------
+    operator : Operator
+        Operator of the graph.
+    commander : str
+        The node that commands.
+    record : Path
+        Bag to create.
+    samples : int
+        Length of the run.
+    text : str
+        Words beside the progress.
+    bag : Path, optional
+        Place for a whole record, as in `record_place`; by default it stays where it is.
+
+    Raises
+    ------
+    LaunchError
+        When a node does not do its part, or the record is not whole.
+    """
+    with terminal.progress_bar(text, samples) as progress:
+        run = operator.recorded_run(commander, str(record), samples, progress)
+    reading = read_bag_report(record)
+    lockstep = in_lockstep(operator)
+    require_whole(reading, run.taken, lockstep=lockstep)
+    if bag is not None:
+        put_in_place(record, bag)
+    recorded = run.recorded.replace(str(record), str(bag or record))
+    terminal.CONSOLE.print(f"  recorded {recorded}")
+    terminal.CONSOLE.print(f"  {pace_text(run)}")
+    return RecordedRun(run, reading, lockstep)
+
+
+def require_whole(reading: BagReading, taken: int, *, lockstep: bool) -> None:
+    """Refuse a record that is not what was sampled.
+
+    Parameters
+    ----------
+    reading : BagReading
+        The record.
+    taken : int
+        How many samples were taken: in real time, periods may have been skipped beside them.
+    lockstep : bool
+        Taken in virtual time, where every sample waits for its answer and for nothing else: with
+        one that is missing the numbers are not those of the seed.
+
+    Raises
+    ------
+    LaunchError
+        When the record lacks samples, or a command in virtual time.
+    """
+    missing = taken - reading.samples
+    if missing > 0:
+        raise LaunchError(
+            f"{missing} of {taken} samples are not in the record: nodes.log tells more"
+        )
+    if lockstep and reading.unanswered:
+        raise LaunchError(
+            f"{reading.unanswered} of {taken} samples had no command of their own: the drive was "
+            "held at zero, or answers did not come; nodes.log tells more"
+        )
+
+
+def samples_hash(data: IoData) -> str:
+    """Return the SHA-256 of a record's inputs and outputs: over the samples, not over the file."""
+    digest = hashlib.sha256(data.u.tobytes())
+    digest.update(data.y.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,76 @@
+"""Verb bench: flexarm measured beside its peers."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import click
+
+from flexarm_bringup.console.verb_group import RUN_ON, examples
+from flexarm_bringup.verbs.checkout.folder import checkout, environment
+
+
+@click.group()
+def bench() -> None:
+    """Measure flexarm beside its peers."""
+
+
+# Name, what it measures, examples. Each is a file of the folder `bench`.
+_BENCHES = (
+    (
+        "ident",
+        "CPU time, memory and accuracy of the identification beside its peers",
+        ("--quick", "--install-peers --seeds 5"),
+    ),
+    (
+        "ident_bound",
+        "Coloured noise: the methods beside the best that is possible",
+        ("--seeds 20",),
+    ),
+    (
+        "holes",
+        "Models of records with lost samples beside the undamaged ones",
+        ("--seeds 20", "--only bursts --seeds 5"),
+    ),
+    ("reduction", "Modal reduction on simulated C_dat3 and C_dat11", ("--seeds 20",)),
+    ("rig", "Speed of the simulated rig in times real time", ("--json out/rig.json",)),
+    ("bags", "Speed of reading bags beside rosbags", ("--seconds 600",)),
+    (
+        "loop",
+        "The control loop over DDS beside a bare Python loop",
+        ("--rate 300 --rate 500", "--minutes 10 --load"),
+    ),
+    ("payload", "Payload detection, and gains that follow it", ("--seeds 20",)),
+    (
+        "control",
+        "Trials of the laws, their cost, and the tuning time",
+        ("--json out/control.json",),
+    ),
+    (
+        "robustness",
+        "Tuned gains over a grid of payloads and on rigs drawn at random",
+        ("--rigs 500 --spread 0.2",),
+    ),
+    ("faults", "The fault campaign: broken rigs, killed processes", ("--docs",)),
+    ("bag_faults", "Cut, flipped and mutated bags", ()),
+    ("endurance", "Ten minutes of recording at 500 Hz with a busy core", ()),
+)
+
+
+def _add_bench(name: str, words: str, calls: tuple[str, ...]) -> None:
+    def measure(arguments: tuple[str, ...]) -> None:
+        root = checkout("benchmarks")
+        (file,) = root.glob(f"bench/*/{name}.py")
+        command = [sys.executable, "-m", f"bench.{file.parent.name}.{name}", *arguments]
+        done = subprocess.run(command, check=False, env=environment(root))  # noqa: S603 - our own
+        sys.exit(done.returncode)
+
+    measure.__doc__ = f"{words}; --help lists the options."
+    verb = examples(*(f"bench {name} {call}".rstrip() for call in ("", *calls)))(measure)
+    verb = click.argument("arguments", nargs=-1, type=click.UNPROCESSED)(verb)
+    bench.command(name, context_settings=RUN_ON, add_help_option=False, short_help=words)(verb)
+
+
+for _bench in _BENCHES:
+    _add_bench(*_bench)

@@ -1,0 +1,90 @@
+"""Verb docs: the pages as a site that works offline, and their examples run."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import sys
+from contextlib import redirect_stderr
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import click
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.verbs.checkout.checks import EXAMPLES, passes
+from flexarm_bringup.verbs.checkout.folder import checkout
+
+_NOT_REPRODUCED = """\
+# The thesis, reproduced
+
+Not in this checkout. `./flexarm reproduce all -o docs/reproduction` makes it.
+"""
+
+
+@click.command()
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("out/docs"),
+    show_default=True,
+    help="Folder of the site.",
+)
+@examples("docs")
+def docs(out: Path) -> None:
+    """Build the pages as a site, and run their examples.
+
+    The site works offline.
+    """
+    root = checkout("pages")
+    hold = passes("examples", EXAMPLES, root)
+    terminal.step(f"site: {out / 'index.html'}")
+    warnings = build_site(root, out)
+    if warnings:
+        terminal.CONSOLE.print(warnings, markup=False)
+    sys.exit(0 if hold and not warnings else 1)
+
+
+def build_site(root: Path, out: Path) -> str:
+    """Build the site from the pages and the sources of a checkout; return what Sphinx warns of.
+
+    Parameters
+    ----------
+    root : Path
+        Folder of the checkout.
+    out : Path
+        Folder of the site; what stands there is replaced.
+
+    Returns
+    -------
+    str
+        Warnings, a line each; empty when there is none.
+
+    Raises
+    ------
+    LaunchError
+        Without Sphinx, or when `out` holds something else than a site.
+    """
+    try:
+        from sphinx.cmd.build import build_main  # noqa: PLC0415 - may be missing
+    except ImportError as error:
+        raise LaunchError(f"{error}: install requirements/dev.in") from error
+    if out.exists() and any(out.iterdir()) and not (out / ".buildinfo").is_file():
+        raise LaunchError(f"{out} holds something else than a site: choose another folder")
+    with TemporaryDirectory(prefix="flexarm-docs-") as scratch:
+        pages, site = Path(scratch, "docs"), Path(scratch, "site")
+        # Sphinx writes the pages of the reference beside the others.
+        shutil.copytree(root / "docs", pages)
+        Path(scratch, "src").symlink_to(root / "src")
+        if not (pages / "reproduction").exists():
+            (pages / "reproduction").mkdir()
+            (pages / "reproduction" / "index.md").write_text(_NOT_REPRODUCED, "utf-8")
+        with redirect_stderr(io.StringIO()) as said:
+            build_main(["-b", "html", "-q", "-N", str(pages), str(site)])
+        if (site / ".buildinfo").is_file():
+            shutil.rmtree(out, ignore_errors=True)
+            shutil.copytree(site, out, ignore=shutil.ignore_patterns(".doctrees"))
+    return said.getvalue().replace(f"{pages}/", "docs/")

@@ -1,0 +1,116 @@
+"""Verb doctor: parts of this environment, and a message between its nodes."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import platform
+import sys
+import time
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.graph.processes import LaunchError, find_executable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_TALK_S = 10.0
+_EXECUTABLES = (
+    ("flexarm_daq", "daq_node"),
+    ("flexarm_daq", "recorder_node"),
+    ("flexarm_daq", "player_node"),
+    ("flexarm_ident", "ident_node"),
+    ("flexarm_control", "controller_node"),
+)
+
+
+@click.command()
+@click.option("--hardware", is_flag=True, help="Examine the board and the sensors; moves nothing.")
+@click.option("--device", default="Dev1", show_default=True, help="Name of the board.")
+@click.option(
+    "--sensors",
+    default="ai0 ai1 ai2 ai3",
+    show_default=True,
+    help="Inputs of position, base gauge, middle gauge, speed.",
+)
+@click.option("--magnitude", default="ao0", show_default=True, help="Output, current's magnitude.")
+@click.option("--direction", default="ao1", show_default=True, help="Output, current's direction.")
+@click.option("--terminals", default="rse", show_default=True, help="rse, nrse, diff or default.")
+@click.option(
+    "--rate", type=click.FloatRange(10.0, 2000.0), default=300.0, show_default=True, help="Hz."
+)
+@examples("doctor", "doctor --hardware", "doctor --hardware --device Dev2 --terminals diff")
+def doctor(*, hardware: bool, sensors: str, rate: float, **names: Any) -> None:  # noqa: ANN401
+    """Examine this environment, or the hardware.
+
+    Without options: its parts, and whether nodes can talk.
+    """
+    if hardware:
+        from flexarm_bringup.verbs.health.hardware import examine_hardware  # noqa: PLC0415
+        from flexarm_daq.rigs.nidaq.terminals import NidaqSettings  # noqa: PLC0415
+
+        settings = NidaqSettings(sensors=tuple(sensors.split()), rate_hz=rate, **names)
+        sys.exit(examine_hardware(settings))
+    checks: tuple[tuple[str, Callable[[], str]], ...] = (
+        ("Python", platform.python_version),
+        ("ROS 2", lambda: os.environ.get("ROS_DISTRO", "unknown distribution")),
+        ("domain", _domain),
+        ("libraries", _libraries),
+        ("messages", lambda: importlib.import_module("flexarm_msgs.msg").__name__),
+        ("executables", _executables),
+        ("talk over DDS", _talk),
+    )
+    wrong = [name for name, check in checks if _is_wrong(name, check)]
+    sys.exit(1 if wrong else 0)
+
+
+def _is_wrong(name: str, check: Callable[[], str]) -> bool:
+    try:
+        terminal.CONSOLE.print(f"[green]ok[/green]    {name}: {check()}")
+    except (ImportError, LaunchError, PackageNotFoundError, RuntimeError) as error:
+        terminal.CONSOLE.print(f"[red]wrong[/red] {name}: {error}")
+        return True
+    return False
+
+
+def _domain() -> str:
+    reach = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    return f"ROS_DOMAIN_ID {os.environ.get('ROS_DOMAIN_ID', '0')}, discovery range {reach}"
+
+
+def _libraries() -> str:
+    names = ("numpy", "scipy", "control", "numba", "rosbags", "mcap")
+    return ", ".join(f"{name} {version(name)}" for name in names)
+
+
+def _executables() -> str:
+    for package, executable in _EXECUTABLES:
+        find_executable(package, executable)
+    return ", ".join(executable for _, executable in _EXECUTABLES)
+
+
+def _talk() -> str:
+    import rclpy  # noqa: PLC0415 - may be what is missing
+    from std_msgs.msg import Float64  # noqa: PLC0415
+
+    rclpy.init()
+    heard: list[float] = []
+    try:
+        node = rclpy.create_node(f"flexarm_doctor_{os.getpid()}")
+        topic = f"flexarm_doctor_{os.getpid()}"
+        node.create_subscription(Float64, topic, lambda message: heard.append(message.data), 1)
+        publisher = node.create_publisher(Float64, topic, 1)
+        started_s = time.monotonic()
+        while not heard:
+            publisher.publish(Float64(data=1.0))
+            rclpy.spin_once(node, timeout_sec=0.1)
+            if time.monotonic() - started_s > _TALK_S:
+                raise LaunchError(f"a message to itself did not arrive within {_TALK_S:.0f} s")
+    finally:
+        rclpy.try_shutdown()
+    return f"a message came back after {time.monotonic() - started_s:.2f} s ({sys.platform})"

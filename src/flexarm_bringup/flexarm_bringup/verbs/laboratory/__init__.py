@@ -1,0 +1,1 @@
+"""Verbs that run or operate the nodes of a laboratory."""

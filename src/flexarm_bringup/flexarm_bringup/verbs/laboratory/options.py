@@ -1,0 +1,62 @@
+"""Options that verbs of the laboratory share."""
+
+from __future__ import annotations
+
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flexarm_bringup.runs.pace import Pace
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+PAYLOAD = click.option(
+    "--payload",
+    "payload_kg",
+    type=click.FloatRange(0.0, 1.0),
+    default=0.0,
+    help="Mass at the tip, kg.",
+)
+PARAMETER_FILES = click.option(
+    "--params-file",
+    "parameter_files",
+    multiple=True,
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Parameters of the nodes, such as gains or a board's wiring; repeat.",
+)
+FAST = click.option("--fast", is_flag=True, help="As fast as the machine can; the same samples.")
+REAL_TIME = click.option(
+    "--real-time",
+    is_flag=True,
+    help="Hard real time, as with a board: what a busy machine is late for is lost.",
+)
+
+
+def paced(function: Callable[..., None]) -> Callable[..., None]:
+    """Add --fast and --real-time to a verb, which gets them as one `pace`."""
+
+    @FAST
+    @REAL_TIME
+    @wraps(function)
+    def verb(*, fast: bool, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
+        function(pace=chosen_pace(fast=fast, real_time=real_time), **settings)
+
+    return verb
+
+
+def chosen_pace(*, fast: bool = False, real_time: bool = False) -> Pace:
+    """Return the pace that two flags choose.
+
+    Raises
+    ------
+    click.UsageError
+        When both are set.
+    """
+    if fast and real_time:
+        raise click.UsageError("--fast and --real-time exclude each other: give one of them.")
+    if fast:
+        return Pace.FAST
+    return Pace.REAL if real_time else Pace.WALL_CLOCK

@@ -1,0 +1,56 @@
+"""Verbs run, record and play: one node in place of this process."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+
+from flexarm_bringup.console.verb_group import RUN_ON, examples
+from flexarm_bringup.graph.processes import NodeProgram, find_executable
+
+
+@click.command(context_settings=RUN_ON)
+@click.argument("package")
+@click.argument("executable")
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+@examples(
+    "run flexarm_daq daq_node --ros-args -p autostart:=true -p rate_hz:=500.0",
+    "run flexarm_daq recorder_node --ros-args -p bag:=out/run1",
+)
+def run(package: str, executable: str, arguments: tuple[str, ...]) -> None:
+    """Run one node, as `ros2 run` does."""
+    _become([str(find_executable(package, executable)), *arguments])
+
+
+@click.command()
+@click.argument("bag", type=click.Path(path_type=Path))
+@examples("record out/run1")
+def record(bag: Path) -> None:
+    """Record the running graph until Ctrl-C.
+
+    The bag holds state, command, reference and who commands.
+    """
+    _become(NodeProgram("flexarm_daq", "recorder_node", {"bag": bag.absolute()}).command())
+
+
+@click.command()
+@click.argument("bag", type=click.Path(path_type=Path))
+@click.option("--rate", type=float, default=1.0, show_default=True, help="2 plays twice as fast.")
+@click.option("--loop", is_flag=True, help="Start again at the end.")
+@click.option(
+    "--stand-in", is_flag=True, help="Publish the samples only, stamped now, as a DAQ node would."
+)
+@examples("play bags/c_dat3_0g", "play bags/c_dat3_0g --rate 2", "play bags/run1 --stand-in")
+def play(bag: Path, rate: float, *, loop: bool, stand_in: bool) -> None:
+    """Publish the messages of a bag with their timing.
+
+    The service ~/play stops it.
+    """
+    parameters = {"bag": bag.absolute(), "rate": rate, "loop": loop, "stand_in": stand_in}
+    _become(NodeProgram("flexarm_daq", "player_node", parameters).command())
+
+
+def _become(command: list[str]) -> None:
+    os.execv(command[0], command)  # noqa: S606 - our own node

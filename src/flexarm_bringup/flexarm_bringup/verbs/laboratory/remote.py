@@ -1,0 +1,178 @@
+"""Verbs that operate a running graph from another terminal."""
+
+from __future__ import annotations
+
+from collections import Counter
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import State
+from rclpy.duration import Duration
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.graph.client import NAMESPACE
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.session import ros_domain, session
+from flexarm_core.channels import TRAVEL_V
+from flexarm_node import qos
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_bringup.graph.operator import Operator
+
+_NAME = "remote"
+# A discovery that misses the first announcements hears the next ones after 3 s.
+_DISCOVERY_S = 7.0
+_ACKNOWLEDGED = Duration(seconds=3)
+_DIAGNOSTICS = "/diagnostics"
+_OURS = "flexarm: "
+# Each node reports once a second, and one whose first announcement was missed is heard of after
+# 3 s: when one has reported so often, all have.
+_REPORTS = 5
+
+
+@click.command()
+@examples("stop")
+def stop() -> None:
+    """Stop the drive until the DAQ node is deactivated.
+
+    It takes seconds to start: at a real rig, press the button.
+    """
+    with _attached("daq") as operator:
+        response = operator.call(Trigger, "emergency_stop", Trigger.Request())
+    terminal.CONSOLE.print(response.message, markup=False)
+
+
+@click.command()
+@examples("status")
+def status() -> None:
+    """Show state, reasons, rates and counts of every running node."""
+    newest: dict[str, DiagnosticStatus] = {}
+    reports: Counter[str] = Counter()
+
+    def hear(message: DiagnosticArray) -> None:
+        for report in message.status:
+            if report.name.startswith(_OURS):
+                newest[report.name] = report
+                reports[report.name] += 1
+
+    with session(_NAME) as operator:
+        operator.listen(DiagnosticArray, _DIAGNOSTICS, qos.EVERY, hear)
+
+        def complete() -> bool:
+            all_known = len(newest) >= operator.node.count_publishers(_DIAGNOSTICS)
+            return all_known and max(reports.values(), default=0) >= _REPORTS
+
+        try:
+            operator.wait(complete, "reports", _DISCOVERY_S)
+        except LaunchError:
+            if not newest:
+                raise LaunchError(f"no node reports in ROS domain {ros_domain()}") from None
+    for name, report in sorted(newest.items()):
+        terminal.CONSOLE.print(f"{name.removeprefix(_OURS)}: {report.message}", markup=False)
+        for each in report.values:
+            terminal.CONSOLE.print(f"    {each.key:36s} {each.value}", markup=False)
+
+
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.argument("volts", type=float)
+@examples("reference 1.5", "reference -3")
+def reference(volts: float) -> None:
+    """Send one set-point, V, to the running controller."""
+    if not abs(volts) <= TRAVEL_V:
+        raise LaunchError(f"{volts:g} V is beyond the travel, +-{TRAVEL_V:.3f} V")
+    with _attached("controller") as operator:
+        source = operator.values("controller", ("reference",))["reference"]
+        if source != "topic":
+            raise LaunchError(
+                f"the controller follows its own reference, {source}: "
+                "flexarm set controller reference=topic"
+            )
+        publisher = operator.node.create_publisher(Float64, f"{NAMESPACE}/reference", qos.NEWEST)
+        operator.acquaint("controller")
+        operator.wait(lambda: publisher.get_subscription_count() > 0, "the controller")
+        publisher.publish(Float64(data=volts))
+        publisher.wait_for_all_acked(_ACKNOWLEDGED)
+    terminal.CONSOLE.print(f"set-point {volts:g} V")
+
+
+@click.command("set")
+@click.argument("node")
+@click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE...")
+@examples("set controller law=pdpc_plus", "set daq max_command_v=2 payload_kg=0.2")
+def set_(node: str, assignments: tuple[str, ...]) -> None:
+    """Set parameters of a running node, all or none."""
+    wanted = dict(_parsed(each) for each in assignments)
+    with _attached(node) as operator:
+        present = operator.values(node, tuple(wanted))
+        changes = {key: _as_kind(value, present[key]) for key, value in wanted.items()}
+        operator.set_parameters(node, changes)
+    for key, value in changes.items():
+        terminal.CONSOLE.print(f"{node} {key}: {present[key]} -> {value}", markup=False)
+
+
+@click.command()
+@click.argument("node")
+@examples("activate daq")
+def activate(node: str) -> None:
+    """Activate a running node: daq, controller or experiment."""
+    with _attached(node) as operator:
+        before = operator.state(node).id
+        if before == State.PRIMARY_STATE_ACTIVE:
+            raise LaunchError(
+                f"{node} is active already; what holds it ends with: deactivate {node}"
+            )
+        if before == State.PRIMARY_STATE_UNCONFIGURED:
+            operator.configure(node)
+        operator.activate(node)
+        state = operator.state(node).label
+    terminal.CONSOLE.print(f"{node} is {state}", markup=False)
+
+
+@click.command()
+@click.argument("node")
+@examples("deactivate daq")
+def deactivate(node: str) -> None:
+    """Deactivate a running node; the drive goes to zero."""
+    with _attached(node) as operator:
+        before = operator.state(node)
+        if before.id != State.PRIMARY_STATE_ACTIVE:
+            raise LaunchError(f"{node} is not active but {before.label}")
+        operator.deactivate(node)
+        state = operator.state(node).label
+    terminal.CONSOLE.print(f"{node} is {state}", markup=False)
+
+
+@contextmanager
+def _attached(name: str) -> Iterator[Operator]:
+    """Give an operator of a graph in which a node is running."""
+    with session(_NAME) as operator:
+        wanted = f"{NAMESPACE}/{name}"
+        try:
+            operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
+        except LaunchError:
+            raise LaunchError(f"no node {wanted} in ROS domain {ros_domain()}") from None
+        yield operator
+
+
+def _parsed(assignment: str) -> tuple[str, Any]:
+    name, sign, text = assignment.partition("=")
+    if not (name and sign):
+        raise LaunchError(f"{assignment!r}: write NAME=VALUE")
+    try:
+        return name, yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise LaunchError(f"{assignment!r}: the value is none") from None
+
+
+def _as_kind(value: object, present: object) -> object:
+    """Take a whole number for a float where a float is wanted: 2 for 2.0."""
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return float(value) if whole and isinstance(present, float) else value  # type: ignore[arg-type]

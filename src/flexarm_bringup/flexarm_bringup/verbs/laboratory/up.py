@@ -1,0 +1,172 @@
+"""Verb up: the graph, kept until Ctrl-C."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.verbs.laboratory.options import (
+    PARAMETER_FILES,
+    PAYLOAD,
+    REAL_TIME,
+    chosen_pace,
+)
+from flexarm_control.laws.registry import LAWS
+
+if TYPE_CHECKING:
+    from flexarm_bringup.graph.operator import Operator
+    from flexarm_bringup.graph.processes import NodeProcesses
+    from flexarm_bringup.runs.pace import Pace
+
+_REPLACE = (
+    "the drive is at zero; for another one: "
+    "flexarm run flexarm_control controller_node --ros-args -p autostart:=true"
+)
+_ERRORS = ("[ERROR]", "[FATAL]")
+_COMPLAINTS = ("[WARN]", *_ERRORS)
+_CONTROLLER = "controller_node"
+
+
+@dataclass(frozen=True)
+class _Settings:
+    """Choices of the user, as the options say them."""
+
+    payload_kg: float
+    rate_hz: float
+    law: str
+    reference: str
+    bag: Path | None
+    pace: Pace
+    parameter_files: tuple[Path, ...]
+
+
+@click.command()
+@PAYLOAD
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=click.FloatRange(10.0, 2000.0),
+    default=300.0,
+    show_default=True,
+    help="Hz.",
+)
+@click.option(
+    "--reference",
+    type=click.Choice(["topic", "step", "square", "varying_square"]),
+    default="topic",
+    show_default=True,
+    help="Set-points from /flexarm/reference, or a built-in profile.",
+)
+@click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
+@click.option("--law", default="pdpc", show_default=True, help=f"Law: {', '.join(LAWS)}.")
+@REAL_TIME
+@PARAMETER_FILES
+@examples(
+    "up",
+    "up --rate 500 --payload 0.2 --reference square",
+    "up --bag out/run1 --law pdpc_plus --params-file out/gains.yaml",
+)
+def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
+    """Run daq, controller, recorder and ident until Ctrl-C.
+
+    The simulated arm's time follows the wall clock and waits for a machine that is late. A board
+    runs in real time.
+
+    A controller that ends leaves the arm to itself, with the drive at zero: another one may be
+    started in its place.
+    """
+    _run_graph(_Settings(pace=chosen_pace(real_time=real_time), **settings))
+
+
+def _run_graph(settings: _Settings) -> None:
+    bag = settings.bag
+    if bag and bag.exists():
+        raise LaunchError(f"{bag} is there already and is not overwritten: choose another name")
+    daq = {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz}
+    parameters = {
+        "daq": daq | settings.pace.parameters(),
+        "controller": {"law": settings.law, "reference": settings.reference},
+    }
+    with TemporaryDirectory(prefix="flexarm_") as folder:
+        log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
+        complaints = _Complaints(log)
+        try:
+            with running_graph(parameters, log.absolute(), files=settings.parameter_files) as (
+                operator,
+                processes,
+            ):
+                _start(operator, settings)
+                _stay(operator, processes, complaints)
+        finally:
+            # A node that stops before another one makes that warn.
+            complaints.show(_ERRORS)
+            if bag and bag.exists():
+                terminal.CONSOLE.print(f"recorded in {bag}", markup=False)
+                terminal.CONSOLE.print(f"what the nodes printed is in {log}", markup=False)
+        if bag and processes.exit_codes()["recorder_node"]:
+            raise LaunchError(f"the recording is not complete: flexarm bag repair {bag} -o OTHER")
+
+
+def _start(operator: Operator, settings: _Settings) -> None:
+    if settings.bag:
+        # Not before all nodes have taken their parameters: a refused start shall not leave an
+        # empty bag in the way of the next one.
+        operator.record(str(settings.bag.absolute()))
+    operator.activate("controller")
+    operator.start_sampling()
+    terminal.CONSOLE.print(
+        f"/flexarm is up: {settings.law} at {settings.rate_hz:g} Hz, "
+        f"reference: {settings.reference}. Ctrl-C ends it."
+    )
+
+
+def _stay(operator: Operator, processes: NodeProcesses, complaints: _Complaints) -> None:
+    """Show complaints of the nodes until Ctrl-C; a controller that ends is not the end."""
+    processes.let_be_replaced(_CONTROLLER)
+    loss = ""
+
+    def look() -> bool:
+        """Show the news; never done."""
+        nonlocal loss
+        complaints.show(_COMPLAINTS)
+        if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
+            terminal.CONSOLE.print(f"{loss}: {_REPLACE}", markup=False)
+        return False
+
+    try:
+        operator.wait(look, "nothing", timeout_s=float("inf"))
+    except KeyboardInterrupt:
+        terminal.CONSOLE.print("stopping")
+        if loss:
+            raise LaunchError(loss) from None
+    finally:
+        processes.check()
+
+
+class _Complaints:
+    """The warnings and errors in a growing log, each shown once."""
+
+    def __init__(self, log: Path) -> None:
+        self._log = log
+        self._read = log.stat().st_size if log.is_file() else 0
+
+    def show(self, levels: tuple[str, ...]) -> None:
+        """Show the new ones of these levels."""
+        if not self._log.is_file():
+            return
+        with self._log.open("rb") as log:
+            log.seek(self._read)
+            # A line that is being written is left to the next time.
+            new, newline, _ = log.read().rpartition(b"\n")
+        self._read += len(new + newline)
+        for line in new.decode(errors="replace").splitlines():
+            if any(level in line for level in levels):
+                terminal.CONSOLE.print(line, markup=False)

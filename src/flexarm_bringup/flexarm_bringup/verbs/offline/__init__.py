@@ -1,0 +1,1 @@
+"""Verbs without nodes: bags, models, gains."""

@@ -1,0 +1,100 @@
+"""Verbs import, bag check and bag repair: files to bags, and bags looked after."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+from ament_index_python.packages import get_package_share_directory
+
+from flexarm_bags.check import check_bag
+from flexarm_bags.repair import repair_bag
+from flexarm_bags.schema import load_typestore
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import examples
+from flexarm_daq.importing.csv_import import import_csv
+from flexarm_daq.importing.csv_map import load_csv_map
+
+_BAG_FILES = ("metadata.yaml", "*.mcap*", "*.db3*")
+_NEW_BAG = click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="Bag to create."
+)
+
+
+@click.command("import")
+@click.argument("csv", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.option(
+    "--map",
+    "map_file",
+    required=True,
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="YAML file that says which column is what.",
+)
+@_NEW_BAG
+@examples("import run.csv --map columns.yaml -o bags/run")
+def import_(csv: Path, map_file: Path, output: Path) -> None:
+    """Turn a CSV file with named columns into a bag."""
+    share = Path(get_package_share_directory("flexarm_msgs"))
+    typestore = load_typestore({"flexarm_msgs": share})
+    made = import_csv(csv, load_csv_map(map_file), output, typestore=typestore)
+    click.echo(
+        f"{made.bag}: {made.samples} samples at {made.rate_hz:g} Hz, {made.duration_s:.2f} s"
+    )
+
+
+@click.group()
+def bag() -> None:
+    """Check and repair bags."""
+
+
+@bag.command("repair")
+@click.argument("damaged", type=click.Path(exists=True, path_type=Path))
+@_NEW_BAG
+@examples("bag repair out/run1 -o out/run1_repaired")
+def repair(damaged: Path, output: Path) -> None:
+    """Copy every whole message of a damaged bag into a new one."""
+    made = repair_bag(damaged, output)
+    damage = made.damage or "every message was whole"
+    click.echo(f"{made.bag}: {made.messages} messages ({damage})")
+
+
+@bag.command("check")
+@click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
+@examples("bag check out/run1", "bag check bags")
+def check(bags: tuple[Path, ...]) -> None:
+    """Find wrong bits, missing samples, wrong types and clock problems; exit code 1 if any.
+
+    A folder of bags stands for all of them.
+    """
+    verdicts = [_is_good(each) for path in bags for each in _bags_of(path)]
+    sys.exit(0 if all(verdicts) else 1)
+
+
+def _is_good(bag: Path) -> bool:
+    """Print what is wrong with a bag and what could not be checked; return whether it is good."""
+    found = check_bag(bag)
+    count = len(found.problems)
+    verdict = f"{count} problem{'s' * (count > 1)}" if count else "good"
+    lines = (
+        f"{bag}: {found.messages} messages, {verdict}",
+        *(f"  problem: {problem}" for problem in found.problems),
+        *(f"  note: {note}" for note in found.notes),
+    )
+    for line in lines:
+        terminal.CONSOLE.print(line, markup=False)
+    return not found.problems
+
+
+def _bags_of(path: Path) -> list[Path]:
+    """Return the bags in a folder of bags; else the path itself."""
+    if _has_bag_files(path):
+        return [path]
+    # A run that was killed leaves its record in a workplace.
+    found = (folder for pattern in ("*", "*.new/*") for folder in path.glob(pattern))
+    return sorted(folder for folder in found if _has_bag_files(folder)) or [path]
+
+
+def _has_bag_files(folder: Path) -> bool:
+    """Return whether this is a bag, whole or not."""
+    return any(any(folder.glob(pattern)) for pattern in _BAG_FILES)

@@ -1,0 +1,169 @@
+"""Verbs identify and report: from bags to a folder of results or one page, without any node."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+from click.shell_completion import CompletionItem
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import examples
+from flexarm_ident import job
+from flexarm_ident.models.files import parse_exports
+from flexarm_ident.subspace.methods import AUTO, METHODS
+from flexarm_ident.workflow.request import Request
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_METHODS = {AUTO: "chosen by the data"} | {row.name: row.help for row in METHODS.values()}
+
+
+def _methods(_: click.Context, __: click.Parameter, start: str) -> list[CompletionItem]:
+    """Return the methods of identification that begin with a text, with their help."""
+    return [
+        CompletionItem(name, help=text) for name, text in _METHODS.items() if name.startswith(start)
+    ]
+
+
+_REQUEST_OPTIONS = (
+    click.option(
+        "--method",
+        default="auto",
+        show_default=True,
+        help="; ".join(f"{name}: {text}" for name, text in _METHODS.items()) + ".",
+        shell_complete=_methods,
+    ),
+    click.option(
+        "--train-fraction",
+        type=click.FloatRange(0.0, 1.0, min_open=True),
+        default=0.5,
+        show_default=True,
+        help="Leading part of each record that is fitted.",
+    ),
+    click.option(
+        "--block-rows", type=click.IntRange(2), default=40, show_default=True, help="q of (2-18)."
+    ),
+    click.option("--order", type=click.IntRange(1), help="Order of the full model; else chosen."),
+    click.option(
+        "--reduction",
+        type=click.Choice(["none", "mrm", "msv", "mrmc"]),
+        default="none",
+        show_default=True,
+        help="Ranking by which modes are kept.",
+    ),
+    click.option("--reduced-order", type=click.IntRange(1), help="States to keep; else chosen."),
+    click.option(
+        "--known-mode", "known_modes_hz", multiple=True, type=float, help="Hz, for mrmc; repeat."
+    ),
+    click.option(
+        "--update",
+        type=click.Choice(["none", "b", "c"]),
+        default="none",
+        show_default=True,
+        help="Matrix that is fitted again after the reduction.",
+    ),
+    click.option(
+        "--remove-compensation/--keep-compensation",
+        default=True,
+        show_default=True,
+        help="Subtract the Coulomb compensation from the input.",
+    ),
+    click.option(
+        "--stabilise/--keep-unstable",
+        default=True,
+        show_default=True,
+        help="Move unstable eigenvalues inside the unit circle.",
+    ),
+    click.option(
+        "--friction/--no-friction",
+        default=True,
+        show_default=True,
+        help="Model dry friction where the data show it and carry no compensation.",
+    ),
+    click.option(
+        "--refine/--no-refine",
+        default=False,
+        show_default=True,
+        help="Refine the model by its simulation error; it never gets worse.",
+    ),
+)
+
+
+def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say what is to be done with bags: the fields of a `Request`."""
+    for option in reversed(_REQUEST_OPTIONS):
+        function = option(function)
+    return function
+
+
+@click.command()
+@click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("out/identify"), show_default=True
+)
+@_request_options
+@click.option(
+    "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
+)
+@examples(
+    "identify bags/c_dat3_0g",
+    "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
+    "identify bags/c_dat3_0g --export json,mat,h",
+    "identify bags/quanser_2dsfl --refine",
+)
+def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) -> None:  # noqa: ANN401
+    """Identify a model from bags; write parameters and report."""
+    exports = parse_exports(export)
+    with terminal.progress() as show:
+        results = job.identify_bags(bags, out, Request(**options), exports=exports, progress=show)
+    _show(results, f"results in {out}")
+
+
+@click.command(context_settings={"default_map": {"reduction": "mrm", "update": "b"}})
+@click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=Path("out/report.html"),
+    show_default=True,
+    help="HTML file.",
+)
+@_request_options
+@examples(
+    "report bags/c_dat3_0g",
+    "report out/run1 out/run2 -o arm.html",
+    "report bags/c_dat3_0g --reduction mrmc --known-mode 9.4 --known-mode 24 --known-mode 45",
+    "report bags/quanser_2dsfl --reduction none",
+)
+def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+    """Identify, reduce by MRM, refit B; write one HTML file."""
+    asked = click.get_current_context().get_parameter_source("update")
+    if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
+        options["update"] = "none"
+    with terminal.progress() as show:
+        results = job.report_bags(bags, out, Request(**options), progress=show)
+    _show(results, f"report in {out}")
+
+
+def _show(results: job.Results, written: str) -> None:
+    """Print modes, errors and warnings of a model, and what was written."""
+    outcome = results.outcome
+    sfv = () if outcome.sfv is None else (*outcome.sfv.delta, outcome.sfv.mean)
+    terminal.show_model(
+        terminal.ShownModel(
+            outcome.modes,
+            outcome.records[0].outputs,
+            (*outcome.dmv_errors, outcome.dmv_errors.mean()),
+            sfv,
+            results.parameters,
+            outcome.warnings,
+        )
+    )
+    if outcome.identification.choice:
+        terminal.CONSOLE.print(f"  method: {outcome.identification.choice}")
+    terminal.CONSOLE.print(f"order {outcome.model.nstates}, {written}")

@@ -1,0 +1,118 @@
+"""Verb tune: from models to a parameter file of gains, without any node."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+from rich.table import Table
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import examples
+from flexarm_control.design.tuning_job import TUNINGS, TuneRequest, load_models
+from flexarm_control.design.tuning_job import tune as tune_gains
+from flexarm_ident.models.ros_yaml import write_parameter_file
+
+if TYPE_CHECKING:
+    from flexarm_control.design.tuning_job import TuneResult
+
+
+@click.command()
+@click.argument("models", nargs=-1, required=True)
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=Path("out/gains.yaml"),
+    show_default=True,
+)
+@click.option(
+    "--law",
+    type=click.Choice(tuple(TUNINGS)),
+    default="pdp",
+    show_default=True,
+    help="pi: one model, no weights, no margins.",
+)
+@click.option("--error-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
+@click.option("--strain-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
+@click.option("--gain-margin", "gain_margin_db", default=10.0, show_default=True, help="dB.")
+@click.option("--phase-margin", "phase_margin_deg", default=55.0, show_default=True, help="deg.")
+@click.option(
+    "--delay", "delay_s", default=0.0, show_default=True, help="Loop delay, s, at most 0.05."
+)
+@examples(
+    "tune nominal:0 nominal:0.2 nominal:0.4",
+    "tune nominal:0:flipped nominal:0.2:flipped nominal:0.4:flipped",
+    "tune bags/c_dat3_0g bags/c_dat3_400g",
+    "tune out/a/model.yaml out/b/model.yaml --delay 0.001 -o out/gains.yaml",
+)
+def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+    """Tune gains on models and write a --params-file.
+
+    A model is a file from identify, a bag, or nominal:KG.
+
+    nominal:KG:flipped turns the sign of the middle gauge y3, which the thesis seems to have had.
+    """
+    source = click.get_current_context().get_parameter_source
+    given = {k: v for k, v in options.items() if source(k) is not ParameterSource.DEFAULT}
+    tune_models(models, out, **given)
+
+
+def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # noqa: ANN401
+    """Tune a law on models, show the certificate, write the gains.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Models, as the verb takes them.
+    out : Path
+        File of the gains.
+    **request
+        Fields of a `TuneRequest`.
+
+    Raises
+    ------
+    OSError
+        When the gains could not be written; that is tried before the search.
+    """
+    _make_writable(out)
+    with terminal.busy(f"tuning on {len(names)} model{'s' * (len(names) != 1)}"):
+        models = load_models(names)
+        result = tune_gains(models, TuneRequest(**request))
+    _show_certificate(tuple(models), result)
+    write_parameter_file(out, dict(result.parameters), node="/flexarm/controller")
+    gains = ", ".join(f"{name} {gain:.4f}" for name, gain in list(result.parameters.items())[:3])
+    terminal.CONSOLE.print(f"J {result.criteria[0]:.4f}: {gains}; written to {out}")
+
+
+def _show_certificate(names: tuple[str, ...], result: TuneResult) -> None:
+    """Print margins and criteria for each model, and notes."""
+    table = Table("model", "gain margin dB", "phase margin deg", "disk margin", "E", "Y", box=None)
+    rows = zip(names, result.margins, result.error_itae, result.strain_itae, strict=False)
+    for name, margins, error, strain in rows:
+        table.add_row(
+            name,
+            f"{margins.gain_margin_db:.2f}",
+            f"{margins.phase_margin_deg:.1f}",
+            f"{margins.disk_margin:.2f} at {margins.disk_margin_hz:.1f} Hz",
+            f"{error:.3f}",
+            f"{strain:.3f}",
+        )
+    if table.row_count:
+        terminal.CONSOLE.print(table)
+    for note in result.notes:
+        terminal.CONSOLE.print(f"  {note}")
+
+
+def _make_writable(out: Path) -> None:
+    """Make the folder of a file, and try that the file can be written, without a trace of it."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        is_new = not out.exists()
+        out.open("a").close()
+        if is_new:
+            out.unlink()
+    except OSError as error:
+        raise OSError(f"{out}: cannot be written: {error.strerror}") from error

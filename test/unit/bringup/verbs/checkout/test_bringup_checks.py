@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+import subprocess
+from typing import TYPE_CHECKING
+
+import pytest
+from click.testing import CliRunner
+
+from flexarm_bringup.verbs.checkout.checks import test as verb
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture
+def commands(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]:
+    """Return the commands that would have run in a checkout, the second of which fails."""
+    (tmp_path / "pyproject.toml").touch()
+    monkeypatch.setenv("FLEXARM_ROOT", str(tmp_path))
+    begun: list[list[str]] = []
+
+    def run(command: list[str], **_: object) -> subprocess.CompletedProcess[bytes]:
+        begun.append(command[2:])
+        return subprocess.CompletedProcess(command, int(len(begun) == 2))
+
+    monkeypatch.setattr(subprocess, "run", run)
+    return begun
+
+
+def test_quick___runs_no_slow_and_no_system_test(commands: list[list[str]]) -> None:
+    result = CliRunner().invoke(verb, ["--quick"])
+    assert result.exit_code == 1
+    assert [tool for tool, *_ in commands] == ["ruff", "ruff", "mypy", "pytest", "pytest"]
+    assert commands[-1][-3:] == ["-m", "not slow", "test/unit"]
+    assert "left out: tests marked slow" in result.output
+    assert "failed: format" in result.output
+
+
+def test_all___runs_unit_and_system_tests(commands: list[list[str]]) -> None:
+    CliRunner().invoke(verb, [])
+    assert [command[-1] for command in commands[-2:]] == ["test/system", "test/system"]
+    assert "--ignore" in commands[-2]
+
+
+def test_all___runs_the_examples_of_docstrings_and_pages(commands: list[list[str]]) -> None:
+    CliRunner().invoke(verb, [])
+    assert any("--doctest-modules" in command for command in commands)
+
+
+def test_arguments___go_to_pytest_alone(commands: list[list[str]]) -> None:
+    assert CliRunner().invoke(verb, ["test/unit", "-k", "margins"]).exit_code == 0
+    assert commands == [["pytest", "test/unit", "-k", "margins"]]
+
+
+def test_quick___with_arguments___is_refused() -> None:
+    result = CliRunner().invoke(verb, ["--quick", "test/unit"])
+    assert result.exit_code == 2
+    assert "--quick chooses the tests" in result.output

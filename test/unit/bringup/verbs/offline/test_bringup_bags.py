@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from click.testing import CliRunner
+
+from flexarm_bringup.verbs.offline.bags import bag
+from support.bag_samples import START_NS, io_sample, write_bag
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def a_bag(path: Path) -> Path:
+    samples = [io_sample(k + 1, START_NS + k * 10_000_000, [0.1], [0.2, 0.3]) for k in range(20)]
+    return write_bag(path, samples)
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_bag_check___folder_of_bags___every_one_of_them_even_without_its_metadata(
+    tmp_path: Path, *, lost: bool
+) -> None:
+    for name in ("a", "b"):
+        a_bag(tmp_path / name)
+    tmp_path.joinpath("notes").mkdir()
+    if lost:
+        tmp_path.joinpath("b", "metadata.yaml").unlink()
+    result = CliRunner().invoke(bag, ["check", str(tmp_path)])
+    assert result.exit_code == int(lost)
+    verdicts = [line for line in result.output.splitlines() if "messages, " in line]
+    assert len(verdicts) == 2
+    assert verdicts[0].endswith("good")
+    assert verdicts[1].endswith("2 problems" if lost else "good")

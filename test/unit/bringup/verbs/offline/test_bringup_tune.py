@@ -1,0 +1,57 @@
+"""The verb tune, in this process."""
+
+from __future__ import annotations
+
+from inspect import signature
+from typing import TYPE_CHECKING
+
+import pytest
+from click.testing import CliRunner
+
+from flexarm_bringup.verbs.offline.tune import tune, tune_models
+from flexarm_control.design.tuning import tune_pdp
+from flexarm_core.errors import SettingError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_help___says_the_defaults_of_the_tuning() -> None:
+    said = {option.name: option.default for option in tune.params}
+    names = ("error_weight", "strain_weight", "gain_margin_db", "phase_margin_deg", "delay_s")
+    assert {name: said[name] for name in names} == {
+        name: signature(tune_pdp).parameters[name].default for name in names
+    }
+
+
+def test_pi___with_a_margin___is_refused_by_its_name(tmp_path: Path) -> None:
+    gains = tmp_path / "gains.yaml"
+    words = ["nominal:0", "--law", "pi", "-o", str(gains)]
+    refused = CliRunner().invoke(tune, [*words, "--gain-margin", "10"])
+    assert isinstance(refused.exception, SettingError)
+    assert "gain_margin_db" in str(refused.exception)
+    assert not gains.exists()
+
+    taken = CliRunner().invoke(tune, [*words, "--delay", "0.001"])
+    assert (taken.exit_code, gains.exists()) == (0, True), taken.output
+
+
+@pytest.mark.parametrize("name", ["file/gains.yaml", "folder"])
+def test_gains___that_cannot_be_written___are_refused_before_the_search(
+    tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "file").touch()
+    (tmp_path / "folder").mkdir()
+    # The model is none either, which shows what was looked at first.
+    with pytest.raises(OSError, match=f"{name}: cannot be written: "):
+        tune_models(("nominal:none",), tmp_path / name)
+
+
+def test_gains___that_are_not_found___leave_what_was_there(tmp_path: Path) -> None:
+    old, new = tmp_path / "old.yaml", tmp_path / "new.yaml"
+    old.write_text("old")
+    for out in (old, new):
+        with pytest.raises(SettingError):
+            tune_models(("nominal:none",), out)
+    assert old.read_text() == "old"
+    assert not new.exists()
