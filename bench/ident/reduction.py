@@ -30,7 +30,7 @@ from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident import reduce_model, validate_dmv
-from flexarm_ident.models.rank_table import rank_table
+from flexarm_ident.models.modes import rank_table
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.reduction.balanced import balanced_truncation
 from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench.ident.plant import DT_S, NOISES, trial
 from flexarm_ident import IoData, identify
-from flexarm_ident.models.poles import is_stable
+from flexarm_ident.models.state_space import is_stable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

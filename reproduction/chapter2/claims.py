@@ -109,16 +109,14 @@ def waveform_judgement(errors: Mapping[str, Figures]) -> Judgement:
     return judged(
         agrees=best and worst,
         same_ranking=best,
-        evidence=(
-            f"From the best to the worst: {', '.join(ranking)}. The square wave "
-            f"{'is' if best else 'is not'} better than each other one ({p_text(square_p)} at "
-            f"most). The random one {'is' if worst else 'is not'} worse than each other one"
-            + (
-                "."
-                if worst
-                else f" ({p_text(random_p)}): the {ranking[-1]} one is. Friction costs it most: "
-                "claim 2-7 shows its error without noise."
-            )
+        evidence=f"From the best to the worst: {', '.join(ranking)}. The square wave "
+        f"{'is' if best else 'is not'} better than each other one ({p_text(square_p)} at "
+        f"most). The random one {'is' if worst else 'is not'} worse than each other one"
+        + (
+            "."
+            if worst
+            else f" ({p_text(random_p)}): the {ranking[-1]} one is. Friction costs it most: "
+            "claim 2-7 shows its error without noise."
         ),
         reason="On our rig another waveform excites the arm better.",
     )
@@ -152,17 +150,15 @@ def bounded_judgement(
     return judged(
         agrees=easier and better,
         same_ranking=better,
-        evidence=(
-            f"A constant magnitude {'gives' if better else 'does not give'} the smaller error, "
-            f"{np.median(constant):.3f} beside {np.median(random):.3f} ({p_text(error_p)}). "
-            f"That a stable model is easier to obtain than in the open loop "
-            + (
-                f"holds ({p_text(stable_p)})."
-                if easier
-                else f"does not hold: {np.median(stable_bounded):.1f} stable orders beside "
-                f"{np.median(stable_open):.1f}. The eigenvalue that leaves the unit circle is the "
-                "real one of the rigid motion; friction, not a flexible mode, puts it there."
-            )
+        evidence=f"A constant magnitude {'gives' if better else 'does not give'} the smaller "
+        f"error, {np.median(constant):.3f} beside {np.median(random):.3f} ({p_text(error_p)}). "
+        f"That a stable model is easier to obtain than in the open loop "
+        + (
+            f"holds ({p_text(stable_p)})."
+            if easier
+            else f"does not hold: {np.median(stable_bounded):.1f} stable orders beside "
+            f"{np.median(stable_open):.1f}. The eigenvalue that leaves the unit circle is the "
+            "real one of the rigid motion; friction, not a flexible mode, puts it there."
         ),
         reason="On our rig a random magnitude excites the arm better.",
     )
@@ -194,12 +190,10 @@ def stability_judgement(open_loop: Figures, closed: Figures, bare: Figures) -> J
     return judged(
         agrees=all_p < LEVEL,
         same_ranking=bare_p < LEVEL,
-        evidence=(
-            f"Without payload, like with like: {np.median(bare):.1f} stable orders in the closed "
-            f"loop, {np.median(open_loop):.1f} in the open one ({p_text(bare_p)}). All closed-loop "
-            f"experiments: {np.median(closed):.1f} ({p_text(all_p)})."
-            + ("" if all_p < LEVEL else f" It does not hold with payloads: {PAYLOAD_MODES}.")
-        ),
+        evidence=f"Without payload, like with like: {np.median(bare):.1f} stable orders in the "
+        f"closed loop, {np.median(open_loop):.1f} in the open one ({p_text(bare_p)}). All "
+        f"closed-loop experiments: {np.median(closed):.1f} ({p_text(all_p)})."
+        + ("" if all_p < LEVEL else f" It does not hold with payloads: {PAYLOAD_MODES}."),
         reason="Friction puts the slow pole of our rig outside the unit circle in either loop.",
     )
 

@@ -99,12 +99,11 @@ def imperfection_judgement(errors: Mapping[str, Sequence[float]]) -> Judgement:
     return judged(
         agrees=linear_p < LEVEL and quiet_p < LEVEL and exact <= EXACT,
         same_ranking=linear_p < LEVEL or quiet_p < LEVEL,
-        evidence=(
-            f"The error is {medians['as it is']:.3f}; {medians['no friction, no backlash']:.3f} "
-            f"without friction and backlash ({p_text(linear_p)}), {medians['no noise']:.3f} "
-            f"without noise ({p_text(quiet_p)}), {exact:.3f} without either: on a linear system "
-            f"the method is {'' if exact <= EXACT else 'not '}as good as exact."
-        ),
+        evidence=f"The error is {medians['as it is']:.3f}; "
+        f"{medians['no friction, no backlash']:.3f} without friction and backlash "
+        f"({p_text(linear_p)}), {medians['no noise']:.3f} without noise ({p_text(quiet_p)}), "
+        f"{exact:.3f} without either: on a linear system the method is "
+        f"{'' if exact <= EXACT else 'not '}as good as exact.",
         reason="Neither noise nor friction makes the error of our rig.",
     )
 
@@ -190,15 +189,11 @@ def preparation_judgement(errors: Mapping[str, Sequence[Mapping[str, float]]]) -
     return judged(
         agrees=len(always) == len(STEPS),
         same_ranking=all(helps.values()),
-        evidence=(
-            f"That leaving it out makes the model worse: {words}. It holds on both records for "
-            f"{', '.join(always) or 'none'}"
-            + (f", not on both for {', '.join(seldom)}." if seldom else ".")
-        ),
-        reason=(
-            "A constant bias is largely taken up by the fitted initial state of a slow pole. "
-            "The scaling weighs the gauges, which are mostly noise, as much as the position."
-        ),
+        evidence=f"That leaving it out makes the model worse: {words}. It holds on both records "
+        f"for {', '.join(always) or 'none'}"
+        + (f", not on both for {', '.join(seldom)}." if seldom else "."),
+        reason="A constant bias is largely taken up by the fitted initial state of a slow pole. "
+        "The scaling weighs the gauges, which are mostly noise, as much as the position.",
     )
 
 
@@ -262,18 +257,14 @@ def rate_judgement(
     return judged(
         agrees=p_value < LEVEL,
         same_ranking=2 * won > len(pairs),
-        evidence=(
-            f"Mean error over all pairs {np.median(low):.3f} at 300 Hz, {np.median(high):.3f} at "
-            f"500 Hz: that 300 Hz is better {'holds' if p_value < LEVEL else 'does not hold'} "
-            f"({p_text(p_value)}). 300 Hz is better in {won} of {len(pairs)} pairs, without noise "
-            f"in {won_quiet}."
-        ),
-        reason=(
-            "Our noise is white up to half of the rate, so that at 500 Hz the filter of "
-            f"{CUTOFF_HZ:g} Hz takes more of it away. And the bounded records have as many samples "
-            "at both rates, so they are shorter at 500 Hz, and a free simulation drifts less. With "
-            "equal noise below the filter's edge and equal length there was next to no difference."
-        ),
+        evidence=f"Mean error over all pairs {np.median(low):.3f} at 300 Hz, {np.median(high):.3f} "
+        f"at 500 Hz: that 300 Hz is better {'holds' if p_value < LEVEL else 'does not hold'} "
+        f"({p_text(p_value)}). 300 Hz is better in {won} of {len(pairs)} pairs, without noise "
+        f"in {won_quiet}.",
+        reason="Our noise is white up to half of the rate, so that at 500 Hz the filter of "
+        f"{CUTOFF_HZ:g} Hz takes more of it away. And the bounded records have as many samples "
+        "at both rates, so they are shorter at 500 Hz, and a free simulation drifts less. With "
+        "equal noise below the filter's edge and equal length there was next to no difference.",
     )
 
 

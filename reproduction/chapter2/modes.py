@@ -29,6 +29,7 @@ from reproduction.framework.findings import (
     Plot,
     SideBySide,
     Subject,
+    columns,
     judged,
     p_text,
     percent,
@@ -172,14 +173,10 @@ def _table(results: Results) -> Finding:
     )
     modes, between = _numbers(MODES_HZ), _numbers(BETWEEN_HZ)
     frequencies = np.median([len(each) for ours in found.values() for each in ours.frequencies_hz])
-    headings = (
-        "waveform",
-        f"nearest to {' '.join(map(str, _PRINTED['analytic_hz']))} Hz, thesis",
-        f"nearest to {modes} Hz, ours",
-        "an eigenvalue there",
-        f"an eigenvalue at {between} Hz",
-        "a peak at the modes",
-        f"a peak at {between} Hz",
+    headings = columns(
+        f"waveform | nearest to {' '.join(map(str, _PRINTED['analytic_hz']))} Hz, thesis | "
+        f"nearest to {modes} Hz, ours | an eigenvalue there | an eigenvalue at {between} Hz | "
+        f"a peak at the modes | a peak at {between} Hz"
     )
     return Finding(
         modes_judgement(found),
@@ -218,16 +215,14 @@ def modes_judgement(found: Mapping[str, WaveformModes]) -> Judgement:
     return judged(
         agrees=listed and not lost,
         same_ranking=listed and p_value < LEVEL,
-        evidence=(
-            f"An eigenvalue is near each mode in most seeds {'' if listed else 'not '}from each "
-            f"waveform, as in the thesis's table. A gauge's response has a peak at a mode in "
-            f"{peaks.mean():.0%} of all cases, between the modes in {chance.mean():.0%} "
-            f"({p_text(p_value)}). "
-            + (
-                f"Peaks that are missing in most seeds: {', '.join(lost)}."
-                if lost
-                else "Every waveform brings out all three."
-            )
+        evidence=f"An eigenvalue is near each mode in most seeds {'' if listed else 'not '}from "
+        f"each waveform, as in the thesis's table. A gauge's response has a peak at a mode in "
+        f"{peaks.mean():.0%} of all cases, between the modes in {chance.mean():.0%} "
+        f"({p_text(p_value)}). "
+        + (
+            f"Peaks that are missing in most seeds: {', '.join(lost)}."
+            if lost
+            else "Every waveform brings out all three."
         ),
         reason="The models have no more peaks at the modes than elsewhere.",
     )
@@ -327,16 +322,14 @@ def response_judgement(
     return judged(
         agrees=all(there) and factor > 1.0,
         same_ranking=factor > 1.0 and any(there),
-        evidence=(
-            f"Peaks at the modes: in {percent(shares)} of the seeds with the thesis's order, in "
-            f"{percent(larger)} with {LARGER_ORDER} states. "
-            + ("The missing mode is in the record: more states bring it out. " * brought_out)
-            + (
-                f"At every mode both gauges have a larger gain than position and speed, "
-                f"{factor:.1f} times at least."
-                if factor > 1.0
-                else "The gauges do not have the larger gain at every mode."
-            )
+        evidence=f"Peaks at the modes: in {percent(shares)} of the seeds with the thesis's order, "
+        f"in {percent(larger)} with {LARGER_ORDER} states. "
+        + ("The missing mode is in the record: more states bring it out. " * brought_out)
+        + (
+            f"At every mode both gauges have a larger gain than position and speed, "
+            f"{factor:.1f} times at least."
+            if factor > 1.0
+            else "The gauges do not have the larger gain at every mode."
         ),
         reason="Noise as strong as this leaves too little of the modes in a model of this order.",
     )

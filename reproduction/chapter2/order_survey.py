@@ -20,7 +20,7 @@ from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.fitting.validation import Gains, frequency_response, validate_dmv, validate_sfv
-from flexarm_ident.models.poles import is_stable, stabilise
+from flexarm_ident.models.state_space import is_stable, stabilise
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.subspace.order import LARGEST_ORDER, SMALLEST_ORDER
 from flexarm_ident.subspace.orse import plain

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_ident.models.poles import is_stable
+from flexarm_ident.models.state_space import is_stable
 from reproduction.chapter2.order_survey import (
     ORDERS,
     TABLE_OF,
@@ -27,6 +27,7 @@ from reproduction.framework.findings import (
     Judgement,
     SideBySide,
     Subject,
+    columns,
     judged,
     p_text,
     spread,
@@ -55,8 +56,8 @@ METHOD_TEXT = (
     f"with the least mean error is chosen. {len(SEEDS)} seeds: median, and range in brackets."
 )
 PAYLOAD_MODES = (
-    "with payloads many of the eigenvalues outside the unit circle belong to the second flexible "
-    "mode, which is hardly damped in our beam"
+    "many of the eigenvalues outside the unit circle then belong to the second flexible mode, "
+    "which is hardly damped in our beam"
 )
 _KINDS = {
     "table-2-1": (
@@ -147,12 +148,10 @@ def errors_judgement(
     return judged(
         agrees=bool(close.mean() >= MOST and as_many),
         same_ranking=ranked,
-        evidence=(
-            f"{close.sum()} of {len(close)} mean errors are within a factor of {CLOSE:g} of the "
-            f"thesis's; ours are {np.median(ratios):.2f} times as large in the median. The ranks "
-            f"{'correlate' if ranked else 'do not correlate'} (Spearman {ranks.statistic:.2f}, "
-            f"{p_text(float(ranks.pvalue))}).{words}"
-        ),
+        evidence=f"{close.sum()} of {len(close)} mean errors are within a factor of {CLOSE:g} of "
+        f"the thesis's; ours are {np.median(ratios):.2f} times as large in the median. The ranks "
+        f"{'correlate' if ranked else 'do not correlate'} (Spearman {ranks.statistic:.2f}, "
+        f"{p_text(float(ranks.pvalue))}).{words}",
         reason=reason,
     )
 
@@ -262,16 +261,12 @@ def special_judgement(shares: Mapping[str, float]) -> Judgement:
     return judged(
         agrees=len(as_printed) == len(shares),
         same_ranking=ranked,
-        evidence=(
-            f"Stable: {words} of the seeds. {len(as_printed)} of {len(shares)} are in most seeds "
-            "what the thesis says."
-            + ("" if not ranked else " The one it calls unstable is so more often than the others.")
-        ),
-        reason=(
-            "The eigenvalue that leaves the unit circle is the real one of the rigid motion, which "
-            "is next to 1 in all of these models: the noise of the one record decides on which "
-            "side of the circle it lies, and the thesis shows one record."
-        ),
+        evidence=f"Stable: {words} of the seeds. {len(as_printed)} of {len(shares)} are in most "
+        "seeds what the thesis says."
+        + ("" if not ranked else " The one it calls unstable is so more often than the others."),
+        reason="The eigenvalue that leaves the unit circle is the real one of the rigid motion, "
+        "which is next to 1 in all of these models: the noise of the one record decides on which "
+        "side of the circle it lies, and the thesis shows one record.",
     )
 
 
@@ -295,9 +290,9 @@ def _typical(results: Results) -> Finding:
                 spread(means),
             )
         )
-    headings = (
-        *("model", "record", "first samples, thesis", "half of ours"),
-        *("stable, ours", "mean error, thesis", "ours"),
+    headings = columns(
+        "model | record | first samples, thesis | half of ours | stable, ours | "
+        "mean error, thesis | ours"
     )
     widest = max(chosen, key=lambda record: int(np.ptp(chosen[record])))
     reason = (

@@ -95,11 +95,9 @@ def order_judgement(shares: NDArray[np.float64], stable: float) -> Judgement:
     return judged(
         agrees=small and unstable,
         same_ranking=small or unstable,
-        evidence=(
-            f"The value after number {ORDER} is {next_share:.1%} of the largest, in the median; "
-            f"below {SMALL:.0%} they are after number {first}. The model of order {ORDER} is "
-            f"unstable in {1.0 - stable:.0%} of the seeds, of which the thesis warns."
-        ),
+        evidence=f"The value after number {ORDER} is {next_share:.1%} of the largest, in the "
+        f"median; below {SMALL:.0%} they are after number {first}. The model of order {ORDER} is "
+        f"unstable in {1.0 - stable:.0%} of the seeds, of which the thesis warns.",
         reason="The noise that is left after the filter is a larger part of our record.",
     )
 
@@ -215,11 +213,9 @@ def match_judgement(
     return judged(
         agrees=close(ours) and close(best),
         same_ranking=close(ours) or close(best),
-        evidence=(
-            f"Mean error {thesis[-1]:.3f} in the thesis; ours {ours[-1]:.3f} with the thesis's "
-            f"order and {best[-1]:.3f} with the order that is best in our record. The "
-            f"position's is {thesis[0]:.3f}, {ours[0]:.3f} and {best[0]:.3f}."
-        ),
+        evidence=f"Mean error {thesis[-1]:.3f} in the thesis; ours {ours[-1]:.3f} with the "
+        f"thesis's order and {best[-1]:.3f} with the order that is best in our record. The "
+        f"position's is {thesis[0]:.3f}, {ours[0]:.3f} and {best[0]:.3f}.",
         reason=f"Both are further from the thesis's than a factor of {CLOSE:g}.",
     )
 
@@ -238,17 +234,13 @@ def loop_judgement(loop_stable: NDArray[np.bool_], errors: Sequence[float]) -> J
     return judged(
         agrees=away > OFTEN,
         same_ranking=away > 0.0,
-        evidence=(
-            f"The loop with the model runs away in {away:.0%} of the seeds; in the thesis it does. "
-            f"The errors of the outputs are {', '.join(f'{each:.2f}' for each in errors)}."
-        ),
-        reason=(
-            "We do not know what made the thesis's loop unstable. Tried on ours, in vain: more and "
-            "less noise, the orders that the thesis found stable, and leaving the unstable "
-            "eigenvalue of the model where it is. The thesis's conclusion, that such "
-            "a model does not reflect the rig, holds by the errors: data matching is good, and "
-            "the loop is not predicted."
-        ),
+        evidence=f"The loop with the model runs away in {away:.0%} of the seeds; in the thesis it "
+        f"does. The errors of the outputs are {', '.join(f'{each:.2f}' for each in errors)}.",
+        reason="We do not know what made the thesis's loop unstable. Tried on ours, in vain: more "
+        "and less noise, the orders that the thesis found stable, and leaving the unstable "
+        "eigenvalue of the model where it is. The thesis's conclusion, that such "
+        "a model does not reflect the rig, holds by the errors: data matching is good, and "
+        "the loop is not predicted.",
     )
 
 

@@ -22,6 +22,7 @@ from reproduction.framework.findings import (
     Finding,
     SideBySide,
     Subject,
+    columns,
     judged,
     named,
     p_text,
@@ -71,13 +72,7 @@ RIGID_STATES = 2
 
 
 def claim_mrm(found: Trials) -> Finding:
-    """Tell whether MRM's models are better than MSV's of as many states.
-
-    Parameters
-    ----------
-    found
-        Our results by example and noise.
-    """
+    """Tell whether MRM's models are better than MSV's of as many states."""
     rows, held, ordered = [], [], []
     for (code, noise), some in found.items():
         mrm, msv = means(some, "mrm"), means(some, "msv")
@@ -128,13 +123,7 @@ def claim_mrm(found: Trials) -> Finding:
 
 
 def claim_mrmc(found: Trials) -> Finding:
-    """Tell which rankings keep both the rigid motion and the bending modes.
-
-    Parameters
-    ----------
-    found
-        Our results by example and noise.
-    """
+    """Tell which rankings keep both the rigid motion and the bending modes."""
     rows, totals = [], dict.fromkeys(("mrm", "msv", "mrmc"), 0)
     nearest = 0
     for (code, noise), some in found.items():
@@ -192,13 +181,7 @@ UPDATES = {"updated": "mrmc", "updated_mrmc": "mrmc", "updated_msv": "msv"}
 
 
 def claim_update(found: Trials) -> Finding:
-    """Tell whether an update makes a reduced model better, and how often better than the full one.
-
-    Parameters
-    ----------
-    found
-        Our results by example and noise.
-    """
+    """Tell whether an update makes a reduced model better, and even better than the full one."""
     rows, fails, better = [], [], {"B": 0, "C": 0}
     updates = 0
     apart = []
@@ -251,15 +234,9 @@ def claim_update(found: Trials) -> Finding:
         tables=(
             SideBySide(
                 "Mean error by data matching as part of the full model's, medians",
-                (
-                    "model",
-                    "noise",
-                    "modes by",
-                    "reduced",
-                    "B updated",
-                    "sign test",
-                    "C updated",
-                    "better than full, B / C",
+                columns(
+                    "model | noise | modes by | reduced | B updated | sign test | C updated | "
+                    "better than full, B / C"
                 ),
                 tuple(rows),
             ),
@@ -335,13 +312,9 @@ def claim_unstable(found: Trials) -> Finding:
         tables=(
             SideBySide(
                 "Mean errors of the updated models, of the same records",
-                (
-                    "by",
-                    "noise",
-                    f"from {STABLE}",
-                    f"from {UNSTABLE}",
-                    "from the stable one is better in",
-                    "sign test",
+                columns(
+                    f"by | noise | from {STABLE} | from {UNSTABLE} | "
+                    "from the stable one is better in | sign test"
                 ),
                 tuple(rows),
             ),

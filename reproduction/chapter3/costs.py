@@ -43,6 +43,7 @@ from reproduction.framework.findings import (
     Finding,
     SideBySide,
     Subject,
+    columns,
     judged,
     spread,
     thesis_table,
@@ -192,9 +193,9 @@ def _table(rows: Sequence[ThesisRow], found: Records) -> SideBySide:
         f"Errors of {found.example.code} and its reduced models: position, base gauge, middle "
         f"gauge and speed, and their mean; ours are medians over {len(found.noisy)} records, with "
         "the range",
-        (
-            *("stage", "by", "thesis", "thesis mean", "ours", "our mean"),
-            *("over full: thesis", "ours", "ours, little noise"),
+        columns(
+            "stage | by | thesis | thesis mean | ours | our mean | over full: thesis | ours | "
+            "ours, little noise"
         ),
         tuple(
             (

@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from reproduction.chapter3.examples import (
-    BENDING_NEAR,
-    SLOW,
-    TABLES,
-    Records,
-)
+from reproduction.chapter3.examples import BENDING_NEAR, SLOW, TABLES, Records
 from reproduction.chapter3.trial import SEARCHED, both_calls, records_of
 from reproduction.framework.findings import (
     LEVEL,

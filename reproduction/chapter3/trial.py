@@ -12,7 +12,7 @@ import numpy as np
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
 from flexarm_ident import IdentificationError, identify, reduce_model, validate_dmv, validate_sfv
-from flexarm_ident.models.poles import stabilise
+from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import output_scale, preprocess
 from flexarm_ident.reduction.balanced import balanced_truncation
 from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation

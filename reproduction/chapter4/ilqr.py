@@ -24,6 +24,7 @@ from reproduction.framework.findings import (
     SideBySide,
     Subject,
     Verdict,
+    columns,
     judged,
     p_text,
     sign_test,
@@ -200,10 +201,8 @@ def held_judgement(trials: Sequence[IlqrTrial]) -> Judgement:
     return judged(
         agrees=overshoot <= OVERSHOOT and swing_v <= HELD_V,
         same_ranking=overshoot <= OVERSHOOT,
-        evidence=(
-            f"The arm overshoots by at most {overshoot:.1%}, then stands within {swing_v:.3f} V: "
-            "a friction that keeps its direction is held, as the thesis finds."
-        ),
+        evidence=f"The arm overshoots by at most {overshoot:.1%}, then stands within {swing_v:.3f} "
+        "V: a friction that keeps its direction is held, as the thesis finds.",
         reason="The arm does not come to rest.",
     )
 
@@ -221,16 +220,14 @@ def hunting_judgement(trials: Sequence[IlqrTrial]) -> Judgement:
     return judged(
         agrees=hunts and goes_on,
         same_ranking=hunts,
-        evidence=(
-            f"The arm overshoots by at least {overshoot:.0%}, reverses, and "
-            f"still moves by {swing_v:.2f} V or more between 10 and 20 s: friction that changes "
-            f"its direction is {'not held, as the thesis finds' if hunts else 'held'}. "
-            + (
-                "It goes on."
-                if goes_on
-                else f"In the last 2 s it moves by {last_v:.2f} V: ours dies out, the thesis's "
-                "oscillation went on, which came out of no variant of our rig."
-            )
+        evidence=f"The arm overshoots by at least {overshoot:.0%}, reverses, and "
+        f"still moves by {swing_v:.2f} V or more between 10 and 20 s: friction that changes "
+        f"its direction is {'not held, as the thesis finds' if hunts else 'held'}. "
+        + (
+            "It goes on."
+            if goes_on
+            else f"In the last 2 s it moves by {last_v:.2f} V: ours dies out, the thesis's "
+            "oscillation went on, which came out of no variant of our rig."
         ),
         reason="The thesis's arm overshoots, reverses and hunts.",
     )
@@ -253,13 +250,8 @@ def _claim(results: Results) -> Finding:
                 p_text(p_values[setpoint_v]),
             )
         )
-    heading = (
-        "step",
-        "error of PDPC, V",
-        "of ILQR, V",
-        "overshoot of PDPC, %",
-        "of ILQR, %",
-        "PDPC is closer",
+    heading = columns(
+        "step | error of PDPC, V | of ILQR, V | overshoot of PDPC, % | of ILQR, % | PDPC is closer"
     )
     overshoots = {
         setpoint_v: sign_test(

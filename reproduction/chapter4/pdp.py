@@ -33,6 +33,7 @@ from reproduction.framework.findings import (
     Plot,
     SideBySide,
     Subject,
+    columns,
     judged,
     p_text,
     sign_test,
@@ -127,8 +128,7 @@ def _table(results: Results) -> Finding:
         "",
     )
     error_sum, strain_sum = printed["error_itae_sum"], printed["strain_itae_sum"]
-    columns = [thesis]
-    columns += [
+    found_cells = [
         (
             *(f"{gain:.4f}" for gain in each.gains),
             f"{each.criterion:.3f}",
@@ -140,18 +140,11 @@ def _table(results: Results) -> Finding:
         )
         for each in found.values()
     ]
-    names = (
-        "Kp",
-        "Kd",
-        "Ksg",
-        "J",
-        "sum of E",
-        "sum of Y",
-        "least gain margin, dB",
-        "least phase margin, deg",
-        "held by",
+    names = columns(
+        "Kp | Kd | Ksg | J | sum of E | sum of Y | least gain margin, dB | "
+        "least phase margin, deg | held by"
     )
-    rows = tuple((name, *cells) for name, *cells in zip(names, *columns, strict=True))
+    rows = tuple((name, *cells) for name, *cells in zip(names, thesis, *found_cells, strict=True))
     heading = ("", "thesis", *(f"ours, {words}" for words in SIGNS.values()))
     return Finding(
         tuning_judgement(found[False], found[True]),
@@ -184,12 +177,10 @@ def tuning_judgement(printed: Tuned, turned: Tuned) -> Judgement:
     return judged(
         agrees=same and distance(printed) <= CLOSE,
         same_ranking=same and distance(turned) <= CLOSE,
-        evidence=(
-            f"The three starts {'lead' if same else 'do not lead'} to one J within "
-            f"{SAME_J:.1%}. With the sign of y3 turned the gains are within {distance(turned):.0%} "
-            f"of the thesis's; {CLOSE:.0%} would agree. With the printed models one of them is off "
-            f"by {distance(printed):.0%}: those behind Table 4-2 probably had the other sign."
-        ),
+        evidence=f"The three starts {'lead' if same else 'do not lead'} to one J within "
+        f"{SAME_J:.1%}. With the sign of y3 turned the gains are within {distance(turned):.0%} "
+        f"of the thesis's; {CLOSE:.0%} would agree. With the printed models one of them is off "
+        f"by {distance(printed):.0%}: those behind Table 4-2 probably had the other sign.",
         reason="Neither sign of y3 leads to the printed gains.",
     )
 
@@ -235,18 +226,12 @@ def loop_judgement(found: Sequence[tuple[float, float, float]]) -> Judgement:
     return judged(
         agrees=both_fall and phase_share < gain_share,
         same_ranking=both_fall,
-        evidence=(
-            f"From {1e3 * found[0][0]:.0f} to {1e3 * found[-1][0]:.0f} g the gain margin goes from "
-            f"{gains_db[0]:.1f} to {gains_db[-1]:.1f} dB ({gain_share:.0%}), the phase margin from "
-            f"{phases_deg[0]:.1f} to {phases_deg[-1]:.1f} deg ({phase_share:.0%}). Both "
-            f"{'fall' if both_fall else 'do not fall'} with the payload, as the thesis says; that "
-            "the phase margin is the more sensitive one "
-            + (
-                "holds for their shares."
-                if phase_share < gain_share
-                else "does not hold as a share."
-            )
-        ),
+        evidence=f"From {1e3 * found[0][0]:.0f} to {1e3 * found[-1][0]:.0f} g the gain margin goes "
+        f"from {gains_db[0]:.1f} to {gains_db[-1]:.1f} dB ({gain_share:.0%}), the phase margin "
+        f"from {phases_deg[0]:.1f} to {phases_deg[-1]:.1f} deg ({phase_share:.0%}). Both "
+        f"{'fall' if both_fall else 'do not fall'} with the payload, as the thesis says; that "
+        "the phase margin is the more sensitive one "
+        + ("holds for their shares." if phase_share < gain_share else "does not hold as a share."),
         reason="The printed models have other margins.",
     )
 
@@ -328,11 +313,9 @@ def margin_judgement(shares: dict[float, list[float]]) -> Judgement:
     return judged(
         agrees=means[0] == 1.0 and p_value < LEVEL,
         same_ranking=means[0] > means[1] > means[2],
-        evidence=(
-            f"{means[0]:.0%} of the steps go well as tuned, {means[1]:.0%} with Kp half the margin "
-            f"higher, {means[2]:.0%} with Kp beyond it (each fewer, {p_text(p_value)}): what the "
-            "margin leaves room for is a changed payload."
-        ),
+        evidence=f"{means[0]:.0%} of the steps go well as tuned, {means[1]:.0%} with Kp half the "
+        f"margin higher, {means[2]:.0%} with Kp beyond it (each fewer, {p_text(p_value)}): what "
+        "the margin leaves room for is a changed payload.",
         reason="Less margin does not make the steps worse.",
     )
 

@@ -19,6 +19,7 @@ from reproduction.framework.findings import (
     Plot,
     SideBySide,
     Subject,
+    columns,
     judged,
     p_text,
     sign_test,
@@ -36,6 +37,8 @@ from reproduction.framework.rig import (
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
     from flexarm_control.simulation import LoopRun
     from reproduction.framework.findings import Results
@@ -74,11 +77,7 @@ class SquareRun:
 def pdpc_trials(seed: int) -> Trials:
     """Step every payload under every law; by law and payload."""
     return {
-        (name, payload_kg): step_trial(
-            step_to(
-                build_law(name), setpoint_v, arm=RigParameters(payload_kg=payload_kg), seed=seed
-            )
-        )
+        (name, payload_kg): step_trial(pdpc_step(name, payload_kg, setpoint_v, seed))
         for name in LAWS
         for payload_kg, setpoint_v in CASES
     }
@@ -94,9 +93,8 @@ def pdpc_square(seed: int) -> SquareRun:
     reference = build_reference("square", {"amplitude_v": _WORST_V, "period_s": _PERIOD_S})
     samples = round(_PERIODS * _PERIOD_S * RATE_HZ)
     reference_v = np.array([reference(k / RATE_HZ) for k in range(samples)])
-    run = run_law(
-        build_law("pdpc"), reference_v, arm=RigParameters(payload_kg=_WORST_KG), seed=seed
-    )
+    arm = RigParameters(payload_kg=_WORST_KG)
+    run = run_law(build_law("pdpc"), reference_v, arm=arm, seed=seed)
     since_s = run.time_s % (0.5 * _PERIOD_S)
     gauge_v = run.true_y[:, _BASE]
     moving, resting = since_s < 0.1 * _PERIOD_S, since_s >= 0.4 * _PERIOD_S
@@ -117,13 +115,20 @@ def _strain(results: Results) -> Finding:
     for name, words in (("pdpc", "conditional"), ("pdpc_unconditional", "unconditional")):
         run = results[Call(pdpc_step, (name, 0.0, 1.0, SHOWN))]
         for gauge, index in (("base", _BASE), ("middle", _MIDDLE)):
-            signals = {"measured": run.y[:, index], "without noise": run.true_y[:, index]}
             caption = f"{gauge} gauge, {words} compensation, 0 g, 1 V"
-            plots.append(
-                Plot(caption, time_plot(run.time_s, signals, f"{gauge} strain, V", caption))
-            )
+            plots.append(_plot(caption, run.time_s, _signals(run, index), f"{gauge} strain"))
     vibration, calmer = vibration_table(trials)
     return Finding(calm_judgement(calmer), (vibration,), plots, (GAUGE_TEXT,))
+
+
+def _signals(run: LoopRun, sensor: int) -> dict[str, NDArray[np.float64]]:
+    return {"measured": run.y[:, sensor], "without noise": run.true_y[:, sensor]}
+
+
+def _plot(
+    caption: str, time_s: NDArray[np.float64], signals: dict[str, NDArray[np.float64]], words: str
+) -> Plot:
+    return Plot(caption, time_plot(time_s, signals, f"{words}, V", caption))
 
 
 def vibration_table(trials: Sequence[Trials]) -> tuple[SideBySide, dict[float, float]]:
@@ -145,12 +150,8 @@ def vibration_table(trials: Sequence[Trials]) -> tuple[SideBySide, dict[float, f
                 p_text(calmer[payload_kg]),
             )
         )
-    heading = (
-        "step",
-        "conditional, mV",
-        "unconditional, mV",
-        "ratio as measured",
-        "conditional is calmer",
+    heading = columns(
+        "step | conditional, mV | unconditional, mV | ratio as measured | conditional is calmer"
     )
     title = (
         f"Vibration at the base gauge from {AT_REST_S:g} s on (root mean square), {len(SEEDS)} "
@@ -165,11 +166,9 @@ def calm_judgement(p_values: dict[float, float]) -> Judgement:
     return judged(
         agrees=all(holds),
         same_ranking=any(holds),
-        evidence=(
-            "With the condition the base gauge vibrates less after the step: "
-            + ", ".join(f"{1e3 * kg:.0f} g {p_text(p)}" for kg, p in p_values.items())
-            + "."
-        ),
+        evidence="With the condition the base gauge vibrates less after the step: "
+        + ", ".join(f"{1e3 * kg:.0f} g {p_text(p)}" for kg, p in p_values.items())
+        + ".",
         reason=f"At no payload does it hold at p < {LEVEL:g}.",
     )
 
@@ -202,14 +201,11 @@ def _payloads(results: Results) -> Finding:
     }
     time_s = next(iter(runs.values())).time_s
     plots = [
-        Plot(
+        _plot(
             f"{words} under PDPC with three payloads",
-            time_plot(
-                time_s,
-                {name: run.y[:, index] for name, run in runs.items()},
-                f"{words}, V",
-                f"{words} under PDPC with three payloads",
-            ),
+            time_s,
+            {name: run.y[:, index] for name, run in runs.items()},
+            words,
         )
         for words, index in (("position", 0), ("base strain", _BASE))
     ]
@@ -223,10 +219,8 @@ def payload_judgement(steps: Sequence[StepTrial]) -> Judgement:
     return judged(
         agrees=error_v <= ZERO_ERROR_V and overshoot <= OVERSHOOT,
         same_ranking=error_v <= ZERO_ERROR_V,
-        evidence=(
-            f"In {len(steps)} steps with 0, 200 and 400 g the error is at most {error_v:.3f} V and "
-            f"the overshoot at most {overshoot:.1%}, with one set of gains."
-        ),
+        evidence=f"In {len(steps)} steps with 0, 200 and 400 g the error is at most {error_v:.3f} "
+        f"V and the overshoot at most {overshoot:.1%}, with one set of gains.",
         reason="The law does not reach its set-point with every payload.",
     )
 
@@ -235,14 +229,8 @@ def _square(results: Results) -> Finding:
     runs = [results[Call(pdpc_square, (seed,))] for seed in SEEDS[:5]]
     shown = runs[0].run
     plots = [
-        Plot(
-            f"{words} with 400 g, square wave of 5 V",
-            time_plot(
-                shown.time_s,
-                {"measured": shown.y[:, index], "without noise": shown.true_y[:, index]},
-                f"{words}, V",
-                f"{words} with 400 g, square wave of 5 V",
-            ),
+        _plot(
+            f"{words} with 400 g, square wave of 5 V", shown.time_s, _signals(shown, index), words
         )
         for words, index in (("base strain", _BASE), ("middle strain", _MIDDLE))
     ]
@@ -259,10 +247,8 @@ def suppression_judgement(swings: Sequence[tuple[float, float]]) -> Judgement:
     return judged(
         agrees=max(shares) <= OVERSHOOT,
         same_ranking=max(shares) < 1.0,
-        evidence=(
-            f"From 8 s after each step the base gauge swings by at most {max(shares):.1%} of what "
-            f"it swings in the first 2 s (no noise, {len(swings)} seeds)."
-        ),
+        evidence=f"From 8 s after each step the base gauge swings by at most {max(shares):.1%} of "
+        f"what it swings in the first 2 s (no noise, {len(swings)} seeds).",
         reason="The arm goes on swinging.",
     )
 
@@ -308,10 +294,8 @@ def tracking_judgement(with_v: float, without_v: float, p_value: float) -> Judge
     return judged(
         agrees=with_v <= ZERO_ERROR_V and without_v >= WITHOUT_V and p_value < LEVEL,
         same_ranking=p_value < LEVEL,
-        evidence=(
-            f"With compensation the error is at most {with_v:.3f} V, without it at least "
-            f"{without_v:.2f} V ({p_text(p_value)} at every payload)."
-        ),
+        evidence=f"With compensation the error is at most {with_v:.3f} V, without it at least "
+        f"{without_v:.2f} V ({p_text(p_value)} at every payload).",
         reason="The compensation does not decide the error.",
     )
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -54,37 +54,13 @@ if TYPE_CHECKING:
 
 
 SETPOINT_V = 3.0
-TYPE_WITHOUT_FRICTION = "II"
 
 
-class ModelCode(NamedTuple):
-    """How a model of Table 4-1 was made.
-
-    Attributes
-    ----------
-    type
-        I: open loop; II: closed loop, compensation removed; III: closed loop, left in.
-    record
-        Experiment; its first half is identified.
-    order, reduced_order
-        States of the identified and of the reduced model.
-    flexible_modes
-        Flexible modes that the reduction keeps, the lowest.
-    """
-
-    type: str
-    record: str
-    order: int
-    reduced_order: int
-    flexible_modes: int
+CODES = thesis_table("table_4_1")
 
 
-CODES = {
-    "Ao2r_9": ModelCode("I", "O_dat2", 19, 9, 3),
-    "Ac3r_8": ModelCode("II", "C_dat3", 18, 8, 2),
-    "Ac3r_10": ModelCode("II", "C_dat3", 18, 10, 3),
-    "Ac3r_10c": ModelCode("III", "C_dat3", 22, 10, 3),
-}
+def _knows_no_friction(code: str) -> bool:
+    return bool(CODES[code]["type"] == "II")
 
 
 class _Compensated:
@@ -150,26 +126,26 @@ def pi_case(code: str, seed: int) -> PiCase:
     seed
         Of the record, and of the noise of the step.
     """
-    made = CODES[code]
-    entry = experiment(made.record)
+    record, order, reduced_order, flexible_modes = CODES[code]["made"]
+    entry = experiment(record)
     arm = RigParameters(payload_kg=entry.payload_kg)
     outcome = identify_record(
-        simulated_record(made.record, seed),
+        simulated_record(record, seed),
         Request(
             method="orse_thesis",
-            order=made.order,
+            order=order,
             reduction="mrmc",
-            reduced_order=made.reduced_order,
-            known_modes_hz=tuple(natural_frequencies_hz(arm)[: made.flexible_modes].tolist()),
+            reduced_order=reduced_order,
+            known_modes_hz=tuple(natural_frequencies_hz(arm)[:flexible_modes].tolist()),
             update="b",
-            remove_compensation=made.type != "III",
+            remove_compensation=CODES[code]["type"] != "III",
             friction=False,
         ),
     )
     tuned = tune_pi(outcome.model)
 
     law = Pi(tuned.gains, Sampling(RATE_HZ))
-    level_v = entry.gains["compensation_v"] if made.type == TYPE_WITHOUT_FRICTION else 0.0
+    level_v = entry.gains["compensation_v"] if _knows_no_friction(code) else 0.0
     on_rig = step_to(_Compensated(law, level_v), SETPOINT_V, arm=arm, seed=seed)
     on_model = simulate_loop(outcome.model, law, on_rig.reference_v)
     position_v = np.array(on_model.y[:, 0], dtype=float)
@@ -196,7 +172,7 @@ SAME_GAINS = 0.05
 FIGURE_MATCH = 0.06
 """Two steps that differ by less than this share of the set-point lie on each other to the eye."""
 
-_OTHER = {code: made.type for code, made in CODES.items() if made.type != TYPE_WITHOUT_FRICTION}
+_OTHER = tuple(code for code in CODES if not _knows_no_friction(code))
 _BEST = "Ac3r_10"
 _TEXT = (
     "Each model is identified from the first half of its record by the thesis's ORSE with the "
@@ -208,7 +184,7 @@ _IMPLEMENTED = (
     "The thesis does not say what compensated the friction when the laws were implemented. A model "
     "of type II knows of none, and its law alone stops where the drive no longer overcomes it; so "
     "it is implemented with the compensation of its record "
-    f"({experiment(CODES[_BEST].record).gains['compensation_v']:g} V), the others without."
+    f"({experiment(CODES[_BEST]['made'][0]).gains['compensation_v']:g} V), the others without."
 )
 
 
@@ -217,22 +193,20 @@ def cases(results: Results, code: str) -> list[PiCase]:
     return [results[Call(pi_case, (code, seed))] for seed in SEEDS]
 
 
-def _needs(*codes: str) -> tuple[Call, ...]:
-    return tuple(Call(pi_case, (code, seed)) for code in codes for seed in SEEDS)
+_NEEDS = tuple(Call(pi_case, (code, seed)) for code in CODES for seed in SEEDS)
 
 
 def _table(results: Results) -> Finding:
-    printed = thesis_table("table_4_1")
     rows = []
     for code, made in CODES.items():
-        ours, thesis = cases(results, code), printed[code]
+        ours, thesis = cases(results, code), made
         for name, digits in (("criterion", 4), ("error_v", 4), ("rise_s", 2), ("kp", 4), ("ki", 4)):
             rows.append(
                 (
                     code,
-                    made.type,
+                    made["type"],
                     _WORDS[name],
-                    f"{thesis[name.removesuffix('_v') if name == 'error_v' else name]:.{digits}g}",
+                    f"{thesis[name.removesuffix('_v')]:.{digits}g}",
                     spread([getattr(case, name) for case in ours], f".{digits}f"),
                 )
             )
@@ -254,33 +228,28 @@ _WORDS = {
 
 def table_judgement(ours: dict[str, list[PiCase]]) -> Judgement:
     """Judge Table 4-1 by J and Kp; Ki hardly changes J, and is not judged."""
-    printed = thesis_table("table_4_1")
     ratios = {
         f"{name} of {code}": float(np.median([getattr(case, name) for case in found]))
-        / printed[code][name]
+        / CODES[code][name]
         for code, found in ours.items()
         for name in ("criterion", "kp")
     }
     far = [f"{what} {ratio:.2f}" for what, ratio in ratios.items() if abs(ratio - 1.0) > CLOSE]
     best = {code: np.median([case.criterion for case in found]) for code, found in ours.items()}
     smallest = min(best[code] for code in _OTHER)
-    ranked = all(
-        best[code] < smallest for code, made in CODES.items() if made.type == TYPE_WITHOUT_FRICTION
-    )
+    ranked = all(best[code] < smallest for code in CODES if code not in _OTHER)
     small, large = (np.median([case.kp for case in ours[code]]) for code in ("Ac3r_8", "Ac3r_10"))
     apart = abs(large / small - 1.0)
     return judged(
         agrees=ranked and not far,
         same_ranking=ranked,
-        evidence=(
-            f"Median J is {best['Ac3r_8']:.3f} and {best['Ac3r_10']:.3f} for type II, "
-            f"{best['Ao2r_9']:.3f} for type I, {best['Ac3r_10c']:.3f} for type III: type II "
-            f"{'is' if ranked else 'is not'} best, as in the thesis. "
-            f"Kp of the two models of type II differs by {apart:.1%}, so the third flexible mode "
-            f"{'does not matter' if apart < SAME_GAINS else 'matters'}. "
-            + (f"Ours over the thesis's, beyond {CLOSE:.0%}: {', '.join(far)}." if far else "")
-        ),
-        reason=("The slow poles that friction leaves in a model decide J, and our arm has others."),
+        evidence=f"Median J is {best['Ac3r_8']:.3f} and {best['Ac3r_10']:.3f} for type II, "
+        f"{best['Ao2r_9']:.3f} for type I, {best['Ac3r_10c']:.3f} for type III: type II "
+        f"{'is' if ranked else 'is not'} best, as in the thesis. "
+        f"Kp of the two models of type II differs by {apart:.1%}, so the third flexible mode "
+        f"{'does not matter' if apart < SAME_GAINS else 'matters'}. "
+        + (f"Ours over the thesis's, beyond {CLOSE:.0%}: {', '.join(far)}." if far else ""),
+        reason="The slow poles that friction leaves in a model decide J, and our arm has others.",
     )
 
 
@@ -311,22 +280,16 @@ def _figure(code: str, results: Results) -> Finding:
 
 def figure_judgement(code: str, mismatch: float, others: dict[str, float]) -> Judgement:
     """Judge a figure: type II follows its simulation, the others do not."""
-    without = CODES[code].type == TYPE_WITHOUT_FRICTION
-    rivals = [
-        value
-        for other, value in others.items()
-        if (CODES[other].type == TYPE_WITHOUT_FRICTION) != without
-    ]
+    without = code not in _OTHER
+    rivals = [value for other, value in others.items() if (other not in _OTHER) != without]
     close = mismatch <= FIGURE_MATCH
     better = mismatch < min(rivals) if without else mismatch > max(rivals)
     return judged(
         agrees=better and close == without,
         same_ranking=better,
-        evidence=(
-            f"Model and rig differ by {mismatch:.1%} of the set-point (root mean square, median of "
-            f"{len(SEEDS)} seeds); the other models by "
-            f"{', '.join(f'{value:.1%} ({other})' for other, value in others.items())}."
-        ),
+        evidence=f"Model and rig differ by {mismatch:.1%} of the set-point (root mean square, "
+        f"median of {len(SEEDS)} seeds); the other models by "
+        f"{', '.join(f'{value:.1%} ({other})' for other, value in others.items())}.",
         reason="The thesis's figure shows the models of type II closest to the rig.",
     )
 
@@ -337,7 +300,7 @@ def _claim(results: Results) -> Finding:
     rows = tuple(
         (
             code,
-            made.type,
+            made["type"],
             spread([100.0 * value for value in mismatch[code]], ".1f"),
             spread([case.implemented_itae for case in cases(results, code)], ".2f"),
             p_text(p_values[code]) if code in p_values else "",
@@ -365,12 +328,12 @@ def claim_judgement(p_values: dict[str, float]) -> Judgement:
 
 
 SUBJECTS = (
-    Subject("table-4-1", "PI laws tuned on models of three types", _needs(*CODES), _table),
+    Subject("table-4-1", "PI laws tuned on models of three types", _NEEDS, _table),
     *(
         Subject(
             f"figure-{number}",
             f"PI law of {code}: simulated and implemented step to 3 V",
-            _needs(*CODES),
+            _NEEDS,
             partial(_figure, code),
         )
         for number, code in FIGURES.items()
@@ -378,7 +341,7 @@ SUBJECTS = (
     Subject(
         "claim-4-1",
         "Models from closed-loop data without the compensation are closest to the arm",
-        _needs(*CODES),
+        _NEEDS,
         _claim,
     ),
 )

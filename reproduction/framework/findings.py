@@ -181,6 +181,17 @@ class Subject:
     build: Callable[[Results], Finding]
 
 
+def columns(line: str) -> tuple[str, ...]:
+    """Return the headings of a table from one line in which bars part them.
+
+    Examples
+    --------
+    >>> columns("step | error, V")
+    ('step', 'error, V')
+    """
+    return tuple(line.split(" | "))
+
+
 def judged(*, agrees: bool, same_ranking: bool, evidence: str, reason: str) -> Judgement:
     """Judge by the two criteria of a subject.
 

@@ -4,7 +4,7 @@ import pytest
 
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import catalogue, experiment
-from flexarm_ident.subspace.feedback import is_closed_loop
+from flexarm_ident.subspace.loop_test import is_closed_loop
 from reproduction.framework.rig import run_experiment
 
 # One of each waveform, law and rate; the others take a minute.

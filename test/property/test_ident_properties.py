@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from flexarm_ident import IoData, identify, reduce_model, validate_dmv
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form, mode_table
-from flexarm_ident.models.poles import stabilise
+from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.orse import innovation_scaled
 from support.ident_systems import (

@@ -1,17 +1,21 @@
 from __future__ import annotations
 
+import doctest
 import re
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
 import pytest
 
+from reproduction.chapter2 import tables
+from reproduction.framework import findings
 from reproduction.framework.computing import Outcome
 from reproduction.framework.document import write_document
 from reproduction.framework.findings import Finding, Judgement, Plot, SideBySide, Subject, Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
+    from types import ModuleType
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path d="M0 0"/></svg>'
 AWKWARD = "a|b <i> 7~9,11~13 *x* \\ & [y]\nz"
@@ -122,3 +126,10 @@ def test_write_document___failed_subject___is_left_out(tmp_path: Path) -> None:
     write_document((failed, *OUTCOMES[1:]), tmp_path, complete=True)
     assert "table-2-1" not in (tmp_path / "chapter-2.md").read_text("utf-8")
     assert "table-2-1" not in (tmp_path / "index.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("module", [findings, tables])
+def test_examples_in_docstrings___give_what_they_say(module: ModuleType) -> None:
+    failed, attempted = doctest.testmod(module)
+    assert attempted
+    assert not failed

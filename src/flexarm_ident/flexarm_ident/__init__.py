@@ -17,7 +17,7 @@ from flexarm_ident.friction.dry_friction import simulate_with_friction
 from flexarm_ident.friction.layout import Drive
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.models.files import load_model, save_model
-from flexarm_ident.models.rank_table import RankTable, rank_table
+from flexarm_ident.models.modes import RankTable, rank_table
 from flexarm_ident.reading.read import read_bag, read_bag_report
 from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.preprocess import preprocess

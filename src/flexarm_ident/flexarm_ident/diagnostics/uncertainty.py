@@ -19,8 +19,7 @@ import scipy
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_and_damping, modal_form
-from flexarm_ident.models.poles import stabilise
-from flexarm_ident.models.state_space import state_space
+from flexarm_ident.models.state_space import stabilise, state_space
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.segments import SEGMENTS, cut, rows, segment_grams
 

@@ -9,8 +9,7 @@ from flexarm_ident.estimation.identification import Identification
 from flexarm_ident.estimation.simulation_fit import refined, with_friction
 from flexarm_ident.estimation.streaming import excerpt
 from flexarm_ident.fitting.output_fit import fit_inputs
-from flexarm_ident.models.poles import is_stable, stabilise
-from flexarm_ident.models.state_space import state_space
+from flexarm_ident.models.state_space import is_stable, stabilise, state_space
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.subspace.choice import estimate, select_method
 from flexarm_ident.subspace.methods import AUTO, METHODS

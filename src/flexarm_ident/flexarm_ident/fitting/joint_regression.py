@@ -9,10 +9,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy
+
+from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.fitting.modal_regression import Missed, ModalRegression, Products
@@ -69,13 +70,15 @@ class ModalProblem:
         normal = np.zeros((size, size), dtype=complex)
         for place, each in zip(self._places, self._products, strict=True):
             normal[np.ix_(place, place)] += regression.normal(each, weight)
-        inverse, rank, condition = _pseudo_inverse(normal)
+        smallest = size * np.finfo(float).eps
+        inverse = truncated_inverse(normal, smallest=smallest, equilibrated=True)
+        condition = float(np.sqrt(inverse.condition))
 
         def solve(products: Sequence[Products]) -> tuple[ComplexArray, list[Missed]]:
             right = np.zeros(size, dtype=complex)
             for place, each in zip(self._places, products, strict=True):
                 right[place] += regression.right(each, weight)
-            found = inverse(right)
+            found = inverse.solve(right)
             weights = [regression.signal_weights(found[place]) for place in self._places]
             pairs = zip(products, weights, strict=True)
             return found, [each.missed(combination) for each, combination in pairs]
@@ -101,25 +104,9 @@ class ModalProblem:
             D.real,
             tuple((self._vectors @ x).real for x in parameters[shared:].reshape(-1, states)),
             [each.power for each in missed],
-            rank,
+            inverse.rank,
             condition,
         )
-
-
-def _pseudo_inverse(
-    normal: ComplexArray,
-) -> tuple[Callable[[ComplexArray], ComplexArray], int, float]:
-    scale = np.sqrt(np.diag(normal).real)
-    scale[scale == 0.0] = 1.0
-    values, vectors = scipy.linalg.eigh(normal / np.outer(scale, scale))
-    kept = values > len(values) * np.finfo(float).eps * values[-1]
-    basis = vectors[:, kept]
-
-    def solve(right: ComplexArray) -> ComplexArray:
-        return np.asarray(basis @ (basis.conj().T @ (right / scale) / values[kept]) / scale)
-
-    condition = np.sqrt(values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
-    return solve, int(kept.sum()), float(condition)
 
 
 class SchurProblem:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_ident.fitting.levenberg_marquardt import Normal
+from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,11 +135,9 @@ def deviations(problem: SimulationError, best: Minimum) -> FloatArray:
     residuals = problem.residuals(best.theta)
     count = sum(residual.size for residual in residuals)
     variance = sum(float(np.sum(residual**2)) for residual in residuals) / count
-    scale = np.sqrt(np.diag(best.matrix))
-    scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv(best.matrix / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    root = truncated_inverse(best.matrix, smallest=1e-12, equilibrated=True).root
     independent = max(_independence(residuals), _LEAST_INDEPENDENCE / len(residuals[0]))
-    return np.asarray(np.sqrt(np.diag(inverse) * variance / independent) / scale)
+    return np.asarray(np.sqrt(np.sum(root**2, axis=1) * variance / independent))
 
 
 def _independence(residuals: Sequence[FloatArray]) -> float:

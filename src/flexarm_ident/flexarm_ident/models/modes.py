@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy
@@ -283,6 +283,40 @@ def mode_table(
             )
         )
     return tuple(modes)
+
+
+class RankTable(NamedTuple):
+    """The same modes in two orders, the most significant one first.
+
+    Attributes
+    ----------
+    by_msv : tuple of Mode
+        By falling mode singular value (3-4).
+    by_mrm : tuple of Mode
+        By falling modal response magnitude (3-8).
+    """
+
+    by_msv: tuple[Mode, ...]
+    by_mrm: tuple[Mode, ...]
+
+
+def rank_table(modes: Sequence[Mode]) -> RankTable:
+    """Return the modes in the order of either index.
+
+    Parameters
+    ----------
+    modes : sequence of Mode
+        Modes of one model, such as `Identification.modes` or `Reduction.modes`.
+
+    Returns
+    -------
+    RankTable
+        The two orders.
+    """
+    return RankTable(
+        by_msv=tuple(sorted(modes, key=lambda mode: mode.msv_rank)),
+        by_mrm=tuple(sorted(modes, key=lambda mode: mode.mrm_rank)),
+    )
 
 
 def _log_geometric_sum(radius: float, terms: int) -> float:

@@ -15,8 +15,9 @@ from flexarm_ident.reading.stream import Header
 from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_rows, timetable
 from flexarm_ident.records.iodata import ARM_OUTPUTS, DataWarning, IoData
 from flexarm_ident.records.source import joined
-from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES, is_closed_loop
+from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
 from flexarm_ident.subspace.gram import stretches
+from flexarm_ident.subspace.loop_test import is_closed_loop
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import DataError
-from flexarm_ident.models.poles import is_stable
+from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.subspace.pbsid import past_length, predictor_space
 from flexarm_ident.subspace.segments import cut, segment_grams
 

@@ -17,6 +17,7 @@ import scipy
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.subspace.feedback import reaches_inputs
 from flexarm_ident.subspace.gram import equilibrated
+from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 # Of a product matrix: half the digits of the data's own condition.
 SINGULAR_CONDITION = 1e12
-_SMALLEST_EIGENVALUE = 1e-13
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
 _CLEAN = 1e-5
@@ -203,9 +203,7 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     y_future = gram.output_rows(past, both)
     remainder, condition = _schur_complement(scaled, z_past + y_future, u_future)
     w = len(z_past)
-    values, vectors = scipy.linalg.eigh(remainder[:w, :w], driver="evd")
-    kept = values > _SMALLEST_EIGENVALUE * values[-1]
-    explained = remainder[w:, :w] @ (vectors[:, kept] / np.sqrt(values[kept]))
+    explained = remainder[w:, :w] @ truncated_inverse(remainder[:w, :w]).root
     unexplained = remainder[w:, w:] - explained @ explained.T
     deviation = _innovation_deviation(unexplained, gram.outputs, remainder[w:, w:])
     weight = np.tile(1.0 / deviation, both - past)
@@ -246,11 +244,9 @@ def _schur_complement(
     gram: FloatArray, keep: list[int], given: list[int]
 ) -> tuple[FloatArray, float]:
     """Return (2-20): what is left of `keep` when `given` is removed, and the latter's condition."""
-    values, vectors = scipy.linalg.eigh(gram[np.ix_(given, given)], driver="evd")
-    kept = values > _SMALLEST_EIGENVALUE * values[-1]
-    cross = gram[np.ix_(keep, given)] @ (vectors[:, kept] / np.sqrt(values[kept]))
-    condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])
-    return gram[np.ix_(keep, keep)] - cross @ cross.T, float(condition)
+    inverse = truncated_inverse(gram[np.ix_(given, given)])
+    cross = gram[np.ix_(keep, given)] @ inverse.root
+    return gram[np.ix_(keep, keep)] - cross @ cross.T, inverse.condition
 
 
 def _innovation_deviation(

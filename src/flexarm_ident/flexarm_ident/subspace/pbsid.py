@@ -19,13 +19,13 @@ import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.subspace.gram import equilibrated
+from flexarm_ident.subspace.inverse import truncated_inverse
 from flexarm_ident.subspace.orse import StateMatrices, normalised
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.subspace.gram import BlockGram
 
-_SMALLEST_EIGENVALUE = 1e-13
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
 
@@ -182,7 +182,8 @@ class PredictorSpace:
 
     def _regression(self, of: FloatArray, on: FloatArray) -> FloatArray:
         """Regress combinations of the data on other combinations, known by their rows."""
-        return _solved(on @ self.gram @ on.T, on @ self.gram @ of.T)[0].T
+        inverse = truncated_inverse(on @ self.gram @ on.T, equilibrated=True)
+        return inverse.solve(on @ self.gram @ of.T).T
 
 
 def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorSpace:
@@ -214,7 +215,8 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
     history = past * channels
     given = list(range(history)) + (gram.input_rows(past, past + 1) if feedthrough else [])
     present = gram.output_rows(past, past + 1)
-    solution, condition = _solved(scaled[np.ix_(given, given)], scaled[np.ix_(given, present)])
+    inverse = truncated_inverse(scaled[np.ix_(given, given)], equilibrated=True)
+    solution = inverse.solve(scaled[np.ix_(given, present)])
     responses = solution[:history].T
     explained = scaled[np.ix_(present, given)] @ solution
     left = np.diag(scaled[np.ix_(present, present)] - explained).clip(min=0.0)
@@ -230,7 +232,7 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
     rank = int(np.sum(singular_values > np.finfo(float).eps * singular_values[0] * history))
     basis = left_vectors[:, :rank] / np.sqrt(singular_values[:rank])
     return PredictorSpace(
-        basis.T @ future, singular_values, scaled, past, rms, m, condition, feedthrough
+        basis.T @ future, singular_values, scaled, past, rms, m, inverse.condition, feedthrough
     )
 
 
@@ -278,15 +280,3 @@ def _log_determinant(covariance: FloatArray) -> float:
     """Return the logarithm of the determinant; what rounding made negative counts as rounding."""
     values = scipy.linalg.eigvalsh(covariance)
     return float(np.sum(np.log(np.maximum(values, _SMALLEST_INNOVATION**2))))
-
-
-def _solved(normal: FloatArray, right: FloatArray) -> tuple[FloatArray, float]:
-    """Solve normal equations by a pseudo-inverse; also return their condition number."""
-    # Of a state that is rounding only, even the power can come out negative.
-    scale = np.sqrt(np.diag(normal).clip(min=0.0))
-    scale[scale == 0.0] = 1.0
-    values, vectors = scipy.linalg.eigh(normal / np.outer(scale, scale), driver="evd")
-    kept = values > _SMALLEST_EIGENVALUE * values[-1]
-    basis = vectors[:, kept] / scale[:, np.newaxis]
-    condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])
-    return basis @ ((basis.T @ right) / values[kept][:, np.newaxis]), float(condition)

@@ -16,7 +16,7 @@ from flexarm_ident.diagnostics.uncertainty import (
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import mode_table
-from flexarm_ident.models.poles import stabilise
+from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.gram import BlockGram, block_gram
 from flexarm_ident.subspace.orse import StateMatrices, innovation_scaled, past_instruments

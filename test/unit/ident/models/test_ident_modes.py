@@ -11,7 +11,7 @@ from flexarm_ident.models.modes import (
     mode_singular_values,
     mode_table,
 )
-from flexarm_ident.models.poles import is_stable, stabilise
+from flexarm_ident.models.state_space import is_stable, stabilise
 from support.ident_systems import DT_S, arm_model, named, random_model, record, step_by_step
 
 

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexarm_ident import IoData
-from flexarm_ident.models.modes import mode_table
-from flexarm_ident.models.rank_table import rank_table
+from flexarm_ident.models.modes import mode_table, rank_table
 from support.ident_systems import arm_model, square_wave, step_by_step
 
 

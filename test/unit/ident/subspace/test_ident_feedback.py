@@ -8,8 +8,9 @@ import pytest
 from scipy import linalg, signal, stats
 
 from flexarm_ident import IoData, preprocess, read_bag
-from flexarm_ident.subspace.feedback import feedback_test, is_closed_loop
+from flexarm_ident.subspace.feedback import feedback_test
 from flexarm_ident.subspace.gram import block_gram
+from flexarm_ident.subspace.loop_test import is_closed_loop
 from support.ident_systems import DT_S, arm_model, random_model, square_wave, step_by_step
 from support.project import BAGS
 

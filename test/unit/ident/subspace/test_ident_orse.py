@@ -8,7 +8,7 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IdentificationError, IoData, identify
-from flexarm_ident.models.poles import is_stable
+from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.orse import innovation_scaled, past_instruments
 from support.ident_systems import (

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.friction.dry_friction import net_records
-from flexarm_ident.models.rank_table import rank_table
+from flexarm_ident.models.modes import rank_table
 from flexarm_ident.reduction.costs import cost_over_orders, step_costs
 from flexarm_ident.report.content.blocks import Heading, Plots, Section, Table, Words
 from flexarm_ident.report.content.wording import error_text

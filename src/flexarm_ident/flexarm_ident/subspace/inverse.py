@@ -1,0 +1,80 @@
+"""Truncated inverse of a product matrix."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import scipy
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import FloatArray
+
+_SMALLEST_EIGENVALUE = 1e-13
+
+
+class TruncatedInverse(NamedTuple):
+    """Inverse over the directions that stand out of rounding.
+
+    Attributes
+    ----------
+    vectors : ndarray, (size, rank)
+        Eigenvectors, in the units of the matrix.
+    values : ndarray, (rank,)
+        Their eigenvalues.
+    condition : float
+        Condition number of the whole matrix.
+    """
+
+    vectors: NDArray[Any]
+    values: FloatArray
+    condition: float
+
+    @property
+    def rank(self) -> int:
+        """Number of directions that were kept."""
+        return len(self.values)
+
+    @property
+    def root(self) -> NDArray[Any]:
+        """Root of the inverse, (size, rank): the inverse is ``root @ root.conj().T``."""
+        return np.asarray(self.vectors / np.sqrt(self.values))
+
+    def solve(self, right: NDArray[Any]) -> NDArray[Any]:
+        """Return the inverse times a matrix or a vector."""
+        along = self.vectors.conj().T @ right
+        return np.asarray(self.vectors @ (along.T / self.values).T)
+
+
+def truncated_inverse(
+    matrix: NDArray[Any], *, smallest: float = _SMALLEST_EIGENVALUE, equilibrated: bool = False
+) -> TruncatedInverse:
+    """Return the truncated inverse of a symmetric or Hermitian matrix.
+
+    Parameters
+    ----------
+    matrix : ndarray, (size, size)
+        Product matrix, positive semidefinite but for rounding.
+    smallest : float
+        Part of the largest eigenvalue below which a direction is left out.
+    equilibrated : bool
+        Scale the rows and columns to a unit diagonal first.
+
+    Returns
+    -------
+    TruncatedInverse
+        Inverse, rank and condition; the latter of the scaled matrix.
+    """
+    scale = np.ones(len(matrix))
+    if equilibrated:
+        # Of a direction that is rounding only, even the power can come out negative.
+        scale = np.sqrt(np.diag(matrix).real.clip(min=0.0))
+        scale[scale == 0.0] = 1.0
+        matrix = matrix / np.outer(scale, scale)
+    values, vectors = scipy.linalg.eigh(matrix, driver="evd")
+    kept = values > smallest * values[-1]
+    condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])
+    vectors = vectors[:, kept] / scale[:, np.newaxis]
+    return TruncatedInverse(vectors, values[kept], float(condition))

@@ -1,0 +1,146 @@
+"""Closed-loop test of a record by its signals alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from flexarm_ident.subspace.feedback import (
+    BACKGROUND_SAMPLES,
+    SIGNIFICANCE,
+    STANDS_OUT,
+    near_and_far,
+    whitening,
+)
+from flexarm_ident.subspace.inverse import truncated_inverse
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+
+# An input that changes at fewer of the samples carries no noise from sample to sample.
+_SELDOM = 0.1
+# Samples of the past: of the outputs, and of the input as far as a filtered one remembers.
+_OUTPUT_MEMORY = 15
+_INPUT_MEMORY = 100
+# A controller answers within the sample or this many less one later.
+_ANSWERED_WITHIN = 5
+# Robust standard deviations: what is larger is clipped in a correlation, and left out of a fit.
+_CLIP = 3.0
+_OUTLIER = 4.0
+_NORMAL_MAD = 1.4826
+_REFITS = 3
+
+
+def is_closed_loop(record: IoData) -> bool | None:
+    """Judge by inputs and outputs alone whether a controller made the input.
+
+    In a closed loop every command is computed from noisy samples: what the past does not predict of
+    the outputs, their innovation, is known to what it does not predict of the inputs from that
+    sample on. The plant has no feedthrough: row `k` of the input answers row `k` of the outputs.
+    Three things are done so that nothing else passes for feedback, and nothing hides it:
+
+    - The past holds 100 samples of the input, so that a filtered excitation has told all it knows.
+    - Remainders are clipped, and the prediction is fitted once to all samples and once to those
+      that it predicts well: set-points jump seldom, and their jumps are much larger than noise.
+    - An input that keeps its value at nine samples of ten lets no noise through, whatever turns it
+      round now and then.
+
+    A loop whose noise does not show in the input, as under a set-point that is white noise itself
+    and much stronger, is judged open: it does the identification no harm either.
+
+    Parameters
+    ----------
+    record : IoData
+        The record as it was measured; the first 16384 samples are looked at.
+
+    Returns
+    -------
+    bool or None
+        None where the record is too short, its outputs have no noise that could tell, or its
+        values are so large that their squares overflow.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        u, y = _unit(record.u[:BACKGROUND_SAMPLES]), _unit(record.y[:BACKGROUND_SAMPLES])
+    if not (np.isfinite(u).all() and np.isfinite(y).all()):
+        return None
+    if np.mean(np.any(np.diff(u, axis=0), axis=1)) < _SELDOM:
+        return False
+    columns = len(u) - _INPUT_MEMORY - _ANSWERED_WITHIN + 1
+    memory = _INPUT_MEMORY * u.shape[1] + _OUTPUT_MEMORY * y.shape[1]
+    if columns < 2 * memory:
+        return None
+    past = np.hstack(
+        [_shifted(y, -_OUTPUT_MEMORY, 0, columns), _shifted(u, -_INPUT_MEMORY, 0, columns)]
+    )
+    present = np.hstack([_shifted(y, 0, 1, columns), _shifted(u, 0, _ANSWERED_WITHIN, columns)])
+    m = y.shape[1]
+    kept = np.ones(columns, dtype=np.bool_)
+    remainder = _unpredicted(past, present, kept)
+    verdicts = [_is_answered(remainder[:, :m], remainder[:, m:], kept, memory)]
+    for _ in range(_REFITS):
+        following = remainder[:, m:]
+        usual = np.all(np.abs(following) <= _OUTLIER * _deviation(following[kept]), axis=1)
+        if usual.sum() < 2 * memory:
+            break
+        kept = usual
+        remainder = _unpredicted(past, present, kept)
+    verdicts.append(_is_answered(remainder[:, :m], remainder[:, m:], kept, memory))
+    told = [verdict for verdict in verdicts if verdict is not None]
+    return any(told) if told else None
+
+
+def _unit(signals: FloatArray) -> FloatArray:
+    """Return signals less their mean, with unit RMS where they change at all."""
+    centred = signals - signals.mean(axis=0)
+    rms = np.sqrt(np.mean(centred**2, axis=0))
+    return np.asarray(centred / np.where(rms > 0.0, rms, 1.0))
+
+
+def _shifted(signals: FloatArray, first: int, last: int, columns: int) -> FloatArray:
+    """Return what stands `first` to `last` - 1 samples after each one with a whole past."""
+    starts = range(_INPUT_MEMORY + first, _INPUT_MEMORY + last)
+    return np.hstack([signals[start : start + columns] for start in starts])
+
+
+def _unpredicted(past: FloatArray, present: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
+    """Return what is left of the present by the regression on the past over the kept rows."""
+    known = past[kept]
+    root = truncated_inverse(known.T @ known).root
+    return np.asarray(present - past @ (root @ (root.T @ (known.T @ present[kept]))))
+
+
+def _deviation(signals: FloatArray) -> FloatArray:
+    """Return standard deviations by the median, which outliers do not move."""
+    return np.asarray(_NORMAL_MAD * np.median(np.abs(signals), axis=0))
+
+
+def _is_answered(
+    e: FloatArray, following: FloatArray, kept: NDArray[np.bool_], memory: int
+) -> bool | None:
+    """Whether the kept inputs know of the innovation; None without innovation."""
+    white_e, white_u = _white(e, kept), _white(following, kept)
+    if white_e.shape[1] == 0:
+        return None
+    if white_u.shape[1] == 0:
+        return False
+    near, far = near_and_far(white_e, white_u, _INPUT_MEMORY)
+    share = kept.mean()
+    # The rows that are left out are zero: the correlation is over the kept ones.
+    statistic = (kept.sum() - memory) * near / share**2
+    degrees = white_e.shape[1] * white_u.shape[1]
+    p_value = scipy.special.chdtrc(degrees, statistic)
+    return bool(p_value <= SIGNIFICANCE and near > STANDS_OUT * far)
+
+
+def _white(signals: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
+    """Return clipped signals, uncorrelated and of unit variance over the kept rows, else zero."""
+    limit = _CLIP * _deviation(signals[kept])
+    clipped = np.clip(signals, -limit, limit)
+    clipped -= clipped[kept].mean(axis=0)
+    clipped[~kept] = 0.0
+    return np.asarray(clipped @ whitening(clipped.T @ clipped / kept.sum()))
