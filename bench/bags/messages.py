@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_bags.schema import load_typestore
-from flexarm_bags.stamped import restamped
+from flexarm_bags.sequence import restamped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from flexarm_core.channels import DRIVE_A_PER_V, MAX_COMMAND_V
+from flexarm_core.channels import BOUND_V, DRIVE_A_PER_V, MAX_COMMAND_V
 from flexarm_daq import RigParameters, SimulatedRig
-from flexarm_daq.experiments.excitation import BOUND_V, DIRECTION_HZ, VARYING_HZ
+from flexarm_daq.experiments.excitation import DIRECTION_HZ, VARYING_HZ
 from flexarm_ident.report.plots.style import DOTTED, SOLID, STYLE, figure_of, inline_svg
 from reproduction.framework.findings import Call, Finding, Plot, SideBySide, Subject, judged
 from reproduction.framework.rig import simulated_record

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flexarm_bags.check import check_bag
-from flexarm_daq.experiments.excitation import BOUND_V
+from flexarm_core.channels import BOUND_V
 from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos

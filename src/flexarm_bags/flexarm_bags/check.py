@@ -1,4 +1,4 @@
-"""Check of a bag: is it whole and true.
+"""Bag integrity check.
 
 Its files, definitions, samples and clocks are checked, to the last bit that a checksum or a second
 copy protects.
@@ -21,6 +21,7 @@ from rosbags.highlevel import AnyReader
 from flexarm_bags.chunks import Messages
 from flexarm_bags.content import ContentCheck
 from flexarm_bags.mcap_check import McapExamination, TopicMessages
+from flexarm_bags.metadata import read_information
 from flexarm_core.errors import BagError, one_line
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class _Check:
         self._content = ContentCheck(self._problems, self._notes)
 
     def result(self) -> BagCheck:
-        information = self._information() if self._path.is_dir() else {}
+        information = self._information()
         with ExitStack() as stack:
             reader = self._opened(stack)
             for messages in self._messages(information, reader, stack):
@@ -106,16 +107,11 @@ class _Check:
         return BagCheck(self._path, total, samples, tuple(self._problems), tuple(self._notes))
 
     def _information(self) -> dict[str, Any]:
-        file = self._path / "metadata.yaml"
         try:
-            content = yaml.safe_load(file.read_text("utf-8"))["rosbag2_bagfile_information"]
-            names = content["relative_file_paths"]
-            if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
-                raise TypeError("relative_file_paths is no list of names")  # noqa: TRY301
-        except (OSError, yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
-            self._problems.append(f"metadata.yaml: cannot be read: {one_line(error)}")
+            return read_information(self._path) if self._path.is_dir() else {}
+        except BagError as error:
+            self._problems.append(str(error))
             return {}
-        return dict(content)
 
     def _opened(self, stack: ExitStack) -> AnyReader | None:
         """Open the bag for its definitions, which rosbags compares with their type hashes."""

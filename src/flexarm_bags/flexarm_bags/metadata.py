@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from flexarm_core.errors import BagError, one_line
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from flexarm_bags.schema import MessageDefinition
 
+FILE_NAME = "metadata.yaml"
 VERSION = 9
 # What rosbag2 writes while it has seen no message: the largest time there is.
 NO_START_NS = 2**63 - 1
@@ -90,6 +94,25 @@ class Tally:
     def duration_ns(self) -> int:
         """Time from the earliest to the latest message, 0 without messages."""
         return max(0, self.last_ns - self.first_ns)
+
+
+def read_information(bag: Path) -> dict[str, Any]:
+    """Return the content of a folder's ``metadata.yaml`` below ``rosbag2_bagfile_information``.
+
+    Raises
+    ------
+    BagError
+        When it cannot be read or does not name the files.
+    """
+    try:
+        content = yaml.safe_load((bag / FILE_NAME).read_text("utf-8"))
+        information = dict(content["rosbag2_bagfile_information"])
+        names = information["relative_file_paths"]
+    except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError) as error:
+        raise BagError(f"{FILE_NAME}: cannot be read: {one_line(error)}") from error
+    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        raise BagError(f"{FILE_NAME}: cannot be read: relative_file_paths is no list of names")
+    return information
 
 
 def bag_information(

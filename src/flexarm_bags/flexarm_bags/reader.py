@@ -14,6 +14,7 @@ from rosbags.rosbag2.storage_mcap import McapReader
 
 from flexarm_bags.chunks import IndexedFile, Messages, NotIndexedError, read_topic, topic_pieces
 from flexarm_bags.columns import CdrError, decode, members
+from flexarm_bags.metadata import FILE_NAME
 from flexarm_core.errors import BagError, DataError, one_line
 
 if TYPE_CHECKING:
@@ -141,8 +142,8 @@ def _require_bag(path: Path) -> None:
     if not path.exists():
         raise BagError(f"{path}: no such bag")
     if path.is_dir():
-        if not (path / "metadata.yaml").is_file():
-            raise BagError(f"{path}: no bag: the folder has no metadata.yaml")
+        if not (path / FILE_NAME).is_file():
+            raise BagError(f"{path}: no bag: the folder has no {FILE_NAME}")
     elif path.suffix not in {".mcap", ".db3"}:
         raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
 

@@ -21,12 +21,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from mcap.writer import CompressionType, Writer
 
-from flexarm_bags.metadata import (
-    RecordedTopic,
-    Tally,
-    as_yaml,
-    bag_information,
-)
+from flexarm_bags.metadata import FILE_NAME, RecordedTopic, Tally, as_yaml, bag_information
 from flexarm_bags.sequence import SequenceCheck
 from flexarm_core.errors import FlexarmError
 
@@ -257,7 +252,7 @@ class BagWriter:
 
     def _write_metadata(self, tally: Tally) -> None:
         # Replaced in one step: a crash leaves the old text or the new one, never half of it.
-        target = self.path / "metadata.yaml"
+        target = self.path / FILE_NAME
         draft = target.with_suffix(".yaml.tmp")
         content = {"rosbag2_bagfile_information": self._information(tally)}
         draft.write_text(as_yaml(content), "utf-8")

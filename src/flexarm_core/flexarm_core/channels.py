@@ -10,8 +10,14 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-POSITION_V_PER_RAD: Final = 3.0 / math.radians(35.0)
-"""Potentiometer gain: 3 V is 35 degrees (section 2.4.2), 4.911 V/rad."""
+BOUND_V: Final = 3.0
+"""Bound of the position in open-loop experiments (section 2.4.2)."""
+
+BOUND_DEG: Final = 35.0
+"""The same bound as an angle."""
+
+POSITION_V_PER_RAD: Final = BOUND_V / math.radians(BOUND_DEG)
+"""Potentiometer gain (section 2.4.2), 4.911 V/rad."""
 
 BASE_STRAIN_V_PER_NM: Final = 1.6
 """Base gauge gain per N m of bending moment, from the frequency responses of Appendix B."""

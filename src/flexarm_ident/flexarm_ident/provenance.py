@@ -81,13 +81,24 @@ def record_hash(record: Source) -> str:
         ],
     ]
     digest = hashlib.sha256(json.dumps(facts).encode())
-    for signal in (0, 1):
-        for chunk in record.chunks(_CHUNK):
-            digest.update(chunk[signal].astype("<f8", copy=False).tobytes())
+    _add_samples(digest, record)
     for column in further:
         if column is not None:
             digest.update(column.astype("<f8", copy=False).tobytes())
     return digest.hexdigest()
+
+
+def samples_hash(record: Source) -> str:
+    """Return the SHA-256 of a record's inputs and outputs alone, as hexadecimal digits."""
+    digest = hashlib.sha256()
+    _add_samples(digest, record)
+    return digest.hexdigest()
+
+
+def _add_samples(digest: hashlib._Hash, record: Source) -> None:
+    for signal in (0, 1):
+        for chunk in record.chunks(_CHUNK):
+            digest.update(chunk[signal].astype("<f8", copy=False).tobytes())
 
 
 def _version(package: str) -> str:

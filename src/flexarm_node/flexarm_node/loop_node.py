@@ -18,6 +18,7 @@ from flexarm_core.specs import ParameterSpec
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.transport import complaint_about_transport
+from flexarm_node.waiting import has_every_reader, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -42,9 +43,6 @@ _LISTENERS = ParameterSpec(
 )
 _REPORT_S = 1.0
 _STEP_S = 0.05
-# A discovery that misses the first announcements hears the next ones after 3 s.
-_MATCH_TIMEOUT_S = 7.0
-_MATCH_POLL_S = 0.01
 # Under settings of the user's own the middleware may ask its readers only every 3 s.
 _ACKNOWLEDGED_S = 5.0
 
@@ -149,10 +147,10 @@ class LoopNode(LifecycleNode):
         next(self._reports)
 
     def await_listeners(self, publisher: Publisher, least: int = 0) -> None:
-        """Wait until everybody who listens will get the first message; complain when it takes long.
+        """Wait until every reader will get the first message; complain when it takes long.
 
-        These are all readers that this node has heard of, and as many as the parameter `listeners`
-        says, since it may not have heard of all.
+        There must be as many as the parameter `listeners` says, too: this node may not have heard
+        of all.
 
         Parameters
         ----------
@@ -162,13 +160,10 @@ class LoopNode(LifecycleNode):
             So many there must be.
         """
         least = max(least, self.parameters.values()[_LISTENERS.name])
-        topic = publisher.topic_name
-        is_heard = wait_until(
-            lambda: publisher.get_subscription_count() >= max(least, self.count_subscribers(topic))
-        )
-        if not is_heard:
+        if not wait_until(lambda: has_every_reader(self, [publisher], least)):
             self.get_logger().warning(
-                f"not every reader of {topic} is there: it may miss the first messages"
+                f"not every reader of {publisher.topic_name} is there: "
+                "it may miss the first messages"
             )
 
     def await_acknowledged(self, *publishers: Publisher) -> None:
@@ -321,13 +316,3 @@ def _listed(figures: Figures) -> list[KeyValue]:
 def _until(due_s: float) -> Iterator[None]:
     while time.monotonic() < due_s:
         yield
-
-
-def wait_until(condition: Callable[[], bool]) -> bool:
-    """Poll until the condition holds; give up after a few seconds. For endpoints to be matched."""
-    deadline_s = time.monotonic() + _MATCH_TIMEOUT_S
-    while not condition():
-        if time.monotonic() >= deadline_s:
-            return False
-        time.sleep(_MATCH_POLL_S)
-    return True

@@ -1,4 +1,4 @@
-"""Wait for one topic in the calling thread, outside any executor.
+"""Waiting in the calling thread, outside any executor: for messages, and for readers.
 
 An executor costs several hundred microseconds per message and stalls now and then; a loop that
 answers every sample waits on the middleware itself. This is the only module that touches rclpy's
@@ -7,18 +7,54 @@ internal `WaitSet` and `take_message`.
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from rclpy.node import Node
+    from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
 
 Message = TypeVar("Message")
+
+# A discovery that misses the first announcements hears the next ones after 3 s.
+_MATCH_TIMEOUT_S = 7.0
+_MATCH_POLL_S = 0.01
+
+
+def has_every_reader(node: Node, publishers: Sequence[Publisher], least: int = 0) -> bool:
+    """Return whether a message that is sent now reaches every reader.
+
+    Parameters
+    ----------
+    node : Node
+        Its graph tells who reads.
+    publishers : sequence of Publisher
+        Of the topics.
+    least : int
+        One of the topics must have so many readers: the graph may not know of all yet.
+    """
+    matched = [publisher.get_subscription_count() for publisher in publishers]
+    known = [node.count_subscribers(publisher.topic_name) for publisher in publishers]
+    return max(matched, default=0) >= least and all(map(int.__ge__, matched, known))
+
+
+def wait_until(condition: Callable[[], bool]) -> bool:
+    """Poll until the condition holds; return False when it does not within some seconds.
+
+    It is made for endpoints that shall find each other.
+    """
+    deadline_s = time.monotonic() + _MATCH_TIMEOUT_S
+    while not condition():
+        if time.monotonic() >= deadline_s:
+            return False
+        time.sleep(_MATCH_POLL_S)
+    return True
 
 
 class _OutsideExecutor(CallbackGroup):

@@ -1,4 +1,4 @@
-"""What the user sees: steps, progress, tables, one-line errors."""
+"""Terminal of the user: steps, progress, tables."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ _LEVEL = ".friction_level"
 
 
 class ShownModel(NamedTuple):
-    """What the user sees of an identified model.
+    """Facts of an identified model that the user sees.
 
     Attributes
     ----------
-    modes
+    modes : iterable of Mode
         Modes of the full model.
-    outputs
+    outputs : sequence of str
         Names of the outputs.
-    dmv, sfv
+    dmv, sfv : sequence of float
         Errors (2-25), one per output and the mean; `sfv` may be empty.
-    parameters
+    parameters : mapping
         The model as parameters `models.<name>.*`, of which the friction is shown.
-    warnings
-        What to know before trusting the model.
+    warnings : sequence of str
+        Facts to know before trusting the model.
     """
 
     modes: Iterable[ModeSummary | Mode]

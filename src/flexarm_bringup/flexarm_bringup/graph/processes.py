@@ -1,4 +1,4 @@
-"""Nodes as processes of their own: find, start, stop in order, leave none behind."""
+"""Nodes as processes: found, started, stopped in order, none left behind."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _PATIENCE_S = 8.0
 _AFTER = {"daq_node": ": a board keeps its last voltage, so at a real rig press the emergency stop"}
-"""What to do when the process of a node was killed."""
+"""Advice for the user when the process of a node was killed."""
 _LOGGER = re.compile(r"\[flexarm\.(\w+)")
 
 
@@ -35,11 +35,11 @@ class NodeProgram:
 
     Attributes
     ----------
-    package, executable
+    package, executable : str
         As for `ros2 run`.
-    parameters
+    parameters : mapping
         Values to start with.
-    files
+    files : tuple of Path
         Parameter files to start with; `parameters` come after them.
     """
 
@@ -87,9 +87,9 @@ class NodeProcesses:
 
     Parameters
     ----------
-    programs
-        What to start, in this order.
-    log
+    programs : sequence of NodeProgram
+        Nodes to start, in this order.
+    log : Path
         File that gets what they print.
     """
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from typing import TYPE_CHECKING, NamedTuple
 
 from flexarm_bringup.console import terminal
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.graph.run_watch import Run
     from flexarm_ident.reading.alignment import BagReading
-    from flexarm_ident.records.iodata import IoData
 
 
 class RecordedRun(NamedTuple):
@@ -110,10 +108,3 @@ def require_whole(reading: BagReading, taken: int, *, lockstep: bool) -> None:
             f"{reading.unanswered} of {taken} samples had no command of their own: the drive was "
             "held at zero, or answers did not come; nodes.log tells more"
         )
-
-
-def samples_hash(data: IoData) -> str:
-    """Return the SHA-256 of a record's inputs and outputs: over the samples, not over the file."""
-    digest = hashlib.sha256(data.u.tobytes())
-    digest.update(data.y.tobytes())
-    return digest.hexdigest()

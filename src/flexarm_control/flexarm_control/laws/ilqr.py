@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.laws.law_protocol import NO_EFFORT, SATURATION_V, Effort, limited
+from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
 from flexarm_control.models.arm_model import POSITION, check_arm_model, check_no_feedthrough
+from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import Bounded, limits
 
@@ -233,7 +234,7 @@ class Ilqr:
         feedback_v = float(np.dot(design.kc, self._state))
         effort_v = design.kp * reference_v + design.ki * integral_v - feedback_v
         answer = limited(effort_v)
-        if -SATURATION_V <= effort_v <= SATURATION_V or effort_v * error_v < 0.0:
+        if -MAX_COMMAND_V <= effort_v <= MAX_COMMAND_V or effort_v * error_v < 0.0:
             self._integral_v = integral_v
         known[self._order] = answer.effort_v
         np.dot(self._move, known, out=self._next)

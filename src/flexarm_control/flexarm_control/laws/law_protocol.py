@@ -16,11 +16,10 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from flexarm_core.channels import MAX_COMMAND_V
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-SATURATION_V = 10.0
-"""Largest command of the drive (Figure 2-2)."""
 
 
 class Effort(NamedTuple):
@@ -55,9 +54,9 @@ def limited(effort_v: float, compensation_v: float = 0.0) -> Effort:
     """
     if not isfinite(effort_v):
         return NO_EFFORT
-    if -SATURATION_V <= effort_v + compensation_v <= SATURATION_V:
+    if -MAX_COMMAND_V <= effort_v + compensation_v <= MAX_COMMAND_V:
         return Effort(effort_v, compensation_v)
-    rail_v = SATURATION_V if effort_v > 0.0 else -SATURATION_V
+    rail_v = MAX_COMMAND_V if effort_v > 0.0 else -MAX_COMMAND_V
     return Effort(rail_v - compensation_v, compensation_v)
 
 

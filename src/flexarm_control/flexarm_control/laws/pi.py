@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from flexarm_control.laws.law_protocol import NO_EFFORT, SATURATION_V, limited
+from flexarm_control.laws.law_protocol import NO_EFFORT, limited
+from flexarm_core.channels import MAX_COMMAND_V
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +41,7 @@ class Pi:
             return NO_EFFORT
         integral_v_s = self._integral_v_s + self._dt_s * error_v
         effort_v = self._gains.kp * error_v + self._gains.ki * integral_v_s
-        if abs(effort_v) <= SATURATION_V or effort_v * error_v < 0.0:
+        if abs(effort_v) <= MAX_COMMAND_V or effort_v * error_v < 0.0:
             self._integral_v_s = integral_v_s
         return limited(effort_v)
 

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
+from flexarm_core.channels import BOUND_V
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
@@ -19,8 +21,6 @@ DIRECTION_HZ: Final = 0.5
 """Frequency at which the direction alternates (2.4.1, items 1 and 2)."""
 VARYING_HZ: Final = (0.6, 3.0)
 """Frequencies of the varying square waveform (2.4.1, item 3)."""
-BOUND_V: Final = 3.0
-"""Bound of the position, 35 degrees (2.4.2)."""
 HOLD_S: Final = 0.01
 """Hold time of a random magnitude. Chosen here: its spectrum is flat over the modes below 50 Hz."""
 _ROUNDING_S = 1e-9

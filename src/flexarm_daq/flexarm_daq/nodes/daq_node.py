@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger
 
-from flexarm_core.channels import CHANNEL_NAMES
+from flexarm_core.channels import CHANNEL_NAMES, INPUT_RANGE_V, MAX_COMMAND_V
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import ParameterSpec
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
@@ -59,11 +59,15 @@ PARAMETERS = (
         description="virtual time: activating waits for a commander, some seconds, and the first"
         " sample for its answer",
     ),
-    ParameterSpec("max_command_v", 10.0, "limiter: largest command", 0.1, 10.0, "V"),
+    ParameterSpec(
+        "max_command_v", MAX_COMMAND_V, "limiter: largest command", 0.1, MAX_COMMAND_V, "V"
+    ),
     ParameterSpec(
         "max_slew_v_per_s", 6000.0, "limiter: fastest change of the command", 1.0, 1e6, "V/s"
     ),
-    ParameterSpec("position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, 10.0, "V"),
+    ParameterSpec(
+        "position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, INPUT_RANGE_V, "V"
+    ),
     ParameterSpec("statistics_s", 10.0, "how long the percentiles look back", 1.0, 7200.0, "s"),
     ParameterSpec("max_age_periods", 3, "watchdog: periods without an answer until zero", 1, 1000),
     ParameterSpec(

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from flexarm_core.channels import BOUND_V, MAX_COMMAND_V
 from flexarm_core.specs import ParameterSpec
-from flexarm_daq.experiments.excitation import BOUND_V, EXCITATIONS, Excitation
+from flexarm_daq.experiments.excitation import EXCITATIONS, Excitation
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 PARAMETERS = (
     ParameterSpec("waveform", "square", "the excitation", choices=tuple(EXCITATIONS)),
     ParameterSpec(
-        "magnitude_v", 1.0, "magnitude; the largest one when it is random", 0.0, 10.0, "V"
+        "magnitude_v", 1.0, "magnitude; the largest one when it is random", 0.0, MAX_COMMAND_V, "V"
     ),
     ParameterSpec("seed", 0, "seed of what is random", 0, 2**31 - 1),
 )

@@ -6,7 +6,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from flexarm_bags.stamped import restamped, sequence_of
+from flexarm_bags.sequence import restamped, sequence_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -22,9 +22,9 @@ from flexarm_bags.playback import PlaybackError, PlaybackPlan, PlayedTopic
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import ParameterSpec
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
-from flexarm_node.loop_node import wait_until
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import request_stop, run
+from flexarm_node.waiting import has_every_reader, wait_until
 
 PARAMETERS = (
     ParameterSpec("bag", "", "rosbag2 folder or .mcap file", read_only=True),
@@ -100,7 +100,10 @@ class PlayerNode(Node):
 
     def _play(self) -> None:
         self._stopping.wait(_DISCOVERY_S)
-        wait_until(lambda: self._stopping.is_set() or self._is_heard())
+        publishers = list(self._publishers_of.values())
+        wait_until(
+            lambda: self._stopping.is_set() or has_every_reader(self, publishers, self._listeners)
+        )
         self._ready.set()
         if self._wanted:
             self.failure = self._rivalry()
@@ -155,14 +158,6 @@ class PlayerNode(Node):
                 names = ", ".join(sorted({f"{space.rstrip('/')}/{name}" for space, name in nodes}))
                 return f"{publisher.topic_name} is published by {names}: stop it, then play"
         return ""
-
-    def _is_heard(self) -> bool:
-        """Return whether enough listen to a topic, and everybody who does is matched."""
-        listeners = {topic: self.count_subscribers(topic) for topic in self._publishers_of}
-        return max(listeners.values(), default=0) >= self._listeners and all(
-            publisher.get_subscription_count() >= listeners[topic]
-            for topic, publisher in self._publishers_of.items()
-        )
 
 
 def _message_type(topic: PlayedTopic) -> type:

@@ -14,14 +14,14 @@ from flexarm_daq.loop.commander import Command
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
-from flexarm_node.loop_node import LoopNode, wait_until
 from flexarm_node.stamps import set_stamp, stamp_ns, stamp_text
-from flexarm_node.waiting import TopicWaiter
+from flexarm_node.waiting import TopicWaiter, wait_until
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
     from flexarm_daq.loop.exchange import Record
+    from flexarm_node.loop_node import LoopNode
 
 _POSITION, _, _, _SPEED = CHANNELS
 _TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.models.free_run import BlockSimulation, simulate
-from flexarm_ident.records.iodata import DRIVE_LIMIT_V
 from flexarm_ident.records.preprocess import remove_compensation
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = 
     return Sfv(delta, float(delta.mean()), y, law)
 
 
-def recover_gains(data: IoData, *, limit_v: float = DRIVE_LIMIT_V) -> Gains | None:
+def recover_gains(data: IoData, *, limit_v: float = MAX_COMMAND_V) -> Gains | None:
     """Recover the linear law that made the recorded effort, by least absolute deviations.
 
     The effort is recorded without loss and answers the sample in its own row, so a PD or PDP law

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import DataError
 from flexarm_ident.reading.grid import held, on_grid, place
 from flexarm_ident.reading.sampling import longest_run, notices
-from flexarm_ident.records.iodata import DRIVE_LIMIT_V
 from flexarm_ident.records.source import joined
 
 if TYPE_CHECKING:
@@ -259,7 +259,7 @@ def _inside_holes(
             ahead = told.state_sequence[own] - marks.sequence[at]
             known = ahead < gap
             instants.append(grid.instants[at] + ahead[known])
-            values.append(told.values_v[own[known]].clip(-DRIVE_LIMIT_V, DRIVE_LIMIT_V))
+            values.append(told.values_v[own[known]].clip(-MAX_COMMAND_V, MAX_COMMAND_V))
             underway[at] = True
         elif len(own):
             late_s = (told.stamps_ns[own[-1]] - marks.stamps_ns[at]) / _NS

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import DataError
 from flexarm_ident.records.holes import filled, unusable_rows
 
@@ -19,9 +20,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import BoolArray, FloatArray
 
-ARM_OUTPUTS = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
-DRIVE_LIMIT_V = 10.0
-"""Limit of our own rig's drive: beyond it the drive does not follow its command."""
+ARM_OUTPUTS = CHANNEL_NAMES
 
 
 @dataclass(frozen=True)

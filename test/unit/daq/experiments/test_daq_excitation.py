@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flexarm_core.channels import BOUND_V
 from flexarm_daq.experiments.excitation import (
-    BOUND_V,
     EXCITATIONS,
     HOLD_S,
     VARYING_HZ,

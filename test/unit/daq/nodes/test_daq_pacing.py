@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from flexarm_bags.stamped import sequence_of, stamp_of
+from flexarm_bags.sequence import sequence_of, stamp_of
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
 from support.bag_samples import START_NS, arm_state
 

@@ -44,7 +44,7 @@ _REMAINS: Final = (
 
 
 class _Examination:
-    """What is known so far of the package, the driver and the board."""
+    """Findings so far on the package, the driver and the board."""
 
     def __init__(self, settings: NidaqSettings, nidaqmx: Nidaqmx | None) -> None:
         self._settings = settings

@@ -16,8 +16,8 @@ from rclpy.parameter import Parameter
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.runs.pace import Pace
-from flexarm_bringup.runs.recorded_run import samples_hash
 from flexarm_control.design.criteria import step_figures
+from flexarm_ident.provenance import samples_hash
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 from flexarm_ident.report.content.blocks import Plots, Words
 from flexarm_ident.report.page import append_section

@@ -18,10 +18,11 @@ from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.record_place import new_record, workplace
-from flexarm_bringup.runs.recorded_run import record_run, samples_hash
+from flexarm_bringup.runs.recorded_run import record_run
 from flexarm_bringup.verbs.laboratory.options import PARAMETER_FILES, paced
 from flexarm_daq.experiments import catalogue as experiments
 from flexarm_daq.loop.limiter import LimiterSettings
+from flexarm_ident.provenance import samples_hash
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

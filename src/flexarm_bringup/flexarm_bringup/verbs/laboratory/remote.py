@@ -21,6 +21,7 @@ from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import ros_domain, session
 from flexarm_core.channels import TRAVEL_V
 from flexarm_node import qos
+from flexarm_node.waiting import has_every_reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -97,7 +98,9 @@ def reference(volts: float) -> None:
             )
         publisher = operator.node.create_publisher(Float64, f"{NAMESPACE}/reference", qos.NEWEST)
         operator.acquaint("controller")
-        operator.wait(lambda: publisher.get_subscription_count() > 0, "the controller")
+        operator.wait(
+            lambda: has_every_reader(operator.node, [publisher], least=1), "the controller"
+        )
         publisher.publish(Float64(data=volts))
         publisher.wait_for_all_acked(_ACKNOWLEDGED)
     terminal.CONSOLE.print(f"set-point {volts:g} V")

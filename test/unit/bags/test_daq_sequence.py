@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_bags.sequence import SequenceCheck
-from flexarm_bags.stamped import restamped, sequence_of, stamp_of
+from flexarm_bags.sequence import SequenceCheck, restamped, sequence_of, stamp_of
 from support.bag_samples import START_NS, Sent, arm_state, io_sample, motor_command, typestore
 
 if TYPE_CHECKING:
