@@ -1,4 +1,4 @@
-"""An acquisition between doubles of rig and link, on a clock that only waiting moves."""
+"""Acquisition between doubles of rig and link, on a clock that only waiting moves."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WAKE_UP_S = 1e-9
 
 
 class Clock:
-    """Time that passes only when somebody waits."""
+    """Clock that moves only when somebody waits."""
 
     def __init__(self) -> None:
         self.now_s = 100.0
@@ -47,7 +47,7 @@ class Clock:
 
 
 class LoggingRig:
-    """Notes every call with its instant; in virtual time sample k stands at k periods."""
+    """Rig that notes every call with its instant; in virtual time sample k stands at k periods."""
 
     def __init__(self, clock: Clock, *, virtual: bool) -> None:
         self.calls: list[tuple[str, float]] = []
@@ -87,7 +87,7 @@ class LoggingRig:
 
 
 class ScriptedLink:
-    """Answers every record with commands that arrive after their delays."""
+    """Link that answers every record with commands that arrive after their delays."""
 
     def __init__(
         self, clock: Clock, answer: Callable[[Record], Sequence[tuple[float, Command]]]
@@ -121,7 +121,7 @@ class ScriptedLink:
 
 
 class Bench:
-    """An acquisition between doubles, on a clock of its own."""
+    """Acquisition between doubles, on a clock of its own."""
 
     def __init__(
         self,

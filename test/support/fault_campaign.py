@@ -39,7 +39,7 @@ _PATIENCE_S = 120.0
 
 @dataclass(frozen=True)
 class Kill:
-    """What a killed controller left behind.
+    """Outcome of one killed controller.
 
     `periods` counts the samples at which its last command was in force.
     """
@@ -49,7 +49,7 @@ class Kill:
 
 
 class Campaign:
-    """A graph whose nodes are given faults.
+    """Graph whose nodes are given faults.
 
     Parameters
     ----------

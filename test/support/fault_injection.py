@@ -1,4 +1,4 @@
-"""One fault after the other in the sampling loop, in virtual time and in one process.
+"""Injection of faults into the sampling loop, in virtual time and in one process.
 
 The arm is the simulated one, the controller a PD law whose set-point never lets it rest, so that
 the drive is at zero only when somebody sets it there.
@@ -41,7 +41,7 @@ CASES = [
 
 @dataclass(frozen=True)
 class Injection:
-    """What came of one fault.
+    """Outcome of one fault.
 
     `periods` counts from the first sample with the fault to the one at which the drive went to
     zero for good; None if it did not.
@@ -57,7 +57,7 @@ class Injection:
 
 
 class Witness:
-    """Stands at the drive and notes what it is told."""
+    """Drive that notes its commands."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
@@ -87,7 +87,7 @@ class Witness:
 
 
 class RestlessController:
-    """Answers every sample at once: PD with friction compensation and a hasty square."""
+    """Controller of every sample: PD with friction compensation and a hasty square."""
 
     def __init__(self) -> None:
         self._answer: Command | None = None

@@ -77,7 +77,7 @@ def record(
 
 
 def pulse_responses(model: control.StateSpace, count: int = 25) -> Array:
-    """Markov parameters D, CB, CAB, ...: they do not depend on the realisation."""
+    """Return the Markov parameters D, CB, CAB, ...: they do not depend on the realisation."""
     x, responses = np.asarray(model.B), [np.asarray(model.D)]
     for _ in range(count):
         responses.append(model.C @ x)

@@ -57,7 +57,7 @@ class Module:
 
     @cached_property
     def imported(self) -> frozenset[str]:
-        """Every dotted name that the file imports, at its top, late, or for its types only."""
+        """Dotted names that the file imports, at its top, late, or for its types only."""
         return frozenset(_imported(ast.walk(self.tree)))
 
     @cached_property

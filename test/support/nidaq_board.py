@@ -1,4 +1,4 @@
-"""A data acquisition board with the arm behind it, for the double of its driver's API."""
+"""Data acquisition board with the arm behind it, for the double of its driver's API."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Write(NamedTuple):
 
 
 class VirtualClock:
-    """A clock that moves only when somebody sleeps."""
+    """Clock that moves only when somebody sleeps."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
@@ -41,7 +41,7 @@ class VirtualClock:
 
 
 class RealClock:
-    """The clock of the machine."""
+    """Clock of the machine."""
 
     def __call__(self) -> float:
         """Return the time."""
@@ -91,7 +91,7 @@ class Board:
 
     @property
     def command_v(self) -> float:
-        """What the drive does with the two voltages."""
+        """Command that the drive makes of the two voltages."""
         magnitude_v = max(0.0, self.outputs_v[f"{self.name}/ao0"])
         high = self.outputs_v[f"{self.name}/ao1"] > 2.5
         return magnitude_v if high != self._low_is_positive else -magnitude_v

@@ -1,4 +1,4 @@
-"""A double of the part of `nidaqmx` that flexarm uses, on boards of `nidaq_board`.
+"""Double of the part of `nidaqmx` that flexarm uses, on boards of `nidaq_board`.
 
 It keeps the rules that the package and its driver have: names must exist, a channel belongs to one
 running task, a task is used up by `close`, samples come by the board's clock and are lost when the
@@ -54,15 +54,15 @@ class Error(Exception):
 
 
 class DaqNotFoundError(Error):
-    """The driver is not installed."""
+    """Missing driver."""
 
 
 class DaqNotSupportedError(Error):
-    """There is no driver for the platform."""
+    """Platform without a driver."""
 
 
 class DaqError(Error):
-    """An error of the driver, by number."""
+    """Error of the driver, by its number."""
 
     def __init__(self, message: str, error_code: int, task_name: str = "") -> None:
         self.error_code = error_code
@@ -81,7 +81,7 @@ class TerminalConfiguration(Enum):
 
 
 class AcquisitionType(Enum):
-    """How many samples a task takes."""
+    """Number of samples that a task takes."""
 
     FINITE = 10178
     CONTINUOUS = 10123
@@ -101,7 +101,7 @@ class VoltageUnits(Enum):
 
 
 class Fault(NamedTuple):
-    """One call site that fails: from its n-th call on, a number of times."""
+    """Call site that fails: from its n-th call on, a number of times."""
 
     site: str
     code: int
@@ -110,7 +110,7 @@ class Fault(NamedTuple):
 
 
 class NidaqmxDouble:
-    """Stands in for the module `nidaqmx`."""
+    """Double of the module `nidaqmx`."""
 
     def __init__(self, *boards: Board) -> None:
         self.boards = {board.name: board for board in boards}

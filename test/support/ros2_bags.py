@@ -1,7 +1,8 @@
 """Bags as `ros2 bag record` of Humble and Jazzy lays them out, written with the mcap library.
 
-What differs from our own: log time is when the recorder got a message, chunks are large, the
-metadata states the QoS as the recorder knows it, and the files may be split or compressed.
+They differ from our own: log time is the instant at which the recorder got a message, chunks are
+large, the metadata states the QoS as the recorder knows it, and the files may be split or
+compressed.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ RECEIVED_NS = 350_000
 
 @dataclass(frozen=True)
 class Layout:
-    """One way to record."""
+    """Way to record."""
 
     version: int = 9
     compression: CompressionType = CompressionType.ZSTD

@@ -121,7 +121,7 @@ def claim_domain() -> tuple[int, int]:
 
 
 class Process:
-    """One started program and what it prints."""
+    """Started program and its output."""
 
     def __init__(self, command: list[str], log: Path, environment: Mapping[str, str]) -> None:
         self.log = log
@@ -168,7 +168,7 @@ class Process:
 
 
 class Graph:
-    """One ROS domain: nodes as processes, and an operator in this process."""
+    """ROS domain: nodes as processes, and an operator in this process."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -329,7 +329,7 @@ def declarations(bag: Path) -> list[tuple[str, str, bool]]:
 
 
 class States:
-    """The samples of a bag, as recorded."""
+    """Samples of a bag, as recorded."""
 
     def __init__(self, bag: Path, topic: str = "/flexarm/state") -> None:
         with AnyReader([bag]) as reader:
@@ -356,5 +356,5 @@ class States:
 
     @property
     def command_v(self) -> NDArray[np.float64]:
-        """The command in force at each sample."""
+        """Command in force at each sample, V."""
         return self.volts[:, 4]

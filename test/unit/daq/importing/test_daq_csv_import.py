@@ -87,8 +87,8 @@ def test_import___rate_instead_of_time___uses_the_rate(tmp_path: Path) -> None:
 
     summary = import_csv(file, mapping, tmp_path / "bag", typestore=typestore())
 
-    assert summary.rate_hz == 12.5
-    assert read_bag(tmp_path / "bag").dt_s == 0.08
+    assert summary.rate_hz == pytest.approx(12.5)
+    assert read_bag(tmp_path / "bag").dt_s == pytest.approx(0.08)
 
 
 def test_import___times_printed_with_few_digits___give_the_whole_rate(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_import___times_printed_with_few_digits___give_the_whole_rate(tmp_path: 
 
     summary = import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
-    assert summary.rate_hz == 300.0
+    assert summary.rate_hz == pytest.approx(300.0, rel=1e-12)
 
 
 def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Path) -> None:

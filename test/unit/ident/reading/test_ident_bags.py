@@ -294,7 +294,7 @@ def test_period___one_period_without_sample___does_not_move_it_and_is_reported(
 
     reading = read_bag_report(write_bag(tmp_path / "run", states))
 
-    assert reading.data.dt_s == 0.002
+    assert reading.data.dt_s == pytest.approx(0.002, rel=1e-9)
     (warning,) = reading.warnings
     assert warning.startswith("1 of 9 samples are missing, in 1 holes")
 
@@ -338,7 +338,7 @@ def test_read___channel_info_with_another_rate___believes_the_stamps(tmp_path: P
 
     reading = read_bag_report(write_bag(tmp_path / "run", [info, *samples]))
 
-    assert reading.data.dt_s == 0.002
+    assert reading.data.dt_s == pytest.approx(0.002, rel=1e-9)
     assert reading.warnings == ("ChannelInfo says 100 Hz, the stamps 500 Hz: used the stamps",)
 
 

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+from flexarm_bringup.console.terminal import (
+    error_table,
+    friction_table,
+    mode_table,
+    progress_bar,
+)
+
+if TYPE_CHECKING:
+    import pytest
+    from rich.table import Table
+
+
+def cells(table: Table) -> list[tuple[str, ...]]:
+    """Return the rows of a table."""
+    return list(zip(*(column.cells for column in table.columns), strict=True))
+
+
+def mode(frequency_hz: float, mrm_rank: int, *, kept: bool) -> Any:  # noqa: ANN401 - a double
+    weights = {"mrm": 0.5, "mrm_rank": mrm_rank, "msv": 2.0, "msv_rank": 1}
+    return SimpleNamespace(frequency_hz=frequency_hz, damping_ratio=0.05, kept=kept, **weights)
+
+
+def test_mode_table___modes___stand_by_their_mrm_rank() -> None:
+    rows = cells(mode_table([mode(9.4, 2, kept=False), mode(0.0, 1, kept=True)]))
+    assert rows == [
+        ("real", "0.0500", "0.5", "1", "2", "1", "yes"),
+        ("9.400", "0.0500", "0.5", "2", "2", "1", ""),
+    ]
+
+
+def test_error_table___errors___have_a_column_for_each_output() -> None:
+    rows = cells(error_table(["position_v"], [("data (DMV)", [0.25, 0.125])]))
+    assert rows == [("data (DMV)", "0.2500", "0.1250")]
+
+
+def test_friction_table___levels___have_their_scatter_and_unit() -> None:
+    parameters = {
+        "models.arm.input_names": ["current1_a"],
+        "models.arm.friction_level": [0.15],
+        "models.arm.friction_level_std": [0.01],
+        "models.arm.friction_offset": [0.0],
+        "models.arm.friction_offset_std": [0.002],
+    }
+    assert cells(friction_table(parameters)) == [("current1_a", "0.15 ± 0.01", "0 ± 0.002", "A")]
+    assert friction_table({"models.arm.dt": 0.01}).row_count == 0
+
+
+def test_progress_bar___without_a_terminal___prints_a_line_for_each_tenth(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with progress_bar("recording", 40) as show:
+        for done in range(13):
+            show(done)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == [
+        "    0 % recording",
+        "   10 % recording",
+        "   20 % recording",
+        "   30 % recording",
+    ]
