@@ -13,7 +13,7 @@ from flexarm_control.references import build_reference
 from flexarm_control.simulation import simulate
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_ident.reading.alignment import arm_reading
+from flexarm_ident.reading.alignment import arm_alignment
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 
 if TYPE_CHECKING:
@@ -208,4 +208,5 @@ def read(run: Run, name: str) -> IoData:
             "compensation_v": run.answers[:, 1],
         },
     )
-    return arm_reading(state, None, lambda: [commands], declared=[True], source=name).data
+    aligned = arm_alignment(lambda: [state], lambda: [commands], source=name)
+    return aligned.reading(state, declared=[True]).data

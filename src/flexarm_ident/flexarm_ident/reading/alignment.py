@@ -1,17 +1,23 @@
-"""From recorded columns to an experiment's record: which input acts on which sample, and when."""
+"""Alignment of recorded messages: which input acts on which sample of a record, and when.
+
+The messages come as a whole or in pieces; the rows are the same.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from flexarm_core.errors import DataError
-from flexarm_ident.reading.loop_kind import loop_kind
+from flexarm_ident.reading.stream import Header
 from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_rows, timetable
 from flexarm_ident.records.iodata import ARM_OUTPUTS, DataWarning, IoData
 from flexarm_ident.records.source import joined
+from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
+from flexarm_ident.subspace.gram import stretches
+from flexarm_ident.subspace.loop_test import is_closed_loop
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -21,10 +27,13 @@ if TYPE_CHECKING:
     from flexarm_bags.reader import Channels, Recorded
     from flexarm_core.arrays import FloatArray
 
+    Rows: TypeAlias = tuple[FloatArray, FloatArray]
+    Pieces: TypeAlias = Callable[[], Iterable[Recorded]]
+    """Starts to read the messages of a topic, in the order of sending."""
+
 # A declared rate further off than this from the stamps is worth a warning.
 RATE_TOLERANCE = 1e-2
 _NS = 1_000_000_000
-_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -58,121 +67,108 @@ class BagReading:
         return tuple(notice.text for notice in self.data.notices)
 
 
-@dataclass(frozen=True)
-class Header:
-    """What is known of a record beside its rows: fields of `IoData` of the same names."""
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """Places of a topic's messages in the record.
 
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    dt_s: float
-    closed_loop: bool | None
-    source: str
-    notices: tuple[DataWarning, ...]
-
-    def record(self, u: FloatArray, y: FloatArray, **others: Any) -> IoData:  # noqa: ANN401
-        """Return inputs and outputs, and other fields of `IoData`, as a record."""
-        return IoData(u, y, **{**vars(self), **others})
-
-
-def marks(pieces: Iterable[Recorded]) -> Marks:
-    """Return numbers and stamps of messages that pass by in pieces.
-
-    Raises
-    ------
-    DataError
-        If there are no messages.
-    """
-    columns = [
-        (
-            piece.integer("sequence"),
-            piece.stamps_ns(),
-            piece.integer("command_sequence")
-            if piece.has("command_sequence")
-            else np.zeros(len(piece), dtype=np.int64),
-        )
-        for piece in pieces
-    ]
-    if not sum(len(sequence) for sequence, _, _ in columns):
-        raise DataError("no messages on the topic")
-    return Marks(*(np.concatenate(each) for each in zip(*columns, strict=True)))
-
-
-def answers(pieces: Iterable[Recorded], numbers: NDArray[np.int64]) -> Answers:
-    """Return what the drive was told in answer to some samples.
-
-    Parameters
+    Attributes
     ----------
-    pieces
-        ``MotorCommand`` messages.
-    numbers : (ranges, 2)
-        Rising ranges of numbers of samples, the second one exclusive.
-
-    Returns
-    -------
-    Answers
-        The commands that answer samples of these numbers.
-    """
-    integers: list[NDArray[np.int64]] = [np.empty((0, 3), dtype=np.int64)]
-    values_v: list[FloatArray] = [np.empty((0, 2))]
-    for piece in pieces:
-        answered = piece.integer("state_sequence")
-        within = np.searchsorted(numbers[:, 0], answered, side="right") - 1
-        asked = (within >= 0) & (answered < numbers[within.clip(min=0), 1])
-        told = np.column_stack([piece.integer("sequence"), answered, piece.stamps_ns()])
-        integers.append(told[asked])
-        compensation_v = piece.real("compensation_v")
-        command_v = piece.real("effort_v") + compensation_v
-        values_v.append(np.column_stack([command_v, compensation_v])[asked])
-    sequence, state_sequence, stamps_ns = np.concatenate(integers).T
-    return Answers(sequence, state_sequence, stamps_ns, np.concatenate(values_v))
-
-
-def arm_timetable(found: Marks, commands: Callable[[], Iterable[Recorded]]) -> Timetable:
-    """Return the timetable of ``ArmState`` messages: their inputs stand in the messages behind.
-
-    Parameters
-    ----------
-    found
-        Their numbers and stamps.
-    commands
-        Starts to read the ``MotorCommand`` messages; called where there are holes.
-
-    Returns
-    -------
-    Timetable
+    header : Header
+        Facts of the record; of our own rig without the kind of its loop.
+    marks : Marks
+        Numbers and stamps of the messages.
+    table : Timetable
         Where the samples stand.
+    is_arm : bool
+        The messages are ``ArmState``, else ``IoSample``.
     """
-    return timetable(found, answers=lambda numbers: answers(commands(), numbers), input_behind=True)
 
+    header: Header
+    marks: Marks
+    table: Timetable
+    is_arm: bool
 
-def arm_rows(
-    table: Timetable, pieces: Iterable[Recorded]
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Return command with compensation, and outputs, from ``ArmState``; rows of the grid."""
-    columns = (
-        (
-            np.column_stack([piece.real("command_v"), piece.real("compensation_v")]),
-            np.column_stack([piece.real(name) for name in ARM_OUTPUTS]),
+    def commanded(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
+        """Return inputs, with compensation, and outputs; rows of the grid."""
+        width = len(self.header.inputs)
+        return ((u[:, :width], y) for u, y in self._rows(pieces))
+
+    def efforts(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
+        """Return inputs, without compensation, and outputs; rows of the grid."""
+        if not self.is_arm:
+            return self._rows(pieces)
+        return ((u[:, :1] - u[:, 1:], y) for u, y in self._rows(pieces))
+
+    def loop_kind(self, declared: Sequence[bool], pieces: Pieces) -> bool | None:
+        """Return whether the inputs were computed from the outputs; None when it is not known.
+
+        Parameters
+        ----------
+        declared : sequence of bool
+            Of everybody who commanded, whether the outputs were used; empty when nobody told.
+        pieces : callable
+            Starts to read the messages, to judge by where nobody told.
+        """
+        if not self.is_arm:
+            return self.header.closed_loop
+        return _loop_kind(
+            declared, lambda samples: self.header.leading(self.commanded(pieces()), samples)
         )
-        for piece in pieces
-    )
-    return record_rows(table, columns)
+
+    def reading(
+        self,
+        samples: Recorded,
+        *,
+        reference: Recorded | None = None,
+        declared: Sequence[bool] = (),
+    ) -> BagReading:
+        """Return the whole record in memory.
+
+        Parameters
+        ----------
+        samples : Recorded
+            All messages of the topic.
+        reference : Recorded, optional
+            ``Float64`` messages, sent before the command that answers a sample, when it changes.
+        declared : sequence of bool
+            As in `loop_kind`.
+
+        Returns
+        -------
+        BagReading
+            Of our own rig with compensation, and with reference when there is one.
+
+        Raises
+        ------
+        DataError
+            If arrays do not fit the names, or a value is not finite.
+        """
+        header = self.header
+        u, y = joined(list(self._rows([samples])))
+        lost, duration_s = self.table.grid.lost, _duration_s(self.marks.stamps_ns)
+        if not self.is_arm:
+            return BagReading(header.record(u, y), len(samples), lost, duration_s)
+        followed: FloatArray | None = None
+        odd: tuple[DataWarning, ...] = ()
+        if reference is not None and len(reference):
+            log_times_ns = samples.log_times_ns[self.table.run.messages][self.table.grid.kept]
+            followed, odd = _references(reference, self.table, log_times_ns)
+        notices = (*header.notices, *odd)
+        data = header.record(
+            u[:, :1], y, compensation=u[:, 1:], reference=followed, notices=notices
+        )
+        data = replace(data, closed_loop=_loop_kind(declared, data.head))
+        steps, in_force = np.diff(self.marks.sequence), np.diff(self.marks.command_sequence)
+        unanswered = int(np.sum((steps == 1) & (in_force < 1)))
+        return BagReading(data, len(samples), lost, duration_s, unanswered)
+
+    def _rows(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
+        columns = _arm_columns if self.is_arm else _io_columns
+        return record_rows(self.table, map(columns, pieces))
 
 
-def arm_header(table: Timetable, source: str) -> Header:
-    """Return what is known of a record of our own rig but the kind of its loop."""
-    return Header(("command_v",), ARM_OUTPUTS, table.grid.period_s, None, source, table.notices)
-
-
-def arm_reading(
-    state: Recorded,
-    reference: Recorded | None,
-    commands: Callable[[], Iterable[Recorded]],
-    *,
-    declared: Sequence[bool],
-    source: str,
-) -> BagReading:
-    """Return the record of our own rig.
+def arm_alignment(states: Pieces, commands: Pieces, *, source: str) -> Alignment:
+    """Align the messages of our own rig.
 
     ``ArmState.command_v`` is in force while a sample is taken: the answer to the sample before. The
     input that acts from sample k on stands therefore in message k + 1, and the last message gives
@@ -180,85 +176,77 @@ def arm_reading(
 
     Parameters
     ----------
-    state
-        ``ArmState`` messages in the order in which they were sent.
-    reference
-        ``Float64`` messages, sent before the command that answers a sample, when it changes.
-    commands
-        Gives the ``MotorCommand`` messages, for what the drive did while samples are missing.
-    declared
-        Of everybody who commanded, whether the commands were computed from the outputs; empty when
-        nobody declared it.
-    source
+    states : callable
+        Starts to read the ``ArmState`` messages.
+    commands : callable
+        Starts to read the ``MotorCommand`` messages, for what the drive did while samples are
+        missing; called where there are holes.
+    source : str
         Name of the record.
 
     Returns
     -------
-    BagReading
-        With compensation, and reference when there is one.
+    Alignment
+        With header and timetable.
 
     Raises
     ------
     DataError
-        If fewer than three samples follow each other or a value is not finite.
+        If fewer than three samples follow each other.
     """
-    found = _named(lambda: marks([state]), source)
-    table = _named(lambda: arm_timetable(found, commands), source)
-    u, y = joined(list(arm_rows(table, [state])))
-    header = arm_header(table, source)
-    followed: FloatArray | None = None
-    odd: tuple[DataWarning, ...] = ()
-    if reference is not None and len(reference):
-        log_times_ns = state.log_times_ns[table.run.messages][table.grid.kept]
-        followed, odd = _references(reference, table, log_times_ns)
-    data = header.record(
-        u[:, :1], y, compensation=u[:, 1:], reference=followed, notices=(*header.notices, *odd)
+    marks = _marks(states())
+    table = timetable(
+        marks, answers=lambda numbers: _answers(commands(), numbers), input_behind=True
     )
-    data = replace(data, closed_loop=loop_kind(declared, data.head))
-    in_force = found.command_sequence
-    return BagReading(
-        data,
-        len(state),
-        table.grid.lost,
-        _duration_s(found.stamps_ns),
-        unanswered=int(np.sum((np.diff(found.sequence) == 1) & (np.diff(in_force) < 1))),
-    )
+    header = Header(("command_v",), ARM_OUTPUTS, table.grid.period_s, None, source, table.notices)
+    return Alignment(header, marks, table, is_arm=True)
 
 
-def io_timetable(found: Marks) -> Timetable:
-    """Return the timetable of ``IoSample`` messages: inputs act from their own sample on."""
-    return timetable(found, input_behind=False)
-
-
-def io_rows(
-    table: Timetable, pieces: Iterable[Recorded]
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Return u and y from ``IoSample``; rows of the grid."""
-    columns = ((piece.real("inputs"), piece.real("outputs")) for piece in pieces)
-    return record_rows(table, columns)
-
-
-def io_header(
-    table: Timetable, channels: Channels | None, widths: tuple[int, int], source: str
-) -> Header:
-    """Return what is known of a record of any rig.
+def io_alignment(samples: Pieces, channels: Channels | None, *, source: str) -> Alignment:
+    """Align the messages of any other rig; its inputs act from their own sample on.
 
     Parameters
     ----------
-    table
-        Its timetable.
-    channels
+    samples : callable
+        Starts to read the ``IoSample`` messages; NaN in an output is not measured.
+    channels : Channels or None
         Names and rate; None when they were not recorded.
-    widths
-        Number of inputs and of outputs.
-    source
+    source : str
         Name of the record.
 
     Returns
     -------
-    Header
-        With the declared rate, where it is that of the stamps.
+    Alignment
+        With header and timetable.
+
+    Raises
+    ------
+    DataError
+        If fewer than two samples follow each other.
     """
+    marks = _marks(samples())
+    table = timetable(marks, input_behind=False)
+    u, y = _io_columns(next(iter(samples())))
+    header = _io_header(table, channels, (u.shape[1], y.shape[1]), source)
+    return Alignment(header, marks, table, is_arm=False)
+
+
+def _arm_columns(piece: Recorded) -> Rows:
+    """Return command and compensation beside each other, and the outputs."""
+    return (
+        np.column_stack([piece.real("command_v"), piece.real("compensation_v")]),
+        np.column_stack([piece.real(name) for name in ARM_OUTPUTS]),
+    )
+
+
+def _io_columns(piece: Recorded) -> Rows:
+    return piece.real("inputs"), piece.real("outputs")
+
+
+def _io_header(
+    table: Timetable, channels: Channels | None, widths: tuple[int, int], source: str
+) -> Header:
+    """Return the facts of a record, with the declared rate where it is that of the stamps."""
     dt_s, notices = table.grid.period_s, list(table.notices)
     if channels is None:
         text = "no ChannelInfo was recorded: names and kind of loop are unknown"
@@ -284,45 +272,57 @@ def io_header(
     )
 
 
-def io_reading(samples: Recorded, channels: Channels | None, *, source: str) -> BagReading:
-    """Return the record of any rig; its inputs act from their own sample on.
+def _marks(pieces: Iterable[Recorded]) -> Marks:
+    """Return numbers and stamps of messages that pass by in pieces."""
+    columns = [
+        (
+            piece.integer("sequence"),
+            piece.stamps_ns(),
+            piece.integer("command_sequence")
+            if piece.has("command_sequence")
+            else np.zeros(len(piece), dtype=np.int64),
+        )
+        for piece in pieces
+    ]
+    if not sum(len(sequence) for sequence, _, _ in columns):
+        raise DataError("no messages on the topic")
+    return Marks(*(np.concatenate(each) for each in zip(*columns, strict=True)))
 
-    Parameters
-    ----------
-    samples
-        ``IoSample`` messages in the order in which they were sent; NaN in an output is not
-        measured.
-    channels
-        Names and rate; None when they were not recorded.
-    source
-        Name of the record.
 
-    Returns
-    -------
-    BagReading
-        Without compensation and reference.
+def _answers(pieces: Iterable[Recorded], numbers: NDArray[np.int64]) -> Answers:
+    """Return the recorded commands that answer samples of some rising ranges of numbers."""
+    integers: list[NDArray[np.int64]] = [np.empty((0, 3), dtype=np.int64)]
+    values_v: list[FloatArray] = [np.empty((0, 2))]
+    for piece in pieces:
+        answered = piece.integer("state_sequence")
+        within = np.searchsorted(numbers[:, 0], answered, side="right") - 1
+        asked = (within >= 0) & (answered < numbers[within.clip(min=0), 1])
+        told = np.column_stack([piece.integer("sequence"), answered, piece.stamps_ns()])
+        integers.append(told[asked])
+        compensation_v = piece.real("compensation_v")
+        command_v = piece.real("effort_v") + compensation_v
+        values_v.append(np.column_stack([command_v, compensation_v])[asked])
+    sequence, state_sequence, stamps_ns = np.concatenate(integers).T
+    return Answers(sequence, state_sequence, stamps_ns, np.concatenate(values_v))
 
-    Raises
-    ------
-    DataError
-        If fewer than two samples follow each other, the arrays do not fit the names, or a value is
-        not finite.
-    """
-    found = _named(lambda: marks([samples]), source)
-    table = _named(lambda: io_timetable(found), source)
-    u, y = joined(list(io_rows(table, [samples])))
-    header = io_header(table, channels, (u.shape[1], y.shape[1]), source)
-    return BagReading(
-        header.record(u, y), len(samples), table.grid.lost, _duration_s(found.stamps_ns)
+
+def _loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> bool | None:
+    """Return whether somebody closed the loop: as declared, else judged by the first samples."""
+    if declared:
+        return any(declared)
+    record = judged(BACKGROUND_SAMPLES)
+    longest = max(stretches(record.y_usable), key=lambda rows: rows.stop - rows.start, default=None)
+    if longest is None or not np.any(record.u):
+        return None
+    return is_closed_loop(
+        IoData(
+            record.u[longest],
+            record.y[longest],
+            dt_s=record.dt_s,
+            inputs=record.inputs,
+            outputs=record.outputs,
+        )
     )
-
-
-def _named(work: Callable[[], _Result], source: str) -> _Result:
-    """Do work whose errors do not name the record."""
-    try:
-        return work()
-    except DataError as error:
-        raise DataError(f"{source}: {error}") from error
 
 
 def _duration_s(stamps_ns: NDArray[np.int64]) -> float:

@@ -7,33 +7,20 @@ sending. Which input acts on which sample is decided in :mod:`flexarm_ident.read
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_bags.reader import ARM_STATE, MOTOR_COMMAND, REFERENCE, opened, sibling
-from flexarm_core.errors import BagError, DataError
-from flexarm_ident.reading.alignment import (
-    BagReading,
-    arm_header,
-    arm_reading,
-    arm_rows,
-    arm_timetable,
-    io_header,
-    io_reading,
-    io_rows,
-    io_timetable,
-    marks,
-)
-from flexarm_ident.reading.loop_kind import loop_kind
-from flexarm_ident.reading.stream import leading_rows, open_stream
+from flexarm_ident.reading.alignment import arm_alignment, io_alignment
+from flexarm_ident.reading.stream import BagStream
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
+    from flexarm_bags.reader import Bag, Recorded
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.reading.stream import BagStream
+    from flexarm_ident.reading.alignment import Alignment, BagReading, Pieces
     from flexarm_ident.records.iodata import IoData
 
 
@@ -81,20 +68,15 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
     BagError
         If the bag is missing, damaged, or holds no usable samples.
     """
-    path = Path(uri)
-    with opened(path) as bag:
+    with opened(Path(uri)) as bag:
         chosen = bag.choose(topic)
-        if bag.types[chosen] == ARM_STATE:
-            return arm_reading(
-                bag.recorded(chosen),
-                bag.optional(sibling(chosen, "reference"), REFERENCE),
-                partial(bag.every, sibling(chosen, "command"), MOTOR_COMMAND),
-                declared=bag.declared_loops(chosen),
-                source=str(path),
-            )
-        return io_reading(
-            bag.recorded(chosen), bag.channels(sibling(chosen, "io_channels")), source=str(path)
-        )
+        samples = bag.recorded(chosen)
+        commands = partial(bag.every, sibling(chosen, "command"), MOTOR_COMMAND)
+        aligned = _aligned(bag, chosen, lambda: [samples], commands)
+        if not aligned.is_arm:
+            return aligned.reading(samples)
+        reference = bag.optional(sibling(chosen, "reference"), REFERENCE)
+        return aligned.reading(samples, reference=reference, declared=bag.declared_loops(chosen))
 
 
 def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
@@ -121,42 +103,20 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
         If the bag is missing, damaged, not chunked and indexed, or holds no usable samples.
     """
     path = Path(uri)
-    source = str(path)
     with opened(path) as bag:
         chosen = bag.choose(topic)
-        is_arm = bag.types[chosen] == ARM_STATE
-        found = marks(bag.pieces(chosen))
-        if is_arm:
-            command = sibling(chosen, "command")
-            commanded = bag.has(command, MOTOR_COMMAND)
-            table = arm_timetable(found, lambda: bag.pieces(command) if commanded else ())
-            header, declared = arm_header(table, source), bag.declared_loops(chosen)
-        else:
-            table = io_timetable(found)
-            first = next(bag.pieces(chosen))
-            widths = (first.real("inputs").shape[1], first.real("outputs").shape[1])
-            header = io_header(table, bag.channels(sibling(chosen, "io_channels")), widths, source)
+        pieces = partial(bag.pieces, chosen)
+        aligned = _aligned(bag, chosen, pieces, lambda: _command_pieces(bag, chosen))
+        header = aligned.header
+        header.check(aligned.efforts(pieces()))
+        closed_loop = aligned.loop_kind(bag.declared_loops(chosen), pieces)
 
-    def rows() -> Iterator[tuple[FloatArray, FloatArray]]:
+    def efforts() -> Iterator[tuple[FloatArray, FloatArray]]:
         with opened(path) as bag:
-            if not is_arm:
-                yield from io_rows(table, bag.pieces(chosen))
-                return
-            for u, y in arm_rows(table, bag.pieces(chosen)):
-                yield u[:, :1] - u[:, 1:], y
+            yield from aligned.efforts(bag.pieces(chosen))
 
-    def judged(samples: int) -> IoData:
-        with opened(path) as bag:
-            commanded = ((u[:, :1], y) for u, y in arm_rows(table, bag.pieces(chosen)))
-            return leading_rows(header, commanded, samples)
-
-    try:
-        stream = open_stream(header, table.rows, rows)
-    except DataError as error:
-        raise BagError(str(error)) from error
-    if not is_arm:
-        return stream
-    return replace(stream, header=replace(header, closed_loop=loop_kind(declared, judged)))
+    facts = {**header.facts, "closed_loop": closed_loop}
+    return BagStream(**facts, _rows=aligned.table.rows, _open=efforts)
 
 
 def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
@@ -181,3 +141,15 @@ def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
     """
     with opened(Path(uri)) as bag:
         return bag.count(bag.choose(topic))
+
+
+def _aligned(bag: Bag, topic: str, samples: Pieces, commands: Pieces) -> Alignment:
+    source = str(bag.path)
+    if bag.types[topic] == ARM_STATE:
+        return arm_alignment(samples, commands, source=source)
+    return io_alignment(samples, bag.channels(sibling(topic, "io_channels")), source=source)
+
+
+def _command_pieces(bag: Bag, topic: str) -> Iterable[Recorded]:
+    command = sibling(topic, "command")
+    return bag.pieces(command) if bag.has(command, MOTOR_COMMAND) else ()

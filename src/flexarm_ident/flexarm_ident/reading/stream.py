@@ -1,143 +1,127 @@
-"""A recorded experiment that is read piece by piece, for records larger than memory.
+"""Record of a bag that is read piece by piece, for records larger than memory.
 
 What is kept in memory of a whole record are the instants of its samples.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm_core.errors import DataError
 from flexarm_ident.records.holes import CONTEXT, filled_pieces
+from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.source import even_chunks, joined
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.reading.alignment import Header
-    from flexarm_ident.records.iodata import DataWarning, IoData
+    from flexarm_ident.records.iodata import DataWarning
 
     Rows = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class BagStream:
-    """The record of a bag as a `Source`: what `read_bag` gives, without the compensation.
+class Header:
+    """Facts of a record beside its rows.
 
     Attributes
     ----------
-    header : Header
-        Names, period, kind of loop and notices.
+    inputs, outputs, dt_s, closed_loop, source, notices
+        As in `IoData`.
     """
 
-    header: Header
-    _rows: int = field(repr=False)
-    _open: Callable[[], Iterator[Rows]] = field(repr=False)
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
-        return self.header.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        return self.header.outputs
-
-    @property
-    def dt_s(self) -> float:
-        """Sampling period."""
-        return self.header.dt_s
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    dt_s: float
+    closed_loop: bool | None
+    source: str
+    notices: tuple[DataWarning, ...]
 
     @property
     def label(self) -> str:
         """Name of the record in messages."""
-        return self.header.source
+        return self.source
 
     @property
-    def closed_loop(self) -> bool | None:
-        """Whether the inputs were computed from the outputs; None when it is not known."""
-        return self.header.closed_loop
+    def facts(self) -> dict[str, Any]:
+        """The fields by their names."""
+        return {each.name: getattr(self, each.name) for each in fields(Header)}
 
-    @property
-    def notices(self) -> tuple[DataWarning, ...]:
-        """What the user should know."""
-        return self.header.notices
+    def record(self, u: FloatArray, y: FloatArray, **others: Any) -> IoData:  # noqa: ANN401
+        """Return inputs and outputs, and other fields of `IoData`, as a record."""
+        return IoData(u, y, **{**self.facts, **others})
+
+    def leading(self, pieces: Iterable[Rows], samples: int) -> IoData:
+        """Return the first rows of a record that passes by in pieces, without compensation.
+
+        Raises
+        ------
+        DataError
+            If names do not fit, or a value is not finite.
+        """
+        # Rows behind the last one tell how a hole before it is filled.
+        taken, left = [], samples + CONTEXT
+        for u, y in pieces:
+            taken.append((u[:left], y[:left]))
+            left -= len(u)
+            if left <= 0:
+                break
+        return self.record(*joined(taken)).head(samples)
+
+    def check(self, pieces: Iterable[Rows]) -> None:
+        """Go through a record once, to see that it can be used.
+
+        Parameters
+        ----------
+        pieces : iterable of (u, y)
+            All its rows; NaN in y is not measured.
+
+        Raises
+        ------
+        DataError
+            If names do not fit, an input is not finite, an output is infinite or was never
+            measured.
+        """
+        first = 0
+        measured = np.zeros(len(self.outputs), dtype=np.bool_)
+        for u, y in pieces:
+            if (u.shape[1], y.shape[1]) != (len(self.inputs), len(self.outputs)):
+                raise DataError(
+                    f"{self.source}: {u.shape[1]} inputs and {y.shape[1]} outputs, but "
+                    f"{len(self.inputs)} and {len(self.outputs)} names"
+                )
+            for names, wrong in ((self.inputs, ~np.isfinite(u)), (self.outputs, np.isinf(y))):
+                bad = np.argwhere(wrong)
+                if len(bad):
+                    row, channel = bad[0]
+                    raise DataError(
+                        f"{self.source}: {names[channel]} is not finite in row {first + row}"
+                    )
+            measured |= ~np.isnan(y).all(axis=0)
+            first += len(u)
+        for name, ever in zip(self.outputs, measured, strict=True):
+            if not ever:
+                raise DataError(f"{self.source}: {name} was never measured: leave it out")
+
+
+@dataclass(frozen=True, eq=False)
+class BagStream(Header):
+    """The record of a bag as a `Source`: what `read_bag` gives, without the compensation."""
+
+    _rows: int = field(repr=False)
+    _open: Callable[[], Iterator[Rows]] = field(repr=False)
 
     def __len__(self) -> int:
         return self._rows
 
     def head(self, samples: int) -> IoData:
         """Return the first `samples` samples as a record in memory (all if there are fewer)."""
-        return leading_rows(self.header, self._open(), samples)
+        return self.leading(self._open(), samples)
 
     def chunks(self, samples: int) -> Iterator[Rows]:
         """Return u and y from the start, `samples` rows each, as `Samples.chunks` says."""
         return even_chunks(filled_pieces(self._open()), samples)
-
-
-def leading_rows(header: Header, pieces: Iterator[Rows], samples: int) -> IoData:
-    """Return the first rows of a record that passes by in pieces, without compensation.
-
-    Raises
-    ------
-    DataError
-        If names do not fit, or a value is not finite.
-    """
-    # Rows behind the last one tell how a hole before it is filled.
-    taken, left = [], samples + CONTEXT
-    for u, y in pieces:
-        taken.append((u[:left], y[:left]))
-        left -= len(u)
-        if left <= 0:
-            break
-    return header.record(*joined(taken)).head(samples)
-
-
-def open_stream(header: Header, rows: int, pieces: Callable[[], Iterator[Rows]]) -> BagStream:
-    """Go through a record once, to see that it can be used, and return the source.
-
-    Parameters
-    ----------
-    header
-        What is known of the record.
-    rows
-        Rows that it has.
-    pieces
-        Starts to go through its rows; NaN in y is not measured.
-
-    Returns
-    -------
-    BagStream
-        The record.
-
-    Raises
-    ------
-    DataError
-        If names do not fit, an input is not finite, an output is infinite or was never measured.
-    """
-    first = 0
-    measured = np.zeros(len(header.outputs), dtype=np.bool_)
-    for u, y in pieces():
-        if (u.shape[1], y.shape[1]) != (len(header.inputs), len(header.outputs)):
-            raise DataError(
-                f"{header.source}: {u.shape[1]} inputs and {y.shape[1]} outputs, but "
-                f"{len(header.inputs)} and {len(header.outputs)} names"
-            )
-        for names, wrong in ((header.inputs, ~np.isfinite(u)), (header.outputs, np.isinf(y))):
-            bad = np.argwhere(wrong)
-            if len(bad):
-                row, channel = bad[0]
-                raise DataError(
-                    f"{header.source}: {names[channel]} is not finite in row {first + row}"
-                )
-        measured |= ~np.isnan(y).all(axis=0)
-        first += len(u)
-    for name, ever in zip(header.outputs, measured, strict=True):
-        if not ever:
-            raise DataError(f"{header.source}: {name} was never measured: leave it out")
-    return BagStream(header, rows, pieces)

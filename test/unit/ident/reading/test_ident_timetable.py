@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexarm_bags.reader import Recorded
-from flexarm_ident.reading.alignment import arm_reading
+from flexarm_ident.reading.alignment import arm_alignment
 from flexarm_ident.records.iodata import ARM_OUTPUTS, IoData
 
 START_NS = 1_700_000_000_000_000_000
@@ -45,7 +45,8 @@ def commands(
 
 def read(state: Recorded, command: Recorded | None) -> IoData:
     told = [] if command is None else [command]
-    return arm_reading(state, None, lambda: told, declared=[True], source="run").data
+    aligned = arm_alignment(lambda: [state], lambda: told, source="run")
+    return aligned.reading(state, declared=[True]).data
 
 
 def loop() -> tuple[np.ndarray, np.ndarray]:
