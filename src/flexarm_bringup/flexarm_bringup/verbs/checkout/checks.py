@@ -27,7 +27,7 @@ _READ = (
 )
 _QUICK = (
     *_READ,
-    ("unit tests", ("pytest", "--numprocesses", "auto", "-m", "not slow", "test/unit")),
+    ("unit tests", ("pytest", "-n", "auto", "-m", "not slow", "test/unit", "test/architecture")),
 )
 _ALL = (
     *_READ,

@@ -31,7 +31,7 @@ def test_quick___runs_no_slow_and_no_system_test(commands: list[list[str]]) -> N
     result = CliRunner().invoke(verb, ["--quick"])
     assert result.exit_code == 1
     assert [tool for tool, *_ in commands] == ["ruff", "ruff", "mypy", "pytest", "pytest"]
-    assert commands[-1][-3:] == ["-m", "not slow", "test/unit"]
+    assert commands[-1][-4:] == ["-m", "not slow", "test/unit", "test/architecture"]
     assert "left out: tests marked slow" in result.output
     assert "failed: format" in result.output
 
