@@ -137,7 +137,7 @@ def broken_rigs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Campaign]:
         ("short_read", 0, "inactive", "short reading: 3 of 4 channels"),
         ("frozen_time", 0, "inactive", "clock does not go on"),
         ("write_error", MAX_AGE_PERIODS, "inactive", "the command could not be written"),
-        ("exception", 0, "inactive", r"ArithmeticError: injected.* \(faulty_rig\.py:\d+\)"),
+        ("exception", 0, "inactive", r"ArithmeticError: injected.* \(faulty\.py:\d+\)"),
     ],
 )
 def test_broken_rig___takes_the_drive_to_zero_and_says_why(
