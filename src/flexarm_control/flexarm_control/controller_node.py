@@ -8,6 +8,7 @@ drive at zero.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from std_msgs.msg import Float64
@@ -160,6 +161,9 @@ class ControllerNode(AnsweringNode):
 
     def prepare(self) -> None:
         """Make ready for a run, and tell the set-point."""
+        # Loaded before the loop: a law set during the run may be designed with it, and to load it
+        # then would cost the loop periods.
+        import_module("control")
         super().prepare()
         self._handover = Handover(self._setup.law)
         self._rate = SampleRate()
