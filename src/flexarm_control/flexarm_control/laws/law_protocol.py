@@ -38,6 +38,7 @@ class Effort(NamedTuple):
 
 
 NO_EFFORT = Effort(0.0, 0.0)
+"""Answer to a fault, known by identity: `Handover` drops its fade at it, not at a zero effort."""
 
 
 def limited(effort_v: float, compensation_v: float = 0.0) -> Effort:

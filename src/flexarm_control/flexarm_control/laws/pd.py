@@ -6,12 +6,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from flexarm_control.laws.gains import Coulomb, PdGains
-from flexarm_control.laws.law_protocol import NO_EFFORT, limited
+from flexarm_control.laws.law_protocol import Effort, limited
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from flexarm_control.laws.law_protocol import Effort
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,7 @@ class Pd:
         """Answer one sample; see `Law.step`."""
         effort_v = self.gains.kp * (reference_v - volts[0]) - self.gains.kd * volts[3]
         if effort_v == 0.0:
-            return NO_EFFORT
+            return Effort(0.0, 0.0)
         level_v = self.coulomb.compensation_v
         return limited(effort_v, level_v if effort_v > 0.0 else -level_v)
 
