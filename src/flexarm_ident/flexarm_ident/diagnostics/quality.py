@@ -1,4 +1,4 @@
-"""Data honesty: what a record cannot carry, as named warnings with figures."""
+"""Quality warnings of records, with their names and figures."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _NEIGHBOURS = 3
 def assess(
     records: Sequence[IoData], gram: BlockGram, *, feedthrough: bool = False
 ) -> tuple[DataWarning, ...]:
-    """Return what is wrong with the data of an identification.
+    """Return the defects of an identification's data; none for good data.
 
     Parameters
     ----------
@@ -56,13 +56,11 @@ def assess(
     feedthrough : bool
         Whether D is fitted.
 
-    Returns
-    -------
-    tuple of DataWarning
-        ``feedback``, ``input_condition``, ``too_short`` once; what each record brings with it, such
-        as ``lost_samples`` and ``clock_jitter`` from a bag; ``constant_channel``, ``offset``,
+    Returns ------- tuple of DataWarning
+        ``feedback``, ``input_condition``, ``too_short`` once; the notices of each record, such as
+        ``lost_samples`` and ``clock_jitter`` from a bag; ``constant_channel``, ``offset``,
         ``saturation``, ``dead_sensor``, ``duplicated_channel`` and ``excitation_band`` per record
-        and channel. Empty for good data.
+        and channel.
     """
     found = [*_feedback(records, gram, feedthrough=feedthrough), *_conditions(gram, records)]
     for record in records:
@@ -78,9 +76,9 @@ def assess(
 def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
     """Return the band in which one input has power, and the excited share of all frequencies.
 
-    A frequency counts when the density of the input, or that of its increments, comes within 40 dB
-    of its own maximum: steps excite high frequencies by their edges, however small their part of
-    the power is.
+    A frequency counts when the density of the input, or that of its increments, is within 40 dB of
+    its own maximum. Steps excite high frequencies by their edges, however small their part of the
+    power is.
 
     Parameters
     ----------
@@ -94,7 +92,7 @@ def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
     float, float
         Lowest and highest excited frequency, in hertz; both zero when there is none.
     float
-        Part of the frequencies up to Nyquist that are excited.
+        Excited share of the frequencies up to Nyquist.
     """
     length = min(len(u), max(256, min(len(u) // 8, 4096)))
     # Parts from all over a long record are enough.
@@ -272,7 +270,7 @@ def _named(record: IoData) -> list[tuple[str, FloatArray]]:
 
 
 def _look(x: FloatArray) -> FloatArray:
-    """Return a few samples from all over a signal: a defect of all of it shows in them."""
+    """Return a few samples from all over a signal, which show a defect of the whole signal."""
     return x[:: max(1, len(x) // _LOOK)]
 
 
@@ -287,7 +285,7 @@ def _correlation(x: FloatArray, y: FloatArray) -> float:
 
 
 def _constant_share(x: FloatArray) -> float:
-    """Return the part of the samples that are all the same, rounding apart; 0 if it is small."""
+    """Return the share of equal samples, rounding apart; 0 if it is small."""
     some = _look(x)
     usual = np.median(some)
     near = _ROUNDING * abs(usual)
@@ -297,10 +295,10 @@ def _constant_share(x: FloatArray) -> float:
 
 
 def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
-    """Return the part of the samples in which a signal is cut off at its extreme; mostly zero.
+    """Return the share of samples in which a signal is cut off at its extreme; mostly zero.
 
-    A cut-off signal runs into the plateau, and there are far more samples on it than at any level
-    nearby. A signal of few levels, such as a square wave, has no extreme to speak of.
+    A clipped signal runs into the plateau, and has far more samples there than at any level nearby.
+    A signal of few levels, such as a square wave, cannot be judged.
     """
     on = x == extreme
     share = float(on.mean())

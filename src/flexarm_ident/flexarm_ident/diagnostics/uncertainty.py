@@ -1,9 +1,9 @@
 """Standard deviations of modes and of the frequency response, by a jackknife over segments.
 
-The Gram matrix of a record is the sum of those of its segments. Leaving one segment out is a
+The Gram matrix of a record is the sum of those of its segments. One segment is left out by a
 subtraction, so that many estimates, each from most of the data, cost hardly more than one. Their
-scatter is that of the estimate itself, whatever the noise is, as long as a segment is longer than
-the noise remembers.
+scatter is that of the estimate itself for noise of any kind, as long as a segment is longer than
+the memory of the noise.
 Kuensch, "The jackknife and the bootstrap for general stationary observations", Annals of
 Statistics 17 (1989).
 """
@@ -47,7 +47,7 @@ class Jackknife:
     replicates : tuple of StateMatrices
         Estimates without one segment.
     remainders : tuple of tuple of IoData
-        What each of them was made from.
+        Data of each replicate.
     """
 
     whole: StateMatrices
@@ -103,11 +103,6 @@ def jackknife(
     segments : int
         Segments of all records together; fewer when they would be shorter than `block_rows`.
 
-    Returns
-    -------
-    Jackknife
-        The estimates.
-
     Raises
     ------
     DataError
@@ -133,7 +128,7 @@ def jackknife(
 
 
 def mode_uncertainty(found: Jackknife, model: control.StateSpace) -> tuple[ModeUncertainty, ...]:
-    """Return the modes of a model with their standard deviations.
+    """Return the modes of a model with their standard deviations, in the order of `ranked_modes`.
 
     Parameters
     ----------
@@ -141,11 +136,6 @@ def mode_uncertainty(found: Jackknife, model: control.StateSpace) -> tuple[ModeU
         Estimates with and without each segment.
     model : control.StateSpace
         The model from all data, or a part of its modes.
-
-    Returns
-    -------
-    tuple of ModeUncertainty
-        One per mode, in the order of `mode_table`.
     """
     form = modal_form(model)
     own = form.eigenvalues[[group[0] for group in form.groups]]
@@ -170,23 +160,18 @@ def frequency_response_uncertainty(
 ) -> ResponseUncertainty:
     """Return the frequency response with its standard deviation.
 
-    For each replicate B, D and the initial states are fitted to what is left of the records.
+    For each replicate B, D and the initial states are fitted to the remaining data.
 
     Parameters
     ----------
     found : Jackknife
         Estimates with and without each segment.
     records : IoData or sequence of IoData
-        The records they were made from.
+        Data of the jackknife.
     frequencies_hz : array_like, (frequencies,)
         Frequencies.
     feedthrough : bool
         Fit D.
-
-    Returns
-    -------
-    ResponseUncertainty
-        Response and deviation.
     """
     grid = np.asarray(frequencies_hz, dtype=np.float64)
 
@@ -215,7 +200,7 @@ def _deviation(replicates: FloatArray | ComplexArray) -> FloatArray:
 
 
 def _without(records: Sequence[IoData], block_rows: int, segment: Segment) -> tuple[IoData, ...]:
-    """Return the records without a segment; what is left of one may be two pieces, or one."""
+    """Return the records without a segment, which leaves one or two pieces of its record."""
     record = records[segment.record]
     pieces = [
         rows(record, low, high)
@@ -226,7 +211,7 @@ def _without(records: Sequence[IoData], block_rows: int, segment: Segment) -> tu
 
 
 def _matched(own: ComplexArray, A: FloatArray) -> ComplexArray:
-    """Return the eigenvalue of A that belongs to each mode: the nearest, none twice."""
+    """Return the eigenvalue of A next to each mode, each used once."""
     eigenvalues = np.linalg.eigvals(A).astype(complex)
     upper = eigenvalues[eigenvalues.imag >= 0.0]
     if len(upper) < len(own):

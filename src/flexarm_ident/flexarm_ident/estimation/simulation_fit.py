@@ -1,9 +1,9 @@
-"""Models fitted by simulation error in place of a subspace model, where that simulates better.
+"""Models fitted by simulation error, which replace a subspace model that simulates worse.
 
-A subspace model is linear and knows no friction. What it starts is refined here: by an arm with dry
-friction, where the data have the structure of one and show friction, or by moving all its matrices.
-Either is judged by a free simulation of all records where their sensors worked, and taken only when
-it is better.
+A subspace model is linear and without friction. It is the start of two refinements: an arm with dry
+friction, where the data have its structure and show friction, or a change of all its matrices. Both
+are judged by a free simulation of all records where their sensors worked, and taken only when they
+simulate better.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def with_friction(
     """Look for dry friction and take an arm with friction where it simulates better.
 
     The test has three parts. The data have the channels of a flexible arm (`arm_layout`) and no
-    recorded compensation; a Coulomb level is above its own scatter (`estimate_coulomb`); and an arm
+    recorded compensation. A Coulomb level exceeds its own scatter (`estimate_coulomb`). An arm
     fitted with friction has a level above three of its standard deviations and simulates the
     records with a smaller sum of squared relative errors than the subspace model.
 
@@ -67,7 +67,7 @@ def with_friction(
     replaceable : bool
         Whether the model may be replaced: method and order were left open.
     progress : callable, optional
-        Called with the stage "friction" and the part that is done.
+        Called with the stage "friction" and the completed part.
 
     Returns
     -------
@@ -116,19 +116,19 @@ def with_friction(
 
 
 def refined(found: Identification, *, progress: Progress | None = None) -> Identification:
-    """Refine a linear model by its simulation error; long records by their leading parts.
+    """Refine a linear model by its simulation error over the leading parts of its records.
 
     Parameters
     ----------
     found : Identification
         Subspace model.
     progress : callable, optional
-        Called with the stage "refinement" and the part that is done.
+        Called with the stage "refinement" and the completed part.
 
     Returns
     -------
     Identification
-        The refined model; the start itself when nothing better was found over all records.
+        The refined model, or the start when it simulates all records no worse.
     """
     records = found.records
     most = -(-_REFINED_SAMPLES // len(records))

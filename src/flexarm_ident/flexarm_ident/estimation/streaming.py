@@ -93,27 +93,19 @@ class Part:
 
 
 def leading(source: Source, samples: int) -> Part:
-    """Return the first `samples` samples of a source (all of them if there are fewer)."""
+    """Return the first `samples` samples of a source, or all if there are fewer."""
     return Part(source, min(samples, len(source)), np.zeros(len(source.outputs)))
 
 
 def excerpt(source: Source, samples: int = EXCERPT_SAMPLES) -> IoData:
-    """Return the first samples of a source as a record in memory; a record as it is."""
+    """Return the first samples of a source as a record in memory; a record itself is unchanged."""
     return source if isinstance(source, IoData) else source.head(samples)
 
 
 def without_bias(source: Source) -> Part:
-    """Remove the outputs' biases as `preprocess` does by default (section 2.5).
+    """Remove the outputs' biases from a source as `preprocess` does by default (section 2.5).
 
-    Parameters
-    ----------
-    source : Source
-        Record whose inputs have no Coulomb compensation in them.
-
-    Returns
-    -------
-    Part
-        The whole record.
+    The inputs must not contain Coulomb compensation.
     """
     first = excerpt(source)
     bias = first.y[0] - preprocess(first, zero_mean=()).y[0]
@@ -126,7 +118,9 @@ def without_bias(source: Source) -> Part:
 
 
 def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -> Dmv:
-    """Compare measured outputs with a free simulation, chunk by chunk; see `validate_dmv`.
+    """Compare measured outputs with a free simulation in chunks, as `validate_dmv` does.
+
+    Only the first `EXCERPT_SAMPLES` simulated outputs are kept.
 
     Parameters
     ----------
@@ -136,11 +130,6 @@ def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -
         The record.
     x0 : ndarray, (states,)
         Initial state.
-
-    Returns
-    -------
-    Dmv
-        Errors over the whole record, and simulated outputs of the first `EXCERPT_SAMPLES`.
     """
     run = BlockSimulation(model.A, model.B, model.C, model.D, x0)
     missed, power = np.zeros(model.noutputs), np.zeros(model.noutputs)

@@ -1,7 +1,7 @@
-"""The output least squares over all records, in modal or in Schur coordinates.
+"""Output least squares over all records, in modal or in Schur coordinates.
 
-B and D stand once, an initial state for each record. Both forms keep products of the data only, so
-that they are solved again for other weights of the outputs at no cost.
+B and D are common to all records, and each record has an initial state. Both forms keep products of
+the data only, so that a solution for other weights of the outputs costs nothing.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _WELL_CONDITIONED = 1e3
 
 
 class Solution(NamedTuple):
-    """B, D, the initial states, each record's squared error by output, and rank and condition."""
+    """B, D, initial states, each record's squared error by output, rank and condition number."""
 
     B: FloatArray
     D: FloatArray
@@ -36,7 +36,7 @@ class Solution(NamedTuple):
 
 
 class ModalProblem:
-    """Normal equations of all records in modal coordinates: B and D once, x0 per record."""
+    """Normal equations of all records in modal coordinates: common B and D, x0 per record."""
 
     def __init__(
         self, regression: ModalRegression, vectors: ComplexArray, records: Sequence[Samples]
@@ -59,12 +59,7 @@ class ModalProblem:
         weight : ndarray, (outputs,)
             Weight of each output's squared error.
         refined : bool
-            Go through the records once more where digits were lost.
-
-        Returns
-        -------
-        Solution
-            What minimises the weighted error.
+            Read the records once more where digits were lost.
         """
         regression, size = self._regression, self._size
         normal = np.zeros((size, size), dtype=complex)
@@ -118,7 +113,7 @@ class SchurProblem:
         self.powers = [np.sum(each[:, :, -1] ** 2, axis=1) for each in self._triangles]
 
     def solve(self, weight: FloatArray, *, refined: bool) -> Solution:  # noqa: ARG002 - one interface
-        """Solve the triangles together; as in `ModalProblem`, but no digits are ever lost."""
+        """Solve the triangles together; as in `ModalProblem`, but without loss of digits."""
         regression = self._regression
         n, m, driven = regression.states, regression.outputs, regression.states * regression.inputs
         D_first = driven + len(self._triangles) * n
@@ -164,7 +159,7 @@ class SchurProblem:
 
 
 class LeastSquares(NamedTuple):
-    """Solution of a linear least squares, and rank and condition of its scaled regressors."""
+    """Solution of a linear least squares, with rank and condition of its scaled regressors."""
 
     solution: FloatArray
     rank: int

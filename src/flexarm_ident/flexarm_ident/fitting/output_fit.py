@@ -1,9 +1,9 @@
-"""B, D and x0 by output least squares (2-13 .. 2-17, 3-11 .. 3-18), and C (3-19 .. 3-21).
+"""Output least squares for B, D and x0 (2-13 .. 2-17, 3-11 .. 3-18), and for C (3-19 .. 3-21).
 
 Given A and C the outputs are linear in B, D and the initial states. Each output is weighted by the
-inverse of its RMS, so that its unit does not matter: what is minimised is the sum of the squared
-relative errors (2-25). On request the weight is the inverse of what such a fit leaves of the
-output, which is the best one when that is white noise.
+inverse of its RMS, which minimises the sum of the squared relative errors (2-25) in any unit. On
+request the weight is the inverse of the RMS residual of such a fit, the best choice for white
+residuals.
 """
 
 from __future__ import annotations
@@ -63,17 +63,7 @@ class OutputFit:
 
 
 class OutputMatrixFit(NamedTuple):
-    """C of a model.
-
-    Attributes
-    ----------
-    C : ndarray, (outputs, states)
-        Output matrix.
-    rank : int
-        Numerical rank of the states over time.
-    condition : float
-        Condition number of the states over time, each scaled to unit length.
-    """
+    """C, (outputs, states), with rank and condition number of the states over time."""
 
     C: FloatArray
     rank: int
@@ -90,9 +80,7 @@ def fit_inputs(
 ) -> OutputFit:
     """Fit B, the initial states and, on request, D to the outputs (2-17), (3-17).
 
-    Parameters
-    ----------
-    A : ndarray, (states, states)
+    Parameters ---------- A : ndarray, (states, states)
         State matrix, best without eigenvalues outside the unit circle.
     C : ndarray, (outputs, states)
         Output matrix.
@@ -101,13 +89,8 @@ def fit_inputs(
     feedthrough : bool
         Fit D as well. The rig has none: a command acts after the sample it answers.
     noise_weighted : bool
-        Weight each output by the inverse of what a first fit leaves of it, not of its RMS. An
-        output with little noise then counts for more, which is right where the rest is noise.
-
-    Returns
-    -------
-    OutputFit
-        The matrices, the initial states and how well they are determined.
+        Weight each output by the inverse of a first fit's residual instead of its RMS, so that
+        outputs with little noise count more.
 
     Raises
     ------
@@ -129,7 +112,7 @@ def fit_initial_states(
 ) -> tuple[FloatArray, ...]:
     """Fit each record's initial state to its outputs, given the whole model.
 
-    The record goes on through its holes: there the input is known, and the outputs do not count.
+    The simulation continues through holes, where the input is known and the outputs do not count.
 
     Parameters
     ----------
@@ -162,11 +145,6 @@ def fit_outputs(
         Initial state of each record.
     records : sequence of IoData
         Records of the same rig.
-
-    Returns
-    -------
-    OutputMatrixFit
-        C and how well it is determined.
     """
     states = [
         simulate_states(model.A, model.B, record.u, start)[record.usable]

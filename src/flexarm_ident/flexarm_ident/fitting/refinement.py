@@ -1,10 +1,10 @@
 """Refinement of a whole model by its simulation error, from a subspace start.
 
-Subspace methods minimise a projection and the output fit only B and the initial states. Here A, B,
-C and the initial states move together, by Gauss-Newton steps with damping, to lower the sum of the
-squared relative errors (2-25) of the free simulation. The model is taken in real modal form, where
-A has two parameters per pair instead of a full matrix, and every derivative is the response of the
-same model to another input.
+Subspace methods minimise a projection, and the output fit changes only B and the initial states.
+Here A, B, C and the initial states change together, by damped Gauss-Newton steps, to lower the sum
+of the squared relative errors (2-25) of the free simulation. The model has real modal form, in
+which A has two parameters per pair instead of a full matrix, and every derivative is the response
+of the same model to another input.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ _ITERATIONS = 30
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """A refined model.
+    """Refined model, or the start when no better one was found.
 
     Attributes
     ----------
     model : control.StateSpace
-        The model; the start itself when nothing better was found.
+        The model.
     x0 : tuple of ndarray, (states,)
         Initial state of each record.
     error : ndarray, (outputs,)
@@ -74,15 +74,15 @@ def refine_model(
     data : IoData or sequence of IoData
         Records.
     iterations : int
-        Steps at most.
+        Largest number of steps.
     progress : callable, optional
-        Called with the stage "refinement" and the part that is done.
+        Called with the stage "refinement" and the completed part.
 
     Returns
     -------
     Refinement
-        A model whose sum of squared relative errors is not above that of the start, and whose
-        largest eigenvalue is not beyond both the start's and the unit circle.
+        A model whose sum of squared relative errors is not above that of the start. Its largest
+        eigenvalue is not beyond both the start's and the unit circle.
     """
     records = as_records(data)
     before = _errors(model, x0, records)
@@ -211,10 +211,10 @@ class _Modal:
 
 
 class _BlockRun:
-    """The states of one mode and their derivatives, chunk by chunk.
+    """States of one mode and their derivatives, chunk by chunk.
 
-    No other mode's parameters move them, so each block is stepped with its own alone: the entries
-    of A, the rows of B and the initial state.
+    They depend on the mode's own parameters alone: the entries of A, the rows of B and the initial
+    state.
     """
 
     def __init__(

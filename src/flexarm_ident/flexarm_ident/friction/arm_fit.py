@@ -1,8 +1,8 @@
-"""A flexible arm with dry friction, fitted by simulation to closed-loop records.
+"""Flexible arm with dry friction, fitted by simulation to closed-loop records.
 
-The model runs freely under the measured input and its friction follows from its own speeds, so the
-fit suffers from drift exactly as a later simulation does. Every minimum is searched from several
-starts, drawn around scales that the record itself gives.
+The model runs freely under the measured input, and its friction follows from its own speeds. The
+fit is therefore exposed to drift exactly as a later simulation is. Every minimum is searched from
+several starts, drawn around scales from the record.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _LAST_STEPS = 150
 
 @dataclass(frozen=True, eq=False)
 class ArmFit:
-    """A fitted arm.
+    """Fitted arm.
 
     Attributes
     ----------
@@ -93,16 +93,16 @@ def fit_arm(
     data : IoData or sequence of IoData
         Records as measured, without compensation in the input; each starts at rest.
     drives : sequence of Drive
-        The position each input drives, one per input.
+        The position that each input drives, one per input.
     seed : int
         Seed of the starts.
     progress : callable, optional
-        Called with the stage "friction" and the part that is done.
+        Called with the stage "friction" and the completed part.
 
     Returns
     -------
     ArmFit
-        The model, its friction and how well it simulates the records.
+        The model, its friction and its simulation errors.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def fit_arm(
 
 
 class _Starts:
-    """Draws starts around the scales of the records."""
+    """Random starts around the scales of the records."""
 
     def __init__(self, problem: SimulationError, band_hz: float, rng: np.random.Generator) -> None:
         self._arm, self._rng, self._band_hz = problem.arm, rng, band_hz
@@ -235,7 +235,7 @@ def _problem(
 
 
 def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError, Minimum]:
-    """Weaken the prior of the offsets as far as the fit is better than it assumes."""
+    """Weaken the prior of the offsets as far as the fit is better than assumed."""
     strongest = problem.prior
     for _ in range(_LOOSENINGS):
         left = sum(float(np.sum(e**2)) for e in problem.residuals(best.theta))
@@ -249,7 +249,7 @@ def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError,
 
 
 def _held(u: FloatArray, decimation: int) -> FloatArray:
-    """Return the mean input from each kept sample to the next, which is what moves the arm."""
+    """Return the mean input from each kept sample to the next."""
     starts = np.arange(0, len(u), decimation)
     lengths = np.diff(np.append(starts, len(u)))
     return np.asarray(np.add.reduceat(u, starts, axis=0) / lengths[:, np.newaxis])

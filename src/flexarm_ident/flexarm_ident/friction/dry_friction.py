@@ -28,11 +28,11 @@ class DryFriction:
     Attributes
     ----------
     levels, offsets : ndarray, (inputs,)
-        Coulomb level and constant offset of each input, in its unit.
+        Coulomb friction level and constant offset of each input, in its unit.
     level_deviations, offset_deviations : ndarray, (inputs,)
         Their standard deviations.
     speed : ndarray, (inputs, states)
-        Rows that take the opposed speeds from the model's state.
+        Map from the model's state to the opposed speeds.
     """
 
     levels: FloatArray
@@ -47,7 +47,7 @@ def simulate_with_friction(
 ) -> tuple[FloatArray, FloatArray]:
     """Simulate a model under the measured input alone, with friction inside.
 
-    The friction follows from the simulated speeds, nothing of the measured outputs is used.
+    The friction follows from the simulated speeds; measured outputs are not used.
 
     Parameters
     ----------
@@ -60,13 +60,11 @@ def simulate_with_friction(
     x0 : ndarray, (states,)
         Initial state.
 
-    Returns
-    -------
-    ndarray, (samples, outputs)
+    Returns ------- ndarray, (samples, outputs)
         Outputs.
     ndarray, (samples, inputs)
-        Friction, in units of the input; subtracting it and the offset leaves the net input, to
-        which the linear model answers with the same outputs.
+        Friction, in units of the input. The linear model gives the same outputs for the input
+        without friction and offset.
     """
     from flexarm_ident.models.stick_slip import run  # noqa: PLC0415 - numba loads slowly
 
@@ -87,7 +85,7 @@ def net_records(
     x0: Sequence[FloatArray],
     records: Sequence[IoData],
 ) -> tuple[IoData, ...]:
-    """Return records with the input that moves the linear model: without offset and friction.
+    """Return records with the net input of the linear model: without offset and friction.
 
     Parameters
     ----------
@@ -95,11 +93,6 @@ def net_records(
         As in `simulate_with_friction`, an initial state per record.
     records : sequence of IoData
         Records as measured.
-
-    Returns
-    -------
-    tuple of IoData
-        The same outputs with the net input.
     """
     nets = []
     for record, start in zip(records, x0, strict=True):
@@ -114,7 +107,9 @@ def refer_friction(
     x0: tuple[Sequence[FloatArray], Sequence[FloatArray]],
     nets: Sequence[IoData],
 ) -> DryFriction:
-    """Return the friction of one model for another of the same arm, such as a reduced one.
+    """Refer the friction of one model to another of the same arm, such as a reduced one.
+
+    The levels stay; the speeds follow from the other model's states by least squares.
 
     Parameters
     ----------
@@ -126,11 +121,6 @@ def refer_friction(
         Initial states of each model, one per record.
     nets : sequence of IoData
         Records with the net input, see `net_records`.
-
-    Returns
-    -------
-    DryFriction
-        The same levels; the speeds are taken from the other model's states by least squares.
     """
     first, other = (
         np.vstack(
@@ -156,11 +146,6 @@ def validate_with_friction(
         As in `simulate_with_friction`.
     data : IoData
         Record as measured.
-
-    Returns
-    -------
-    Dmv
-        Errors and simulated outputs.
     """
     y, _ = simulate_with_friction(model, friction, data.u, x0)
     delta = relative_errors(data.y_measured, y)

@@ -35,18 +35,7 @@ FIELDS = (
 
 
 def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:
-    """Return friction as fields of a model's parameters; none without friction.
-
-    Parameters
-    ----------
-    friction : DryFriction or None
-        Friction at the model's inputs.
-
-    Returns
-    -------
-    dict
-        Values by the names of `FIELDS`.
-    """
+    """Return friction as fields of a model's parameters, by the names of `FIELDS`; none without."""
     if friction is None:
         return {}
     values = (
@@ -62,19 +51,7 @@ def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:
 def friction_from_parameters(
     name: str, parameters: Mapping[str, ParameterValue]
 ) -> DryFriction | None:
-    """Return the friction of a model.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    parameters : mapping
-        Flat parameters with the whole model.
-
-    Returns
-    -------
-    DryFriction or None
-        None when the model has no friction.
+    """Return the friction among the flat parameters of a model, None without friction.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A model in a file, in the format that the file's suffix names, with provenance and hash."""
+"""Model files in the format of their suffix, with provenance and hash."""
 
 from __future__ import annotations
 
@@ -28,14 +28,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Format:
-    """How a model becomes the content of a file, and comes back where that makes sense.
+    """File format of models.
 
-    Attributes
-    ----------
-    encode : callable
-        From the name of the model and its flat parameters.
+    Attributes ---------- encode : callable
+        From the name of the model and its flat parameters to the content.
     decode : callable or None
-        To the models by name; raises `ModelFileError`.
+        From the content to the models by name; raises `ModelFileError`. None for write-only
+        formats.
     """
 
     encode: Callable[[str, Mapping[str, ParameterValue]], bytes]
@@ -81,12 +80,12 @@ def save_model(
     name : str
         Name of the model: letters, digits and underscores.
     provenance : mapping of str, list of str or list of float
-        Where the model came from, and its friction.
+        Origin of the model, and its friction.
 
     Raises
     ------
     ModelFileError
-        If the suffix is unknown or the model cannot be kept.
+        If the suffix is unknown or the format cannot hold the model.
     OSError
         If the file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Eigenmodes of an identified model and how much each contributes (2-26 .. 2-28), (3-1 .. 3-8)."""
+"""Modes of an identified model and their contributions (2-26 .. 2-28), (3-1 .. 3-8)."""
 
 from __future__ import annotations
 
@@ -23,17 +23,15 @@ _PERSISTENT = 1e-12
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode: a complex pair, or one real eigenvalue.
+    """Complex pair, or one real eigenvalue.
 
-    Attributes
-    ----------
-    eigenvalue : complex
+    Attributes ---------- eigenvalue : complex
         Discrete-time eigenvalue, of a pair the one with positive imaginary part.
     frequency_hz : float
         Natural frequency (2-28); 0 for a positive real eigenvalue, which does not oscillate.
     damping_ratio : float
-        Damping ratio (2-28); negative for an unstable mode. A positive real eigenvalue has 1 when
-        it decays, -1 when it grows and 0 when it stays.
+        Damping ratio (2-28), negative for an unstable mode. A positive real eigenvalue has 1 when
+        it decays, -1 when it grows, and 0 on the unit circle.
     states : tuple of int
         Numbers of its states in the modal form, from 0: two for a pair.
     msv, mrm : float
@@ -103,15 +101,7 @@ class ModalForm:
 def modal_form(model: control.StateSpace) -> ModalForm:
     """Return a discrete model in modal coordinates (2-26), (3-1 .. 3-3).
 
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model whose A has a full set of eigenvectors.
-
-    Returns
-    -------
-    ModalForm
-        The same model, diagonal.
+    Its A must have a full set of eigenvectors.
     """
     eigenvalues, vectors = np.linalg.eig(np.asarray(model.A, dtype=np.float64))
     eigenvalues, vectors = eigenvalues.astype(complex), vectors.astype(complex)
@@ -136,19 +126,14 @@ def modal_form(model: control.StateSpace) -> ModalForm:
 def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, float]:
     """Return natural frequency in hertz and damping ratio of a discrete eigenvalue (2-28).
 
+    A positive real eigenvalue has frequency 0 and damping ratio 1, 0 or -1.
+
     Parameters
     ----------
     eigenvalue : complex
         Discrete-time eigenvalue.
     dt_s : float
         Sampling period.
-
-    Returns
-    -------
-    float
-        Natural frequency; 0 for a positive real eigenvalue.
-    float
-        Damping ratio; 1, 0 or -1 for a positive real eigenvalue.
     """
     if eigenvalue == 0.0:
         return 0.0, 1.0
@@ -161,7 +146,7 @@ def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, floa
 def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> FloatArray:
     """Return the response of one mode to the input, from rest (3-6), (3-7).
 
-    The responses of all modes add up to that of the model (3-5).
+    The responses of all modes add up to that of the model (3-5); a pair has one of its own.
 
     Parameters
     ----------
@@ -175,7 +160,7 @@ def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> Fl
     Returns
     -------
     ndarray, (samples, outputs)
-        Response; of a pair, the sum of its two conjugates.
+        Response.
     """
     i = group[0]
     drive = u @ form.B[i]
@@ -187,7 +172,9 @@ def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> Fl
 def modal_response_magnitudes(
     form: ModalForm, records: Sequence[IoData], output_scale: FloatArray
 ) -> FloatArray:
-    """Return the MRM of each mode (3-8), over all samples of all records.
+    """Return the MRM of each mode (3-8), (modes,), over all samples of all records.
+
+    It is the mean magnitude of the modal response in the output where that is largest.
 
     Parameters
     ----------
@@ -196,12 +183,7 @@ def modal_response_magnitudes(
     records : sequence of IoData
         Records whose input drives the modes.
     output_scale : ndarray, (outputs,)
-        Factors of the outputs: the maximum over outputs compares them, so they need one unit.
-
-    Returns
-    -------
-    ndarray, (modes,)
-        Mean magnitude of the modal response in the output where it is largest.
+        Factors of the outputs, which make them comparable.
     """
     samples = sum(len(record) for record in records)
     magnitudes = []
@@ -216,7 +198,9 @@ def modal_response_magnitudes(
 
 
 def mode_singular_values(form: ModalForm, samples: int, output_scale: FloatArray) -> FloatArray:
-    """Return the MSV of each mode (3-4); of a pair, that of one of its two eigenvalues.
+    """Return the MSV of each mode (3-4), (modes,); of a pair, that of one of its eigenvalues.
+
+    A value beyond the range of a double is given as about 1e304.
 
     Parameters
     ----------
@@ -226,11 +210,6 @@ def mode_singular_values(form: ModalForm, samples: int, output_scale: FloatArray
         Length of the pulse response, K of (3-4).
     output_scale : ndarray, (outputs,)
         Factors of the outputs.
-
-    Returns
-    -------
-    ndarray, (modes,)
-        Mode singular values; a value beyond the range of a double is given as about 1e304.
     """
     first = [group[0] for group in form.groups]
     gain = np.linalg.norm(form.C[:, first] * output_scale[:, np.newaxis], axis=0)
@@ -243,10 +222,11 @@ def mode_singular_values(form: ModalForm, samples: int, output_scale: FloatArray
 def mode_table(
     model: control.StateSpace, records: Sequence[IoData], output_scale: FloatArray
 ) -> tuple[Mode, ...]:
-    """Return the modes of a model with both indices and their ranks, as Table 3-1a.
+    """Return the modes of a model with both indices and their ranks, as in Table 3-1a.
 
-    The indices are taken of outputs scaled as in section 2.5, because the thesis's models were
-    identified with such outputs and both compare numbers across channels.
+    They stand in the order of the modal form. Both indices compare numbers across channels and
+    therefore refer to outputs scaled as in section 2.5, with which the thesis identified its
+    models.
 
     Parameters
     ----------
@@ -256,11 +236,6 @@ def mode_table(
         Records whose input drives the modes.
     output_scale : ndarray, (outputs,)
         Factors of the outputs, of `preprocess.output_scale`.
-
-    Returns
-    -------
-    tuple of Mode
-        All modes in the order of the modal form.
     """
     form = modal_form(model)
     msv = mode_singular_values(form, max(len(record) for record in records), output_scale)
@@ -307,11 +282,6 @@ def rank_table(modes: Sequence[Mode]) -> RankTable:
     ----------
     modes : sequence of Mode
         Modes of one model, such as `Identification.modes` or `Reduction.modes`.
-
-    Returns
-    -------
-    RankTable
-        The two orders.
     """
     return RankTable(
         by_msv=tuple(sorted(modes, key=lambda mode: mode.msv_rank)),

@@ -1,8 +1,8 @@
-"""Model reduction in modal coordinates, and model updating (chapter 3).
+"""Modal model reduction and model updating (chapter 3).
 
-The reduced model is realised directly in real numbers, a pair of states per complex pair. The
-thesis obtains real matrices by identifying the reduced model's simulated output (3-10); both are
-realisations of the same triplet (3-9).
+The reduced model is realised directly in real numbers, with a pair of states per complex pair. The
+thesis obtains real matrices by identification of the reduced model's simulated output (3-10); both
+are realisations of the same triplet (3-9).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _SLOW = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A reduced model and what it kept.
+    """Reduced model and its modes.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Reduction:
     update_condition : float or None
         Its condition number.
     warnings : tuple of str
-        Where the result differs from the request.
+        Differences between result and request.
     """
 
     model: control.StateSpace
@@ -84,15 +84,15 @@ def reduce_model(
     known_modes_hz: Sequence[float] = (),
     update: Literal["b", "c", "none"] = "b",
 ) -> Reduction:
-    """Keep the significant modes of an identified model and refit what truncation disturbed.
+    """Keep the significant modes of an identified model and refit B or C to the data.
 
     Modes are taken in the order of the ranking; an unstable model is stabilised first. A pair is
-    never split: with room for one state only, the next real mode is taken in its place. When there
-    is none, the model gets one state more than `order`.
+    never split: with room for one state only, the next real mode takes its place. Without a real
+    mode the model gets one state more than `order`.
 
-    The MRMC ranking of section 3.2 keeps, for each known frequency, the vibrating pair nearby
-    with the strongest MRM, then fills up with the rigid motion (real modes and pairs below half
-    the lowest known frequency) by MRM.
+    The MRMC ranking of section 3.2 keeps, for each known frequency, the flexible mode nearby with
+    the strongest MRM, then adds the rigid motion (real modes and pairs below half the lowest known
+    frequency) by MRM.
 
     Parameters
     ----------
@@ -101,13 +101,13 @@ def reduce_model(
     data : IoData or sequence of IoData
         Records for the indices and the update, usually those of the identification.
     ranking : {'mrm', 'msv', 'mrmc'}
-        What decides about a mode.
+        Order of significance of the modes.
     order : int
         States to keep.
     known_modes_hz : sequence of float
         Frequencies of the flexible modes that 'mrmc' keeps.
     update : {'b', 'c', 'none'}
-        Matrix that is recalculated by output least squares: B (3-11), C (3-19) or neither.
+        Matrix that is refitted by output least squares: B (3-11), C (3-19) or neither.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def reduce_model(
     Raises
     ------
     IdentificationError
-        If the request does not fit the model.
+        If order, ranking or update do not suit the model.
     """
     records = as_records(data)
     full = _stable_model(identification.model)
@@ -146,11 +146,6 @@ def truncate(model: control.StateSpace, states: Sequence[int]) -> control.StateS
         Discrete model.
     states : sequence of int
         States of its modal form to keep, both of a pair.
-
-    Returns
-    -------
-    control.StateSpace
-        Block-diagonal model with the names of `model`.
 
     Raises
     ------

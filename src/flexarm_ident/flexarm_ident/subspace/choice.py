@@ -1,14 +1,15 @@
-"""Estimator by name, or by what the data ask for (`method="auto"`).
+"""Choice of an estimator by name or from the data (`method="auto"`).
 
-Three questions are asked in this order, and the first yes decides:
+The first of these conditions that holds decides:
 
-1. Does noise reach the input, as the record says itself (`IoData.closed_loop`)? PBSID-opt.
-2. Are later inputs correlated with the outputs' innovation (`feedback.reaches_inputs`)? PBSID-opt.
-3. Is the outputs' noise coloured (`whiteness.whiteness_test`)? ORSE with past instruments.
+1. The record states that its inputs were computed from its outputs (`IoData.closed_loop`):
+   PBSID-opt.
+2. Later inputs are correlated with the innovation (`feedback.reaches_inputs`): PBSID-opt.
+3. The output noise is coloured (`whiteness.whiteness_test`): ORSE with past instruments.
 
-Otherwise ORSE without instruments, which is the cheapest and as accurate on white noise. Both ORSE
-take the later inputs for known when they look at the outputs; PBSID-opt looks at the past only, so
-that neither feedback nor what friction does to the rig is mistaken for the rig.
+Otherwise ORSE without instruments is taken, the cheapest and as accurate for white noise. Both ORSE
+condition the outputs on later inputs. PBSID-opt regresses on the past only, so that neither
+feedback nor friction biases the model.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ if TYPE_CHECKING:
 
 
 class Selection(NamedTuple):
-    """The estimator and its result, which follows from the same products.
+    """Estimator, its result, and the products that both follow from.
 
     Attributes
     ----------
     method : str
         Name in `METHODS`.
     reason : str
-        What 'auto' chose and why, in one sentence; empty when the method was given.
+        Choice of 'auto' and its reason, in one sentence; empty when the method was given.
     gram : BlockGram
         Products of the data.
     space : Subspace
@@ -73,11 +74,6 @@ def estimate(
         Block rows of the Hankel matrices, q of (2-18).
     feedthrough : bool
         Whether D will be fitted.
-
-    Returns
-    -------
-    Selection
-        Products and subspace.
     """
     row = METHODS[method]
     gram = block_gram(records, row.shifts(block_rows))
@@ -103,14 +99,9 @@ def select_method(
     closed_loop : bool
         Whether a record is known to be made in closed loop.
     order : int, optional
-        Number of states; half of `block_rows` when it is not known yet.
+        Number of states; half of `block_rows` by default.
     feedthrough : bool
         Whether D will be fitted.
-
-    Returns
-    -------
-    Selection
-        Choice, reason and what was computed for it.
     """
 
     def chosen(method: str, because: str) -> Selection:

@@ -16,7 +16,7 @@ _SMALLEST_EIGENVALUE = 1e-13
 
 
 class TruncatedInverse(NamedTuple):
-    """Inverse over the directions that stand out of rounding.
+    """Inverse over the directions above rounding.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class TruncatedInverse(NamedTuple):
     values : ndarray, (rank,)
         Their eigenvalues.
     condition : float
-        Condition number of the whole matrix.
+        Condition number of the whole matrix, scaled if asked for.
     """
 
     vectors: NDArray[Any]
@@ -34,7 +34,7 @@ class TruncatedInverse(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """Number of directions that were kept."""
+        """Number of kept directions."""
         return len(self.values)
 
     @property
@@ -61,11 +61,6 @@ def truncated_inverse(
         Part of the largest eigenvalue below which a direction is left out.
     equilibrated : bool
         Scale the rows and columns to a unit diagonal first.
-
-    Returns
-    -------
-    TruncatedInverse
-        Inverse, rank and condition; the latter of the scaled matrix.
     """
     scale = np.ones(len(matrix))
     if equilibrated:

@@ -1,4 +1,4 @@
-"""Records cut into segments of about the same length, to see how much an estimate scatters."""
+"""Segments of records, for the scatter of an estimate."""
 
 from __future__ import annotations
 
@@ -44,11 +44,6 @@ def cut(records: Sequence[IoData], block_rows: int, segments: int = SEGMENTS) ->
     segments : int
         Segments of all records together; fewer when they would be shorter than `block_rows`.
 
-    Returns
-    -------
-    list of Segment
-        The segments, in the order of the records.
-
     Raises
     ------
     DataError
@@ -76,9 +71,7 @@ def cut(records: Sequence[IoData], block_rows: int, segments: int = SEGMENTS) ->
 def segment_grams(
     records: Sequence[IoData], block_rows: int, parts: Sequence[Segment]
 ) -> list[BlockGram]:
-    """Return the products of each segment; they add up to those of the records.
-
-    The columns between two segments have a hole in them.
+    """Return the products of each segment, whose sum is that of the records.
 
     Segments overlap in samples, so that no column of the Hankel matrix is lost between them.
     """
@@ -89,7 +82,7 @@ def segment_grams(
 
 
 def _columns(record: IoData, block_rows: int) -> NDArray[np.intp]:
-    """Return the columns of the Hankel matrix that have no hole in them."""
+    """Return the columns of the Hankel matrix without a hole."""
     if len(record) < block_rows:
         return np.empty(0, dtype=np.intp)
     holes = np.concatenate([[0], np.cumsum(~record.usable)])
