@@ -17,7 +17,7 @@ from flexarm_ident.diagnostics.uncertainty import (
     mode_uncertainty,
 )
 from flexarm_ident.friction.dry_friction import net_records
-from flexarm_ident.models.modes import mode_table
+from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.methods import METHODS, Data
 from flexarm_ident.subspace.order import candidate_orders, stable_orders, suggest_order
@@ -137,7 +137,7 @@ class Identification:
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
         """Modes with frequency, damping, MSV and MRM over the records."""
-        return mode_table(self.model, self.linear_records, output_scale(self.records))
+        return ranked_modes(self.model, self.linear_records, output_scale(self.records))
 
     @cached_property
     def mode_uncertainty(self) -> tuple[ModeUncertainty, ...]:

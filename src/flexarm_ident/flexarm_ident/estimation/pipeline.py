@@ -19,7 +19,7 @@ from flexarm_ident.subspace.request_check import check_request
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.estimation.progress import Progress
+    from flexarm_core.arrays import Progress
     from flexarm_ident.records.source import Source
     from flexarm_ident.subspace.choice import Selection
 
@@ -136,7 +136,9 @@ def _linear_model(
     )
     notes = []
     if moved:
-        notes.append(f"{moved} unstable eigenvalues of order {order} were moved inside the circle")
+        subject = "1 unstable eigenvalue" if moved == 1 else f"{moved} unstable eigenvalues"
+        verb = "was" if moved == 1 else "were"
+        notes.append(f"{subject} of order {order} {verb} moved into the unit circle")
     elif not is_stable(A):
         notes.append(f"the model of order {order} is unstable")
     return Identification(

@@ -28,9 +28,8 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.estimation.identification import Identification
-    from flexarm_ident.estimation.progress import Progress
     from flexarm_ident.friction.arm_fit import ArmFit
     from flexarm_ident.friction.layout import ArmLayout
     from flexarm_ident.friction.levels import CoulombEstimate

@@ -245,7 +245,7 @@ class Products:
         return np.asarray(self._power.reshape(-1, self._outputs).sum(axis=0))
 
     def missed(self, weights: FloatArray) -> Missed:
-        """Return each output's squared error without the signals times weights (outputs, signals)."""
+        """Return the squared error of each output, for weights of the signals by output."""
         explained = np.sum(weights @ self.signals * weights, axis=1)
         left = self.power - 2.0 * np.sum(weights.T * self.cross, axis=0) + explained
         terms = np.abs(weights) @ np.sqrt(np.diag(self.signals).clip(min=0.0))

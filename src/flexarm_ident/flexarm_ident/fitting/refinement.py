@@ -21,11 +21,11 @@ from flexarm_ident.models.state_space import with_matrices
 from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import control
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.records.iodata import IoData
 
 _CHUNK = 2048
@@ -61,7 +61,7 @@ def refine_model(
     data: IoData | Sequence[IoData],
     *,
     iterations: int = _ITERATIONS,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Refinement:
     """Refine A, B, C and the initial states by simulation error; D stays.
 

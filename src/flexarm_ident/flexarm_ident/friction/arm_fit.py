@@ -23,11 +23,11 @@ from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.signals import bandwidth_hz, live_samples, smoothed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import control
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.records.iodata import IoData
@@ -82,7 +82,7 @@ def fit_arm(
     drives: Sequence[Drive],
     *,
     seed: int = 0,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> ArmFit:
     """Fit a flexible arm with dry friction to records that start at rest.
 

@@ -1,4 +1,10 @@
-"""Linear models with dry friction at their inputs: simulation, validation, the net input."""
+"""Linear models with dry friction at their inputs: simulation, net input, ROS parameters.
+
+A model `arm` with friction has the parameters `models.arm.friction_level` and
+`models.arm.friction_offset`, their standard deviations `friction_level_std` and
+`friction_offset_std`, all with one entry per input in the input's unit, and `friction_speed`, the
+row-major map from the state to the opposed speeds. A model without friction has none of them.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +15,29 @@ import numpy as np
 
 from flexarm_ident.fitting.validation import Dmv, relative_errors
 from flexarm_ident.models.free_run import simulate_states
+from flexarm_ident.models.model_parameters import (
+    ModelFileError,
+    model_fields,
+    model_from_parameters,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     import control
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.models.model_parameters import ParameterValue
     from flexarm_ident.records.iodata import IoData
+
+# In the order of `DryFriction`.
+_FIELDS = (
+    "friction_level",
+    "friction_offset",
+    "friction_level_std",
+    "friction_offset_std",
+    "friction_speed",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,3 +171,51 @@ def validate_with_friction(
     y, _ = simulate_with_friction(model, friction, data.u, x0)
     delta = relative_errors(data.y_measured, y)
     return Dmv(delta, float(delta.mean()), y, x0)
+
+
+def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:
+    """Return friction as fields of a model's parameters, by name; none without friction."""
+    if friction is None:
+        return {}
+    values = (
+        friction.levels,
+        friction.offsets,
+        friction.level_deviations,
+        friction.offset_deviations,
+        friction.speed,
+    )
+    return {field: np.ravel(value).tolist() for field, value in zip(_FIELDS, values, strict=True)}
+
+
+def friction_from_parameters(
+    name: str, parameters: Mapping[str, ParameterValue]
+) -> DryFriction | None:
+    """Return the friction among the flat parameters of a model, None without friction.
+
+    Raises
+    ------
+    ModelFileError
+        If a field is missing, has the wrong size or type, or the model is damaged.
+    """
+    fields = model_fields(name, parameters)
+    if not any(field in fields for field in _FIELDS):
+        return None
+    model = model_from_parameters(name, parameters)
+    sizes = (*(model.ninputs for _ in _FIELDS[:-1]), model.ninputs * model.nstates)
+    columns = []
+    for field, size in zip(_FIELDS, sizes, strict=True):
+        try:
+            values = np.array(fields.get(field), dtype=np.float64)
+        except (TypeError, ValueError):
+            values = np.array(np.nan)
+        if values.shape != (size,) or not np.isfinite(values).all():
+            raise ModelFileError(f"models.{name}.{field} must be a list of {size} finite numbers")
+        columns.append(values)
+    levels, offsets, level_deviations, offset_deviations, speed = columns
+    return DryFriction(
+        levels,
+        offsets,
+        level_deviations,
+        offset_deviations,
+        speed.reshape(model.ninputs, model.nstates),
+    )

@@ -160,7 +160,7 @@ def _motion(record: IoData, drives: Sequence[Drive], columns: Sequence[tuple[int
 
 
 def _slipping_rows(motion: _Motion, drive: int, column: int) -> tuple[FloatArray, FloatArray]:
-    """Return regressors and effort of the slipping samples of one drive; direction and constant first."""
+    """Return regressors, direction and constant first, and effort of the slipping samples."""
     v = motion.speed[:, drive]
     slips = motion.usable & (np.abs(v) > _SLIPPING * np.abs(v).max())
     terms = [np.sign(v), np.ones(len(v)), v, *motion.acceleration.T, *motion.others.T]

@@ -219,7 +219,7 @@ def mode_singular_values(form: ModalForm, samples: int, output_scale: FloatArray
         return np.asarray(np.exp(np.minimum(0.5 * (np.log(gain) + sums), _LARGEST_LOG)))
 
 
-def mode_table(
+def ranked_modes(
     model: control.StateSpace, records: Sequence[IoData], output_scale: FloatArray
 ) -> tuple[Mode, ...]:
     """Return the modes of a model with both indices and their ranks, as in Table 3-1a.

@@ -14,7 +14,7 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs, fit_outputs
-from flexarm_ident.models.modes import modal_form, mode_table
+from flexarm_ident.models.modes import modal_form, ranked_modes
 from flexarm_ident.models.state_space import stabilise, with_matrices
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.preprocess import output_scale
@@ -122,7 +122,7 @@ def reduce_model(
     records = as_records(data)
     full = _stable_model(identification.model)
     _check_request(full, records, ranking, order, known_modes_hz, update=update)
-    modes = mode_table(full, records, output_scale(records))
+    modes = ranked_modes(full, records, output_scale(records))
     kept, notes = _choose(modes, ranking, order, known_modes_hz)
     realised = truncate(full, [state for mode in kept for state in mode.states])
     updated = _updated(realised, records, update)

@@ -114,7 +114,7 @@ def select_method(
     if reaches_inputs(gram):
         return chosen(
             "pbsid",
-            "later inputs know of the outputs' noise, by feedback or seemingly by friction",
+            "later inputs are correlated with the outputs' noise, by feedback or by friction",
         )
     space = innovation_scaled(gram)
     noise = whiteness_test(space, gram.columns, order or block_rows // 2)

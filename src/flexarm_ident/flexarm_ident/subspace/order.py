@@ -12,9 +12,9 @@ from flexarm_ident.subspace.pbsid import past_length, predictor_space
 from flexarm_ident.subspace.segments import cut, segment_grams
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.orse import Subspace
@@ -63,7 +63,7 @@ def choose_order(
     *,
     stable: bool = True,
     feedthrough: bool = False,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> int:
     """Return the order of the one-step predictor by an information criterion.
 

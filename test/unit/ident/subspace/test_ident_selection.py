@@ -113,7 +113,7 @@ def test_select_method___feedback_that_nobody_mentioned___looks_at_the_past_only
         x = model.A @ x + model.B @ u[k]
     found = select_method([IoData(u, y, dt_s=DT_S)], 40, closed_loop=False)
     assert found.method == "pbsid"
-    assert "later inputs know of the outputs' noise" in found.reason
+    assert "later inputs are correlated with the outputs' noise" in found.reason
 
 
 def test_identify___auto___is_the_method_it_names() -> None:
