@@ -38,17 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Jackknife:
-    """Estimates of A and C, each without one segment of the data.
-
-    Attributes
-    ----------
-    whole : StateMatrices
-        Estimate from all data.
-    replicates : tuple of StateMatrices
-        Estimates without one segment.
-    remainders : tuple of tuple of IoData
-        Data of each replicate.
-    """
+    """Estimates of A and C from all data and without one segment each, and the latter's data."""
 
     whole: StateMatrices
     replicates: tuple[StateMatrices, ...]
@@ -128,27 +118,15 @@ def jackknife(
 
 
 def mode_uncertainty(found: Jackknife, model: control.StateSpace) -> tuple[ModeUncertainty, ...]:
-    """Return the modes of a model with their standard deviations, in the order of `ranked_modes`.
+    """Return modes with their standard deviations, in the order of `ranked_modes`.
 
-    Parameters
-    ----------
-    found : Jackknife
-        Estimates with and without each segment.
-    model : control.StateSpace
-        The model from all data, or a part of its modes.
+    The model is the one from all data, or a part of its modes.
     """
     form = modal_form(model)
     own = form.eigenvalues[[group[0] for group in form.groups]]
-    figures = np.array(
-        [_figures(_matched(own, each.A), form.dt_s) for each in found.replicates]
-    )  # (replicates, modes, 2)
-    deviation = _deviation(figures)
-    return tuple(
-        ModeUncertainty(frequency_hz, damping_ratio, float(std[0]), float(std[1]))
-        for (frequency_hz, damping_ratio), std in zip(
-            _figures(own, form.dt_s), deviation, strict=True
-        )
-    )
+    figures = [_figures(_matched(own, each.A), form.dt_s) for each in found.replicates]
+    pairs = zip(_figures(own, form.dt_s), _deviation(np.array(figures)).tolist(), strict=True)
+    return tuple(ModeUncertainty(*figure, *std) for figure, std in pairs)
 
 
 def frequency_response_uncertainty(
@@ -158,20 +136,10 @@ def frequency_response_uncertainty(
     *,
     feedthrough: bool = False,
 ) -> ResponseUncertainty:
-    """Return the frequency response with its standard deviation.
+    """Return the frequency response, (frequencies, outputs, inputs), with its standard deviation.
 
-    For each replicate B, D and the initial states are fitted to the remaining data.
-
-    Parameters
-    ----------
-    found : Jackknife
-        Estimates with and without each segment.
-    records : IoData or sequence of IoData
-        Data of the jackknife.
-    frequencies_hz : array_like, (frequencies,)
-        Frequencies.
-    feedthrough : bool
-        Fit D.
+    For each replicate of a jackknife of the records, B, the initial states and, with feedthrough, D
+    are fitted to the remaining data.
     """
     grid = np.asarray(frequencies_hz, dtype=np.float64)
 
@@ -181,12 +149,8 @@ def frequency_response_uncertainty(
         model = state_space(A, fit.B, matrices.C, fit.D, data[0].dt_s)
         return frequency_response(model, grid)
 
-    replicates = np.array(
-        [
-            response(matrices, remainder)
-            for matrices, remainder in zip(found.replicates, found.remainders, strict=True)
-        ]
-    )
+    pairs = zip(found.replicates, found.remainders, strict=True)
+    replicates = np.array([response(*pair) for pair in pairs])
     return ResponseUncertainty(
         grid, response(found.whole, as_records(records)), _deviation(replicates)
     )

@@ -163,11 +163,9 @@ class Identification:
         """
         if self._jackknife is None:
             return None
+        direct = bool(np.any(self.model.D))
         return frequency_response_uncertainty(
-            self._jackknife,
-            self.records,
-            frequencies_hz,
-            feedthrough=bool(np.any(self.model.D)),
+            self._jackknife, self.records, frequencies_hz, feedthrough=direct
         )
 
     @cached_property

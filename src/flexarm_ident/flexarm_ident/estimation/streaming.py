@@ -90,16 +90,7 @@ def without_bias(source: Source) -> Part:
 def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -> Dmv:
     """Compare measured outputs with a free simulation in chunks, as `validate_dmv` does.
 
-    Only the first `EXCERPT_SAMPLES` simulated outputs are kept.
-
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model.
-    record : Source
-        The record.
-    x0 : ndarray, (states,)
-        Initial state.
+    The simulation starts from x0, (states,). Its first `EXCERPT_SAMPLES` outputs are kept.
     """
     run = BlockSimulation(model.A, model.B, model.C, model.D, x0)
     missed, power = np.zeros(model.noutputs), np.zeros(model.noutputs)

@@ -52,14 +52,9 @@ class ModalProblem:
         self.powers = [each.power for each in self._products]
 
     def solve(self, weight: FloatArray, *, refined: bool) -> Solution:
-        """Solve the normal equations.
+        """Solve the normal equations for weights of the squared errors, (outputs,).
 
-        Parameters
-        ----------
-        weight : ndarray, (outputs,)
-            Weight of each output's squared error.
-        refined : bool
-            Read the records once more where digits were lost.
+        With `refined` the records are read once more where digits were lost.
         """
         regression, size = self._regression, self._size
         normal = np.zeros((size, size), dtype=complex)

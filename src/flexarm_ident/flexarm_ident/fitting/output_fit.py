@@ -97,14 +97,8 @@ def fit_inputs(
     IdentificationError
         If A is so unstable that its response overflows.
     """
-    return _fit(
-        A,
-        C,
-        len(records[0].inputs),
-        records,
-        feedthrough=feedthrough,
-        noise_weighted=noise_weighted,
-    )
+    inputs = len(records[0].inputs)
+    return _fit(A, C, inputs, records, feedthrough=feedthrough, noise_weighted=noise_weighted)
 
 
 def fit_initial_states(
@@ -133,18 +127,10 @@ def fit_initial_states(
 def fit_outputs(
     model: control.StateSpace, x0: Sequence[FloatArray], records: Sequence[IoData]
 ) -> OutputMatrixFit:
-    """Fit C to the outputs, given A, B, D and the initial states (3-19 .. 3-21).
+    """Fit C to the outputs, given A, B, D and the records' initial states (3-19 .. 3-21).
 
-    Each output has its own row of C and its own regression, so weights do not matter.
-
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model, whose C is not used.
-    x0 : sequence of ndarray, (states,)
-        Initial state of each record.
-    records : sequence of IoData
-        Records of the same rig.
+    Each output has its own row of C and its own regression, so weights do not matter. The C of the
+    model is not used.
     """
     states = [
         simulate_states(model.A, model.B, record.u, start)[record.usable]
@@ -192,12 +178,8 @@ def _fit(
         schur = SchurRegression(A, C, inputs, feedthrough=feedthrough)
         problem = SchurProblem(schur, records)
     else:
-        modal = ModalRegression(
-            eigenvalues.astype(complex),
-            (C @ vectors).astype(complex),
-            inputs,
-            feedthrough=feedthrough,
-        )
+        modes, shapes = eigenvalues.astype(complex), (C @ vectors).astype(complex)
+        modal = ModalRegression(modes, shapes, inputs, feedthrough=feedthrough)
         problem = ModalProblem(modal, vectors, records)
     power = _mean(problem.powers, records)
     weight = _inverse(power)

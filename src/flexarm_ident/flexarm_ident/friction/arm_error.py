@@ -115,17 +115,10 @@ class SimulationError:
 
 
 def deviations(problem: SimulationError, best: Minimum) -> FloatArray:
-    """Return the parameters' standard deviations, (parameters,).
+    """Return the parameters' standard deviations, (parameters,), at the minimum.
 
     Residuals of a simulation are far from white. The number of independent samples therefore
     follows from their correlation time.
-
-    Parameters
-    ----------
-    problem : SimulationError
-        The problem.
-    best : Minimum
-        Its solution.
     """
     residuals = problem.residuals(best.theta)
     count = sum(residual.size for residual in residuals)

@@ -109,6 +109,7 @@ def fit_arm(
     IdentificationError
         If not every input drives one position, or no start gives a finite simulation.
     """
+    report = progress or (lambda _stage, _fraction: None)
     records = as_records(data)
     positions = _positions(records[0], drives)
     band_hz = bandwidth_hz(records)
@@ -127,24 +128,19 @@ def fit_arm(
     tries = []
     for number in range(_STARTS):
         tries.append(minimise(draw.start(), problem.cost, problem.normal, iterations=_FIRST_STEPS))
-        if progress is not None:
-            progress("friction", 0.7 * (number + 1) / _STARTS)
+        report("friction", 0.7 * (number + 1) / _STARTS)
     tries.sort(key=lambda found: found.cost)
     finalists = []
     for number, found in enumerate(tries[:_FINALISTS]):
-        finalists.append(
-            minimise(found.theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
-        )
-        if progress is not None:
-            progress("friction", 0.7 + 0.2 * (number + 1) / _FINALISTS)
+        finalists.append(_descended(problem, found.theta))
+        report("friction", 0.7 + 0.2 * (number + 1) / _FINALISTS)
     best = min(finalists, key=lambda found: found.cost)
     if not np.isfinite(best.cost):
         raise IdentificationError(
             f"{records[0].label}: no arm with friction simulates the record: identify without"
         )
     problem, best = _loosened(problem, best)
-    if progress is not None:
-        progress("friction", 1.0)
+    report("friction", 1.0)
     return _result(problem, best, records, lives, band_hz)
 
 
@@ -222,13 +218,9 @@ def _problem(
         for record in records
     ]
     arm = FlexibleArm(positions, _signs(smooth, positions, records[0].dt_s), outputs)
+    step = slice(None, None, decimation)
     parts = tuple(
-        Part(
-            _held(u, decimation),
-            y[::decimation],
-            live[::decimation] * scale,
-            initial_state(arm, record),
-        )
+        Part(_held(u, decimation), y[step], live[step] * scale, initial_state(arm, record))
         for (u, y), live, record in zip(smooth, lives, records, strict=True)
     )
     return SimulationError(arm, parts, dt_s, _COST_OF_ZERO_ERROR / (_ZERO_ERROR * peak))
@@ -244,8 +236,13 @@ def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError,
         if np.allclose(part * strongest, problem.prior, rtol=0.2):
             break
         problem = replace(problem, prior=part * strongest)
-        best = minimise(best.theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
+        best = _descended(problem, best.theta)
     return problem, best
+
+
+def _descended(problem: SimulationError, theta: FloatArray) -> Minimum:
+    """Return the minimum after the last, longer search."""
+    return minimise(theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
 
 
 def _held(u: FloatArray, decimation: int) -> FloatArray:
@@ -281,15 +278,8 @@ def _result(
 ) -> ArmFit:
     arm, first = problem.arm, records[0]
     A, B = arm.discrete(best.theta, first.dt_s)
-    model = state_space(
-        A,
-        B,
-        arm.output_matrix,
-        np.zeros((arm.outputs, arm.inputs)),
-        first.dt_s,
-        inputs=first.inputs,
-        outputs=first.outputs,
-    )
+    C, D = arm.output_matrix, np.zeros((arm.outputs, arm.inputs))
+    model = state_space(A, B, C, D, first.dt_s, inputs=first.inputs, outputs=first.outputs)
     deviation = deviations(problem, best)
     levels = arm.levels(best.theta)
     friction = DryFriction(

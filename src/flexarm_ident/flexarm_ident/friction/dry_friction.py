@@ -8,7 +8,7 @@ row-major map from the state to the opposed speeds. A model without friction has
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,14 +89,9 @@ def simulate_with_friction(
     """
     from flexarm_ident.models.stick_slip import run  # noqa: PLC0415 - numba loads slowly
 
-    x, forces = run(
-        np.ascontiguousarray(model.A),
-        np.ascontiguousarray(model.B),
-        friction.speed,
-        friction.levels,
-        u - friction.offsets,
-        np.asarray(x0, dtype=np.float64),
-    )
+    A, B = np.ascontiguousarray(model.A), np.ascontiguousarray(model.B)
+    start = np.asarray(x0, dtype=np.float64)
+    x, forces = run(A, B, friction.speed, friction.levels, u - friction.offsets, start)
     return x @ model.C.T, forces
 
 
@@ -108,12 +103,8 @@ def net_records(
 ) -> tuple[IoData, ...]:
     """Return records with the net input of the linear model: without offset and friction.
 
-    Parameters
-    ----------
-    model, friction, x0
-        As in `simulate_with_friction`, an initial state per record.
-    records : sequence of IoData
-        Records as measured.
+    The model, its friction and the initial state of each record are those of
+    `simulate_with_friction`.
     """
     nets = []
     for record, start in zip(records, x0, strict=True):
@@ -130,18 +121,9 @@ def refer_friction(
 ) -> DryFriction:
     """Refer the friction of one model to another of the same arm, such as a reduced one.
 
-    The levels stay; the speeds follow from the other model's states by least squares.
-
-    Parameters
-    ----------
-    friction : DryFriction
-        Friction of the first model.
-    models : pair of control.StateSpace
-        The first model and the other one.
-    x0 : pair of sequences of ndarray, (states,)
-        Initial states of each model, one per record.
-    nets : sequence of IoData
-        Records with the net input, see `net_records`.
+    The levels stay; the speeds follow from the other model's states by least squares. The pairs
+    hold the first model and the other one, and their initial states, (states,), per record; the
+    records have the net input of `net_records`.
     """
     first, other = (
         np.vstack(
@@ -159,15 +141,7 @@ def refer_friction(
 def validate_with_friction(
     model: control.StateSpace, friction: DryFriction, data: IoData, x0: FloatArray
 ) -> Dmv:
-    """Compare measured outputs with `simulate_with_friction` under the measured input (2-25).
-
-    Parameters
-    ----------
-    model, friction, x0
-        As in `simulate_with_friction`.
-    data : IoData
-        Record as measured.
-    """
+    """Compare measured outputs with `simulate_with_friction` under the measured input (2-25)."""
     y, _ = simulate_with_friction(model, friction, data.u, x0)
     delta = relative_errors(data.y_measured, y)
     return Dmv(delta, float(delta.mean()), y, x0)
@@ -177,13 +151,7 @@ def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:
     """Return friction as fields of a model's parameters, by name; none without friction."""
     if friction is None:
         return {}
-    values = (
-        friction.levels,
-        friction.offsets,
-        friction.level_deviations,
-        friction.offset_deviations,
-        friction.speed,
-    )
+    values = (getattr(friction, each.name) for each in fields(friction))
     return {field: np.ravel(value).tolist() for field, value in zip(_FIELDS, values, strict=True)}
 
 
@@ -197,25 +165,19 @@ def friction_from_parameters(
     ModelFileError
         If a field is missing, has the wrong size or type, or the model is damaged.
     """
-    fields = model_fields(name, parameters)
-    if not any(field in fields for field in _FIELDS):
+    given = model_fields(name, parameters)
+    if not any(field in given for field in _FIELDS):
         return None
     model = model_from_parameters(name, parameters)
     sizes = (*(model.ninputs for _ in _FIELDS[:-1]), model.ninputs * model.nstates)
     columns = []
     for field, size in zip(_FIELDS, sizes, strict=True):
         try:
-            values = np.array(fields.get(field), dtype=np.float64)
+            values = np.array(given.get(field), dtype=np.float64)
         except (TypeError, ValueError):
             values = np.array(np.nan)
         if values.shape != (size,) or not np.isfinite(values).all():
             raise ModelFileError(f"models.{name}.{field} must be a list of {size} finite numbers")
         columns.append(values)
-    levels, offsets, level_deviations, offset_deviations, speed = columns
-    return DryFriction(
-        levels,
-        offsets,
-        level_deviations,
-        offset_deviations,
-        speed.reshape(model.ninputs, model.nstates),
-    )
+    *figures, speed = columns
+    return DryFriction(*figures, speed.reshape(model.ninputs, model.nstates))

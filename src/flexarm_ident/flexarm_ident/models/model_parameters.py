@@ -84,14 +84,7 @@ def model_parameters(
 
 
 def model_from_parameters(name: str, parameters: Mapping[str, object]) -> control.StateSpace:
-    """Return the model that `model_parameters` turned into parameters.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    parameters : mapping
-        Flat parameters; those of other models and nodes are ignored.
+    """Return one model among flat parameters, of `model_parameters`.
 
     Raises
     ------

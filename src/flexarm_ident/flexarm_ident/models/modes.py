@@ -127,13 +127,6 @@ def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, floa
     """Return natural frequency in hertz and damping ratio of a discrete eigenvalue (2-28).
 
     A positive real eigenvalue has frequency 0 and damping ratio 1, 0 or -1.
-
-    Parameters
-    ----------
-    eigenvalue : complex
-        Discrete-time eigenvalue.
-    dt_s : float
-        Sampling period.
     """
     if eigenvalue == 0.0:
         return 0.0, 1.0
@@ -144,23 +137,10 @@ def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, floa
 
 
 def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> FloatArray:
-    """Return the response of one mode to the input, from rest (3-6), (3-7).
+    """Return the response of one mode to the input from rest, (samples, outputs) (3-6), (3-7).
 
-    The responses of all modes add up to that of the model (3-5); a pair has one of its own.
-
-    Parameters
-    ----------
-    form : ModalForm
-        Model in modal coordinates.
-    group : tuple of int
-        States of the mode, from `ModalForm.groups`.
-    u : ndarray, (samples, inputs)
-        Input.
-
-    Returns
-    -------
-    ndarray, (samples, outputs)
-        Response.
+    The mode is one of `ModalForm.groups`. The responses of all modes, with a single one for a pair,
+    add up to that of the model (3-5).
     """
     i = group[0]
     drive = u @ form.B[i]
@@ -174,16 +154,8 @@ def modal_response_magnitudes(
 ) -> FloatArray:
     """Return the MRM of each mode (3-8), (modes,), over all samples of all records.
 
-    It is the mean magnitude of the modal response in the output where that is largest.
-
-    Parameters
-    ----------
-    form : ModalForm
-        Model in modal coordinates.
-    records : sequence of IoData
-        Records whose input drives the modes.
-    output_scale : ndarray, (outputs,)
-        Factors of the outputs, which make them comparable.
+    It is the mean magnitude of the modal response in the output where that is largest. The factors
+    of the outputs, (outputs,), make them comparable.
     """
     samples = sum(len(record) for record in records)
     magnitudes = []
@@ -200,16 +172,8 @@ def modal_response_magnitudes(
 def mode_singular_values(form: ModalForm, samples: int, output_scale: FloatArray) -> FloatArray:
     """Return the MSV of each mode (3-4), (modes,); of a pair, that of one of its eigenvalues.
 
-    A value beyond the range of a double is given as about 1e304.
-
-    Parameters
-    ----------
-    form : ModalForm
-        Model in modal coordinates.
-    samples : int
-        Length of the pulse response, K of (3-4).
-    output_scale : ndarray, (outputs,)
-        Factors of the outputs.
+    `samples` is the length K of the pulse response (3-4), and the outputs are multiplied by their
+    factors, (outputs,). A value beyond the range of a double is given as about 1e304.
     """
     first = [group[0] for group in form.groups]
     gain = np.linalg.norm(form.C[:, first] * output_scale[:, np.newaxis], axis=0)
@@ -245,18 +209,8 @@ def ranked_modes(
     for i, group in enumerate(form.groups):
         eigenvalue = complex(form.eigenvalues[group[0]])
         frequency_hz, damping_ratio = frequency_and_damping(eigenvalue, form.dt_s)
-        modes.append(
-            Mode(
-                eigenvalue,
-                frequency_hz,
-                damping_ratio,
-                group,
-                float(msv[i]),
-                float(mrm[i]),
-                int(msv_rank[i]),
-                int(mrm_rank[i]),
-            )
-        )
+        weights = float(msv[i]), float(mrm[i]), msv_rank[i], mrm_rank[i]
+        modes.append(Mode(eigenvalue, frequency_hz, damping_ratio, group, *weights))
     return tuple(modes)
 
 
@@ -276,13 +230,7 @@ class RankTable(NamedTuple):
 
 
 def rank_table(modes: Sequence[Mode]) -> RankTable:
-    """Return the modes in the order of either index.
-
-    Parameters
-    ----------
-    modes : sequence of Mode
-        Modes of one model, such as `Identification.modes` or `Reduction.modes`.
-    """
+    """Return the modes of one model in the order of either index."""
     return RankTable(
         by_msv=tuple(sorted(modes, key=lambda mode: mode.msv_rank)),
         by_mrm=tuple(sorted(modes, key=lambda mode: mode.mrm_rank)),
@@ -302,7 +250,5 @@ def _log_geometric_sum(radius: float, terms: int) -> float:
 
 
 def _ranks(index: FloatArray) -> list[int]:
-    order = np.argsort(-index, kind="stable")
-    ranks = np.empty(len(index), dtype=int)
-    ranks[order] = np.arange(1, len(index) + 1)
-    return [int(rank) for rank in ranks]
+    """Return ranks from 1, for the largest; equal values rank in their order."""
+    return [int(place) + 1 for place in np.argsort(np.argsort(-index, kind="stable"))]

@@ -65,14 +65,14 @@ def step_costs(
     order: int,
     known_modes_hz: Sequence[float] = (),
 ) -> tuple[StepCost, ...]:
-    """Compare the full model with the results of all rankings and updates.
+    """Return the costs of the full model and of all rankings and updates, three to each ranking.
 
-    The full model comes first, then three updates of each ranking.
+    The identification's own records determine modes and updates.
 
     Parameters
     ----------
     identification : Identification
-        The full model; its own records determine modes and updates.
+        The full model.
     records : sequence of IoData
         Records for the errors; for a model with friction those of `net_records`.
     order : int
@@ -82,20 +82,17 @@ def step_costs(
     """
     model = identification.model
     labels = tuple(mode.label for mode in identification.modes)
-    errors = _errors(model, records)
-    costs = [StepCost(None, "none", labels, model.nstates, errors, _following(model, records))]
+
+    def cost(
+        model: control.StateSpace, ranking: str | None, update: str, kept: tuple[str, ...]
+    ) -> StepCost:
+        errors, sfv = _errors(model, records), _following(model, records)
+        return StepCost(ranking, update, kept, model.nstates, errors, sfv)
+
+    costs = [cost(model, None, "none", labels)]
     for ranking, update in product(rankings(order, known_modes_hz), UPDATES):
         reduced = _reduced(identification, ranking, update, order, known_modes_hz)
-        costs.append(
-            StepCost(
-                ranking,
-                update,
-                reduced.kept,
-                reduced.order,
-                _errors(reduced.model, records),
-                _following(reduced.model, records),
-            )
-        )
+        costs.append(cost(reduced.model, ranking, update, reduced.kept))
     return tuple(costs)
 
 

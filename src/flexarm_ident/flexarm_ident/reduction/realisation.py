@@ -88,14 +88,10 @@ def thesis_realisation(
 def realisation_difference(
     one: control.StateSpace, other: control.StateSpace, data: IoData | Sequence[IoData]
 ) -> RealisationDifference:
-    """Compare two models by frequency response (2-4) and by simulation from rest.
+    """Compare two models of the same channels and period, relative to the first.
 
-    Parameters
-    ----------
-    one, other : control.StateSpace
-        Discrete models of the same channels and period; differences are relative to `one`.
-    data : IoData or sequence of IoData
-        Records whose input drives the simulation.
+    They are compared by frequency response (2-4) and by simulation from rest under the records'
+    inputs.
     """
     nyquist_hz = 0.5 / one.dt
     frequencies_hz = np.geomspace(_LOWEST * nyquist_hz, nyquist_hz, _FREQUENCIES)

@@ -32,18 +32,10 @@ if TYPE_CHECKING:
 
 
 class Selection(NamedTuple):
-    """Estimator, its result, and the products that both follow from.
+    """Estimator in `METHODS`, its result, and the products that both follow from.
 
-    Attributes
-    ----------
-    method : str
-        Name in `METHODS`.
-    reason : str
-        Choice of 'auto' and its reason, in one sentence; empty when the method was given.
-    gram : BlockGram
-        Products of the data.
-    space : Subspace
-        Models of every order by that estimator.
+    `reason` is the choice of 'auto' and its reason, in one sentence; empty when the method was
+    given.
     """
 
     method: str
@@ -60,20 +52,9 @@ def estimate(
     *,
     feedthrough: bool,
 ) -> Selection:
-    """Return the result of one estimator.
+    """Return the result of one estimator in `METHODS`, by `block_rows` block rows q of (2-18).
 
-    Parameters
-    ----------
-    records : sequence of Source
-        Records of one rig, in memory or read in chunks.
-    excerpts : sequence of IoData
-        The records themselves, or leading parts that fit into memory.
-    method : str
-        Name in `METHODS`.
-    block_rows : int
-        Block rows of the Hankel matrices, q of (2-18).
-    feedthrough : bool
-        Whether D will be fitted.
+    The excerpts are the records themselves, or leading parts that fit into memory.
     """
     row = METHODS[method]
     gram = block_gram(records, row.shifts(block_rows))
@@ -88,20 +69,10 @@ def select_method(
     order: int | None = None,
     feedthrough: bool = False,
 ) -> Selection:
-    """Choose the estimator.
+    """Return the estimator that the data call for, with its result.
 
-    Parameters
-    ----------
-    records : sequence of Source
-        Records of one rig, in memory or read in chunks.
-    block_rows : int
-        Block rows of the Hankel matrices, q of (2-18).
-    closed_loop : bool
-        Whether a record is known to be made in closed loop.
-    order : int, optional
-        Number of states; half of `block_rows` by default.
-    feedthrough : bool
-        Whether D will be fitted.
+    `closed_loop` tells that a record is known to be made in closed loop. An unknown order is taken
+    for half of `block_rows`, q of (2-18).
     """
 
     def chosen(method: str, because: str) -> Selection:

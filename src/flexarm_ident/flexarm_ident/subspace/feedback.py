@@ -105,18 +105,10 @@ def reaches_inputs(gram: BlockGram) -> bool:
 def feedback_test(
     records: Sequence[IoData], gram: BlockGram, *, feedthrough: bool = False
 ) -> FeedbackTest:
-    """Test records for feedback.
+    """Test records for feedback, given their Gram.
 
-    Parameters
-    ----------
-    records : sequence of IoData
-        Records of one rig.
-    gram : BlockGram
-        Their Gram; with fewer than eight block rows the test has little power. Its last quarter is
-        what follows.
-    feedthrough : bool
-        Whether the output may follow the input at once. An answer within the sample cannot be told
-        from that, so only later ones count.
+    With fewer than eight block rows the test has little power; the last quarter is what follows.
+    With feedthrough an answer within the sample cannot be told from it, so only later ones count.
     """
     found = _whitened(gram, feedthrough=feedthrough)
     statistic, degrees, p_value = found.correlation

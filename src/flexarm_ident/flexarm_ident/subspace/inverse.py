@@ -51,16 +51,10 @@ class TruncatedInverse(NamedTuple):
 def truncated_inverse(
     matrix: NDArray[Any], *, smallest: float = _SMALLEST_EIGENVALUE, equilibrated: bool = False
 ) -> TruncatedInverse:
-    """Return the truncated inverse of a symmetric or Hermitian matrix.
+    """Return the truncated inverse of a symmetric or Hermitian matrix, (size, size).
 
-    Parameters
-    ----------
-    matrix : ndarray, (size, size)
-        Product matrix, positive semidefinite but for rounding.
-    smallest : float
-        Part of the largest eigenvalue below which a direction is left out.
-    equilibrated : bool
-        Scale the rows and columns to a unit diagonal first.
+    The matrix is positive semidefinite but for rounding. Directions below the part `smallest` of
+    the largest eigenvalue are left out, after scaling to a unit diagonal if `equilibrated`.
     """
     scale = np.ones(len(matrix))
     if equilibrated:

@@ -26,17 +26,7 @@ AUTO = "auto"
 
 
 class Data(NamedTuple):
-    """Data for an estimator.
-
-    Attributes
-    ----------
-    gram : BlockGram
-        Products of the records, of `Method.shifts` block rows.
-    records : sequence of IoData
-        The records, or leading parts that fit into memory.
-    feedthrough : bool
-        Whether the output may follow the input at once.
-    """
+    """Data for an estimator: products of `Method.shifts` block rows, and records or their heads."""
 
     gram: BlockGram
     records: Sequence[IoData]

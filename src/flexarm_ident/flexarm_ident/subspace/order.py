@@ -29,15 +29,7 @@ _MEDIAN_OF_CHI_SQUARE = 0.4549
 
 
 def suggest_order(singular_values: FloatArray, largest: int) -> int:
-    """Return the order before the widest gap of the singular values (2-22).
-
-    Parameters
-    ----------
-    singular_values : ndarray, (values,)
-        Singular values of (2-21), descending.
-    largest : int
-        Largest order to suggest.
-    """
+    """Return the order before the widest gap of singular values (2-22), at most `largest`."""
     floor = np.finfo(float).eps * singular_values[0]
     values = np.maximum(singular_values[: largest + 1], floor)
     return int(np.argmax(values[:-1] / values[1:])) + 1
@@ -104,13 +96,13 @@ def choose_order(
         return candidates[0]
     scatter = overdispersion(predictor, known[-1], window, records)
     penalty = scatter * (2 * gram.outputs + gram.inputs) * np.log(gram.columns)
+    report = progress or (lambda _stage, _fraction: None)
     criteria = []
     for done, order in enumerate(known):
         covariance = predictor.innovation_covariance(order, window)
         likelihood = gram.columns * float(np.linalg.slogdet(covariance)[1])
         criteria.append(likelihood + penalty * order)
-        if progress is not None:
-            progress("order", (done + 1) / len(known))
+        report("order", (done + 1) / len(known))
     return known[int(np.argmin(criteria))]
 
 
@@ -119,19 +111,10 @@ def overdispersion(
 ) -> float:
     """Return the scatter of the one-step errors' power in units of white Gaussian noise, 1 or more.
 
-    Records with long holes are judged by medians: a frozen command moves the rig, and a single
-    segment then has many times the errors of the others. Records too short for segments give 1.
-
-    Parameters
-    ----------
-    predictor : PredictorSpace
-        Predictor of the records.
-    order : int
-        Its number of states.
-    gram : BlockGram
-        Products that it was made from.
-    records : sequence of IoData
-        The records or leading parts of them, which are cut into segments.
+    It is taken over segments of the records, for a predictor of one order and the products that it
+    was made from. Records with long holes are judged by medians: a frozen command moves the rig,
+    and a single segment then has many times the errors of the others. Records too short for
+    segments give 1.
     """
     try:
         parts = cut(records, gram.block_rows)

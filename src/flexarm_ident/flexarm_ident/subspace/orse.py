@@ -105,11 +105,6 @@ class RangeSpace:
     def matrices(self, order: int) -> StateMatrices:
         """Return A and C from the shift structure, by least squares (2-9), (2-10).
 
-        Parameters
-        ----------
-        order : int
-            Number of states.
-
         Raises
         ------
         IdentificationError
@@ -137,12 +132,7 @@ def innovation_scaled(gram: BlockGram) -> RangeSpace:
 def plain(gram: BlockGram, output_scale: FloatArray) -> RangeSpace:
     """Return the range space by the thesis's scaling, for comparison.
 
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data.
-    output_scale : ndarray, (outputs,)
-        Factors of section 2.5, step 4.
+    `output_scale`, (outputs,), holds the factors of section 2.5, step 4.
     """
     remainder, rms, condition = _output_remainder(gram)
     return _range_space(remainder, output_scale * rms, rms, condition)

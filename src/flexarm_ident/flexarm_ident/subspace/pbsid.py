@@ -99,11 +99,6 @@ class PredictorSpace:
     def innovation(self, order: int) -> Innovation:
         """Return the innovation form of one order in the channels' own units, by two regressions.
 
-        Parameters
-        ----------
-        order : int
-            Number of states.
-
         Raises
         ------
         IdentificationError
@@ -139,12 +134,7 @@ class PredictorSpace:
     def innovation_covariance(self, order: int, gram: BlockGram) -> FloatArray:
         """Return the covariance of the one-step errors, (outputs, outputs), in the outputs' units.
 
-        Parameters
-        ----------
-        order : int
-            Number of states.
-        gram : BlockGram
-            Products of data of the same channels, of as many block rows.
+        The data must have the same channels and as many block rows.
         """
         _, _, e = self._one_step(order)
         e = e / np.tile(self.rms, gram.block_rows)
@@ -177,15 +167,10 @@ class PredictorSpace:
 
 
 def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorSpace:
-    """Return the predictor's states, from the Gram of ``p + 1`` block rows.
+    """Return the predictor's states, from the Gram of ``p + 1`` block rows: past and present.
 
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data; its block rows are the past's samples p and the present.
-    feedthrough : bool
-        Let the output follow the input at once (D). Under feedback the controller must then answer
-        with a delay.
+    With feedthrough the output may follow the input at once (D). Under feedback the controller must
+    then answer with a delay.
 
     Raises
     ------
@@ -225,13 +210,6 @@ def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
     """Return the number of past samples that help to predict the next: the VARX order by BIC.
 
     Schwarz, "Estimating the dimension of a model", Annals of Statistics 6 (1978).
-
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data.
-    feedthrough : bool
-        Whether the output may follow the input at once.
     """
     scaled, _ = equilibrated(gram)
     m, r, last = gram.outputs, gram.inputs, gram.block_rows - 1

@@ -51,16 +51,10 @@ class WhitenessTest:
 
 
 def whiteness_test(space: RangeSpace, columns: int, order: int) -> WhitenessTest:
-    """Test the noise of outputs scaled by their innovation.
+    """Test the noise of outputs scaled by their innovation, given ORSE's range space of them.
 
-    Parameters
-    ----------
-    space : RangeSpace
-        ORSE's range space of these outputs, with all of its singular values.
-    columns : int
-        Columns of the Hankel matrix, d of (2-19).
-    order : int
-        States of the model; at least half of the eigenvalues are taken for noise.
+    `columns` is d of (2-19). The eigenvalues behind the model's order are taken for noise, and half
+    of them in any case.
     """
     values = space.singular_values
     size = len(values)
