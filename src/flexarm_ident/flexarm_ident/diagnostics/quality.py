@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
 
-# A fall of 40 dB: no window leaks as much.
+# 40 dB below the maximum, more than the leakage of the window.
 _EXCITED = 1e-4
 _PARTS = 16
 _EXCITED_SHARE = 0.8
@@ -95,12 +95,12 @@ def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
         Excited share of the frequencies up to Nyquist.
     """
     length = min(len(u), max(256, min(len(u) // 8, 4096)))
-    # Parts from all over a long record are enough.
+    # Parts spread over a long record suffice.
     starts = np.linspace(0, len(u) - length, min(_PARTS, 2 * len(u) // length)).astype(int)
     parts = u[starts[:, np.newaxis] + np.arange(length)]
     frequencies_hz, densities = scipy.signal.periodogram(parts, 1.0 / dt_s, window="hann")
     density = densities.mean(axis=0)
-    # The increments' density follows from it; the record's mean is none of either.
+    # The increments' density follows from it. The mean of the record is left out of both.
     increments = density * np.sin(np.pi * frequencies_hz * dt_s) ** 2
     density, increments, frequencies_hz = density[1:], increments[1:], frequencies_hz[1:]
     excited = (density > _EXCITED * density.max()) | (increments > _EXCITED * increments.max())
@@ -125,7 +125,7 @@ def _feedback(
     }
     if test.detected:
         evidence = (
-            f"the inputs answer the outputs' noise, chi-square {test.statistic:.0f} where "
+            f"the inputs correlate with the outputs' noise, chi-square {test.statistic:.0f} where "
             f"{test.degrees} is usual"
         )
         if not declared:
@@ -133,7 +133,7 @@ def _feedback(
                 ", though no loop is declared (or the output follows the input within a sample)"
             )
     else:
-        evidence = "the record says so, its noise is too small to tell"
+        evidence = "the record states it, and its noise is too small to tell"
     yield DataWarning(
         "feedback",
         f"closed-loop data: {evidence}; the controller feeds noise back into the input, so plain "
@@ -174,8 +174,8 @@ def _channels(record: IoData) -> Iterator[DataWarning]:
         if constant > _CONSTANT_SHARE:
             yield DataWarning(
                 "constant_channel",
-                f"{record.label}: {name} stands still in {_percent(constant)} of the samples and "
-                "tells nothing: check the channel, or leave it out",
+                f"{record.label}: {name} is constant in {_percent(constant)} of the samples and "
+                "carries no information: check the channel, or leave it out",
                 {"share": constant},
             )
             continue
@@ -207,7 +207,7 @@ def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator
     if name not in record.outputs:
         return
     channel = record.outputs.index(name)
-    # A saturated signal stands still too.
+    # A saturated signal is constant as well.
     dead = [
         rows
         for rows in dead_stretches(record, channel)
@@ -307,7 +307,7 @@ def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
     if len(np.unique(_look(x))) <= _FEW_LEVELS:
         return 0.0
     starts, stops = runs(on).T
-    # What comes from before the record may be a rest.
+    # A plateau from the first sample on may be a rest.
     plateaus = (stops - starts >= _PLATEAU_SAMPLES) & (starts > 1)
     if not plateaus.any():
         return 0.0

@@ -229,7 +229,7 @@ def _clusters(poles: list[Pole], spread: float) -> Iterable[list[Pole]]:
 
 def _mode(cluster: list[Pole], orders: tuple[int, ...]) -> PhysicalMode:
     centre = float(np.median([pole.frequency_hz for pole in cluster]))
-    # An order that splits the mode in two counts once.
+    # An order with the mode split in two counts once.
     nearest: dict[int, Pole] = {}
     for pole in sorted(cluster, key=lambda pole: -abs(pole.frequency_hz - centre)):
         nearest[pole.order] = pole

@@ -179,7 +179,7 @@ def _matched(own: ComplexArray, A: FloatArray) -> ComplexArray:
     eigenvalues = np.linalg.eigvals(A).astype(complex)
     upper = eigenvalues[eigenvalues.imag >= 0.0]
     if len(upper) < len(own):
-        # Some pairs of the model are one real eigenvalue each, or none, of the replicate.
+        # Some pairs of the model have one real eigenvalue each, or none, in the replicate.
         upper = eigenvalues
     distance = np.abs(np.subtract.outer(own, upper))
     _, columns = scipy.optimize.linear_sum_assignment(distance)

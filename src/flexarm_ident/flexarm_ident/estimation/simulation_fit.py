@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 ARM = "arm"
 """Method of a model that is an arm with dry friction."""
-# Of all records together: more takes minutes and says little more.
+# Samples of all records together; more would take minutes for little more accuracy.
 _REFINED_SAMPLES = 20_000
 _STANDS_OUT = 3.0
 
@@ -81,7 +81,7 @@ def with_friction(
     try:
         coulomb = estimate_coulomb(records, layout.slipping)
     except IdentificationError:
-        return found  # hardly anything slips
+        return found  # too few slipping samples
     found = replace(found, coulomb=coulomb)
     if not coulomb.possible:
         return found

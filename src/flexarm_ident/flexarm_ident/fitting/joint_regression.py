@@ -1,7 +1,7 @@
 """Output least squares over all records, in modal or in Schur coordinates.
 
 B and D are common to all records, and each record has an initial state. Both forms keep products of
-the data only, so that a solution for other weights of the outputs costs nothing.
+the data only, so that a solution for other weights of the outputs needs no further reading.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flexarm_ident.fitting.schur_regression import SchurRegression
     from flexarm_ident.records.source import Samples
 
-# Six of sixteen digits are lost by squaring it.
+# Its square costs six of sixteen digits.
 _WELL_CONDITIONED = 1e3
 
 
@@ -74,8 +74,8 @@ class ModalProblem:
             return found, [each.missed(combination) for each, combination in pairs]
 
         parameters, missed = solve(self._products)
-        # Normal equations square the condition, and small errors drown in the outputs' power: what
-        # the first solution misses, sample by sample, gives the digits back.
+        # Normal equations square the condition, and small errors vanish in the outputs' power. The
+        # residual of the first solution, sample by sample, restores the digits.
         lost = condition > _WELL_CONDITIONED or any(each.is_rounding for each in missed)
         if refined and lost:
             left = [

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _BLOCK = 32
 # The lifted rows of this many samples fit into a core's own cache.
 _CHUNK = 256 * _BLOCK
-# Of a sum over all samples, in units of the sum of its terms' magnitudes.
+# Rounding of a sum over all samples, in units of the sum of its terms' magnitudes.
 _ROUNDING = 1e-14
 _WANTED = 1e-6
 
@@ -107,7 +107,7 @@ class ModalRegression:
 
     def signal_weights(self, parameters: ComplexArray) -> FloatArray:
         """Return the outputs as combinations of the signals, (outputs, signals)."""
-        # Real, because conjugate modes come in pairs.
+        # The sum over pairs of conjugate modes is real.
         return np.asarray(((self._columns * parameters) @ self._expand).real)
 
     def normal(self, products: Products, weight: FloatArray) -> ComplexArray:
@@ -179,7 +179,7 @@ class ModalRegression:
         driven = np.stack([pulse.real, pulse.imag], axis=1).reshape(parts, _BLOCK + 1, _BLOCK)
         total = np.zeros((inputs_at + self._direct, _BLOCK + 1, inputs_at + r * _BLOCK))
         for source in range(r + 1):
-            # The initial state stands behind D.
+            # The initial state follows D.
             first = source * parts + (self._direct if source == r else 0)
             total[first : first + parts, :, source * parts : (source + 1) * parts] = free
             if source < r:

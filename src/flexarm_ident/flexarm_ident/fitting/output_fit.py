@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _DEFECTIVE_CONDITION = 1e8
 _LARGEST_GROWTH = 100.0
-# Of an output's RMS: an error as small is not taken for noise when outputs are weighted by it.
+# Smallest noise that weights an output, as a part of its RMS.
 _SMALLEST_NOISE = 1e-4
 
 
@@ -170,7 +170,7 @@ def _fit(
     largest = float(np.abs(eigenvalues).max(initial=0.0))
     if largest > 1.0 and longest * np.log(largest) > _LARGEST_GROWTH:
         raise IdentificationError(
-            f"an eigenvalue of magnitude {largest:.4f} grows beyond all bounds in {longest} "
+            f"an eigenvalue of magnitude {largest:.4f} makes the response overflow in {longest} "
             "samples: stabilise the model first"
         )
     problem: ModalProblem | SchurProblem

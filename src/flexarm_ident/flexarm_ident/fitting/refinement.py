@@ -105,7 +105,7 @@ def refine_model(
         return unchanged
     refined, starts = problem.unpack(found.theta)
     after = _errors(refined, starts, records)
-    # Judged by an independent simulation, so that rounding cannot make it worse.
+    # An independent simulation decides, so that rounding cannot make the model worse.
     if not np.sum(after**2) < np.sum(before**2):
         return unchanged
     return Refinement(refined, starts, after, before)

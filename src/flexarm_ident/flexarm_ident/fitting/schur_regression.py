@@ -80,7 +80,7 @@ class SchurRegression:
         padded = np.zeros((blocks * _BLOCK, r))
         padded[: len(u)] = u
         inputs = padded.reshape(blocks, _BLOCK, r).transpose(0, 2, 1)
-        # What the inputs of a block leave behind it, (blocks, states, inputs, states).
+        # Effect of a block's inputs on the state at its end, (blocks, states, inputs, states).
         drive = np.tensordot(inputs, self._powers[_BLOCK - 1 :: -1], axes=1).transpose(0, 2, 1, 3)
         states = np.empty((blocks, n, r + 1, n))
         for block in range(blocks):

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.records.iodata import IoData
 
-# A period of the highest frequency gets ten samples; above 0.3 of the new rate nothing may fold.
+# Samples per period of the highest frequency, and the anti-alias cut-off by the new rate.
 _SAMPLES_PER_PERIOD = 10.0
 _ANTI_ALIAS = 0.3
 # A zero error of the input of 1 % of its peak costs as much as 5 % error of one output, and in a
@@ -41,7 +41,7 @@ _ZERO_ERROR = 0.01
 _COST_OF_ZERO_ERROR = 0.05
 _COST_OF_ERROR_LEFT = 0.5
 _LOOSENINGS = 4
-# At the lower rate, all records together: more takes minutes and says little more.
+# Samples of all records together at the lower rate; more would take minutes for little more.
 _MOST_SAMPLES = 3000
 _STARTS = 24
 _FINALISTS = 4
@@ -137,7 +137,7 @@ def fit_arm(
     best = min(finalists, key=lambda found: found.cost)
     if not np.isfinite(best.cost):
         raise IdentificationError(
-            f"{records[0].label}: no arm with friction simulates the record: identify without"
+            f"{records[0].label}: no arm with friction simulates the record: leave friction out"
         )
     problem, best = _loosened(problem, best)
     report("friction", 1.0)
@@ -257,7 +257,7 @@ def _signs(
 ) -> tuple[float, ...]:
     power = np.zeros(len(positions))
     for u, y in smooth:
-        # Work per time: an input that drives its position puts more in than it takes out.
+        # Mean power: an input that drives its position supplies more energy than it takes out.
         power += np.sum(u * np.gradient(y[:, list(positions)], dt_s, axis=0), axis=0)
     return tuple(float(sign) for sign in np.where(power < 0.0, -1.0, 1.0))
 

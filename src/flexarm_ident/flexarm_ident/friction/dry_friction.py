@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flexarm_ident.models.model_parameters import ParameterValue
     from flexarm_ident.records.iodata import IoData
 
-# In the order of `DryFriction`.
+# Their order is that of `DryFriction`.
 _FIELDS = (
     "friction_level",
     "friction_offset",

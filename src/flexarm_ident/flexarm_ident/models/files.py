@@ -63,7 +63,7 @@ FORMATS = {
 """Suffix -> format: ROS parameter file, JSON, MATLAB version 5, C header."""
 
 EXPORTS = tuple(suffix for suffix in FORMATS if suffix != ".yaml")
-"""What can be written beside the parameter file."""
+"""Suffixes of the formats beside the parameter file."""
 
 
 def save_model(
@@ -118,7 +118,7 @@ def load_model(path: Path | str) -> control.StateSpace:
     decode = _format(path).decode
     if decode is None:
         readable = ", ".join(suffix for suffix, each in FORMATS.items() if each.decode)
-        raise ModelFileError(f"{path}: is written for compilers only: read one of {readable}")
+        raise ModelFileError(f"{path}: this format is for compilers only: read one of {readable}")
     try:
         models = decode(Path(path).read_bytes())
     except OSError as error:
@@ -139,7 +139,7 @@ def parse_exports(text: str) -> tuple[str, ...]:
     Raises
     ------
     ModelFileError
-        If one is not known.
+        If a format is unknown.
     """
     words = [word.strip() for word in text.split(",")]
     suffixes = tuple(dict.fromkeys(f".{word}" for word in words if word))

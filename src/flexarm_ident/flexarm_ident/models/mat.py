@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _MATRICES = ("A", "B", "C", "D")
 _NAMES = ("input_names", "output_names")
 _VARIABLES = (*_MATRICES, "dt", *_NAMES, "name", "hash")
-# The header's free text. scipy puts the date there, and the same model has to give the same file;
+# The header's free text, where scipy puts the date. The same model has to give the same file,
 # and a damaged file can crash scipy's reader, so ours carry a digest of all that follows.
 _HEADER_SIZE = 116
 _OURS = b"MATLAB 5.0 MAT-file, flexarm, SHA-256 "

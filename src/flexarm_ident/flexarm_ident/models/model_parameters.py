@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _ROOT = "models"
 _MATRICES = ("a", "b", "c", "d")
 FIELDS = (*_MATRICES, "states", "input_names", "output_names", "dt_s", "hash")
-"""What makes the linear model; every further field is friction or provenance."""
+"""Fields of the linear model; every further field is friction or provenance."""
 
 
 class ModelFileError(IdentificationError):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
 
-# exp of it is still a double.
+# Its exponential is still a double.
 _LARGEST_LOG = 700.0
 _PERSISTENT = 1e-12
 
@@ -117,7 +117,7 @@ def modal_form(model: control.StateSpace) -> ModalForm:
     columns = [v for i in pairs for v in (vectors[:, i], vectors[:, i].conj())]
     psi = np.stack([*columns, *(vectors[:, i] for i in real)], axis=1)
     B = np.linalg.solve(psi, model.B.astype(complex))
-    # Rounding leaves the halves of a pair a little apart.
+    # Rounding makes the halves of a pair differ slightly.
     for i in range(0, 2 * len(pairs), 2):
         B[i + 1] = B[i].conj()
     return ModalForm(lam, psi, B, model.C @ psi, float(model.dt))

@@ -111,6 +111,6 @@ def stabilise(A: FloatArray) -> tuple[FloatArray, int]:
     stable = np.linalg.solve(vectors.T, (vectors * moved).T).T.real
     largest = np.abs(np.linalg.eigvals(stable)).max()
     if largest >= 1.0:
-        # Eigenvectors too close to each other to move one alone.
+        # Eigenvectors so close to each other do not allow moving one eigenvalue alone.
         stable = stable * (STABLE_RADIUS / largest)
     return stable, int(outside.sum())

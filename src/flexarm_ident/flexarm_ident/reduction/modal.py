@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from flexarm_ident.models.modes import ModalForm, Mode
     from flexarm_ident.records.iodata import IoData
 
-# A flexible mode may be this far from its known frequency (natural logarithm of the ratio) ...
+# Largest distance of a flexible mode from its known frequency (natural logarithm of the ratio).
 _FARTHEST = 0.3
-# ... but MRM counts less with the distance: 0.6 at this one, 0.1 at twice as far.
+# MRM has a weight that falls with the distance: 0.6 at this one, 0.1 at twice as far.
 _NEAR = 0.05
-# A beam's mode vibrates; a pair that is damped more is none.
+# Damping ratio below which a pair can be a flexible mode.
 _VIBRATES = 0.3
 # Below this part of the lowest known frequency a pair belongs to the rigid motion.
 _SLOW = 0.5
@@ -258,7 +258,7 @@ def _flexible(
         if near:
             chosen.append(max(near, key=lambda scored: scored[0])[1])
         else:
-            notes.append(f"no vibrating mode near {known_hz:g} Hz: none kept for it")
+            notes.append(f"no flexible mode near {known_hz:g} Hz: none was kept for it")
     return chosen, notes
 
 

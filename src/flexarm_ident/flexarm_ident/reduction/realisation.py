@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
 
 _FREQUENCIES = 200
-# Of the Nyquist frequency: the lowest one at which responses are compared.
+# Lowest frequency of the comparison, as a part of the Nyquist frequency.
 _LOWEST = 1e-3
 
 

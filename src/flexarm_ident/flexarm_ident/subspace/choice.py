@@ -71,7 +71,7 @@ def select_method(
 ) -> Selection:
     """Return the estimator that the data call for, with its result.
 
-    `closed_loop` tells that a record is known to be made in closed loop. An unknown order is taken
+    `closed_loop` states that a record is known to be made in closed loop. An unknown order is taken
     for half of `block_rows`, q of (2-18).
     """
 

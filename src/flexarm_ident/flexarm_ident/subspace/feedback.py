@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 # One false alarm in a million records.
 SIGNIFICANCE = 1e-6
 STANDS_OUT = 1.5
-# Below this part of a signal's RMS, what is left of it is rounding.
+# A remainder below this part of a signal's RMS is rounding.
 _SMALLEST_REMAINDER = 1e-5
 _DEPENDENT = 1e-9
-# As many samples show the background at distant lags, and the kind of loop.
+# Samples for the background at distant lags and for the closed-loop test.
 BACKGROUND_SAMPLES = 2**14
 
 

@@ -142,13 +142,13 @@ class LagSums:
 
     def __init__(self, channels: int, lags: int) -> None:
         self._channels, self._lags = channels, lags
-        # A block meets all that come up to `lags` samples after its last one.
+        # A block is multiplied with all that begin up to `lags` samples after its last one.
         self._shifts = (lags + _BLOCK - 2) // _BLOCK + 1
         width, size = _BLOCK * channels, (lags - 1) * channels
         self._products = np.zeros((self._shifts, width, width))
-        # Of the last samples of each stretch, which fill no whole row of blocks.
+        # Products of the last samples of each stretch, which fill no whole row of blocks.
         self._rest = np.zeros((lags, channels, channels))
-        # What enters minus what leaves the sums from one time shift to the next.
+        # Entering minus leaving products from one time shift to the next.
         self._change = np.zeros((size, size))
         self._head = self._pending = np.empty((0, channels))
         self._samples = 0
@@ -162,7 +162,7 @@ class LagSums:
         z[:waiting] = self._pending
         np.concatenate(signals, axis=1, out=z[waiting:])
         if len(self._head) < self._lags - 1:
-            # Nothing has left the pending samples yet.
+            # The pending samples still begin at the start.
             self._head = z[: self._lags - 1].copy()
         blocks = z[: len(z) // _BLOCK * _BLOCK].reshape(-1, _BLOCK * self._channels)
         whole = max(len(blocks) - self._shifts + 1, 0)

@@ -58,7 +58,7 @@ def truncated_inverse(
     """
     scale = np.ones(len(matrix))
     if equilibrated:
-        # Of a direction that is rounding only, even the power can come out negative.
+        # Rounding can make the power of an empty direction negative.
         scale = np.sqrt(np.diag(matrix).real.clip(min=0.0))
         scale[scale == 0.0] = 1.0
         matrix = matrix / np.outer(scale, scale)

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 # An input that changes at fewer of the samples carries no noise from sample to sample.
 _SELDOM = 0.1
-# Samples of the past: of the outputs, and of the input as far as a filtered one remembers.
+# Samples of the past of the outputs, and of the input with the memory of its filter.
 _OUTPUT_MEMORY = 15
 _INPUT_MEMORY = 100
 # A controller answers within the sample or this many less one later.
 _ANSWERED_WITHIN = 5
-# Robust standard deviations: what is larger is clipped in a correlation, and left out of a fit.
+# Robust standard deviations above which a value is clipped in a correlation, or left out of a fit.
 _CLIP = 3.0
 _OUTLIER = 4.0
 _NORMAL_MAD = 1.4826

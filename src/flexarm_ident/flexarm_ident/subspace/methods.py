@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.orse import Subspace
 
 AUTO = "auto"
-"""The method that lets the data choose, see `choice`."""
+"""Name of the choice from the data, see `choice`."""
 
 
 class Data(NamedTuple):

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.orse import Subspace
     from flexarm_ident.subspace.pbsid import PredictorSpace
 
-# Tables 2-1 to 2-4 look at these orders.
+# The orders of Tables 2-1 to 2-4.
 SMALLEST_ORDER = 7
 LARGEST_ORDER = 36
 _NUMERICAL_RANK = 1e-10
-# Of one degree of freedom.
+# With one degree of freedom.
 _MEDIAN_OF_CHI_SQUARE = 0.4549
 
 

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.subspace.gram import BlockGram
 
-# Of a product matrix: half the digits of the data's own condition.
+# Condition of a product matrix, which is that of the data squared.
 SINGULAR_CONDITION = 1e12
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
 _CLEAN = 1e-5
-# Noise power in one direction, in units of the one-step innovation's: what is less is rounding.
+# Noise power in one direction, in units of the one-step innovation's; less is rounding.
 _SMALLEST_NOISE = 1e-4
 
 
@@ -52,7 +52,7 @@ class Subspace(Protocol):
 
     @property
     def condition(self) -> float:
-        """Condition number of what was inverted."""
+        """Condition number of the inverted matrix."""
 
     @property
     def block_rows(self) -> int:

@@ -115,7 +115,7 @@ class PredictorSpace:
         if self.feedthrough:
             D = coefficients[:, order:]
         covariance = e @ self.gram @ e.T
-        # Rounding drives nothing.
+        # An innovation of rounding does not drive the states.
         heard = np.diag(covariance) > _SMALLEST_INNOVATION**2
         dynamics = self._regression(x_next, np.vstack([x, u, e[heard]]))
         A, B, driven = np.split(dynamics, [order, order + r], axis=1)
@@ -193,7 +193,7 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
     weight = 1.0 / np.maximum(np.sqrt(left), _SMALLEST_INNOVATION)
     future = np.zeros((past, m, history))
     for ahead in range(past):
-        # What the past says about a later sample while the predictor gets nothing new.
+        # Prediction of a later sample from the past alone.
         future[ahead, :, ahead * channels :] = responses[:, : history - ahead * channels]
     future = (weight[:, np.newaxis] * future).reshape(past * m, history)
     values, vectors = scipy.linalg.eigh(scaled[:history, :history], driver="evd")
@@ -219,7 +219,7 @@ def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
     for lag in range(1, last + 1):
         given += gram.output_rows(last - lag, last - lag + 1)
         given += gram.input_rows(last - lag, last - lag + 1)
-    # The most recent first: the leading part of one factor serves every length.
+    # With the most recent samples first, the leading part of one factor serves every length.
     normal = scaled[np.ix_(given, given)] + _SMALLEST_INNOVATION**2 * np.eye(len(given))
     factor = scipy.linalg.cholesky(normal, lower=True)
     parts = scipy.linalg.solve_triangular(factor, scaled[np.ix_(given, present)], lower=True)

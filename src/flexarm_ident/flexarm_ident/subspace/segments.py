@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
 
-# More would leave edges of short segments in the scatter, fewer would scatter themselves.
+# Edges of more, shorter segments would add scatter; fewer would estimate it poorly.
 SEGMENTS = 10
 _FEWEST_SEGMENTS = 4
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.orse import RangeSpace
 
 _DEVIATIONS = 6.0
-# The scaling is an estimate as well: a spread as small has no visible effect on a model.
+# The scaling is estimated as well, and a spread as small has no visible effect on a model.
 _TOLERATED = 0.01
-# In units of the innovation's power: what is less is rounding.
+# Noise power in units of the innovation's; less is rounding.
 _SMALLEST_NOISE = 1e-2
 
 
@@ -53,7 +53,7 @@ class WhitenessTest:
 def whiteness_test(space: RangeSpace, columns: int, order: int) -> WhitenessTest:
     """Test the noise of outputs scaled by their innovation, given ORSE's range space of them.
 
-    `columns` is d of (2-19). The eigenvalues behind the model's order are taken for noise, and half
+    `columns` is d of (2-19). The eigenvalues beyond the model's order are taken for noise, and half
     of them in any case.
     """
     values = space.singular_values
