@@ -56,7 +56,9 @@ def assess(
     feedthrough : bool
         Whether D is fitted.
 
-    Returns ------- tuple of DataWarning
+    Returns
+    -------
+    tuple of DataWarning
         ``feedback``, ``input_condition``, ``too_short`` once; the notices of each record, such as
         ``lost_samples`` and ``clock_jitter`` from a bag; ``constant_channel``, ``offset``,
         ``saturation``, ``dead_sensor``, ``duplicated_channel`` and ``excitation_band`` per record

@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 class Criteria(NamedTuple):
     """Criteria for stable and physical modes.
 
-    Attributes ---------- frequency : float
+    Attributes
+    ----------
+    frequency : float
         Soft: largest relative change of the frequency from one order to the next.
     damping : float
         Soft: largest change of the damping ratio.

@@ -43,7 +43,9 @@ def identify(
     Their method and order, if left open, and the modes' weights come from their leading parts,
     `streaming.EXCERPT_SAMPLES` long. They have neither friction nor refinement.
 
-    Parameters ---------- data : IoData or sequence of Source
+    Parameters
+    ----------
+    data : IoData or sequence of Source
         Records of one rig, in memory or read in chunks such as `BagStream`; several are fitted by
         one model, each with its own initial state.
     order : int, optional

@@ -80,7 +80,9 @@ def fit_inputs(
 ) -> OutputFit:
     """Fit B, the initial states and, on request, D to the outputs (2-17), (3-17).
 
-    Parameters ---------- A : ndarray, (states, states)
+    Parameters
+    ----------
+    A : ndarray, (states, states)
         State matrix, best without eigenvalues outside the unit circle.
     C : ndarray, (outputs, states)
         Output matrix.

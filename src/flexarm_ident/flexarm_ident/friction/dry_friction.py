@@ -81,7 +81,9 @@ def simulate_with_friction(
     x0 : ndarray, (states,)
         Initial state.
 
-    Returns ------- ndarray, (samples, outputs)
+    Returns
+    -------
+    ndarray, (samples, outputs)
         Outputs.
     ndarray, (samples, inputs)
         Friction, in units of the input. The linear model gives the same outputs for the input

@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 class Format:
     """File format of models.
 
-    Attributes ---------- encode : callable
+    Attributes
+    ----------
+    encode : callable
         From the name of the model and its flat parameters to the content.
     decode : callable or None
         From the content to the models by name; raises `ModelFileError`. None for write-only

@@ -25,7 +25,9 @@ _PERSISTENT = 1e-12
 class Mode:
     """Complex pair, or one real eigenvalue.
 
-    Attributes ---------- eigenvalue : complex
+    Attributes
+    ----------
+    eigenvalue : complex
         Discrete-time eigenvalue, of a pair the one with positive imaginary part.
     frequency_hz : float
         Natural frequency (2-28); 0 for a positive real eigenvalue, which does not oscillate.
