@@ -181,5 +181,5 @@ def friction_from_parameters(
         if values.shape != (size,) or not np.isfinite(values).all():
             raise ModelFileError(f"models.{name}.{field} must be a list of {size} finite numbers")
         columns.append(values)
-    *figures, speed = columns
-    return DryFriction(*figures, speed.reshape(model.ninputs, model.nstates))
+    columns[-1] = columns[-1].reshape(model.ninputs, model.nstates)
+    return DryFriction(*columns)

@@ -133,7 +133,7 @@ def test_jackknife___several_records___segments_keep_to_their_record() -> None:
     assert {len(remainder) for remainder in found.remainders} == {2, 3}
 
 
-def test_uncertainty___noise_free___is_nothing() -> None:
+def test_uncertainty___noise_free___is_zero() -> None:
     data = record(random_model(4), 800, 4)
     found = jackknife(data, 10, lambda gram: innovation_scaled(gram).matrices(5))
     for mode in mode_uncertainty(found, random_model(4)):
@@ -175,7 +175,7 @@ def test_jackknife___four_times_the_noise_power___twice_the_deviation() -> None:
     np.testing.assert_allclose(two[:3], 2.0 * np.array(one[:3]), rtol=0.1)
 
 
-def test_jackknife___too_short___says_what_to_do() -> None:
+def test_jackknife___too_short___raises_with_a_remedy() -> None:
     data = replace(arm_data(8, colour=False).head(50), source="run 8")
     with pytest.raises(DataError, match="run 8: 50 samples are too few for 4 segments of 12 block"):
         jackknife(data, PAST, white)

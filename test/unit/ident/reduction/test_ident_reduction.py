@@ -110,7 +110,7 @@ def test_reduce_model___order___takes_the_best_ranked_modes(
     assert not passed_over or not ranked[last].is_pair
 
 
-def test_reduce_model___order_would_split_a_pair___takes_one_more_and_says_so() -> None:
+def test_reduce_model___order_would_split_a_pair___takes_one_more_with_a_warning() -> None:
     clean = record(random_model(4, states=6), 500, seed=4)
     found = identify(clean, order=6, block_rows=10)
     assert all(mode.is_pair for mode in found.modes)
