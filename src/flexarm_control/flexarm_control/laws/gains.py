@@ -50,18 +50,14 @@ class Sampling(Bounded):
 class Coulomb(Bounded):
     """Unconditional Coulomb friction compensation (section 2.4.3)."""
 
-    compensation_v: float = setting(
-        0.8, 0.0, 2.0, "V", "level of the Coulomb friction compensation"
-    )
+    compensation_v: float = setting(0.8, 0.0, 2.0, "V", "Coulomb friction compensation level")
 
 
 @dataclass(frozen=True)
 class CompensationLevel(Bounded):
     """Level of the Coulomb friction compensation of a PDP law (4-8), without its conditions."""
 
-    compensation_v: float = setting(
-        0.7, 0.0, 2.0, "V", "level of the Coulomb friction compensation"
-    )
+    compensation_v: float = setting(0.7, 0.0, 2.0, "V", "Coulomb friction compensation level")
 
 
 @dataclass(frozen=True)
@@ -71,9 +67,5 @@ class Compensation(CompensationLevel):
     The compensation is off while both the position error and the speed are below their thresholds.
     """
 
-    error_threshold_v: float = setting(
-        0.05, 0.0, 1.0, "V", "position error from which the compensation acts"
-    )
-    speed_threshold_v: float = setting(
-        0.05, 0.0, 1.0, "V", "speed signal from which the compensation acts"
-    )
+    error_threshold_v: float = setting(0.05, 0.0, 1.0, "V", "position error from which it acts")
+    speed_threshold_v: float = setting(0.05, 0.0, 1.0, "V", "speed signal from which it acts")

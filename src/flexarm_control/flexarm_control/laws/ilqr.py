@@ -49,7 +49,7 @@ class RegulatorWeights(Bounded):
 class IlqrWeights(RegulatorWeights):
     """Weights of the design of Figure 4-13; the thesis's observer is twice as fast."""
 
-    observer_speed: float = setting(2.0, 1.0, 5.0, "", "how much faster than the regulator")
+    observer_speed: float = setting(2.0, 1.0, 5.0, "", "least speed ratio to the regulator")
 
 
 @dataclass(frozen=True)

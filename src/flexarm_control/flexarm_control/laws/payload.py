@@ -62,20 +62,12 @@ class PayloadDetection(Bounded):
     after `memory_s`.
     """
 
-    cantilever_n_per_m: float = setting(
-        23.72, 0.1, 1e5, "N/m", "stiffness 3 EI / L^3 of the arm as a cantilever"
-    )
-    tare_kg: float = setting(
-        0.142, 0.001, 10.0, "kg", "what an arm without payload weighs at its tip"
-    )
-    strain_per_speed_s2: float = setting(
-        184.5, -1e5, 1e5, "1/s^2", "K: base gauge over tachometer of the cantilever"
-    )
+    cantilever_n_per_m: float = setting(23.72, 0.1, 1e5, "N/m", "stiffness of the arm, 3 EI / L^3")
+    tare_kg: float = setting(0.142, 0.001, 10.0, "kg", "tip mass of an arm without payload")
+    strain_per_speed_s2: float = setting(184.5, -1e5, 1e5, "1/s^2", "K: base gauge over tachometer")
     bandwidth_hz: float = setting(2.0, 0.2, 10.0, "Hz", "low-pass of the signals")
     memory_s: float = setting(3.0, 0.5, 60.0, "s", "motion that is remembered")
-    detected_kg: float = setting(
-        0.08, 0.001, 1.0, "kg", "deviation from which a payload counts as detected"
-    )
+    detected_kg: float = setting(0.08, 0.001, 1.0, "kg", "largest deviation of a detected payload")
     rate_hz: float = setting(300.0, 50.0, 2000.0, "Hz", "sampling rate of the signals")
 
 

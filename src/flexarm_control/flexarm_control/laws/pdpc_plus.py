@@ -37,20 +37,14 @@ class Rest(Bounded):
     or it turns the motor alone.
     """
 
-    rest_error_v: float = setting(
-        0.005, 0.001, 1.0, "V", "position error below which the arm rests"
-    )
-    error_hysteresis_v: float = setting(0.02, 0.0, 1.0, "V", "how much more error ends the rest")
+    rest_error_v: float = setting(0.005, 0.001, 1.0, "V", "position error below which it rests")
+    error_hysteresis_v: float = setting(0.02, 0.0, 1.0, "V", "additional error that ends the rest")
     rest_speed_v: float = setting(0.05, 0.001, 1.0, "V", "speed signal below which the arm rests")
-    speed_hysteresis_v: float = setting(0.03, 0.0, 1.0, "V", "how much more speed ends the rest")
-    error_bandwidth_hz: float = setting(
-        15.0, 0.5, 1000.0, "Hz", "low-pass of position error and speed"
-    )
+    speed_hysteresis_v: float = setting(0.03, 0.0, 1.0, "V", "additional speed that ends the rest")
+    error_bandwidth_hz: float = setting(15.0, 0.5, 1000.0, "Hz", "low-pass of error and speed")
     strain_bandwidth_hz: float = setting(5.0, 0.5, 1000.0, "Hz", "low-pass of the base strain")
     release_v: float = setting(0.55, 0.0, 2.0, "V", "largest help to the bent arm at rest")
-    release_strain_v: float = setting(
-        0.05, 0.001, 5.0, "V", "base strain from which the help is whole"
-    )
+    release_strain_v: float = setting(0.05, 0.001, 5.0, "V", "base strain of the full help")
     rate_hz: float = setting(300.0, 50.0, 2000.0, "Hz", "sampling rate of the signals")
 
 

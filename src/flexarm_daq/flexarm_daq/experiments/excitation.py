@@ -87,11 +87,8 @@ class Square:
 
 
 @dataclass
-class PeriodicRandom:
-    """Random magnitude whose direction alternates at 0.5 Hz (2.4.1, item 2; Figure 2-5b).
-
-    The magnitude is uniformly distributed from 0 to `magnitude_v`.
-    """
+class _HeldRandom:
+    """Base of the signals whose magnitude is random, V."""
 
     magnitude_v: float
     seed: int
@@ -99,13 +96,21 @@ class PeriodicRandom:
     def __post_init__(self) -> None:
         self._held = Held(self.seed)
 
-    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
-        """Return the command at a sample; see `Excitation.step`."""
-        return self.magnitude_v * self._held.at(time_s) * alternating(time_s)
-
     def reset(self) -> None:
         """Begin again from the start."""
         self._held.reset()
+
+
+@dataclass
+class PeriodicRandom(_HeldRandom):
+    """Random magnitude whose direction alternates at 0.5 Hz (2.4.1, item 2; Figure 2-5b).
+
+    The magnitude is uniformly distributed from 0 to `magnitude_v`.
+    """
+
+    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+        """Return the command at a sample; see `Excitation.step`."""
+        return self.magnitude_v * self._held.at(time_s) * alternating(time_s)
 
 
 @dataclass
@@ -142,25 +147,15 @@ class VaryingSquare:
 
 
 @dataclass
-class Random:
+class Random(_HeldRandom):
     """Random magnitude and direction (2.4.1, item 4; Figure 2-5d).
 
     The command is uniformly distributed between both signs of `magnitude_v`.
     """
 
-    magnitude_v: float
-    seed: int
-
-    def __post_init__(self) -> None:
-        self._held = Held(self.seed)
-
     def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
         """Return the command at a sample; see `Excitation.step`."""
         return self.magnitude_v * (2.0 * self._held.at(time_s) - 1.0)
-
-    def reset(self) -> None:
-        """Begin again from the start."""
-        self._held.reset()
 
 
 @dataclass

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flexarm_daq.rigs.rig_protocol import Rig
 
 PULSE_V: Final = 2.0
-"""Height of the pulses: 1 A, three times what breaks the friction; it turns the arm 6 degrees."""
+"""Height of the pulses: 1 A, three times the break-away current; it turns the arm 6 degrees."""
 
 MIN_RATE_HZ: Final = 200.0
 """Slowest sampling that shows the pulses."""

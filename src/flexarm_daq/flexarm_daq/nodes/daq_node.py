@@ -51,7 +51,7 @@ PARAMETERS = (
     ),
     # With a user's own settings the middleware may repeat a lost message only after 3 s.
     ParameterSpec(
-        "answer_timeout_s", 5.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
+        "answer_timeout_s", 5.0, "virtual time: longest wait for an answer", 0.01, 60.0, "s"
     ),
     ParameterSpec(
         "await_commander",
@@ -68,7 +68,7 @@ PARAMETERS = (
     ParameterSpec(
         "position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, INPUT_RANGE_V, "V"
     ),
-    ParameterSpec("statistics_s", 10.0, "how long the percentiles look back", 1.0, 7200.0, "s"),
+    ParameterSpec("statistics_s", 10.0, "time that the percentiles look back", 1.0, 7200.0, "s"),
     ParameterSpec("max_age_periods", 3, "watchdog: periods without an answer until zero", 1, 1000),
     ParameterSpec(
         "stuck_samples",

@@ -26,7 +26,7 @@ PARAMETERS = (
     ParameterSpec(
         "magnitude_v", 1.0, "magnitude; the largest one when it is random", 0.0, MAX_COMMAND_V, "V"
     ),
-    ParameterSpec("seed", 0, "seed of what is random", 0, 2**31 - 1),
+    ParameterSpec("seed", 0, "seed of the random values", 0, 2**31 - 1),
 )
 
 

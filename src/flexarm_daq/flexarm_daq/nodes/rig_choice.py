@@ -83,17 +83,10 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
         return _simulated(values)
     if values["time"] == "virtual":
         raise SettingError("time = 'virtual' needs rig = 'simulated': a real rig has real time")
-    return NidaqRig(
-        NidaqSettings(
-            device=values["nidaq.device"],
-            sensors=tuple(values["nidaq.sensors"]),
-            magnitude=values["nidaq.magnitude"],
-            direction=values["nidaq.direction"],
-            terminals=values["nidaq.terminals"],
-            high_is_positive=values["nidaq.high_is_positive"],
-            rate_hz=values["rate_hz"],
-        )
-    )
+    start = "nidaq."
+    wired = {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
+    wired |= {"sensors": tuple(wired["sensors"]), "rate_hz": values["rate_hz"]}
+    return NidaqRig(NidaqSettings(**wired))
 
 
 def _simulated(values: Mapping[str, Any]) -> SimulatedRig:
