@@ -26,14 +26,7 @@ from reproduction.framework.findings import (
     spread,
 )
 from reproduction.framework.plots import time_plot
-from reproduction.framework.rig import (
-    AT_REST_S,
-    RATE_HZ,
-    StepTrial,
-    run_law,
-    step_to,
-    step_trial,
-)
+from reproduction.framework.rig import AT_REST_S, RATE_HZ, StepTrial, run_law, step_to, step_trial
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
