@@ -55,15 +55,7 @@ class RecordFacts:
 
 
 def record_facts(kind: str, seed: int) -> tuple[RecordFacts, ...]:
-    """Simulate every experiment of a kind and measure the records.
-
-    Parameters
-    ----------
-    kind
-        A key of `flexarm_daq.experiments.catalogue.KINDS`.
-    seed
-        Of noise and random excitations.
-    """
+    """Simulate every experiment of a kind of the catalogue and measure the records."""
     return tuple(_facts(name, seed) for name, entry in catalogue().items() if entry.kind == kind)
 
 
@@ -150,19 +142,7 @@ def implemented(
 
 
 def compare(number: int, facts: tuple[RecordFacts, ...], check: Check, note: str) -> Finding:
-    """Set a table beside the records.
-
-    Parameters
-    ----------
-    number
-        Of the table, 1 to 4.
-    facts
-        The records.
-    check
-        Gives what the thesis says and what we have, by what it is.
-    note
-        What the reader should know.
-    """
+    """Set a table beside the records; `check` gives the thesis's text and ours of each quantity."""
     table = thesis_table(f"table_a_{number}")
     by_name = {each.name: each for each in facts}
     checked = {name: check(row, experiment(name), by_name[name]) for name, row in table.items()}

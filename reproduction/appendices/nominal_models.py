@@ -67,17 +67,7 @@ class IdentifiedModel:
 def identified(
     payload_kg: float, record: str, full_order: int, order: int
 ) -> tuple[IdentifiedModel, ...]:
-    """Identify and reduce as the thesis did for its nominal model, once per seed.
-
-    Parameters
-    ----------
-    payload_kg
-        At the tip.
-    record
-        The experiment, of which the first half is taken.
-    full_order, order
-        States before and after the reduction.
-    """
+    """Identify and reduce as the thesis did for its nominal model, once per seed."""
     known_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg))
     found = []
     for seed in SEEDS:
@@ -100,15 +90,7 @@ def _described(model: control.StateSpace) -> IdentifiedModel:
 
 
 def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
-    """Set a printed model beside ours.
-
-    Parameters
-    ----------
-    payload_kg
-        Of the printed model.
-    found
-        Ours, one per seed.
-    """
+    """Set a printed model beside ours."""
     printed = _described(nominal_model(payload_kg))
     beam_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg))
     mode_rows, missing = _mode_rows(printed, found, beam_hz)
@@ -217,7 +199,7 @@ def _reason(
 def _same_order(
     printed: IdentifiedModel, found: tuple[IdentifiedModel, ...], trusted: NDArray[np.bool_]
 ) -> bool:
-    """Whether the channels have the same order of gains where the printed model holds together."""
+    """Return whether the channels have the same order of gains in the trusted bands."""
     ours = np.median([_levels_db(each.response) for each in found], axis=0)
     theirs = _levels_db(printed.response)
     same = np.all(np.argsort(ours, axis=1) == np.argsort(theirs, axis=1), axis=1)

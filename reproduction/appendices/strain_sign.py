@@ -31,7 +31,7 @@ _TEXT = (
 
 @dataclass(frozen=True)
 class Examined:
-    """What the three models say of the thesis's gains, and the best gains on them.
+    """Margins of the thesis's gains on the three models, and the best gains on them.
 
     Attributes
     ----------
@@ -51,10 +51,7 @@ class Examined:
 
 
 def thesis_margins(flipped: bool) -> tuple[Pairs, Pairs]:  # noqa: FBT001 - a call has plain arguments
-    """Return the margins of the thesis's gains on the printed models, y3 as printed or turned.
-
-    Those of the rigid motion first, then the least; see `Examined`.
-    """
+    """Return the margins of the thesis's gains per payload: of the rigid motion, and the least."""
     gains = PdpGains(**thesis_table("appendix_b")["optimum"])
     found = [
         margins(
@@ -71,13 +68,7 @@ def thesis_margins(flipped: bool) -> tuple[Pairs, Pairs]:  # noqa: FBT001 - a ca
 
 
 def compare(found: tuple[Examined, ...]) -> Finding:
-    """Set the thesis's margins and optimum beside what its printed models give.
-
-    Parameters
-    ----------
-    found
-        With the sign as printed, and turned.
-    """
+    """Set the thesis's margins and optimum beside those on its models, y3 as printed and turned."""
     values = thesis_table("appendix_b")
     printed, turned = found
     kept = _kept(printed, values)

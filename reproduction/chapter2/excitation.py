@@ -78,7 +78,7 @@ class Signal:
 
     @property
     def is_constant(self) -> bool:
-        """Whether the magnitude is one."""
+        """Return whether the magnitude is constant."""
         magnitude = np.abs(self.command_v)
         return bool(np.ptp(magnitude) < 1e-9 * magnitude.max())
 

@@ -43,19 +43,7 @@ of the rig round in any case."""
 
 
 def least_error(name: str, seed: int, noise: bool, friction: bool) -> float:  # noqa: FBT001
-    """Return the mean error of the best model, from a rig with or without its imperfections.
-
-    Parameters
-    ----------
-    name
-        The experiment.
-    seed
-        Of noise and excitation.
-    noise
-        Whether the sensors have the thesis's noise, or none.
-    friction
-        Whether the rig has Coulomb friction and backlash.
-    """
+    """Return the mean error of the best model, from a rig with or without noise and friction."""
     rig = RigParameters(noise_v=THESIS_NOISE_V if noise else NOISELESS_V)
     if not friction:
         rig = replace(rig, coulomb_friction_nm=0.0, backlash_deg=0.0)
@@ -117,17 +105,7 @@ ALL_STEPS = "all steps"
 
 
 def step_errors(name: str, seed: int) -> dict[str, float]:
-    """Return the mean error with all steps, and with each of them left out.
-
-    Every model is judged on the whole record as it is with all steps.
-
-    Parameters
-    ----------
-    name
-        The experiment.
-    seed
-        Of its noise.
-    """
+    """Return the mean error with all steps and with each left out, on the prepared record."""
     raw = simulated_record(name, seed, THESIS_NOISE_V)
     whole = prepared(raw)
     biased = preprocess(
@@ -242,15 +220,7 @@ def rate_judgement(
     pairs: Sequence[tuple[float, float]],
     quiet: Sequence[tuple[float, float]],
 ) -> Judgement:
-    """Judge whether 300 Hz gives the smaller errors.
-
-    Parameters
-    ----------
-    low, high
-        Mean error over the experiments at 300 and 500 Hz, per seed.
-    pairs, quiet
-        Errors at 300 and at 500 Hz of each experiment: medians, and without noise.
-    """
+    """Judge the errors at 300 and 500 Hz: means per seed, and those of each pair."""
     p_value = sign_test(low, high)
     won = sum(a < b for a, b in pairs)
     won_quiet = sum(a < b for a, b in quiet)

@@ -62,15 +62,7 @@ def gains(model: control.StateSpace) -> NDArray[np.float64]:
 
 
 def peak_hz(gain: NDArray[np.float64], near_hz: float) -> float:
-    """Return where a response has its peak near a frequency, nan where it has none.
-
-    Parameters
-    ----------
-    gain : ndarray, (frequencies,)
-        Magnitudes at `FREQUENCIES_HZ`.
-    near_hz
-        Where to look.
-    """
+    """Return the frequency, Hz, of a peak of (frequencies,) gains near another, or nan."""
     is_near = (near_hz / _WINDOW < FREQUENCIES_HZ) & (near_hz * _WINDOW > FREQUENCIES_HZ)
     inside = np.flatnonzero(is_near)
     highest = inside[np.argmax(gain[inside])]
@@ -78,15 +70,7 @@ def peak_hz(gain: NDArray[np.float64], near_hz: float) -> float:
 
 
 def has_peak(gain: NDArray[np.float64], near_hz: float) -> bool:
-    """Tell whether the response of a gauge has a peak at a frequency.
-
-    Parameters
-    ----------
-    gain : ndarray, (frequencies, 4)
-        Magnitudes at `FREQUENCIES_HZ`.
-    near_hz
-        The frequency.
-    """
+    """Return whether a gauge's gains, of (frequencies, 4), have a peak at a frequency, Hz."""
     return any(abs(peak_hz(gain[:, k], near_hz) / near_hz - 1.0) <= CAPTURED for k in GAUGES)
 
 
@@ -99,7 +83,7 @@ RECORDS = {
 """Records at 300 Hz with 2 V; the thesis does not say which it took."""
 MODES_HZ = natural_frequencies_hz(RigParameters())
 BETWEEN_HZ = np.sqrt(MODES_HZ[:-1] * MODES_HZ[1:])
-"""Where the arm has no mode: how often something passes for one by chance."""
+"""Frequencies without a mode of the arm: what is found there is found by chance."""
 
 _PRINTED = thesis_table("table_2_2")
 
@@ -113,7 +97,7 @@ class WaveformModes:
     frequencies_hz
         Natural frequencies of the oscillating modes, the highest first.
     peaks : ndarray, (seeds, 3)
-        Whether the response of a gauge has a peak at each of `MODES_HZ`.
+        True where the response of a gauge has a peak at one of `MODES_HZ`.
     chance : ndarray, (seeds, 2)
         The same for `BETWEEN_HZ`.
     """
@@ -307,15 +291,7 @@ def _response(results: Results) -> Finding:
 def response_judgement(
     shares: Sequence[float], larger: Sequence[float], strength: NDArray[np.float64]
 ) -> Judgement:
-    """Judge Figure 2-16.
-
-    Parameters
-    ----------
-    shares, larger
-        Share of the seeds with a peak at each mode, with the thesis's order and a larger one.
-    strength : ndarray, (modes, 4)
-        Gain at each mode.
-    """
+    """Judge Figure 2-16 by the shares of seeds with a peak, and the gains, (modes, 4)."""
     there = [share > OFTEN for share in shares]
     factor = float(np.min(strength[:, GAUGES].min(axis=1) / strength[:, _OTHERS].max(axis=1)))
     brought_out = not all(there) and all(share > OFTEN for share in larger)

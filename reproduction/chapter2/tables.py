@@ -120,17 +120,7 @@ def errors_judgement(
     stable: Mapping[str, tuple[float, float]] | None = None,
     reason: str,
 ) -> Judgement:
-    """Judge errors of many models, and where it matters how many orders are stable.
-
-    Parameters
-    ----------
-    printed, ours : mapping of str to float
-        Mean error of each model in the thesis, and the median of ours.
-    stable : mapping of str to (float, float), optional
-        Number of stable orders of each experiment, in the thesis and in the mean of ours.
-    reason : str
-        Why ours differs, if it does.
-    """
+    """Judge errors of many models, and the mean numbers of stable orders where they are given."""
     ratios = np.array([ours[name] / printed[name] for name in printed])
     close = np.abs(np.log(ratios)) <= np.log(CLOSE)
     ranks = stats.spearmanr(list(printed.values()), [ours[name] for name in printed])

@@ -52,7 +52,7 @@ ORDER_RECORD = "O_dat2"
 """The thesis does not say whose singular values it shows; this is the record of its Ao2_19."""
 ORDER = 15
 SMALL = 0.01
-"""Of the largest singular value: what is below cannot be seen in a picture with a linear axis."""
+"""Share of the largest singular value below which a picture with a linear axis shows nothing."""
 _LISTED = (1, 2, 3, 5, 7, 10, 15, 16, 20, 30)
 
 
@@ -80,15 +80,7 @@ def _singular_values(results: Results) -> Finding:
 
 
 def order_judgement(shares: NDArray[np.float64], stable: float) -> Judgement:
-    """Judge what the thesis says of Figure 2-6.
-
-    Parameters
-    ----------
-    shares : ndarray, (values,)
-        Singular values over the largest, descending.
-    stable
-        Share of the seeds in which the model of order 15 is stable.
-    """
+    """Judge Figure 2-6 by the descending singular values and the share of stable models."""
     next_share = float(shares[ORDER])
     small, unstable = next_share <= SMALL, stable < 1.0
     first = int(np.argmax(shares <= SMALL)) if np.any(shares <= SMALL) else len(shares)
@@ -195,15 +187,7 @@ def _with_mean(errors: NDArray[np.float64]) -> NDArray[np.float64]:
 def match_judgement(
     printed: Sequence[float], at_order: NDArray[np.float64], chosen: NDArray[np.float64]
 ) -> Judgement:
-    """Judge a validation by its errors: of the printed order's model, then of our best order's.
-
-    Parameters
-    ----------
-    printed
-        The four errors in the thesis.
-    at_order, chosen : ndarray, (seeds, 4)
-        Ours.
-    """
+    """Judge a validation by errors, (seeds, 4), at the printed order and at our best order."""
     thesis = (*printed, float(np.mean(printed)))
     ours, best = (np.median(_with_mean(each), axis=0) for each in (at_order, chosen))
 
@@ -221,15 +205,7 @@ def match_judgement(
 
 
 def loop_judgement(loop_stable: NDArray[np.bool_], errors: Sequence[float]) -> Judgement:
-    """Judge Figure 2-12: whether the loop runs away with the model.
-
-    Parameters
-    ----------
-    loop_stable
-        Whether it is stable, per seed.
-    errors
-        Medians of the errors of set-point following.
-    """
+    """Judge Figure 2-12 by the stability of the loop, per seed, and the median errors."""
     away = float(np.mean(~loop_stable))
     return judged(
         agrees=away > OFTEN,

@@ -46,17 +46,7 @@ Trials: TypeAlias = "Mapping[tuple[str, str], Sequence[ReductionTrial]]"
 def claim_subject(
     number: int, title: str, claim: Callable[[Trials], Finding], codes: Sequence[str] = CODES
 ) -> Subject:
-    """Return a claim of section 3.3 as a subject.
-
-    Parameters
-    ----------
-    number, title
-        Of the claim.
-    claim
-        Tests it on results of `codes`.
-    codes
-        Keys of `EXAMPLES`.
-    """
+    """Return a claim of section 3.3 as a subject; `claim` tests it on the results of `codes`."""
 
     def build(results: Results) -> Finding:
         return claim(
@@ -163,12 +153,12 @@ def claim_mrmc(found: Trials) -> Finding:
 
 
 def has_bending(trial: ReductionTrial, way: str) -> bool:
-    """Whether a reduced model has as many bending modes as its full model."""
+    """Return whether a reduced model has as many bending modes as its full model."""
     return len(trial.stages[way].bending_hz) >= len(trial.bending)
 
 
 def keeps_both(trial: ReductionTrial, way: str) -> bool:
-    """Whether a reduced model has those and enough states of the rigid motion."""
+    """Return whether a reduced model has those and enough states of the rigid motion."""
     rigid = {*trial.stages[way].kept} & {*trial.rigid}
     states = sum(len(mode.states) for mode in trial.modes if mode.label in rigid)
     return has_bending(trial, way) and states >= RIGID_STATES
@@ -177,7 +167,7 @@ def keeps_both(trial: ReductionTrial, way: str) -> bool:
 STABLE, UNSTABLE = "Ac3_18", "Ac3_21u"
 KINDS: tuple[Validation, ...] = ("dmv", "sfv")
 UPDATES = {"updated": "mrmc", "updated_mrmc": "mrmc", "updated_msv": "msv"}
-"""What each update starts from; `updated` of Ac11_26 starts from MRM."""
+"""Stage that each update starts from; `updated` of Ac11_26 starts from MRM."""
 
 
 def claim_update(found: Trials) -> Finding:
@@ -260,13 +250,7 @@ def start_of(trial: ReductionTrial, stage: str) -> str:
 
 
 def claim_unstable(found: Trials) -> Finding:
-    """Tell whether an updated model from a stable one is better than one from an unstable one.
-
-    Parameters
-    ----------
-    found
-        Our results of `STABLE` and `UNSTABLE` by noise, of the same records.
-    """
+    """Compare updated models from a stable and an unstable full model of the same records."""
     rows, p_values, lower = [], {}, []
     for noise, words in NOISES.items():
         for kind in KINDS:

@@ -76,17 +76,7 @@ _DRIFT_SEEDS = range(1, 11)
 
 
 def full_model_errors(code: str, rig: str, seed: int) -> tuple[float, ...]:
-    """Return the four errors by data matching of a full model from a rig that is easier to model.
-
-    Parameters
-    ----------
-    code
-        A key of `EXAMPLES`.
-    rig
-        A key of `RIGS`. Where there is no friction, none is compensated either.
-    seed
-        Of the record.
-    """
+    """Return the four errors by data matching of a full model from one of the easier `RIGS`."""
     example, changed = EXAMPLES[code], RIGS[rig]
     entry = experiment(example.experiment)
     if entry.law and "coulomb_friction_nm" in changed:
@@ -121,21 +111,11 @@ def drift_table(code: str, results: Results) -> SideBySide:
 
 
 RATIO_NEAR = 0.15
-"""What a step costs agrees within 15 %: our own records differ by as much among themselves."""
+"""Costs of a step agree within 15 %: our own records differ by as much among themselves."""
 
 
 def compare_errors(rows: Sequence[ThesisRow], found: Records, *, reason: str) -> Finding:
-    """Set the errors of a model and its reduced ones beside the thesis's.
-
-    Parameters
-    ----------
-    rows : sequence of ThesisRow
-        The thesis's errors.
-    found : Records
-        Ours; the verdict is on those with strong noise.
-    reason : str
-        Why the stages come in another order, if they do.
-    """
+    """Compare a model and its reduced ones with the thesis's; judge those with strong noise."""
     full = _full_means(rows)
     noisy = found.noisy
     theirs = {(row.stage, row.validation): row.mean for row in rows}

@@ -51,9 +51,9 @@ class Example:
         The reduced models by the stage's name, as the thesis lists them: ``mrm``, ``msv`` and
         ``mrmc`` are not updated, all others are.
     compensation
-        What happens to the Coulomb compensation in the input.
+        Treatment of the Coulomb compensation in the input.
     unstable
-        Whether the order is searched for a model with one slow unstable real eigenvalue.
+        Search for an order whose model has one slow unstable real eigenvalue.
     shown_seed
         The record that the figures show: the first one, or the first whose model of `order` is
         unstable.
@@ -151,7 +151,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What the figures of one trial draw.
+    """Curves in the figures of one trial.
 
     Attributes
     ----------
@@ -191,7 +191,7 @@ class ReductionTrial:
         one comes a second, ending in `C_UPDATED`; with an unstable one its state before, called
         ``unstable``.
     realisation_difference
-        How far the frequency response of the reduced model identified anew (3-10) is from its own.
+        Distance of the frequency response of its realisation (3-10) from the reduced model's.
     models
         A, B and C of each stage, for the seed that the figures show only. A `StateSpace` cannot be
         pickled.
@@ -258,7 +258,7 @@ def bending_modes(modes: Sequence[Mode], known_hz: Sequence[float]) -> list[Mode
 
 
 def is_rigid(mode: Mode, known_hz: Sequence[float]) -> bool:
-    """Whether a mode belongs to the rigid motion: it is real, or slower than the beam bends."""
+    """Return whether a mode belongs to the rigid motion: real, or slower than the beam bends."""
     return mode.frequency_hz < SLOW * min(known_hz)
 
 
@@ -300,18 +300,7 @@ def thesis_rows(table: Sequence[Mapping[str, Any]]) -> tuple[ThesisRow, ...]:
 
 
 def reversed_pairs(theirs: Mapping[str, float], ours: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Return the pairs of which the first is better in one and the second in the other.
-
-    Parameters
-    ----------
-    theirs, ours
-        Errors by name. Those that are level in either, see `DISTINCT`, are no pair.
-
-    Returns
-    -------
-    list of (str, str)
-        The one that is better in `theirs` first.
-    """
+    """Return the pairs, distinct in both, with the first better in one, the second in the other."""
     pairs = []
     for one, other in combinations(theirs, 2):
         better, worse = sorted((one, other), key=lambda name: theirs[name])

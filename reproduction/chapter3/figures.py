@@ -83,19 +83,7 @@ FIGURES = tuple(
 
 
 def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) -> Finding:
-    """Draw a stage of an example and judge it by the errors that the thesis gives for its figure.
-
-    A full model is judged by its four errors, a reduced one by what it costs.
-
-    Parameters
-    ----------
-    figure : FigureOf
-        What is drawn.
-    rows : sequence of ThesisRow
-        The thesis's errors of the example.
-    found : Records
-        Our results; the verdict is on those with strong noise.
-    """
+    """Draw a stage and judge a full model by its four errors, a reduced one by its cost."""
     example, low, noisy = found
     stage, validation = figure.stage, figure.validation
     thesis = {(row.stage, row.validation): row for row in rows}

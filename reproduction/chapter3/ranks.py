@@ -101,10 +101,7 @@ def trial_modes(trial: ReductionTrial) -> tuple[RankedMode, ...]:
 
 
 def preference(modes: Sequence[RankedMode]) -> float:
-    """Return by how many ranks MSV prefers bending modes to the rigid motion more than MRM does.
-
-    Each kind's mean of its places lost from MRM to MSV; the difference of the two.
-    """
+    """Return the ranks by which MSV prefers bending to rigid modes more than MRM does."""
     lost = {
         kind: np.mean([mode.msv - mode.mrm for mode in modes if mode.kind == kind])
         for kind in ("rigid", "bending")
@@ -113,15 +110,7 @@ def preference(modes: Sequence[RankedMode]) -> float:
 
 
 def compare_ranks(table: Mapping[str, Any], found: Records) -> Finding:
-    """Set the modes of a model beside the thesis's.
-
-    Parameters
-    ----------
-    table : mapping
-        The thesis's modes.
-    found : Records
-        Ours; the verdict is on those with little noise.
-    """
+    """Set the modes of a model beside the thesis's; judge those with little noise."""
     example, low, noisy = found
     theirs = thesis_modes(table)
     by_label = {mode.label: mode for mode in theirs}

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 PEAK_DB = 3.0
-"""What stands out of a response by as much is a peak."""
+"""A local maximum of this prominence is a peak."""
 PEAK_NEAR = 0.1
 """A peak belongs to a bending mode within a tenth of its frequency."""
 UNCHANGED = 0.1
@@ -67,15 +67,7 @@ def gains_db(matrices: Matrices, frequencies_hz: NDArray[np.float64]) -> NDArray
 
 
 def peaks_hz(matrices: Matrices, known_hz: Sequence[float]) -> tuple[float, ...]:
-    """Return the frequencies of the peaks of either gauge that belong to known modes.
-
-    Parameters
-    ----------
-    matrices
-        The model.
-    known_hz
-        Frequencies of the modes, falling nowhere.
-    """
+    """Return the frequencies, Hz, of the peaks of either gauge that belong to known modes."""
     grid = frequency_grid(_model(matrices), _LOWEST_HZ)
     gauges = gains_db(matrices, grid)[:, 1:3]
     peaks = np.sort(
@@ -92,13 +84,7 @@ def peaks_hz(matrices: Matrices, known_hz: Sequence[float]) -> tuple[float, ...]
 
 
 def compare_responses(found: Records) -> Finding:
-    """Draw the responses of an updated model and look for its bending modes.
-
-    Parameters
-    ----------
-    found : Records
-        Results of the example; the verdict is on those with little noise.
-    """
+    """Draw the responses of an updated model and find its bending modes with little noise."""
     example, low, noisy = found
     shown = found.shown(noisy=False)
     matrices = shown.models["updated"]
@@ -137,13 +123,7 @@ def compare_responses(found: Records) -> Finding:
 
 
 def compare_forced(found: Records) -> Finding:
-    """Draw the responses before and after an unstable eigenvalue was moved.
-
-    Parameters
-    ----------
-    found : Records
-        Results of the unstable example.
-    """
+    """Draw the responses of the unstable example before and after its eigenvalue was moved."""
     example, low, noisy = found
     shown = found.shown(noisy=True)
     known = example.known_modes_hz

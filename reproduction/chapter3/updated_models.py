@@ -52,16 +52,7 @@ def compare_models(
     found: Mapping[str, Sequence[ReductionTrial]],
     filtered: Mapping[str, Sequence[ReductionTrial]],
 ) -> Finding:
-    """Set the errors of the updated models beside the thesis's.
-
-    Parameters
-    ----------
-    table
-        The thesis's models by name.
-    found, filtered
-        Our results by example, with strong noise; with the input filtered too. The verdict is on
-        the first.
-    """
+    """Set the updated models beside the thesis's; judge those without the filtered input."""
     kinds: tuple[Validation, ...] = ("dmv", "sfv")
     theirs = {kind: [table[name][f"{kind}_mean"] for name in MODEL_STAGES] for kind in kinds}
     ours = {kind: _medians(found, kind) for kind in kinds}

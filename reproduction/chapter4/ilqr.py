@@ -69,7 +69,7 @@ class IlqrTrial:
     last_swing_v
         Position peak to peak over the last 2 s, V.
     reversals
-        How often the arm turned round faster than its noise, from the first crossing on.
+        Number of turns of more than the noise, from the first crossing on.
     error_v, pdpc_error_v
         Mean error over the last 2 s, V, of either law.
     pdpc_overshoot

@@ -74,7 +74,7 @@ class Tuned:
     gain_margins_db, phase_margins_deg
         Margins on each model.
     active
-        What holds the gains where they are.
+        Constraints that hold at the optimum.
     criteria
         J that each starting point led to.
     """
@@ -253,7 +253,7 @@ PAYLOADS_KG = (0.0, 0.1, 0.2, 0.3, 0.4)
 SETPOINT_V = 3.0
 BASE = PdpGains()
 LOUDER_DB = (0.0, 5.0, 15.0)
-"""How much Kp is raised: not, by half of the margin of 10 dB, and beyond it."""
+"""Increases of Kp: none, half of the margin of 10 dB, and beyond the margin."""
 WELL = 0.1
 """A step goes well when it overshoots by less than this share and settles."""
 

@@ -117,15 +117,7 @@ class PiCase:
 
 
 def pi_case(code: str, seed: int) -> PiCase:
-    """Identify, reduce and update a model, tune the PI law on it, and step model and rig.
-
-    Parameters
-    ----------
-    code
-        A key of `CODES`.
-    seed
-        Of the record, and of the noise of the step.
-    """
+    """Identify, reduce and update one of the `CODES`, tune its PI law, step model and rig."""
     record, order, reduced_order, flexible_modes = CODES[code]["made"]
     entry = experiment(record)
     arm = RigParameters(payload_kg=entry.payload_kg)

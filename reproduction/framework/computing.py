@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     Progress = Callable[[str, float], None]
 
 CONNECT_S = 10.0
-"""How long a scheduler may take to answer, and to have a worker."""
+"""Deadline of a scheduler to answer, and to have a worker."""
 SOURCES = (
     Path(__file__).parents[1],
     *(
@@ -153,18 +153,18 @@ def reproduce(
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> tuple[Outcome, ...]:
-    """Compute what is missing in the store, and build the findings.
+    """Compute the results that the store lacks, and build the findings.
 
     Parameters
     ----------
     subjects : sequence of Subject
-        What is wanted.
+        Subjects to reproduce.
     store : Store
-        Where results are kept.
+        Store of the results.
     workers : Workers, optional
-        By default the cores of this machine.
+        Processes; by default the cores of this machine.
     progress : callable, optional
-        Called with a word and the part that is done.
+        Called with a word and the share that is done.
 
     Returns
     -------
@@ -174,7 +174,7 @@ def reproduce(
     Raises
     ------
     ReproductionError
-        When there is no cluster to compute on.
+        Without a cluster to compute on.
     """
     report = progress or (lambda _text, _part: None)
     calls = tuple(dict.fromkeys(call for subject in subjects for call in subject.needs))
@@ -209,21 +209,10 @@ def _outcome(subject: Subject, results: Results, failures: Mapping[Call, str]) -
 def computed(calls: Sequence[Call], workers: Workers) -> Iterator[tuple[Call, Any, str]]:
     """Compute calls, in the order in which they end.
 
-    Parameters
-    ----------
-    calls : sequence of Call
-        The computations.
-    workers : Workers
-        The processes.
-
     Yields
     ------
-    Call
-        One of them.
-    object
-        Its result; None when it failed.
-    str
-        Why it failed, in one line; empty when it did not.
+    tuple of Call, object and str
+        A call; its result, or None; the failure in one line, or an empty text.
 
     Raises
     ------

@@ -29,7 +29,7 @@ SENSORS = ("position", "base gauge", "middle gauge", "speed")
 SEEDS = tuple(range(1, 21))
 """Seeds of the runs that a claim or a scatter rests on."""
 OFTEN = 0.5
-"""What happens in more than this share of the seeds happens in most of them."""
+"""An event in more than this share of the seeds occurs in most of them."""
 LEVEL = 0.05
 """A claim holds when chance alone would bear it out as often in fewer than 5 % of all cases."""
 _THESIS = Path(__file__).parents[1] / "thesis"
@@ -168,7 +168,7 @@ class Subject:
     key : str
         Its name on the command line, such as ``table-2-4``, ``figure-4-11`` or ``claim-2-1``.
     title : str
-        What the thesis shows there, in our words.
+        The thesis's contents there, in our words.
     needs : tuple of Call
         Its computations. They run in parallel, are shared between subjects, and are kept.
     build : callable
@@ -198,12 +198,11 @@ def judged(*, agrees: bool, same_ranking: bool, evidence: str, reason: str) -> J
     Parameters
     ----------
     agrees, same_ranking : bool
-        Whether the figures agree within the subject's tolerance; whether at least the order of
-        the compared things is the thesis's.
+        The figures agree within the subject's tolerance; at least their order is the thesis's.
     evidence : str
-        What was found, with figures.
+        Our result, with figures.
     reason : str
-        Why ours differs; used only when it does.
+        Reason of a difference; used only for one.
     """
     if agrees:
         return Judgement(Verdict.AGREES, evidence)
@@ -224,7 +223,7 @@ def thesis_table(name: str) -> Any:  # noqa: ANN401 - each table has a shape of 
 
 
 def sign_test(smaller: Figures, larger: Figures) -> float:
-    """Return how probable it is that chance makes as many pairs come out in this order.
+    """Return the probability that chance makes as many pairs come out in this order.
 
     The exact one-sided sign test; ties count against the claim.
 
@@ -236,7 +235,7 @@ def sign_test(smaller: Figures, larger: Figures) -> float:
     Raises
     ------
     ValueError
-        When they are not equally many.
+        For sequences of different lengths.
     """
     wins = sum(bool(a < b) for a, b in zip(smaller, larger, strict=True))
     return float(stats.binomtest(wins, len(smaller), alternative="greater").pvalue)
