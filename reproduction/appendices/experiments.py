@@ -11,7 +11,16 @@ import numpy as np
 from flexarm_core.channels import POSITION_V_PER_RAD, TRAVEL_DEG
 from flexarm_daq.experiments.catalogue import catalogue, experiment
 from flexarm_ident.fitting.validation import recover_gains
-from reproduction.framework.findings import Call, Finding, SideBySide, Subject, judged, thesis_table
+from reproduction.framework.findings import (
+    Call,
+    Finding,
+    SideBySide,
+    Subject,
+    judged,
+    prose,
+    subject,
+    thesis_table,
+)
 from reproduction.framework.rig import simulated_record
 
 if TYPE_CHECKING:
@@ -196,45 +205,19 @@ def _cell(pair: tuple[str, str] | None) -> str:
     return thesis if thesis == ours else f"{thesis} -> {ours}"
 
 
-def _subject(number: int, title: str, kind: str, check: Check, note: str) -> Subject:
+def _subject(number: int, kind: str, check: Check) -> Subject:
     call = Call(record_facts, (kind, SEED))
 
     def build(results: Results) -> Finding:
+        note = prose(f"table-a-{number}.note", tolerance=TOLERANCE)
         return compare(number, results[call], check, note)
 
-    return Subject(f"table-a-{number}", title, (call,), build)
+    return subject(f"table-a-{number}", (call,), build)
 
 
 SUBJECTS = (
-    _subject(
-        1,
-        "The open-loop experiments",
-        "open_loop",
-        excited("open_loop"),
-        f"A command agrees within {TOLERANCE:.0%}: a random one comes near its bound, hardly upon "
-        "it.",
-    ),
-    _subject(
-        2,
-        "The bounded position experiments",
-        "bounded",
-        excited("bounded"),
-        "The direction turns where the arm is 3 V out, so the turns are the arm's own.",
-    ),
-    _subject(
-        3,
-        "The closed-loop experiments",
-        "closed_loop",
-        controlled,
-        "The table names no rate; ours is 300 Hz. The gains are those that the record shows: "
-        "a fit of the command by position error and speed.",
-    ),
-    _subject(
-        4,
-        "The runs of the tuned controllers",
-        "controller",
-        implemented,
-        "The table names neither length nor rate; ours are 300 Hz, and 10 s for a step, 20 s with "
-        "ILQR, 40 s for the square wave. PI runs have the gains of Table 4-1.",
-    ),
+    _subject(1, "open_loop", excited("open_loop")),
+    _subject(2, "bounded", excited("bounded")),
+    _subject(3, "closed_loop", controlled),
+    _subject(4, "controller", implemented),
 )

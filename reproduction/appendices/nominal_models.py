@@ -26,6 +26,7 @@ from reproduction.framework.findings import (
     SideBySide,
     Subject,
     judged,
+    prose,
     spread,
     thesis_table,
 )
@@ -161,12 +162,11 @@ def contradiction_db(printed: IdentifiedModel) -> NDArray[np.float64]:
 
 def _text(payload_kg: float) -> str:
     values = thesis_table("appendix_b")["models"][payload_kg]
-    return (
-        f"Ours come from {values['record']}, which the thesis took, with noise that makes the "
-        "gauge errors as large as its own: the first half, compensation removed, its own ORSE with "
-        f"order {values['full_order']}, reduced to {values['order']} by MRMC, B updated. "
-        "Identified models stand beside an identified model: both carry the friction as slow "
-        "poles, which the linear plant has not."
+    return prose(
+        "appendix-b-model.text",
+        record=values["record"],
+        full_order=values["full_order"],
+        order=values["order"],
     )
 
 
@@ -186,12 +186,15 @@ def _reason(
             words += f", more than the {without:.1f} Hz without payload: a mass can only lower it"
         parts.append(f"{words[0].upper()}{words[1:]}.")
     parts.append(
-        "The printed model contradicts itself: one shaft drives potentiometer and tachometer, and "
-        f"its speed is off the derivative of its position by {contradiction[1]:.1f} dB from 1 to 6 "
-        f"Hz and by {contradiction[2]:.1f} dB from 6 to 30 Hz. Our gauges have one gain each for "
-        f"all frequencies and payloads; they are off by {gaps_db[0, 1]:+.1f} and "
-        f"{gaps_db[0, 2]:+.1f} dB from 0.3 to 1 Hz, by {gaps_db[2, 1]:+.1f} and "
-        f"{gaps_db[2, 2]:+.1f} dB from 6 to 30 Hz."
+        prose(
+            "appendix-b-model.reason",
+            low_db=contradiction[1],
+            high_db=contradiction[2],
+            base_low=gaps_db[0, 1],
+            middle_low=gaps_db[0, 2],
+            base_high=gaps_db[2, 1],
+            middle_high=gaps_db[2, 2],
+        )
     )
     return " ".join(parts)
 

@@ -11,7 +11,16 @@ from flexarm_control.design.margins import margins
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from reproduction.chapter4.pdp import CLOSE, SIGNS, tuned_pdp
-from reproduction.framework.findings import Call, Finding, SideBySide, Subject, judged, thesis_table
+from reproduction.framework.findings import (
+    Call,
+    Finding,
+    SideBySide,
+    Subject,
+    judged,
+    prose,
+    subject,
+    thesis_table,
+)
 
 if TYPE_CHECKING:
     from reproduction.framework.findings import Results
@@ -21,12 +30,7 @@ CROSSINGS_FROM_HZ = 0.2
 Pairs: TypeAlias = tuple[tuple[float, float], ...]
 """Gain margin in dB and phase margin in degrees, per payload."""
 
-_TEXT = (
-    "The gains of chapter 4 were tuned on the three models together. Here the printed "
-    "matrices are taken as they are, and once more with the sign of the middle gauge y3 "
-    "turned; nothing is identified. `nominal:0.2` and `nominal:0.2:flipped` name them for "
-    "`./flexarm tune`."
-)
+_TEXT = prose("appendix-b.text")
 
 
 @dataclass(frozen=True)
@@ -92,11 +96,7 @@ def _reason(turned: Examined, *, nearer: bool) -> str:
     found = f"With the sign of y3 turned, the best gains are {_gains(turned)}"
     if not nearer:
         return f"{found}, no nearer to the thesis's: the sign of y3 does not explain it."
-    return (
-        f"{found}, near the thesis's, and the margins of the rigid motion are at least "
-        f"{gain_db:.1f} dB and {phase_deg:.1f} degrees: the thesis seems to have tuned with the "
-        "other sign than it printed."
-    )
+    return prose("appendix-b.reason", found=found, gain_db=gain_db, phase_deg=phase_deg)
 
 
 def _gains(found: Examined) -> str:
@@ -161,10 +161,5 @@ def _build(results: Results) -> Finding:
 
 
 SUBJECTS: tuple[Subject, ...] = (
-    Subject(
-        "appendix-b",
-        "The nominal models, and the gains tuned on them",
-        (*_MARGINS.values(), *_TUNED.values()),
-        _build,
-    ),
+    subject("appendix-b", (*_MARGINS.values(), *_TUNED.values()), _build),
 )

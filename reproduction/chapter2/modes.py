@@ -28,12 +28,13 @@ from reproduction.framework.findings import (
     Judgement,
     Plot,
     SideBySide,
-    Subject,
     columns,
     judged,
     p_text,
     percent,
+    prose,
     sign_test,
+    subject,
     thesis_table,
 )
 from reproduction.framework.plots import range_plot
@@ -158,9 +159,12 @@ def _table(results: Results) -> Finding:
     modes, between = _numbers(MODES_HZ), _numbers(BETWEEN_HZ)
     frequencies = np.median([len(each) for ours in found.values() for each in ours.frequencies_hz])
     headings = columns(
-        f"waveform | nearest to {' '.join(map(str, _PRINTED['analytic_hz']))} Hz, thesis | "
-        f"nearest to {modes} Hz, ours | an eigenvalue there | an eigenvalue at {between} Hz | "
-        f"a peak at the modes | a peak at {between} Hz"
+        prose(
+            "table-2-2.columns",
+            printed_modes=" ".join(map(str, _PRINTED["analytic_hz"])),
+            modes=modes,
+            between=between,
+        )
     )
     return Finding(
         modes_judgement(found),
@@ -169,14 +173,14 @@ def _table(results: Results) -> Finding:
             SideBySide("All frequencies, Hz", ("waveform", "thesis", "ours, seed 1"), all_rows),
         ),
         text=(
-            (
-                f"The modes of our beam are at {modes} Hz, those of the thesis's at "
-                f"{' '.join(map(str, _PRINTED['analytic_hz']))} Hz. A model with "
-                f"{_PRINTED['order']} states has {frequencies:.0f} frequencies in the median, so "
-                f"that one of them is near a mode says nothing: one is as often near {between} Hz, "
-                "where the arm has none. So ours are also judged by what such a frequency does: "
-                f"whether the response of a gauge has a peak there. Near is within {CAPTURED:.0%}; "
-                "noise as strong as the thesis's."
+            prose(
+                "table-2-2.text",
+                modes=modes,
+                printed_modes=" ".join(map(str, _PRINTED["analytic_hz"])),
+                order=_PRINTED["order"],
+                frequencies=frequencies,
+                between=between,
+                captured=CAPTURED,
             ),
         ),
     )
@@ -276,13 +280,8 @@ def _response(results: Results) -> Finding:
             for channel, name in enumerate(SENSORS)
         ),
         (
-            (
-                f"Model Ac3_18: {order} states from the first half of {RESPONSE_RECORD}, with "
-                "noise as strong as the thesis's. The thesis reads two things off the figure: it "
-                "has three peaks, where the beam has its modes; and they are stronger in the "
-                "gauges than in position and speed. A peak is at a mode when it is within "
-                f"{CAPTURED:.0%}; strength is the gain in V/V with {order} states, as a plot shows "
-                "it."
+            prose(
+                "figure-2-16.text", order=order, response_record=RESPONSE_RECORD, captured=CAPTURED
             ),
         ),
     )
@@ -312,11 +311,8 @@ def response_judgement(
 
 
 SUBJECTS = (
-    Subject(
-        "table-2-2",
-        "Natural frequencies of models with 27 states, by waveform",
-        tuple(Call(waveform_modes, (record,)) for record in RECORDS.values()),
-        _table,
+    subject(
+        "table-2-2", tuple(Call(waveform_modes, (record,)) for record in RECORDS.values()), _table
     ),
-    Subject("figure-2-16", "Frequency response of Ac3_18", (Call(closed_loop_gains),), _response),
+    subject("figure-2-16", (Call(closed_loop_gains),), _response),
 )

@@ -36,7 +36,9 @@ from reproduction.framework.findings import (
     SideBySide,
     Subject,
     judged,
+    prose,
     spread,
+    subject,
     thesis_table,
 )
 
@@ -70,12 +72,7 @@ def _singular_values(results: Results) -> Finding:
                 singular_value_plot(found.singular_values[0], ORDER),
             ),
         ),
-        (
-            (
-                f"{ORDER_RECORD} with noise as strong as the thesis's. The thesis shows one "
-                f"sample, reads off the order {ORDER}, and warns that such a model may be unstable."
-            ),
-        ),
+        (prose("figure-2-6.text", order_record=ORDER_RECORD, order=ORDER),),
     )
 
 
@@ -212,11 +209,7 @@ def loop_judgement(loop_stable: NDArray[np.bool_], errors: Sequence[float]) -> J
         same_ranking=away > 0.0,
         evidence=f"The loop with the model runs away in {away:.0%} of the seeds; in the thesis it "
         f"does. The errors of the outputs are {', '.join(f'{each:.2f}' for each in errors)}.",
-        reason="We do not know what made the thesis's loop unstable. Tried on ours, in vain: more "
-        "and less noise, the orders that the thesis found stable, and leaving the unstable "
-        "eigenvalue of the model where it is. The thesis's conclusion, that such "
-        "a model does not reflect the rig, holds by the errors: data matching is good, and "
-        "the loop is not predicted.",
+        reason=prose("figure-2-12.reason"),
     )
 
 
@@ -230,12 +223,12 @@ def _dmv(results: Results, record: str) -> Finding:
         (_errors_table(printed, found.printed_dmv, found.chosen_dmv, "thesis"),),
         _plots(shown, "dmv", CODES[record]),
         (
-            (
-                f"Model {CODES[record]}: {order} states from the first half of {record}, with "
-                f"noise as strong as the thesis's. In ours it is stable in "
-                f"{found.stable_at(order).mean():.0%} of the seeds as it is identified. Unstable "
-                "eigenvalues are moved inside the unit circle, which costs accuracy, most of all "
-                "in the position: so the model of our own best order stands beside it."
+            prose(
+                "data-matching.text",
+                code=CODES[record],
+                order=order,
+                record=record,
+                stable=found.stable_at(order).mean(),
             ),
         ),
     )
@@ -252,10 +245,11 @@ def _sfv(results: Results, record: str) -> Finding:
     shown = results[Call(validated_model, (record,))]
     code = CODES[record]
     text = [
-        (
-            f"The set-point run is on the rig, with kp = {SET_POINT_GAINS.kp:g}, kd = "
-            f"{SET_POINT_GAINS.kd:g} and the compensation of {SET_POINT_COMPENSATION_V:g} V. The "
-            "loop of model and law has neither friction nor compensation."
+        prose(
+            "set-point-following.text",
+            kp=SET_POINT_GAINS.kp,
+            kd=SET_POINT_GAINS.kd,
+            set_point_compensation_v=SET_POINT_COMPENSATION_V,
         )
     ]
     if record[0] == "B":
@@ -291,9 +285,7 @@ def _subject(number: int, record: str, validation: Validation) -> Subject:
 
 
 SUBJECTS = (
-    Subject(
-        "figure-2-6", "Singular values of a record", survey_calls(ORDER_RECORD), _singular_values
-    ),
+    subject("figure-2-6", survey_calls(ORDER_RECORD), _singular_values),
     _subject(7, "O_dat2", "dmv"),
     _subject(8, "O_dat2", "sfv"),
     _subject(11, "B_dat9", "dmv"),

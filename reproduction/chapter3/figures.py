@@ -34,6 +34,7 @@ from reproduction.framework.findings import (
     SideBySide,
     Subject,
     judged,
+    prose,
     thesis_table,
 )
 
@@ -165,19 +166,19 @@ def _pairs(theirs: np.ndarray, ours: np.ndarray) -> str:
 
 def _other_cost(cost: float, our_cost: float, quiet_cost: float) -> str:
     if cost > our_cost:
-        return (
-            "The noise of the gauges hides what is left out: with little noise the error grows "
-            f"{_times(quiet_cost)}."
-        )
+        return prose("figure-3-x.reason", growth=_times(quiet_cost))
     return "Our records depend more on the modes that are left out; no two rigs have the same ones."
 
 
 def _caption(shown: ReductionTrial, code: str, stage: str) -> str:
     kept = shown.stages[stage].kept
     modes = f" and keeps modes {', '.join(kept)}" if kept else ""
-    return (
-        f"The model has {shown.stages[stage].order} states{modes}. It comes from the first half of "
-        f"our record of {EXAMPLES[code].experiment} with seed {shown.seed} and strong noise."
+    return prose(
+        "figure-3-x.caption",
+        states=shown.stages[stage].order,
+        modes=modes,
+        record=EXAMPLES[code].experiment,
+        seed=shown.seed,
     )
 
 

@@ -31,6 +31,8 @@ from reproduction.framework.findings import (
     SideBySide,
     Subject,
     judged,
+    prose,
+    subject,
     thesis_table,
 )
 
@@ -112,11 +114,12 @@ def compare_responses(found: Records) -> Finding:
             ),
         ),
         text=(
-            (
-                f"The model comes from our record of {example.experiment} with seed {shown.seed} "
-                "and little noise; with strong noise it has all three modes in "
-                f"{whole_noisy} of {len(noisy)} records. Lines as in the thesis; the thin ones "
-                "mark the arm's own frequencies."
+            prose(
+                "figure-3-8.text",
+                record=example.experiment,
+                seed=shown.seed,
+                whole_noisy=whole_noisy,
+                records=len(noisy),
             ),
         ),
     )
@@ -156,13 +159,7 @@ def compare_forced(found: Records) -> Finding:
             )
             for name, stage in (("unstable", "unstable"), (_FORCED, INITIAL))
         ),
-        text=(
-            (
-                "The text announces Figures 3-18 to 3-27; the last one that is printed is 3-26. In "
-                "place of the other: what forcing the unstable eigenvalue does to the model. "
-                f"Ours moves from {abs(shown.moved[0]):.6f} to {moved_to:.6f}."
-            ),
-        ),
+        text=(prose("figure-3-27.text", moved=abs(shown.moved[0]), moved_to=moved_to),),
     )
 
 
@@ -197,19 +194,12 @@ def _plot(matrices: Matrices, known_hz: Sequence[float], description: str) -> st
         return inline_svg(figure, description)
 
 
-def _subject(key: str, code: str, title: str, compare: Callable[[Records], Finding]) -> Subject:
-    return Subject(
-        key, f"{code}{title}", both_calls(code), lambda results: compare(records_of(results, code))
-    )
+def _subject(key: str, code: str, compare: Callable[[Records], Finding]) -> Subject:
+    return subject(key, both_calls(code), lambda results: compare(records_of(results, code)))
 
 
 SUBJECTS = (
-    _subject("figure-3-8", "Ac3_18", ", updated: frequency responses", compare_responses),
-    _subject("figure-3-26", "Ac3_21u", ", updated: frequency responses", compare_responses),
-    _subject(
-        "figure-3-27",
-        "Ac3_21u",
-        " before and after its unstable eigenvalue was forced",
-        compare_forced,
-    ),
+    _subject("figure-3-8", "Ac3_18", compare_responses),
+    _subject("figure-3-26", "Ac3_21u", compare_responses),
+    _subject("figure-3-27", "Ac3_21u", compare_forced),
 )

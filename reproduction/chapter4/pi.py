@@ -38,8 +38,10 @@ from reproduction.framework.findings import (
     Subject,
     judged,
     p_text,
+    prose,
     sign_test,
     spread,
+    subject,
     thesis_table,
 )
 from reproduction.framework.rig import RATE_HZ, STEP_S, simulated_record, step_to
@@ -166,17 +168,9 @@ FIGURE_MATCH = 0.06
 
 _OTHER = tuple(code for code in CODES if not _knows_no_friction(code))
 _BEST = "Ac3r_10"
-_TEXT = (
-    "Each model is identified from the first half of its record by the thesis's ORSE with the "
-    "thesis's order, reduced by MRMC with the known modes, and updated. The PI law is tuned on it "
-    "by (4-1), over 5 s of a step of 1 V. Figures of ours: median and range over "
-    f"{len(SEEDS)} seeds."
-)
-_IMPLEMENTED = (
-    "The thesis does not say what compensated the friction when the laws were implemented. A model "
-    "of type II knows of none, and its law alone stops where the drive no longer overcomes it; so "
-    "it is implemented with the compensation of its record "
-    f"({experiment(CODES[_BEST]['made'][0]).gains['compensation_v']:g} V), the others without."
+_TEXT = prose("table-4-1.text", seeds=len(SEEDS))
+_IMPLEMENTED = prose(
+    "chapter-4.compensation", level_v=experiment(CODES[_BEST]["made"][0]).gains["compensation_v"]
 )
 
 
@@ -261,8 +255,7 @@ def _figure(code: str, results: Results) -> Finding:
         figure_judgement(code, float(np.median(mismatches)), others),
         plots=(
             Plot(
-                f"PI law of {code}, step to {SETPOINT_V:g} V: on the rig (solid) and on its model "
-                f"(dotted), the seed of the median difference",
+                prose("pi-law.caption", code=code, setpoint_v=SETPOINT_V),
                 svg,
             ),
         ),
@@ -320,7 +313,7 @@ def claim_judgement(p_values: dict[str, float]) -> Judgement:
 
 
 SUBJECTS = (
-    Subject("table-4-1", "PI laws tuned on models of three types", _NEEDS, _table),
+    subject("table-4-1", _NEEDS, _table),
     *(
         Subject(
             f"figure-{number}",
@@ -330,10 +323,5 @@ SUBJECTS = (
         )
         for number, code in FIGURES.items()
     ),
-    Subject(
-        "claim-4-1",
-        "Models from closed-loop data without the compensation are closest to the arm",
-        _NEEDS,
-        _claim,
-    ),
+    subject("claim-4-1", _NEEDS, _claim),
 )

@@ -27,7 +27,7 @@ import flexarm_control
 import flexarm_core
 import flexarm_daq
 import flexarm_ident
-from reproduction.framework.findings import ReproductionError
+from reproduction.framework.findings import ReproductionError, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -6,7 +6,7 @@ import html
 import re
 from typing import TYPE_CHECKING
 
-from reproduction.framework.findings import Verdict, count
+from reproduction.framework.findings import Subject, Verdict, count
 from reproduction.framework.selection import APPENDICES, page_of
 
 if TYPE_CHECKING:

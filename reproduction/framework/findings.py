@@ -32,7 +32,7 @@ OFTEN = 0.5
 """An event in more than this share of the seeds occurs in most of them."""
 LEVEL = 0.05
 """A claim holds when chance alone would bear it out as often in fewer than 5 % of all cases."""
-_THESIS = Path(__file__).parents[1] / "thesis"
+_THESIS, _TEXTS = (Path(__file__).parents[1] / name for name in ("thesis", "texts"))
 
 
 class ReproductionError(FlexarmError):
@@ -220,6 +220,23 @@ def count(judgements: Sequence[Judgement]) -> Mapping[Verdict, int]:
 def thesis_table(name: str) -> Any:  # noqa: ANN401 - each table has a shape of its own
     """Return a table of the thesis by the name of its file in `thesis`, such as ``table_2_4``."""
     return yaml.safe_load((_THESIS / f"{name}.yaml").read_text("utf-8"))
+
+
+@cache
+def _texts() -> dict[str, dict[str, str]]:
+    pages = (yaml.safe_load(path.read_text("utf-8")) for path in sorted(_TEXTS.glob("*.yaml")))
+    return {name: parts for page in pages for name, parts in page.items()}
+
+
+def prose(name: str, **values: object) -> str:
+    """Return a text of the folder `texts`, such as ``claim-2-6.reason``, with values put in."""
+    subject_key, part = name.split(".")
+    return _texts()[subject_key][part].format(**values)
+
+
+def subject(key: str, needs: tuple[Call, ...], build: Callable[[Results], Finding]) -> Subject:
+    """Return a subject with its title from the folder `texts`."""
+    return Subject(key, prose(f"{key}.title", seeds=len(SEEDS)), needs, build)
 
 
 def sign_test(smaller: Figures, larger: Figures) -> float:

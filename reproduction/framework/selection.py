@@ -7,7 +7,7 @@ import re
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from reproduction.framework.findings import ReproductionError
+from reproduction.framework.findings import ReproductionError, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
