@@ -34,23 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RecordFacts:
-    """Facts of one record, measured in it.
-
-    Attributes
-    ----------
-    name
-        The experiment.
-    samples, rate_hz
-        Length and sampling rate.
-    command_v
-        Largest magnitude of the command without compensation.
-    position_deg
-        Largest magnitude of the arm's angle.
-    reference_v, compensation_v
-        Largest magnitudes; zero in an open loop.
-    kp, kd
-        Gains of the PD law that the record itself shows; zero where there is none.
-    """
+    """Facts measured in one record: largest magnitudes, and gains; zero without a law."""
 
     name: str
     samples: int

@@ -51,15 +51,7 @@ _FLEXIBLE_HZ = 4.0
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """A reduced model of one record.
-
-    Attributes
-    ----------
-    response
-        Frequency response at `FREQUENCIES_HZ`, one column per channel.
-    modes
-        Frequency in Hz and damping ratio of each pair, ascending.
-    """
+    """Response of a reduced model at `FREQUENCIES_HZ`, and Hz and damping ratio of each pair."""
 
     response: NDArray[np.complex128]
     modes: tuple[tuple[float, float], ...]

@@ -30,20 +30,12 @@ CROSSINGS_FROM_HZ = 0.2
 Pairs: TypeAlias = tuple[tuple[float, float], ...]
 """Gain margin in dB and phase margin in degrees, per payload."""
 
-_TEXT = prose("appendix-b.text")
-
 
 @dataclass(frozen=True)
 class Examined:
     """Margins of the thesis's gains on the three models, and the best gains on them.
 
-    Attributes
-    ----------
-    slow, least
-        Gain margin in dB and phase margin in degrees of the thesis's gains, per payload: at the
-        lowest crossings, which are those of the rigid motion, and the least of all crossings.
-    kp, kd, ksg, criterion
-        The best gains and their J.
+    Margins are per payload: at the lowest crossings, of the rigid motion, and the least of all.
     """
 
     slow: Pairs
@@ -87,7 +79,7 @@ def compare(found: tuple[Examined, ...]) -> Finding:
             reason=_reason(turned, nearer=distances[1] < distances[0]),
         ),
         tables=(_margin_table(found, values), _gain_table(found, values["optimum"])),
-        text=(_TEXT,),
+        text=(prose("appendix-b.text"),),
     )
 
 

@@ -47,19 +47,10 @@ _WAVEFORMS = {
 }
 _BOUNDED = {"a: constant magnitude": "B_dat9", "b: random magnitude": "B_dat2"}
 
-_DRIVE_TEXT = prose("figure-2-2.text", push_s=_PUSH_S)
-_WAVEFORM_TEXT = prose("figure-2-5.text")
-
 
 @dataclass(frozen=True)
 class Signal:
-    """The beginning of a record.
-
-    Attributes
-    ----------
-    time_s, command_v, position_v
-        One value per sample.
-    """
+    """Beginning of a record: one value per sample."""
 
     time_s: NDArray[np.float64]
     command_v: NDArray[np.float64]
@@ -146,7 +137,7 @@ def compare_drive(current_a: Sequence[float]) -> Finding:
         ),
         tables=(SideBySide("The drive", ("", "thesis", "ours"), rows),),
         plots=(Plot("Current over command; the direction is the sign", svg),),
-        text=(_DRIVE_TEXT,),
+        text=(prose("figure-2-2.text", push_s=_PUSH_S),),
     )
 
 
@@ -189,7 +180,7 @@ def compare_waveforms(signals: Sequence[Signal]) -> Finding:
             Plot(f"{name} ({code})", _plotted(each, name, positions=False))
             for (name, code), each in zip(_WAVEFORMS.items(), signals, strict=True)
         ),
-        text=(_WAVEFORM_TEXT,),
+        text=(prose("figure-2-5.text"),),
     )
 
 

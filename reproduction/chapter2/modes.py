@@ -93,14 +93,8 @@ _PRINTED = thesis_table("table_2_2")
 class WaveformModes:
     """Modes of models with 27 states, per seed.
 
-    Attributes
-    ----------
-    frequencies_hz
-        Natural frequencies of the oscillating modes, the highest first.
-    peaks : ndarray, (seeds, 3)
-        True where the response of a gauge has a peak at one of `MODES_HZ`.
-    chance : ndarray, (seeds, 2)
-        The same for `BETWEEN_HZ`.
+    Natural frequencies of the oscillating modes, the highest first, and the peaks of a gauge's
+    response at `MODES_HZ`, (seeds, 3), and at `BETWEEN_HZ`, (seeds, 2).
     """
 
     frequencies_hz: tuple[tuple[float, ...], ...]

@@ -100,16 +100,10 @@ _POINTS = 600
 
 @dataclass(frozen=True, eq=False)
 class ValidatedModel:
-    """Signals of both validations of a model.
+    """Signals of both validations of a model, (samples, 4).
 
-    Attributes
-    ----------
-    dt_s
-        Sampling period.
-    record, dmv : ndarray, (samples, 4)
-        Prepared outputs of the experiment, and simulated from its input.
-    set_point, sfv : ndarray, (samples, 4)
-        Prepared outputs of the set-point run, and of the loop with the model.
+    Prepared outputs of the experiment and those simulated from its input; prepared outputs of the
+    set-point run and those of the loop with the model.
     """
 
     dt_s: float

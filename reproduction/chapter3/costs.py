@@ -248,13 +248,6 @@ def _left_out(found: Sequence[ReductionTrial]) -> str:
 
 _DRIFT = frozenset({"3-2", "3-4"})
 """Tables whose full model matches the position far less well than the thesis's."""
-_DRIFT_TEXT = prose("table-3-xb.drift")
-_REASONS: Mapping[str, str] = {
-    "3-2": prose("table-3-2b.reason"),
-    "3-3": prose("table-3-3b.reason"),
-    "3-4": prose("table-3-4b.reason"),
-}
-"""Why stages come in another order, where they do; found by looking at what was kept."""
 
 
 def _subject(number: str, code: str) -> Subject:
@@ -262,14 +255,14 @@ def _subject(number: str, code: str) -> Subject:
         finding = compare_errors(
             thesis_rows(thesis_table(f"table_{number.replace('-', '_')}b")),
             records_of(results, code),
-            reason=_REASONS.get(number, "What is kept differs by record."),
+            reason=prose(f"table-{number}b.reason"),
         )
         if number not in _DRIFT:
             return finding
         return replace(
             finding,
             tables=(*finding.tables, drift_table(code, results)),
-            text=(*finding.text, _DRIFT_TEXT),
+            text=(*finding.text, prose("table-3-xb.drift")),
         )
 
     return Subject(
@@ -280,4 +273,4 @@ def _subject(number: str, code: str) -> Subject:
     )
 
 
-SUBJECTS = (*tuple(_subject(number, code) for number, code in TABLES.items()),)
+SUBJECTS = tuple(_subject(number, code) for number, code in TABLES.items())

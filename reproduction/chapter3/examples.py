@@ -115,21 +115,10 @@ SLOW = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """One model on the way.
+    """One model on the way, with the labels of the modes that it has of the full model.
 
-    Attributes
-    ----------
-    order
-        Number of states.
-    kept
-        Labels of the modes that it has of the full model; empty when they are not modes.
-    bending_hz
-        Frequencies of the bending modes that it has.
-    dmv
-        Errors of the four outputs by data matching, over the whole record.
-    sfv
-        Errors by set-point following; empty where the thesis has none, infinite when the loop
-        with the model runs away.
+    Errors are of the four outputs; `sfv` is empty where the thesis has none, and infinite when the
+    loop with the model runs away.
     """
 
     order: int
@@ -151,17 +140,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """Curves in the figures of one trial.
-
-    Attributes
-    ----------
-    dt_s
-        Sampling period.
-    measured, dmv
-        The record's outputs, and each stage's by data matching, (samples, 4).
-    set_point, sfv
-        The same for set-point following.
-    """
+    """Curves in the figures of one trial: outputs, (samples, 4), measured and of each stage."""
 
     dt_s: float
     measured: NDArray[np.float32]
@@ -222,15 +201,7 @@ class ReductionTrial:
 
 
 class Records(NamedTuple):
-    """Results of an example, one per record.
-
-    Attributes
-    ----------
-    example : Example
-        The model.
-    low, noisy : sequence of ReductionTrial
-        Its trials with little noise, and with noise as strong as the thesis's.
-    """
+    """Trials of an example, one per record, with little noise and as strong as the thesis's."""
 
     example: Example
     low: Sequence[ReductionTrial]

@@ -221,4 +221,4 @@ def _subject(figure: FigureOf) -> Subject:
     )
 
 
-SUBJECTS = (*tuple(map(_subject, FIGURES)),)
+SUBJECTS = tuple(map(_subject, FIGURES))

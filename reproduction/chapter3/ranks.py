@@ -251,4 +251,4 @@ def _subject(number: str, code: str) -> Subject:
     return Subject(f"table-{number}a", title, both_calls(code), build)
 
 
-SUBJECTS = (*tuple(_subject(number, code) for number, code in TABLES.items()),)
+SUBJECTS = tuple(_subject(number, code) for number, code in TABLES.items())

@@ -59,18 +59,7 @@ TEXT = prose("chapter-4.ilqr")
 class IlqrTrial:
     """Figures of one step under ILQR, and of the same step under PDPC.
 
-    Attributes
-    ----------
-    overshoot, swing_v
-        Under ILQR: overshoot, and position peak to peak from 10 s on, V.
-    last_swing_v
-        Position peak to peak over the last 2 s, V.
-    reversals
-        Number of turns of more than the noise, from the first crossing on.
-    error_v, pdpc_error_v
-        Mean error over the last 2 s, V, of either law.
-    pdpc_overshoot
-        Overshoot of PDPC.
+    Swings are peak to peak, from 10 s on and over the last 2 s; errors are means over the last 2 s.
     """
 
     overshoot: float

@@ -64,20 +64,10 @@ _LOOKS = (SOLID, DASHED, DOTTED)
 
 @dataclass(frozen=True)
 class Tuned:
-    """A tuned PDP law.
+    """Tuned PDP law: Kp, Kd, Ksg, its J of (4-3) and the sums of (4-4) and (4-5).
 
-    Attributes
-    ----------
-    gains
-        Kp, Kd, Ksg.
-    criterion, error_itae_sum, strain_itae_sum
-        J of (4-3) and the sums of (4-4) and (4-5).
-    gain_margins_db, phase_margins_deg
-        Margins on each model.
-    active
-        Constraints that hold at the optimum.
-    criteria
-        J that each starting point led to.
+    Margins are on each model, `active` are the constraints at the optimum, `criteria` the J of each
+    starting point.
     """
 
     gains: tuple[float, float, float]

@@ -53,15 +53,7 @@ _COMPRESSION = 3
 
 @dataclass(frozen=True)
 class Workers:
-    """The processes that compute.
-
-    Attributes
-    ----------
-    jobs : int
-        Processes on this machine; -1 is one per core. Each has one thread.
-    dask : str
-        Address of the scheduler of a Dask cluster that computes instead; empty for none.
-    """
+    """Processes that compute: `jobs` here, -1 for one per core, or those of a Dask cluster."""
 
     jobs: int = -1
     dask: str = ""
@@ -69,17 +61,7 @@ class Workers:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of one subject.
-
-    Attributes
-    ----------
-    subject : Subject
-        The subject.
-    finding : Finding or None
-        The finding; None when it failed.
-    failure : str
-        Why it failed, in one line; empty when it did not.
-    """
+    """Outcome of one subject: its finding, or None and the failure in one line."""
 
     subject: Subject
     finding: Finding | None

@@ -49,20 +49,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict and its evidence.
-
-    Attributes
-    ----------
-    verdict : Verdict
-        Relation of our result to the thesis's.
-    because : str
-        The evidence in one or two sentences, with figures; where ours differs, why it does.
-
-    Raises
-    ------
-    ValueError
-        When there is no evidence.
-    """
+    """Verdict and its evidence: figures in one or two sentences, and the reason of a difference."""
 
     verdict: Verdict
     because: str
@@ -74,22 +61,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class SideBySide:
-    """A table with the thesis's figures beside ours.
-
-    Attributes
-    ----------
-    title : str
-        Its contents.
-    headings : tuple of str
-        One per column.
-    rows : tuple of tuple of str
-        Cells, as many in each row as there are headings.
-
-    Raises
-    ------
-    ValueError
-        When a row has another number of cells.
-    """
+    """Table with the thesis's figures beside ours; each row has a cell per heading."""
 
     title: str
     headings: tuple[str, ...]

@@ -31,17 +31,7 @@ class LaunchError(FlexarmError):
 
 @dataclass(frozen=True)
 class NodeProgram:
-    """A node to start.
-
-    Attributes
-    ----------
-    package, executable : str
-        As for `ros2 run`.
-    parameters : mapping
-        Values to start with.
-    files : tuple of Path
-        Parameter files to start with; `parameters` come after them.
-    """
+    """Node to start, named as for `ros2 run`; its parameters come after those of its files."""
 
     package: str
     executable: str

@@ -19,17 +19,7 @@ if TYPE_CHECKING:
 
 
 class RecordedRun(NamedTuple):
-    """Run of the loop and its record.
-
-    Attributes
-    ----------
-    run : Run
-        Figures of the run.
-    reading : BagReading
-        Samples of the bag.
-    lockstep : bool
-        The run was sampled in virtual time.
-    """
+    """Run of the loop, its record, and whether it was sampled in virtual time."""
 
     run: Run
     reading: BagReading
