@@ -1,7 +1,8 @@
-"""Array types that the package's signatures share."""
+"""Types that the signatures of several packages share: arrays, progress callbacks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
 # Real in one caller and complex in the other.
 AnyArray = NDArray[Any]
+# Called with the name of a stage and its completed part.
+Progress = Callable[[str, float], None]
 
 _ROWS_TOGETHER = 64
 
