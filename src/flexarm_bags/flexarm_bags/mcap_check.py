@@ -20,15 +20,7 @@ from mcap import records
 from mcap.opcode import Opcode
 
 from flexarm_bags.chunks import Messages, gathered, heads_at
-from flexarm_bags.layout import (
-    CHECKSUM,
-    MAGIC,
-    RECORD_START,
-    CutError,
-    chunk_content,
-    parse,
-    walk,
-)
+from flexarm_bags.layout import CHECKSUM, MAGIC, RECORD_START, CutError, chunk_content, parse, walk
 from flexarm_core.errors import one_line
 
 if TYPE_CHECKING:

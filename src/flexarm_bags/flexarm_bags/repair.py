@@ -135,10 +135,7 @@ class _FileRepair:
         if not self._file.stat().st_size:
             self._note("is empty")
             return
-        with (
-            self._file.open("rb") as stream,
-            mmap(stream.fileno(), 0, access=ACCESS_READ) as data,
-        ):
+        with self._file.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
             try:
                 summary = summary_of(stream)
             except Exception:  # noqa: BLE001 - parsers raise anything on damaged bytes

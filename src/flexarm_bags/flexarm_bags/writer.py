@@ -240,10 +240,7 @@ class BagWriter:
                 topic.name,
                 "cdr",
                 schemas[definition.type_name],
-                {
-                    "offered_qos_profiles": topic.qos_text(),
-                    "topic_type_hash": definition.type_hash,
-                },
+                {"offered_qos_profiles": topic.qos_text(), "topic_type_hash": definition.type_hash},
             )
         return channels
 

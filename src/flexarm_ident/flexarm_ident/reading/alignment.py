@@ -116,11 +116,7 @@ class Alignment:
         )
 
     def reading(
-        self,
-        samples: Recorded,
-        *,
-        reference: Recorded | None = None,
-        declared: Sequence[bool] = (),
+        self, samples: Recorded, *, reference: Recorded | None = None, declared: Sequence[bool] = ()
     ) -> BagReading:
         """Return the whole record in memory.
 

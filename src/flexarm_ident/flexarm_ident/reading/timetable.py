@@ -107,10 +107,7 @@ class Timetable:
 
 
 def timetable(
-    marks: Marks,
-    *,
-    answers: Callable[[Integers], Answers] | None = None,
-    input_behind: bool,
+    marks: Marks, *, answers: Callable[[Integers], Answers] | None = None, input_behind: bool
 ) -> Timetable:
     """Return the timetable of a record.
 
@@ -266,7 +263,6 @@ def _inside_holes(
             acted = told.sequence[own[-1]] == marks.command_sequence[at + 1]
             unheeded[at] = acted and late_s > _PROMPT * grid.period_s
     changes = Changes(
-        np.concatenate([np.empty(0), *instants]),
-        np.concatenate([told.values_v[:0], *values]),
+        np.concatenate([np.empty(0), *instants]), np.concatenate([told.values_v[:0], *values])
     )
     return changes, unheeded, underway

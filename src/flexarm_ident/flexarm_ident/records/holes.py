@@ -127,9 +127,7 @@ def _between(known: NDArray[np.intp], values: FloatArray, rows: NDArray[np.intp]
     is_short = np.all(np.diff(nodes, axis=1) <= _REACH, axis=1)
     at = np.flatnonzero(inside)[is_short]
     found[at] = lagrange(
-        nodes[is_short].astype(np.float64),
-        values[places[is_short]],
-        rows[at].astype(np.float64),
+        nodes[is_short].astype(np.float64), values[places[is_short]], rows[at].astype(np.float64)
     )
     return found
 

@@ -14,12 +14,7 @@ import numpy as np
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.estimation.simulation_fit import is_compensated
-from flexarm_ident.estimation.streaming import (
-    excerpt,
-    leading,
-    validate_stream,
-    without_bias,
-)
+from flexarm_ident.estimation.streaming import excerpt, leading, validate_stream, without_bias
 from flexarm_ident.fitting.validation import validate_dmv, validate_sfv
 from flexarm_ident.friction.dry_friction import refer_friction, validate_with_friction
 from flexarm_ident.records.iodata import IoData, as_records
@@ -131,11 +126,7 @@ def run(
         full_dmv_errors=_joined_errors(full_dmv, powers),
         dmv_errors=_joined_errors(dmv, powers),
         sfv=sfv,
-        warnings=(
-            *identification.warnings,
-            *(reduction.warnings if reduction else ()),
-            *notes,
-        ),
+        warnings=(*identification.warnings, *(reduction.warnings if reduction else ()), *notes),
     )
 
 

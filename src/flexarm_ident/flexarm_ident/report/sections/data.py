@@ -8,21 +8,8 @@ import numpy as np
 
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.diagnostics.quality import excited_band_hz
-from flexarm_ident.report.content.blocks import (
-    Check,
-    Checks,
-    Heading,
-    Plots,
-    Section,
-    Table,
-    Words,
-)
-from flexarm_ident.report.content.wording import (
-    error_text,
-    figures_text,
-    short_labels,
-    shortened,
-)
+from flexarm_ident.report.content.blocks import Check, Checks, Heading, Plots, Section, Table, Words
+from flexarm_ident.report.content.wording import error_text, figures_text, short_labels, shortened
 from flexarm_ident.report.plots.time_plots import input_plot
 
 if TYPE_CHECKING:

@@ -63,12 +63,7 @@ def _costs(outcome: Outcome, order: int) -> Iterator[Block]:
     wanted = [(request.reduction, request.update), ("mrm", "none"), ("msv", "none")]
     curves = {
         _name(ranking, update): cost_over_orders(
-            found,
-            records,
-            orders.tolist(),
-            ranking=ranking,
-            update=update,
-            known_modes_hz=known_hz,
+            found, records, orders.tolist(), ranking=ranking, update=update, known_modes_hz=known_hz
         )
         for ranking, update in wanted
     }
