@@ -12,8 +12,6 @@ FloatArray = NDArray[np.float64]
 RealArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
-# Real in one caller and complex in the other.
-AnyArray = NDArray[Any]
 
 _ROWS_TOGETHER = 64
 

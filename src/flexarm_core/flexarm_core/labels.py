@@ -1,4 +1,4 @@
-"""Channel names as people read them: what is measured, and its unit."""
+"""Readable names and counts: quantity and unit of a channel, a number with its noun."""
 
 from __future__ import annotations
 
@@ -39,6 +39,11 @@ def label_and_unit(name: str) -> tuple[str, str]:
         if words not in (name, ""):
             return words.replace("_", " "), unit
     return name.replace("_", " "), ""
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: ``1 record``, ``2 records``."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
 def axis_label(name: str) -> str:

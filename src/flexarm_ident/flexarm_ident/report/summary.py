@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from flexarm_ident.report.content.wording import counted, listed, percent, shortened
+from flexarm_core.labels import counted
+from flexarm_ident.report.content.wording import listed, percent, shortened
 from flexarm_ident.report.sections.data import check_title
 
 if TYPE_CHECKING:

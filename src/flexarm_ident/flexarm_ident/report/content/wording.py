@@ -25,11 +25,6 @@ def percent(error: float) -> str:
     return f"{100.0 * error:.1f} %" if math.isfinite(error) else "more than can be told"
 
 
-def counted(number: int, noun: str) -> str:
-    """Return a number with its noun: ``1 record``, ``2 records``."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
-
-
 def listed(words: Sequence[str]) -> str:
     """Return one or more words as a list: ``a, b and c``."""
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
