@@ -122,12 +122,11 @@ def _skipped(sequences: Integers, stamps_ns: Integers, period_ns: float) -> list
     if not found:
         return []
     missing, places, first = zip(*found, strict=True)
-    return [
-        (
-            f"{counted(sum(missing), 'period')} of {period_ns / 1e6:.3f} ms without a sample at"
-            f" {counted(sum(places), 'place')}, the first after number {first[0]}"
-        )
-    ]
+    problem = (
+        f"{counted(sum(missing), 'period')} of {period_ns / 1e6:.3f} ms without a sample at"
+        f" {counted(sum(places), 'place')}, the first after number {first[0]}"
+    )
+    return [problem]
 
 
 def _left_out(

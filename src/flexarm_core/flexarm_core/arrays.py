@@ -1,4 +1,4 @@
-"""Array types that the package's signatures share."""
+"""Array types and helpers that the packages share."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ROWS_TOGETHER = 64
 
 
 def runs(mask: BoolArray) -> NDArray[np.intp]:
-    """Return where a mask is true without a break, (runs, 2): first rows, and rows behind."""
+    """Return the runs of true values in a mask, (runs, 2): first rows, and rows behind."""
     edges = np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))
     return np.asarray(np.flatnonzero(edges).reshape(-1, 2))
 

@@ -20,19 +20,9 @@ _UNITS = {
 
 
 def label_and_unit(name: str) -> tuple[str, str]:
-    """Return what a channel is in words, and its unit.
+    """Return the words and the unit of a channel: ``base strain`` and ``V`` of ``base_strain_v``.
 
-    Parameters
-    ----------
-    name : str
-        Name of a channel, such as ``base_strain_v``.
-
-    Returns
-    -------
-    str
-        Words, ``base strain``.
-    str
-        Unit, ``V``; empty when the name has none.
+    The unit is empty when the name has none.
     """
     for ending, unit in _UNITS.items():
         words = name.removesuffix(f"_{ending}")

@@ -525,7 +525,7 @@ def tampered(name: str, **values: object) -> Callable[[Writer], None]:
         (tampered("statistics", message_start_time=7), "first time: the statistics say 7"),
         (tampered("chunk_indices", message_end_time=7), "the index of the chunk at byte"),
         (tampered("chunk_indices", message_index_offsets={}), "the index of the chunk at byte"),
-        (lambda writer: writer._Writer__chunk_indices.pop(), "chunks and their indexes are not"),
+        (lambda writer: writer._Writer__chunk_indices.pop(), "the numbers of chunks and of"),
     ],
 )
 def test_file___that_contradicts_itself___is_noticed(

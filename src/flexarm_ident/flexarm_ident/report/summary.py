@@ -1,4 +1,4 @@
-"""Summary at the top of a report: the model in a few sentences, and cautions."""
+"""Report summary: the model in a few sentences, and cautions."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def summary(outcome: Outcome) -> list[str]:
 
 
 def cautions(outcome: Outcome) -> list[str]:
-    """Return what to know before using the model: the checks that found something, and warnings."""
+    """Return the cautions before the model is used: checks with findings, and warnings."""
     warnings = outcome.identification.data_warnings
     found = ", ".join(
         check_title(name).lower() + (f" ({count} times)" if count > 1 else "")

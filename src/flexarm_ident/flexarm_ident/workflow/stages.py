@@ -70,14 +70,9 @@ def run(
         their lengths; a reduction then uses the leading parts, and there is neither set-point
         following nor friction nor refinement.
     request : Request
-        What is to be done.
+        Options.
     progress : callable, optional
         Called with the name of the stage and the part of it that is done.
-
-    Returns
-    -------
-    Outcome
-        The model with its validation.
 
     Raises
     ------

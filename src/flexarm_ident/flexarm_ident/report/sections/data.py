@@ -1,4 +1,4 @@
-"""Section on the data: records, channels, and what was checked."""
+"""Data section: records, channels, and checks."""
 
 from __future__ import annotations
 

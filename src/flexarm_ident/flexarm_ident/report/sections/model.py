@@ -1,4 +1,4 @@
-"""Section on the model itself: how it was made, files to take out, and where it came from."""
+"""Model section: method, downloads, and provenance."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ SECTION = Section(110, "The model", _build)
 
 
 def _making(outcome: Outcome) -> Facts:
-    """Return how the model was made."""
+    """Return the method and the choices that made the model."""
     identification = outcome.identification
     facts = {
         "method": identification.title,

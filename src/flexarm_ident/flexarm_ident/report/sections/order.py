@@ -1,4 +1,4 @@
-"""Section on the order of the full model."""
+"""Order section: order of the full model and its reasons."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ SECTION = Section(20, "Order", _build)
 
 
 def _why(outcome: Outcome) -> list[str]:
-    """Return why the full model has its order."""
+    """Return the reasons for the order of the full model."""
     identification = outcome.identification
     how = "as asked for" if outcome.request.order else "chosen by its fit"
     if identification.friction is not None:
@@ -57,7 +57,7 @@ def _why(outcome: Outcome) -> list[str]:
 
 
 def _clusters(outcome: Outcome) -> Table:
-    """Return the modes that come back over the orders, with their scatter."""
+    """Return the modes that recur over the orders, with their scatter."""
     rows = tuple(
         (
             f"{mode.frequency_hz:.3f}{plus_minus(mode.frequency_std_hz)}",

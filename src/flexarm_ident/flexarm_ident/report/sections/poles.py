@@ -1,4 +1,4 @@
-"""Section on the poles of the model."""
+"""Poles section: poles of the model."""
 
 from __future__ import annotations
 
