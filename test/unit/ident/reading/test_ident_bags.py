@@ -363,7 +363,7 @@ def test_read___bag_of_something_else___lists_its_topics(tmp_path: Path) -> None
     bag = write_bag(tmp_path / "run", [reference(START_NS, 1.0)])
 
     with pytest.raises(
-        BagError, match=r"run: neither .* topics: /flexarm/reference \(std_msgs/msg/Float64\)"
+        BagError, match=r"run: holds neither .* topics: /flexarm/reference \(std_msgs/msg/Float64\)"
     ):
         read_bag(bag)
 
