@@ -16,7 +16,7 @@ from flexarm_control.models.nominal_models import nominal_model, nominal_payload
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.simulation import LoopRun, simulate, simulate_loop
 
-# The name under which callers catch what this package refuses.
+# This is the public name of the errors of this package.
 from flexarm_core.errors import SettingError as ControlError
 
 __all__ = [

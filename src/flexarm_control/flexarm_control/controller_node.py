@@ -1,8 +1,8 @@
 """Controller node: answers every sample of `state` with one `command` of a control law.
 
-A managed node. The law, its gains and the reference are parameters; a change is checked as a whole
-and takes effect between two samples. While the node is not active the DAQ node's watchdog holds the
-drive at zero.
+The node is a managed node. The law, its gains and the reference are parameters. A change is checked
+as a whole and takes effect between two samples. While the node is not active, the watchdog of the
+DAQ node holds the drive at zero.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from flexarm_control.laws.law_protocol import Law
 
-# A recorder that was not heard of yet when the reference changed learns it so soon.
+# Period of the reference, for a recorder that was unknown when it changed.
 _TELL_AGAIN_NS = 1_000_000_000
 _PAYLOAD_NS = 100_000_000
 TOPIC = "topic"
@@ -64,14 +64,12 @@ class Setup:
 
     Attributes
     ----------
-    spec : LawSpec
-        Row of the control law.
-    law : Law
-        The control law.
+    spec, law : LawSpec, Law
+        Row of the control law, and the law.
     rate_hz : float or None
-        Sampling rate that it is made for, Hz; None when it suits any.
+        Sampling rate of the law, Hz; None when it suits any.
     profile : Reference or None
-        The built-in reference, or None when it comes from the topic.
+        Built-in reference, or None when it comes from the topic.
     """
 
     spec: LawSpec
@@ -80,12 +78,12 @@ class Setup:
     profile: Reference | None
 
     def check_rate(self, measured_hz: float | None) -> None:
-        """Refuse samples that come at another rate than the law is made for.
+        """Refuse samples at another rate than that of the law.
 
         Raises
         ------
         SettingError
-            When they do; the message says what to set.
+            When the rates differ; the message states the remedy.
         """
         if self.rate_hz is None or measured_hz is None or suits(self.rate_hz, measured_hz):
             return
@@ -99,13 +97,7 @@ class Setup:
 
 
 def _setup(values: Mapping[str, Any]) -> Setup:
-    """Build law and reference from the parameters.
-
-    Raises
-    ------
-    SettingError
-        When a value is out of range or the values do not fit together.
-    """
+    """Build law and reference from the parameters; raise SettingError when they do not fit."""
     name, reference = values["law"], values["reference"]
     profile = None
     if reference != TOPIC:
@@ -120,7 +112,7 @@ def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class ControllerNode(AnsweringNode):
-    """Wires parameters and topics to a law and a reference."""
+    """Node that connects parameters and topics to a law and a reference."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -135,7 +127,7 @@ class ControllerNode(AnsweringNode):
         self.start_if_asked()
 
     def commander(self) -> tuple[str, bool]:
-        """Return the name of the law, and that it looks at the outputs."""
+        """Return the name of the law, and whether it uses the outputs."""
         spec = self._setup.spec
         return spec.name, bool(spec.uses_outputs)
 
@@ -149,31 +141,31 @@ class ControllerNode(AnsweringNode):
         )
 
     def release_topics(self) -> None:
-        """Give the topics back."""
+        """Release the topics."""
         super().release_topics()
         self.destroy_publisher(self._references_out)
         self.destroy_publisher(self._payloads)
         self.destroy_subscription(self._references_in)
 
     def publishers(self) -> tuple[Publisher, ...]:
-        """Return what a recorder must have in full before a run counts as ended."""
+        """Return the publishers whose messages a recorder needs in full before a run ends."""
         return (*super().publishers(), self._references_out)
 
     def prepare(self) -> None:
-        """Make ready for a run, and tell the set-point."""
-        # Loaded before the loop: a law set during the run may be designed with it, and to load it
-        # then would cost the loop periods.
+        """Prepare a run, and publish the set-point."""
+        # A law that is set during the run may need this library, and loading it then would cost
+        # the loop some periods.
         import_module("control")
         super().prepare()
         self._handover = Handover(self._setup.law)
         self._rate = SampleRate()
         self._weighed_ns = 0
         if self._setup.profile is None:
-            # A record shall have the set-point in force from its first sample on.
+            # A record needs the set-point in force from its first sample on.
             self._references_out.publish(Float64(data=self._reference_v))
 
     def begin(self) -> None:
-        """Forget the run of samples before."""
+        """Forget an earlier run of samples."""
         self._handover.replace(self._setup.law)
         self._handover.reset()
         self._rate.reset()
@@ -181,7 +173,7 @@ class ControllerNode(AnsweringNode):
         self._told_ns = 0
 
     def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
-        """Fill the command in."""
+        """Fill in the command."""
         setup = self._setup
         self._handover.replace(setup.law)
         setup.check_rate(self._rate.add(taken_ns))
@@ -196,7 +188,7 @@ class ControllerNode(AnsweringNode):
         )
 
     def answered(self, state: ArmState, taken_ns: int) -> None:
-        """Tell the payload now and then, when the law estimates it."""
+        """Publish the payload at intervals, when the law estimates it."""
         setup = self._setup
         if setup.spec.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return

@@ -14,85 +14,61 @@ from flexarm_core.errors import SettingError
 from flexarm_core.specs import (
     Bounded,
     ParameterSpec,
-    limits,
     parameter_specs,
     refuse_unknown,
     select,
+    setting,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-# Sample instants k * dt carry rounding errors; a switch that is due within this time has happened.
+# Sample instants k * dt have rounding errors; a switch within this time counts as past.
 _ROUNDING_S = 1e-9
 _HALF_PERIODS = 1024
 
-_AMPLITUDE = limits(
-    -TRAVEL_V, TRAVEL_V, "V", f"position to go to; the travel is +-{TRAVEL_DEG:g} deg"
-)
+_AMPLITUDE = (-TRAVEL_V, TRAVEL_V, "V", f"position to go to; the travel is +-{TRAVEL_DEG:g} deg")
 
 
 class Reference(Protocol):
-    """A position reference: the same time always gives the same value."""
+    """Position reference: the same time always gives the same value."""
 
     def __call__(self, time_s: float) -> float:
-        """Give the reference in V at a time since the start in s."""
+        """Return the reference in V at a time since the start in s."""
 
 
 @dataclass(frozen=True)
 class Constant(Bounded):
-    """Constant position.
+    """Constant position."""
 
-    Attributes
-    ----------
-    amplitude_v
-        The position, V.
-    """
-
-    amplitude_v: float = field(default=0.0, metadata=_AMPLITUDE)
+    amplitude_v: float = setting(0.0, *_AMPLITUDE)
 
     def __call__(self, time_s: float) -> float:  # noqa: ARG002 - the Reference protocol has it
-        """Give the reference in V at a time since the start in s."""
+        """Return the reference in V at a time since the start in s."""
         return self.amplitude_v
 
 
 @dataclass(frozen=True)
 class Step(Bounded):
-    """Zero first, then a constant position.
+    """Zero first, then a constant position."""
 
-    Attributes
-    ----------
-    amplitude_v
-        Position after the step, V.
-    at_s
-        Instant of the step, s.
-    """
-
-    amplitude_v: float = field(default=3.0, metadata=_AMPLITUDE)
-    at_s: float = field(default=0.0, metadata=limits(0.0, 3600.0, "s", "instant of the step"))
+    amplitude_v: float = setting(3.0, *_AMPLITUDE)
+    at_s: float = setting(0.0, 0.0, 3600.0, "s", "instant of the step")
 
     def __call__(self, time_s: float) -> float:
-        """Give the reference in V at a time since the start in s."""
+        """Return the reference in V at a time since the start in s."""
         return self.amplitude_v if time_s + _ROUNDING_S >= self.at_s else 0.0
 
 
 @dataclass(frozen=True)
 class Square(Bounded):
-    """Square wave between plus and minus the amplitude (Figure 2-14).
+    """Square wave between plus and minus the amplitude (Figure 2-14)."""
 
-    Attributes
-    ----------
-    amplitude_v
-        Position in the first half of each period, V.
-    period_s
-        Full period, s.
-    """
-
-    amplitude_v: float = field(default=3.0, metadata=_AMPLITUDE)
-    period_s: float = field(default=10.0, metadata=limits(0.1, 3600.0, "s", "full period"))
+    amplitude_v: float = setting(3.0, *_AMPLITUDE)
+    period_s: float = setting(10.0, 0.1, 3600.0, "s", "full period")
 
     def __call__(self, time_s: float) -> float:
-        """Give the reference in V at a time since the start in s."""
+        """Return the reference in V at a time since the start in s."""
         first_half = (time_s + _ROUNDING_S) % self.period_s < 0.5 * self.period_s
         return self.amplitude_v if first_half else -self.amplitude_v
 
@@ -103,27 +79,16 @@ class VaryingSquare(Bounded):
 
     The half-periods are uniformly distributed. The wave repeats itself after 1024 of them.
 
-    Attributes
-    ----------
-    amplitude_v
-        Position in the first half-period, V.
-    shortest_s, longest_s
-        Range of the half-periods, s.
-    seed
-        The same seed gives the same wave.
-
     Raises
     ------
     SettingError
         When a value is outside its range or the shortest half-period exceeds the longest.
     """
 
-    amplitude_v: float = field(default=3.0, metadata=_AMPLITUDE)
-    shortest_s: float = field(
-        default=2.5, metadata=limits(0.05, 3600.0, "s", "shortest half-period")
-    )
-    longest_s: float = field(default=5.0, metadata=limits(0.05, 3600.0, "s", "longest half-period"))
-    seed: int = field(default=0, metadata=limits(0, 2**31 - 1, "", "seed of the half-periods"))
+    amplitude_v: float = setting(3.0, *_AMPLITUDE)
+    shortest_s: float = setting(2.5, 0.05, 3600.0, "s", "shortest half-period")
+    longest_s: float = setting(5.0, 0.05, 3600.0, "s", "longest half-period")
+    seed: int = setting(0, 0, 2**31 - 1, "", "seed of the half-periods")
     switches_s: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -139,41 +104,33 @@ class VaryingSquare(Bounded):
         object.__setattr__(self, "switches_s", tuple(np.cumsum(lengths_s).tolist()))
 
     def __call__(self, time_s: float) -> float:
-        """Give the reference in V at a time since the start in s."""
+        """Return the reference in V at a time since the start in s."""
         half_periods = bisect_right(self.switches_s, (time_s + _ROUNDING_S) % self.switches_s[-1])
         return self.amplitude_v if half_periods % 2 == 0 else -self.amplitude_v
 
 
 @dataclass(frozen=True)
 class ReferenceSpec:
-    """A reference by name: what it is and its parameters.
-
-    Attributes
-    ----------
-    description
-        One sentence for a person who chooses a reference.
-    parameters
-        Table of the parameters.
-    kind
-        The class; use `build_reference`.
-    """
+    """Row of one reference: a sentence for a user, the parameters and the class."""
 
     description: str
-    parameters: tuple[ParameterSpec, ...]
     kind: type[Constant | Step | Square | VaryingSquare]
 
-
-def _spec(description: str, kind: type[Constant | Step | Square | VaryingSquare]) -> ReferenceSpec:
-    return ReferenceSpec(description, parameter_specs(kind), kind)
+    @property
+    def parameters(self) -> tuple[ParameterSpec, ...]:
+        """Table of all parameters."""
+        return parameter_specs(self.kind)
 
 
 #: Every reference by the name it has as a ROS parameter.
 REFERENCES: Mapping[str, ReferenceSpec] = MappingProxyType(
     {
-        "constant": _spec("constant position", Constant),
-        "step": _spec("zero, then a constant position", Step),
-        "square": _spec("square wave between plus and minus the amplitude", Square),
-        "varying_square": _spec("square wave with random half-periods (C_dat3)", VaryingSquare),
+        "constant": ReferenceSpec("constant position", Constant),
+        "step": ReferenceSpec("zero, then a constant position", Step),
+        "square": ReferenceSpec("square wave between plus and minus the amplitude", Square),
+        "varying_square": ReferenceSpec(
+            "square wave with random half-periods (C_dat3)", VaryingSquare
+        ),
     }
 )
 
@@ -183,15 +140,15 @@ def build_reference(name: str, values: Mapping[str, float] | None = None) -> Ref
 
     Parameters
     ----------
-    name
-        A key of `REFERENCES`.
-    values
+    name : str
+        Key of `REFERENCES`.
+    values : mapping of str to float, optional
         Parameters that differ from their defaults.
 
     Returns
     -------
     Reference
-        The reference as a function of time.
+        Reference as a function of time.
 
     Raises
     ------

@@ -7,28 +7,22 @@ from statistics import median
 
 _SAMPLES = 64
 TOLERANCE = 0.25
-"""A law made for a rate that is off by more than this share is the wrong law. Samples that come
-late on a busy machine are not: half of them would have to be that late."""
+"""Largest relative error of a law's rate. Late samples on a busy machine do not reach it: half of
+them would have to be that late."""
 
 
 class SampleRate:
-    """Measures the rate by the median period of the last samples."""
+    """Sampling rate by the median period of the last samples."""
 
     def __init__(self) -> None:
         self._stamps_ns: list[int] = []
 
     def reset(self) -> None:
-        """Forget the samples: a new run begins."""
+        """Forget the samples of an earlier run."""
         self._stamps_ns.clear()
 
     def add(self, stamp_ns: int) -> float | None:
-        """Take the stamp of one sample; return the rate in Hz once in 64 samples.
-
-        Parameters
-        ----------
-        stamp_ns
-            Instant of the sample; samples that were skipped make a period longer.
-        """
+        """Take the stamp of one sample, ns; return the rate in Hz once in 64 samples."""
         stamps_ns = self._stamps_ns
         stamps_ns.append(stamp_ns)
         if len(stamps_ns) <= _SAMPLES:
@@ -39,5 +33,5 @@ class SampleRate:
 
 
 def suits(rate_hz: float, measured_hz: float) -> bool:
-    """Tell whether a law that is made for one rate may work at another one."""
+    """Return whether a law for one rate may work at another one."""
     return abs(measured_hz / rate_hz - 1.0) <= TOLERANCE

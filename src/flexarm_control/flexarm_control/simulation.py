@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Sample(Protocol):
-    """One reading of a rig."""
+    """Reading of a rig."""
 
     @property
     def time_s(self) -> float:
@@ -27,11 +27,11 @@ class Sample(Protocol):
 
     @property
     def volts(self) -> FloatArray:
-        """Position, base strain, middle strain and speed, V, shape (4,)."""
+        """Position, base strain, middle strain and speed, V, (4,)."""
 
 
 class Rig(Protocol):
-    """Rig as a simulation needs it; `flexarm_daq.SimulatedRig` is one."""
+    """Rig of a simulation, such as `flexarm_daq.SimulatedRig`."""
 
     def open(self) -> None:
         """Start, with the drive at zero."""
@@ -49,18 +49,14 @@ class LoopRun:
 
     Attributes
     ----------
-    time_s : ndarray, shape (samples,)
+    time_s : ndarray, (samples,)
         Sample instants, s.
-    y : ndarray, shape (samples, 4)
+    y : ndarray, (samples, 4)
         Position, base strain, middle strain and speed, V.
-    effort : ndarray, shape (samples,)
-        Feedback effort u_e, V.
-    compensation : ndarray, shape (samples,)
-        Coulomb friction compensation u_c, V.
-    reference_v : ndarray, shape (samples,)
-        Position reference, V.
-    true_y : ndarray, shape (samples, 4)
-        As `y`, without noise and converters; (samples, 0) where nobody tells.
+    effort, compensation, reference_v : ndarray, (samples,)
+        Feedback effort u_e, Coulomb friction compensation u_c and position reference, V.
+    true_y : ndarray, (samples, 4)
+        Outputs as `y`, without noise and converters; (samples, 0) where they are unknown.
     """
 
     time_s: FloatArray
@@ -72,12 +68,8 @@ class LoopRun:
 
     @property
     def command_v(self) -> FloatArray:
-        """Command of the drive (4-6), V, shape (samples,)."""
+        """Command of the drive (4-6), V, (samples,)."""
         return self.effort + self.compensation
-
-
-def _whole(answer: Effort) -> float:
-    return answer.effort_v + answer.compensation_v
 
 
 def simulate(
@@ -85,7 +77,7 @@ def simulate(
     law: Law,
     reference_v: FloatArray,
     *,
-    acting_v: Callable[[Effort], float] = _whole,
+    acting_v: Callable[[Effort], float] = sum,
     true_outputs: Callable[[], FloatArray] | None = None,
 ) -> LoopRun:
     """Run a law on a rig from rest, each command acting at the sample that it answers.
@@ -93,15 +85,15 @@ def simulate(
     Parameters
     ----------
     rig : Rig
-        The rig; it is opened first.
+        Rig; it is opened first.
     law : Law
-        The law; it is reset first.
-    reference_v : ndarray, shape (samples,)
+        Law; it is reset first.
+    reference_v : ndarray, (samples,)
         Reference at every sample, V.
     acting_v : callable
         Command of the drive for an answer of the law, V; by default the sum of its parts (4-6).
     true_outputs : callable, optional
-        Called after every reading: tells the outputs without noise, V, shape (4,).
+        Function that returns the outputs without noise, V, (4,); called after every reading.
 
     Returns
     -------
@@ -135,7 +127,7 @@ class _ModelSample(NamedTuple):
 
 
 class _ModelRig:
-    """A linear model of the arm, at rest when it is opened."""
+    """Linear model of the arm, at rest when it is opened."""
 
     def __init__(self, model: control.StateSpace) -> None:
         self._dt_s = float(model.dt)
@@ -157,17 +149,16 @@ class _ModelRig:
 def simulate_loop(model: control.StateSpace, law: Law, reference_v: FloatArray) -> LoopRun:
     """Run a law on a model from rest, sample by sample.
 
-    The input of the model is the feedback effort alone. The models of the thesis leave the
-    friction out (section 2.4.3), so the compensation, which cancels it on the arm, is recorded
-    but does not act.
+    The input of the model is the feedback effort alone. The models of the thesis have no friction
+    (section 2.4.3). The compensation, which cancels it on the arm, is recorded but does not act.
 
     Parameters
     ----------
     model : control.StateSpace
         Model of the arm; `flexarm_control.models.arm_model.delayed` gives it a loop delay.
     law : Law
-        The law; it is reset first.
-    reference_v : ndarray, shape (samples,)
+        Law; it is reset first.
+    reference_v : ndarray, (samples,)
         Reference at every sample, V.
 
     Returns

@@ -13,7 +13,7 @@ from flexarm_node.process import run
 
 
 class TunerNode(Node):
-    """Wires the service to `tuning_job.tune`."""
+    """Node that connects the service to `tuning_job.tune`."""
 
     def __init__(self) -> None:
         super().__init__("tuner", namespace="/flexarm")
@@ -21,7 +21,7 @@ class TunerNode(Node):
         self.create_service(Tune, "tune", self._on_tune)
 
     def stop(self) -> None:
-        """Do nothing: the node holds nothing."""
+        """Do nothing: the node has no state."""
 
     def _on_tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
         try:

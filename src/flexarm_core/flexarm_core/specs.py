@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexarm_core.errors import SettingError
@@ -83,14 +83,15 @@ def _number(value: float) -> str:
     return f"{value:.0f}" if float(value).is_integer() else f"{value:.4g}"
 
 
-def limits(minimum: float, maximum: float, unit: str, description: str) -> dict[str, Any]:
-    """Return field metadata that `parameter_specs` turns into a `ParameterSpec`."""
-    return {"minimum": minimum, "maximum": maximum, "unit": unit, "description": description}
+def setting(default: float, minimum: float, maximum: float, unit: str, description: str) -> Any:  # noqa: ANN401 - a field takes the type of its annotation
+    """Return a field of a `Bounded` dataclass: default, range, unit and meaning."""
+    meaning = {"minimum": minimum, "maximum": maximum, "unit": unit, "description": description}
+    return field(default=default, metadata=meaning)
 
 
 @dataclass(frozen=True)
 class Bounded:
-    """Base of frozen dataclasses whose fields carry `limits` and are checked on construction.
+    """Base of frozen dataclasses whose fields are `setting`s and are checked on construction.
 
     Raises
     ------
@@ -109,9 +110,9 @@ _BoundedT = TypeVar("_BoundedT", bound=Bounded)
 def parameter_specs(kind: type[Bounded]) -> tuple[ParameterSpec, ...]:
     """Return the table of the parameters of a `Bounded` dataclass, in the order of its fields."""
     return tuple(
-        ParameterSpec(name=field.name, default=field.default, **field.metadata)
-        for field in fields(kind)
-        if field.init and field.default is not MISSING
+        ParameterSpec(name=each.name, default=each.default, **each.metadata)
+        for each in fields(kind)
+        if each.init and each.default is not MISSING
     )
 
 

@@ -19,49 +19,47 @@ _RISE_FROM, _RISE_TO = 0.1, 0.9
 
 
 def itae(error: RealArray, *, dt_s: float) -> float:
-    """Integral of time-multiplied absolute error (4-1).
+    """Return the integral of time-multiplied absolute error (4-1), dt sum t(k) |e(k)|.
 
     Parameters
     ----------
-    error
-        Error, shape (samples,), the first sample at time zero.
-    dt_s
-        Sampling interval, s.
+    error : ndarray, (samples,)
+        Error, the first sample at time zero.
+    dt_s : float
+        Sampling period, s.
 
     Returns
     -------
     float
-        dt sum t(k) |e(k)|, in the unit of the error times s^2.
+        Integral, in the unit of the error times s^2.
     """
     time_s = dt_s * np.arange(len(error))
     return float(dt_s * time_s @ np.abs(error))
 
 
 def position_itae(position_v: RealArray, reference_v: float, *, dt_s: float) -> float:
-    """ITAE of the position error normalised by the set-point (4-4), s^2.
+    """Return the ITAE of the position error normalised by the set-point (4-4), s^2.
 
     Parameters
     ----------
-    position_v
-        Position after a step of the reference at time zero, V, shape (samples,).
-    reference_v
-        Set-point R, V.
-    dt_s
-        Sampling interval, s.
+    position_v : ndarray, (samples,)
+        Position after a step of the reference at time zero, V.
+    reference_v, dt_s : float
+        Set-point R, V, and sampling period, s.
     """
     return itae((reference_v - position_v) / reference_v, dt_s=dt_s)
 
 
 def strain_itae(base_strain_v: RealArray, middle_strain_v: RealArray, *, dt_s: float) -> float:
-    """ITAE of both strain signals, each normalised by its own peak (4-5), s^2.
+    """Return the ITAE of both strain signals, each normalised by its own peak (4-5), s^2.
 
     Parameters
     ----------
-    base_strain_v, middle_strain_v
-        Strain signals after a step of the reference at time zero, V, shape (samples,). A signal
-        that is zero throughout counts as zero.
-    dt_s
-        Sampling interval, s.
+    base_strain_v, middle_strain_v : ndarray, (samples,)
+        Strain signals after a step of the reference at time zero, V. A signal that is zero
+        throughout counts as zero.
+    dt_s : float
+        Sampling period, s.
     """
     total = 0.0
     for strain_v in (base_strain_v, middle_strain_v):
@@ -76,17 +74,16 @@ class StepFigures:
 
     Attributes
     ----------
-    mean_error_v
-        Mean of reference minus position over the last 2 s, V; over the whole record when it is
-        shorter.
-    overshoot
+    mean_error_v : float
+        Mean of reference minus position over the last 2 s, or over a shorter record, V.
+    overshoot : float
         Largest excess over the reference as a fraction of the step, 0 for none.
-    settling_s
-        Time from which the position stays within 5 % of the step around the reference, s;
-        infinite when the last sample is outside.
-    rise_s
+    settling_s : float
+        Time from which the position stays within 5 % of the step around the reference, s; infinite
+        when the last sample is outside.
+    rise_s : float
         Time between the first samples beyond 10 % and 90 % of the step, s; infinite when the
-        position never gets to 90 %.
+        position does not reach 90 %.
     """
 
     mean_error_v: float
@@ -98,18 +95,14 @@ class StepFigures:
 def step_figures(
     time_s: RealArray, position_v: RealArray, reference_v: float, start_v: float = 0.0
 ) -> StepFigures:
-    """Figures of a step response that starts with the first sample.
+    """Return the figures of a step response that starts with the first sample.
 
     Parameters
     ----------
-    time_s
-        Sample instants, s, shape (samples,), increasing.
-    position_v
-        Position, V, shape (samples,).
-    reference_v
-        Set-point, V.
-    start_v
-        Position that the step starts from, V.
+    time_s, position_v : ndarray, (samples,)
+        Sample instants, s, increasing, and position, V.
+    reference_v, start_v : float
+        Set-point, and position before the step, V.
 
     Raises
     ------

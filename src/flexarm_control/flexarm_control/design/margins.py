@@ -1,8 +1,8 @@
 """Gain, phase and disk margins of the PDP loop (4-2), with every crossing.
 
-The disk margin bounds gain and phase errors that come together, where the classical margins take
-one at a time: the loop stays stable for every factor in the disk that meets the real axis at
-(2 - a)/(2 + a) and (2 + a)/(2 - a) [1]_.
+The disk margin bounds simultaneous gain and phase errors, where the classical margins bound one at
+a time. The loop stays stable for every factor in the disk that meets the real axis at (2 - a)/(2 +
+a) and (2 + a)/(2 - a) [1]_.
 
 References
 ----------
@@ -40,15 +40,15 @@ _SLOWEST = 1e-5
 
 
 class Crossing(NamedTuple):
-    """One frequency at which the loop crosses gain one or phase -180 deg.
+    """Frequency at which the loop crosses gain one or phase -180 deg.
 
     Attributes
     ----------
-    frequency_hz
-        Where, Hz.
-    margin
-        At phase -180 deg the gain that is missing to one, dB; at gain one the phase above
-        -180 deg, between -180 and 180 deg.
+    frequency_hz : float
+        Frequency, Hz.
+    margin : float
+        At phase -180 deg the factor from the gain to one, dB; at gain one the phase above -180 deg,
+        between -180 and 180 deg.
     """
 
     frequency_hz: float
@@ -59,24 +59,22 @@ class Crossing(NamedTuple):
 class Margins:
     """Margins of one loop.
 
-    Of all crossings the one closest to instability counts. The two margins are distances: they
-    are positive when the closed loop is stable and negative when it is not.
+    The margins are those of the crossing closest to instability. The two classical margins are
+    distances: positive when the closed loop is stable and negative when it is not.
 
     Attributes
     ----------
-    gain_margin_db, gain_margin_hz
+    gain_margin_db, gain_margin_hz : float
         Gain margin, dB (infinite for none), and its frequency, Hz (NaN for none).
-    phase_margin_deg, phase_margin_hz
+    phase_margin_deg, phase_margin_hz : float
         Phase margin, deg, and its frequency, Hz.
-    phase_crossings
-        Every crossing of -180 deg, margins in dB.
-    gain_crossings
-        Every crossing of gain one, margins in deg.
-    disk_margin, disk_margin_hz
+    phase_crossings, gain_crossings : tuple of Crossing
+        Every crossing of -180 deg, margins in dB, and of gain one, margins in deg.
+    disk_margin, disk_margin_hz : float
         Symmetric disk margin a = min 2 |1 + L| / |1 - L|, zero for an unstable loop, and its
         frequency, Hz.
-    stable
-        Whether all poles of the closed loop lie inside the unit circle.
+    stable : bool
+        True if all poles of the closed loop lie inside the unit circle.
     """
 
     gain_margin_db: float
@@ -91,34 +89,18 @@ class Margins:
 
     @property
     def disk_gain_margin_db(self) -> float:
-        """Gain error either way that the disk margin allows together with its phase, dB."""
+        """Gain error, up or down, that the disk margin allows together with its phase, dB."""
         share = min(self.disk_margin, 2.0) / 2.0
         return inf if share == 1.0 else 20.0 * log10((1.0 + share) / (1.0 - share))
 
     @property
     def disk_phase_margin_deg(self) -> float:
-        """Phase error either way that the disk margin allows together with its gain, deg."""
+        """Phase error, up or down, that the disk margin allows together with its gain, deg."""
         return degrees(2.0 * atan(self.disk_margin / 2.0))
 
 
 class LoopResponse:
-    """Loop (4-2) of one model, ready to be evaluated for many gains.
-
-    Parameters
-    ----------
-    model
-        Model of the arm: one input, the four outputs of the thesis, dt set.
-    delay_s
-        Loop delay, s.
-    lowest_hz
-        Crossings below do not count, unless there is no crossing of gain one above. The slow
-        poles of a model printed to four decimals are not those of the arm.
-
-    Raises
-    ------
-    SettingError
-        When the model is not one of the arm or the delay is negative.
-    """
+    """Loop (4-2) of one model, for evaluation with many gains; parameters as for `margins`."""
 
     def __init__(
         self, model: control.StateSpace, *, delay_s: float = 0.0, lowest_hz: float = 0.2
@@ -134,7 +116,7 @@ class LoopResponse:
         self._response = frequency_response(self.model, self._frequency_hz)
 
     def margins(self, gains: PdpGains) -> Margins:
-        """Margins for these gains."""
+        """Return the margins for these gains."""
         position, strain, speed = self._response[:, [POSITION, MIDDLE_STRAIN, SPEED]].T
         forward = gains.kp * position
         inner = 1.0 + gains.ksg * strain + gains.kd * speed
@@ -144,7 +126,7 @@ class LoopResponse:
         stable = self._is_stable(gains)
         sign = 1.0 if stable else -1.0
         gain = _closest([c for c in phase_crossings if c.frequency_hz >= self._lowest_hz])
-        # A slow loop has its crossover below the limit; it is then the last one that matters.
+        # A slow loop has its crossover below the limit; the last crossing then counts.
         phase = _closest(
             [c for c in gain_crossings if c.frequency_hz >= self._lowest_hz]
             or list(gain_crossings[-1:])
@@ -163,7 +145,7 @@ class LoopResponse:
 
     def _disk(self, forward: ComplexArray, inner: ComplexArray) -> tuple[float, float]:
         counts = self._frequency_hz >= self._lowest_hz
-        # 1 + L and 1 - L, both times the inner loop: that has no poles of its own.
+        # 1 + L and 1 - L are both multiplied by the inner loop, which has no poles of its own.
         with np.errstate(divide="ignore"):
             sizes = 2.0 * np.abs(inner + forward)[counts] / np.abs(inner - forward)[counts]
         nearest = int(np.argmin(sizes))
@@ -179,23 +161,24 @@ class LoopResponse:
 def margins(
     model: control.StateSpace, gains: PdpGains, *, delay_s: float = 0.0, lowest_hz: float = 0.2
 ) -> Margins:
-    """Gain, phase and disk margins of the PDP loop (4-2), opened at the position error.
+    """Return gain, phase and disk margins of the PDP loop (4-2), opened at the position error.
 
     Parameters
     ----------
-    model
+    model : control.StateSpace
         Model of the arm: one input, the four outputs of the thesis, dt set.
-    gains
+    gains : PdpGains
         Gains of the PDP law; a PD law is one with ``ksg=0``.
-    delay_s
+    delay_s : float
         Time from a sample to the instant at which its command acts, s.
-    lowest_hz
-        Crossings below do not count, unless there is no crossing of gain one above.
+    lowest_hz : float
+        Frequency below which crossings do not count, Hz, unless there is no crossing of gain one
+        above. The slow poles of a model printed to four decimals are not those of the arm.
 
     Returns
     -------
     Margins
-        The margins, every crossing, and whether the closed loop is stable.
+        Margins, every crossing, and the stability of the closed loop.
 
     Raises
     ------
@@ -224,7 +207,7 @@ def _phase_crossings(
     for i, share in _sign_changes(forward, inner, lambda a, b: (a * b.conj()).imag):
         value = _between(forward, i, share) / _between(inner, i, share)
         if value.real < 0.0:
-            found.append(Crossing(_frequency(frequency_hz, i, share), _missing_gain_db(value)))
+            found.append(Crossing(_between(frequency_hz, i, share).real, _missing_gain_db(value)))
     # At half the sampling rate the loop is real: it ends on the axis without crossing it.
     end = complex(forward[-1] / inner[-1])
     if end.real < 0.0 and (not found or found[-1].frequency_hz < frequency_hz[-2]):
@@ -241,7 +224,7 @@ def _gain_crossings(
     ):
         value = _between(forward, i, share) / _between(inner, i, share)
         phase_deg = float(np.degrees(np.angle(-value)))
-        found.append(Crossing(_frequency(frequency_hz, i, share), phase_deg))
+        found.append(Crossing(_between(frequency_hz, i, share).real, phase_deg))
     return tuple(found)
 
 
@@ -250,10 +233,10 @@ def _sign_changes(
     second: ComplexArray,
     form: Callable[[ComplexArray, ComplexArray], FloatArray],
 ) -> list[tuple[int, float]]:
-    """Return the sign changes of a form of two responses: index, and share of the interval after.
+    """Return the sign changes of a form of two responses: index, and share of the next interval.
 
-    The inner loop can be far less damped than the plant. So the responses of the plant are
-    interpolated and not the loop: the form is then a polynomial of second degree in the share.
+    The inner loop can be far less damped than the plant. The responses of the plant are therefore
+    interpolated instead of the loop: the form is then a polynomial of second degree in the share.
     """
     above = form(first, second) >= 0.0
     found = []
@@ -265,12 +248,8 @@ def _sign_changes(
     return found
 
 
-def _between(values: ComplexArray, i: int, share: float) -> complex:
+def _between(values: ComplexArray | FloatArray, i: int, share: float) -> complex:
     return complex(values[i] + share * (values[i + 1] - values[i]))
-
-
-def _frequency(frequency_hz: FloatArray, i: int, share: float) -> float:
-    return float(frequency_hz[i] + share * (frequency_hz[i + 1] - frequency_hz[i]))
 
 
 def _missing_gain_db(value: complex) -> float:

@@ -27,14 +27,12 @@ class Search(Generic[_GainsT]):
 
     Attributes
     ----------
-    start
-        Where it started.
-    gains
-        Where it ended.
-    criterion
-        Value of the criterion there.
-    feasible
-        Whether it met every constraint.
+    start, gains : PdpGains or PiGains
+        Starting point and end of the search.
+    criterion : float
+        Value of the criterion at the end.
+    feasible : bool
+        True if the end meets every constraint.
     """
 
     start: _GainsT
@@ -54,29 +52,29 @@ def search(
 
     Parameters
     ----------
-    kind
+    kind : type of PdpGains or PiGains
         Class of the gains.
-    criterion
+    criterion : callable
         Value of the criterion for an array of gains.
-    start
+    start : PdpGains or PiGains
         Starting point.
-    bounds
+    bounds : tuple of tuple of float
         Lower and upper bound of every gain.
-    excess
-        What every constraint is met by, at least zero where it is met.
+    excess : callable
+        Margin of every constraint for an array of gains, at least zero where it is met.
 
     Returns
     -------
     Search
-        Where the search ended, feasible or not.
+        End of the search, feasible or not.
     """
-    # Takes half a second to load, and a controller at work never searches.
+    # This import takes half a second, and a running controller never searches.
     from scipy.optimize import NonlinearConstraint, minimize  # noqa: PLC0415
 
     lower, upper = np.transpose(bounds)
 
     def bounded_criterion(values: FloatArray) -> float:
-        # An unstable loop overflows on the way; it is then as bad as can be.
+        # The response of an unstable loop may overflow; it then has the worst value.
         with np.errstate(over="ignore", invalid="ignore"):
             value = criterion(np.clip(values, lower, upper))
         return min(value, _WORST) if np.isfinite(value) else _WORST
@@ -104,10 +102,10 @@ def search(
 
 
 def unconstrained(values: FloatArray) -> FloatArray:
-    """Excess for a search without constraints."""
+    """Return the excess for a search without constraints."""
     return np.zeros_like(values)
 
 
 def gain_values(gains: PdpGains | PiGains) -> FloatArray:
-    """Gains as an array, in the order of the fields."""
+    """Return the gains as an array, in the order of the fields."""
     return np.array(list(vars(gains).values()))

@@ -20,17 +20,17 @@ def pdp_step_response(model: control.StateSpace, gains: PdpGains, samples: int) 
 
     Parameters
     ----------
-    model
+    model : control.StateSpace
         Model of the arm with D = 0.
-    gains
+    gains : PdpGains
         Gains of the PDP law.
-    samples
+    samples : int
         Number of samples, the first at the step.
 
     Returns
     -------
-    ndarray
-        Position, base strain, middle strain and speed, V, shape (samples, 4).
+    ndarray, (samples, 4)
+        Position, base strain, middle strain and speed, V.
     """
     feedback = np.array([[gains.kp, 0.0, gains.ksg, gains.kd]])
     closed = model.A - model.B @ feedback @ model.C
@@ -40,21 +40,8 @@ def pdp_step_response(model: control.StateSpace, gains: PdpGains, samples: int) 
 def pi_step_response(model: control.StateSpace, gains: PiGains, samples: int) -> FloatArray:
     """Simulate the PI loop of Figure 4-1 after a step of the reference from 0 to 1 V.
 
-    The effort is kp e(k) + ki dt (e(0) + ... + e(k)).
-
-    Parameters
-    ----------
-    model
-        Model of the arm with D = 0.
-    gains
-        Gains of the PI law.
-    samples
-        Number of samples, the first at the step.
-
-    Returns
-    -------
-    ndarray
-        Position, base strain, middle strain and speed, V, shape (samples, 4).
+    The effort is kp e(k) + ki dt (e(0) + ... + e(k)); arguments and result are as for
+    `pdp_step_response`.
     """
     position = model.C[[POSITION]]
     integral_gain = gains.ki * model.dt
@@ -72,7 +59,7 @@ def pi_step_response(model: control.StateSpace, gains: PiGains, samples: int) ->
 def _constant_input_response(
     A: FloatArray, b: FloatArray, C: FloatArray, samples: int
 ) -> FloatArray:
-    """Response from rest to a constant input of one; each pass doubles the number of samples."""
+    """Return the response from rest to a constant input of 1; each pass doubles its length."""
     order = len(A)
     power = np.block([[A, b], [np.zeros((1, order)), 1.0]])
     states = np.zeros((order + 1, 1))

@@ -38,34 +38,34 @@ PI_BOUNDS = ((0.005, 2.0), (5e-6, 0.2))
 #: Starting points for the PI law; the first is that of Table 4-1.
 PI_STARTS = (PiGains(0.3, 0.01), PiGains(1.0, 0.1))
 
-# An infinite margin is more than the arithmetic of the search can take.
+# Largest margins in the search, whose arithmetic needs finite numbers.
 _MOST_DB, _MOST_DEG = 60.0, 180.0
-# A longer one adds states to the models without end, and no loop of the arm lives with it.
+# A longer delay adds many states to the models, and no loop of the arm is stable with it.
 _MOST_DELAY_S = 0.05
 _ACTIVE_WITHIN_DB, _ACTIVE_WITHIN_DEG = 0.1, 0.5
 
 
 @dataclass(frozen=True)
 class PdpTuning:
-    """Tuned gains of the PDP law, with what certifies them.
+    """Tuned gains of the PDP law, with their certificate.
 
     Attributes
     ----------
-    gains
-        The gains.
-    criterion
+    gains : PdpGains
+        Gains.
+    criterion : float
         J of (4-3).
-    error_itae, strain_itae
+    error_itae, strain_itae : tuple of float
         E of (4-4) and Y of (4-5), s^2, one per model.
-    margins
+    margins : tuple of Margins
         Margins, one per model.
-    active
-        Constraints and bounds that hold the gains where they are, in words.
-    searches
-        What each starting point led to.
-    gain_spread
-        Largest difference of a gain between the feasible searches and the result, V/V. A large
-        one says that there are several local minima.
+    active : tuple of str
+        Active constraints and bounds, in words.
+    searches : tuple of Search
+        Results of the starting points.
+    gain_spread : float
+        Largest difference of a gain between the feasible searches and the result, V/V. A large one
+        means several local minima.
     """
 
     gains: PdpGains
@@ -84,12 +84,12 @@ class PiTuning:
 
     Attributes
     ----------
-    gains
-        The gains.
-    criterion
+    gains : PiGains
+        Gains.
+    criterion : float
         J of (4-1) for a step of 1 V, V s^2.
-    searches
-        What each starting point led to.
+    searches : tuple of Search
+        Results of the starting points.
     """
 
     gains: PiGains
@@ -113,25 +113,25 @@ def tune_pdp(
 
     Parameters
     ----------
-    models
+    models : sequence of control.StateSpace
         Models of the arm, one per payload.
-    error_weight, strain_weight
+    error_weight, strain_weight : float
         W_E and W_sg of (4-3), not both zero.
-    gain_margin_db, phase_margin_deg
+    gain_margin_db, phase_margin_deg : float
         Least margins on every model, above 0 and at most 60 dB and below 180 deg.
-    delay_s
-        Loop delay, s, 0 to 0.05; it is part of the simulations and of the margins.
-    duration_s
+    delay_s : float
+        Loop delay of simulations and margins, s, 0 to 0.05.
+    duration_s : float
         Length of the simulated step responses, s.
-    starts
+    starts : sequence of PdpGains
         Starting points of the search.
-    bounds
+    bounds : tuple of tuple of float
         Lower and upper bound of Kp, Kd and Ksg.
 
     Returns
     -------
     PdpTuning
-        The gains of the best feasible search, and its certificate.
+        Gains of the best feasible search, and their certificate.
 
     Raises
     ------
@@ -204,19 +204,17 @@ def tune_pi(
 
     Parameters
     ----------
-    model
+    model : control.StateSpace
         Model of the arm.
-    delay_s
-        Loop delay, s, 0 to 0.05.
-    duration_s
-        Length of the simulated step response, s.
-    starts
+    delay_s, duration_s : float
+        Loop delay, 0 to 0.05, and length of the simulated step response, s.
+    starts : sequence of PiGains
         Starting points of the search.
 
     Returns
     -------
     PiTuning
-        The gains of the best search.
+        Gains of the best search.
 
     Raises
     ------

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _NOMINAL = "nominal:"
 _FLIPPED = ":flipped"
-# Starts that agree to this have found one minimum; V/V.
+# Largest difference of gains of one minimum, V/V.
 _SPREAD = 0.05
 
 
@@ -36,13 +36,13 @@ class TuneRequest:
 
     Attributes
     ----------
-    law
-        One of `TUNINGS`; the gains are those of every law that names this tuning in its row.
-    error_weight, strain_weight
+    law : str
+        Key of `TUNINGS`; the gains are those of every law that names this tuning in its row.
+    error_weight, strain_weight : float or None
         W_E and W_sg of (4-3); None takes those of `tune_pdp`. PI has none.
-    gain_margin_db, phase_margin_deg
+    gain_margin_db, phase_margin_deg : float or None
         Least margins on every model; None takes those of `tune_pdp`. PI has none.
-    delay_s
+    delay_s : float
         Loop delay, s.
     """
 
@@ -65,14 +65,14 @@ class TuneResult:
 
     Attributes
     ----------
-    parameters
+    parameters : mapping of str to float
         Gains by the parameter names of the controller node, such as ``pdpc.kp``.
-    criteria
+    criteria : tuple of float
         J, then the sums of E and Y for PDP; J alone for PI.
-    margins, error_itae, strain_itae
+    margins, error_itae, strain_itae : tuple
         One per model; empty for PI.
-    notes
-        Active constraints and whether the starts agree, in words.
+    notes : tuple of str
+        Active constraints and the agreement of the starts, in words.
     """
 
     parameters: Mapping[str, float]
@@ -88,13 +88,13 @@ def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
 
     Parameters
     ----------
-    names
-        Parameter files, bags (identified, reduced by MRM and updated by B), ``nominal:0.2`` for
-        the nominal model with 0.2 kg, ``nominal:0.2:flipped`` for it with the sign of y3 turned.
+    names : sequence of str
+        Parameter files, bags (identified, reduced by MRM and updated by B), ``nominal:0.2`` for the
+        nominal model with 0.2 kg, ``nominal:0.2:flipped`` for it with the sign of y3 inverted.
 
     Returns
     -------
-    dict
+    dict of str to control.StateSpace
         Models by name.
 
     Raises
@@ -145,11 +145,7 @@ def _tune_pi(models: Mapping[str, control.StateSpace], request: TuneRequest) -> 
 
 
 def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
-    found = tune_pdp(
-        list(models.values()),
-        delay_s=request.delay_s,
-        **request.constraints(),
-    )
+    found = tune_pdp(list(models.values()), delay_s=request.delay_s, **request.constraints())
     feasible = sum(search.feasible for search in found.searches)
     word = "agree" if found.gain_spread <= _SPREAD else "do NOT agree"
     starts = (
@@ -162,15 +158,12 @@ def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) ->
         found.margins,
         found.error_itae,
         found.strain_itae,
-        (
-            f"active: {', '.join(found.active) or 'none'}",
-            starts,
-        ),
+        (f"active: {', '.join(found.active) or 'none'}", starts),
     )
 
 
 def _parameters(tuning: str, gains: PdpGains | PiGains) -> dict[str, float]:
-    """Gains as parameters of every law that the tuning is for."""
+    """Return the gains as parameters of every law that the tuning is for."""
     return {
         f"{row.name}.{name}": float(gain)
         for row in LAWS.values()
@@ -186,8 +179,7 @@ TUNINGS: Mapping[str, Callable[[Mapping[str, control.StateSpace], TuneRequest], 
 
 
 def _identified(bag: Path) -> control.StateSpace:
-    data = read_bag_report(bag).data
-    return run(data, Request(reduction="mrm", update="b")).model
+    return run(read_bag_report(bag).data, Request(reduction="mrm", update="b")).model
 
 
 def _payload_kg(name: str) -> float:

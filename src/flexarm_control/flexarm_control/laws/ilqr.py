@@ -1,14 +1,14 @@
 """Integral control plus linear quadratic regulator from the position alone (section 4.4).
 
-The structure of Figure 4-13: an observer estimates the states of a model from the position, the
-regulator (4-9) feeds them back, and an integral of the error takes out a constant disturbance::
+Figure 4-13 has the structure: an observer estimates the states of a model from the position. The
+regulator (4-9) feeds them back, and an integral of the error removes a constant disturbance::
 
     u = R_f - K_C x,    R_f = K_P R + K_I sum (R - y1)
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
 from flexarm_control.models.arm_model import POSITION, check_arm_model, check_no_feedthrough
 from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import SettingError
-from flexarm_core.specs import Bounded, limits
+from flexarm_core.specs import Bounded, setting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,73 +27,50 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
 PLAUSIBLE_V = 100.0
-"""Ten times the range of the converter: what is beyond is no measurement."""
+"""Ten times the range of the converter; a larger reading is no measurement."""
 
 
 @dataclass(frozen=True)
 class RegulatorWeights(Bounded):
-    """Weights of the design of a regulator.
+    """Weights of the design of a regulator: Q and R of (4-9), and K_I of Figure 4-13.
 
-    The thesis weighs the states of its own realisation, which is not printed; here the outputs are
-    weighed, which any realisation has. The defaults are chosen by trial on the simulated rig.
-
-    Attributes
-    ----------
-    position, strain, speed
-        Weights of the outputs in Q of (4-9), per V^2; both gauges have the same.
-    effort
-        R of (4-9), per V^2.
-    ki
-        K_I of Figure 4-13, per sample.
+    The thesis weighs the states of its own realisation, which is not printed. Here the outputs are
+    weighed, which any realisation has. The defaults were found by trial on the simulated rig.
     """
 
-    position: float = field(
-        default=1.0, metadata=limits(1e-3, 1e3, "1/V^2", "weight of the position")
-    )
-    strain: float = field(default=0.3, metadata=limits(0.0, 1e3, "1/V^2", "weight of the gauges"))
-    speed: float = field(default=20.0, metadata=limits(0.0, 1e3, "1/V^2", "weight of the speed"))
-    effort: float = field(default=0.6, metadata=limits(1e-3, 1e3, "1/V^2", "weight of the effort"))
-    ki: float = field(
-        default=0.0005, metadata=limits(0.0, 1.0, "", "gain on the sum of the errors")
-    )
+    position: float = setting(1.0, 1e-3, 1e3, "1/V^2", "weight of the position")
+    strain: float = setting(0.3, 0.0, 1e3, "1/V^2", "weight of the gauges")
+    speed: float = setting(20.0, 0.0, 1e3, "1/V^2", "weight of the speed")
+    effort: float = setting(0.6, 1e-3, 1e3, "1/V^2", "weight of the effort")
+    ki: float = setting(0.0005, 0.0, 1.0, "", "gain on the sum of the errors")
 
 
 @dataclass(frozen=True)
 class IlqrWeights(RegulatorWeights):
-    """Weights of the design of Figure 4-13.
+    """Weights of the design of Figure 4-13; the thesis's observer is twice as fast."""
 
-    Attributes
-    ----------
-    position, strain, speed, effort, ki
-        As in `RegulatorWeights`.
-    observer_speed
-        How many times faster than the regulator the observer has to be at least; the thesis has 2.
-    """
-
-    observer_speed: float = field(
-        default=2.0, metadata=limits(1.0, 5.0, "", "how much faster than the regulator")
-    )
+    observer_speed: float = setting(2.0, 1.0, 5.0, "", "least speed ratio to the regulator")
 
 
 @dataclass(frozen=True)
 class IlqrDesign:
-    """A state feedback with observer, reference gain and integral.
+    """State feedback with observer, reference gain and integral.
 
     Attributes
     ----------
-    model
-        The model that the observer runs.
-    channels
-        Outputs that the observer corrects by.
-    kc
-        State feedback, shape (states,).
-    observer
-        Observer gain L, shape (states, channels).
-    kp
+    model : control.StateSpace
+        Model of the observer.
+    channels : tuple of int
+        Outputs that correct the observer.
+    kc : ndarray, (states,)
+        State feedback K_C.
+    observer : ndarray, (states, channels)
+        Observer gain L.
+    kp : float
         Gain of the reference: one over the steady state of the position with K_P = 1.
-    ki
+    ki : float
         Gain on the sum of the errors, per sample.
-    regulator_radius, observer_radius
+    regulator_radius, observer_radius : float
         Largest magnitude of the eigenvalues of A - B K_C and of A - L C.
     """
 
@@ -110,22 +87,22 @@ class IlqrDesign:
 def design_ilqr(model: control.StateSpace, weights: IlqrWeights | None = None) -> IlqrDesign:
     """Design regulator, observer and reference gain, items 1 to 4 of section 4.4.
 
-    The observer is the regulator of the dual system with Q = I and R = 1, as in the thesis, for
-    the model sped up by the prescribed degree of stability of Anderson and Moore [1]_. That holds
-    every one of its eigenvalues within a circle: what the regulator takes a time for, the observer
-    has done in that time over `observer_speed`.
+    The observer is the regulator of the dual system with Q = I and R = 1, as in the thesis. Its
+    model is sped up by the prescribed degree of stability of Anderson and Moore [1]_, which bounds
+    the magnitude of all its eigenvalues. The observer settles in the settling time of the regulator
+    over `observer_speed`.
 
     Parameters
     ----------
-    model
+    model : control.StateSpace
         Model of the arm with D = 0, its position observable.
-    weights
+    weights : IlqrWeights, optional
         Weights of the design.
 
     Returns
     -------
     IlqrDesign
-        The controller.
+        Gains of the controller.
 
     Raises
     ------
@@ -163,14 +140,14 @@ def design_regulator(
 
     Parameters
     ----------
-    model
+    model : control.StateSpace
         Model of the arm with D = 0.
-    weights
+    weights : RegulatorWeights
         Weights of the design.
 
     Returns
     -------
-    kc : ndarray, shape (states,)
+    kc : ndarray, (states,)
         State feedback K_C.
     kp : float
         Gain of the reference K_P.
@@ -191,23 +168,23 @@ def design_regulator(
 
 
 class Ilqr:
-    """The controller of Figure 4-13, one sample at a time.
+    """Controller of Figure 4-13, one sample at a time.
 
-    The observer starts at rest where the arm stands. It is told the effort after saturation, and
-    the sum of the errors stands still while the drive is saturated, so neither winds up. A
-    measurement beyond 100 V is none: it is answered with zero and not taken in.
+    The observer starts at rest at the position of the arm. Its input is the effort after
+    saturation, and the sum of the errors is held while the drive is saturated, so neither winds up.
+    A measurement beyond 100 V is a fault: the answer is zero and the states do not change.
 
     Parameters
     ----------
-    design
-        The controller's gains.
+    design : IlqrDesign
+        Gains of the controller.
     """
 
     def __init__(self, design: IlqrDesign) -> None:
         model, measured = design.model, list(design.channels)
         self._design = design
         a = model.A - design.observer @ model.C[measured]
-        # The next state in one product with what is known: state, effort and measured outputs.
+        # One product gives the next state from state, effort and measured outputs.
         self._move = np.ascontiguousarray(np.hstack([a, model.B, design.observer]))
         self._at_rest = _at_rest(model)
         self._order = len(a)
@@ -242,13 +219,13 @@ class Ilqr:
         return answer
 
     def reset(self) -> None:
-        """Forget the past: an arm at rest, somewhere."""
+        """Return to the state before the first sample."""
         self._started = False
         self._integral_v = 0.0
 
 
 def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:
-    """Gain that minimises (4-9), shape (inputs, states).
+    """Return the gain that minimises (4-9), (inputs, states).
 
     Raises
     ------
@@ -267,13 +244,13 @@ def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -
 
 
 def radius(a: FloatArray) -> float:
-    """Largest magnitude of the eigenvalues of a matrix."""
+    """Return the largest magnitude of the eigenvalues of a matrix."""
     return float(np.max(np.abs(np.linalg.eigvals(a))))
 
 
 def _at_rest(model: control.StateSpace) -> FloatArray:
-    """State in which a constant input holds the position at 1 V, shape (states,)."""
-    # With the input as a further unknown: a model with an integrator needs none.
+    """Return the state in which a constant input holds the position at 1 V, (states,)."""
+    # The input is a further unknown, which is zero for a model with an integrator.
     stands = np.hstack([np.eye(model.nstates) - model.A, -model.B])
     there = np.append(model.C[POSITION], 0.0)
     wanted = np.append(np.zeros(model.nstates), 1.0)

@@ -1,14 +1,14 @@
 """Protocol of a control law: four signals and a reference in, an effort out, every sample.
 
-A law answers with the feedback effort u_e and the Coulomb friction compensation u_c, kept apart
-(4-6): the identification subtracts u_c.
+A law returns the feedback effort u_e and the Coulomb friction compensation u_c separately (4-6):
+the identification subtracts u_c.
 
 Every law answers an effort that is not finite with zero effort and zero compensation. Such an
-effort comes from a measurement or reference that is NaN, infinite or so large that the sum
-overflows; all three are faults, and zero is the command that adds no energy. So the outputs are
-finite for every input.
+effort comes from a measurement or reference that is NaN, infinite or too large for the sum. All
+three are faults, and zero is the command that adds no energy. The outputs are therefore finite for
+every input.
 
-Every law knows where the drive saturates and asks for no more (`limited`).
+Every law limits its command to the range of the drive (`limited`).
 """
 
 from __future__ import annotations
@@ -23,14 +23,12 @@ if TYPE_CHECKING:
 
 
 class Effort(NamedTuple):
-    """Answer of a law: the parts of the command.
+    """Answer of a law: the parts of the command (4-6).
 
     Attributes
     ----------
-    effort_v
-        Feedback effort u_e, V.
-    compensation_v
-        Coulomb friction compensation u_c, V; the drive gets the sum (4-6).
+    effort_v, compensation_v : float
+        Feedback effort u_e and Coulomb friction compensation u_c, V; the drive gets their sum.
     """
 
     effort_v: float
@@ -42,15 +40,15 @@ NO_EFFORT = Effort(0.0, 0.0)
 
 
 def limited(effort_v: float, compensation_v: float = 0.0) -> Effort:
-    """Answer within the range of the drive.
+    """Return an answer within the range of the drive.
 
-    The effort takes the cut: the friction that the compensation stands for is there all the same.
+    The effort is cut, since the friction that the compensation stands for is present in any case.
 
     Parameters
     ----------
-    effort_v
+    effort_v : float
         Feedback effort u_e, V; one that is not finite gives `NO_EFFORT`.
-    compensation_v
+    compensation_v : float
         Coulomb friction compensation u_c, V, finite and within the range of the drive.
     """
     if not isfinite(effort_v):
@@ -62,18 +60,18 @@ def limited(effort_v: float, compensation_v: float = 0.0) -> Effort:
 
 
 class Law(Protocol):
-    """A control law as a pure stepper: one call per sample, all state inside the law."""
+    """Control law as a pure stepper: one call per sample, with all state inside the law."""
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample.
 
         Parameters
         ----------
-        volts
+        volts : sequence of float
             Position, base strain, middle strain and speed, V.
-        reference_v
+        reference_v : float
             Position reference, V.
         """
 
     def reset(self) -> None:
-        """Forget the past, as before the first sample."""
+        """Return to the state before the first sample."""

@@ -1,12 +1,12 @@
-"""Linear quadratic Gaussian control from all four signals, the textbook's answer as a baseline.
+"""Linear quadratic Gaussian control from all four signals, as a baseline.
 
-The regulator, the reference gain and the integral are those of section 4.4; the observer is the
-stationary Kalman filter of the whole sample instead of one of the position alone.
+The regulator, the reference gain and the integral are those of section 4.4. The observer is the
+stationary Kalman filter of all outputs instead of one of the position alone.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,12 +18,12 @@ from flexarm_control.laws.ilqr import (
     quadratic_gain,
     radius,
 )
-from flexarm_core.specs import limits
+from flexarm_core.specs import setting
 
 if TYPE_CHECKING:
     import control
 
-# Of the input's variance: holds the filter open for every state that the input hardly moves.
+# Share of the input's variance that drives every state, so that no state is without a gain.
 _STATE_SHARE = 1e-6
 
 
@@ -31,28 +31,13 @@ _STATE_SHARE = 1e-6
 class LqgWeights(RegulatorWeights):
     """Weights and noise levels of the design.
 
-    Attributes
-    ----------
-    position, strain, speed, effort, ki
-        As in `RegulatorWeights`.
-    disturbance_v
-        Standard deviation of the disturbance at the input, V; friction is most of it.
-    position_noise_v, strain_noise_v, speed_noise_v
-        Standard deviations of the noise of the sensors, V.
+    The noise levels are standard deviations; friction is most of the disturbance.
     """
 
-    disturbance_v: float = field(
-        default=0.3, metadata=limits(1e-3, 10.0, "V", "disturbance at the input")
-    )
-    position_noise_v: float = field(
-        default=0.005, metadata=limits(1e-4, 10.0, "V", "noise of the position")
-    )
-    strain_noise_v: float = field(
-        default=0.05, metadata=limits(1e-4, 10.0, "V", "noise of the gauges")
-    )
-    speed_noise_v: float = field(
-        default=0.02, metadata=limits(1e-4, 10.0, "V", "noise of the tachometer")
-    )
+    disturbance_v: float = setting(0.3, 1e-3, 10.0, "V", "disturbance at the input")
+    position_noise_v: float = setting(0.005, 1e-4, 10.0, "V", "noise of the position")
+    strain_noise_v: float = setting(0.05, 1e-4, 10.0, "V", "noise of the gauges")
+    speed_noise_v: float = setting(0.02, 1e-4, 10.0, "V", "noise of the tachometer")
 
 
 def design_lqg(model: control.StateSpace, weights: LqgWeights | None = None) -> IlqrDesign:
@@ -60,15 +45,15 @@ def design_lqg(model: control.StateSpace, weights: LqgWeights | None = None) -> 
 
     Parameters
     ----------
-    model
+    model : control.StateSpace
         Model of the arm with D = 0.
-    weights
+    weights : LqgWeights, optional
         Weights of the design.
 
     Returns
     -------
     IlqrDesign
-        The controller; its observer corrects by all four outputs.
+        Gains of the controller; its observer corrects by all four outputs.
 
     Raises
     ------

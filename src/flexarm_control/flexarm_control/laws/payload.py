@@ -1,17 +1,18 @@
 """Payload at the tip, estimated from the motion (chapter 5, future work 1).
 
 Seen from the hub the arm is a cantilever with the payload at its end. The base gauge y2 measures
-how far the cantilever is bent, the tachometer y4 how its root is turned::
+the bending of the cantilever, the tachometer y4 the rotation of its root::
 
     a d2(y2)/dt2 + y2 = a K d(y4)/dt,    a = m L^3 / (3 EI)
 
-`a` is the tip mass over the stiffness of the cantilever, so it is affine in the payload; `K` holds
-only the stiffness and the gains of the two sensors. Neither motor nor friction enters. The
-equation is filtered by a Butterworth low-pass as a state variable filter [1]_, which gives the
-derivatives, and solved for `a` by instrumental variables [2]_: the instrument is the bending of a
-cantilever of known payload that the same speed drives. It carries no noise of the gauge, so that
-noise does not bias the estimate. Of several such cantilevers the one counts that the estimate
-comes closest to, as in the refined method of [1]_. Only samples in motion count.
+`a` is the tip mass over the stiffness of the cantilever, so it is affine in the payload. `K` holds
+only the stiffness and the gains of the two sensors. Neither motor nor friction enters.
+
+A Butterworth low-pass filters the equation as a state variable filter [1]_, which gives the
+derivatives. The equation is solved for `a` by instrumental variables [2]_. The instrument is the
+bending of a cantilever of known payload that the same speed drives. It has no noise of the gauge,
+so that noise does not bias the estimate. The estimate uses the instrument whose payload is closest
+to it, as in the refined method of [1]_. Only samples in motion count.
 
 References
 ----------
@@ -24,13 +25,13 @@ References
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
 
-from flexarm_core.specs import Bounded, limits
+from flexarm_core.specs import Bounded, setting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,72 +46,42 @@ _INSTRUMENT_PAYLOADS_KG = np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.7, 1.0])
 _INSTRUMENT_DAMPING = 0.05
 _BASE_STRAIN, _SPEED = 1, 3
 _PLAUSIBLE_V = 100.0
-"""Ten times the range of the converter: what is beyond, or no number, is no measurement."""
+"""Ten times the range of the converter; a larger reading, or NaN, is no measurement."""
 _MOVING_V = 0.01
-"""Speed signal after the low-pass, some times the noise of the tachometer."""
+"""Speed signal after the low-pass that counts as motion: a few times the tachometer noise."""
 
 
 @dataclass(frozen=True)
 class PayloadDetection(Bounded):
     """Settings of the payload estimator.
 
-    Attributes
-    ----------
-    cantilever_n_per_m
-        Stiffness 3 EI / L^3 of the arm as a cantilever; the default is that of section 2.3.
-    tare_kg
-        What an arm without payload weighs at its tip: its own share, the holder and the higher
-        modes. A move without payload measures it: the estimate plus the tare in force.
-    strain_per_speed_s2
-        K: base gauge over tachometer, both in V; (L - x) 3 EI / L^2 times the gains of the sensors.
-    bandwidth_hz
-        Low-pass of the signals: below the second mode, above the speed of a move.
-    memory_s
-        Seconds of motion that are remembered: so soon a change of payload is known.
-    detected_kg
-        Standard deviation from which a payload counts as detected.
-    rate_hz
-        Sampling rate of the signals.
+    The default stiffness 3 EI / L^3 is that of section 2.3. The tare is the share of the arm
+    itself, the holder and the higher modes. A move without payload measures it: the estimate plus
+    the tare in force. The coefficient K is (L - x) 3 EI / L^2 times the gains of the sensors. The
+    low-pass lies below the second mode and above the speed of a move. A change of payload is known
+    after `memory_s`.
     """
 
-    cantilever_n_per_m: float = field(
-        default=23.72,
-        metadata=limits(0.1, 1e5, "N/m", "stiffness 3 EI / L^3 of the arm as a cantilever"),
-    )
-    tare_kg: float = field(
-        default=0.142,
-        metadata=limits(0.001, 10.0, "kg", "what an arm without payload weighs at its tip"),
-    )
-    strain_per_speed_s2: float = field(
-        default=184.5,
-        metadata=limits(-1e5, 1e5, "1/s^2", "K: base gauge over tachometer of the cantilever"),
-    )
-    bandwidth_hz: float = field(
-        default=2.0, metadata=limits(0.2, 10.0, "Hz", "low-pass of the signals")
-    )
-    memory_s: float = field(
-        default=3.0, metadata=limits(0.5, 60.0, "s", "motion that is remembered")
-    )
-    detected_kg: float = field(
-        default=0.08,
-        metadata=limits(0.001, 1.0, "kg", "deviation from which a payload counts as detected"),
-    )
-    rate_hz: float = field(
-        default=300.0, metadata=limits(50.0, 2000.0, "Hz", "sampling rate of the signals")
-    )
+    cantilever_n_per_m: float = setting(23.72, 0.1, 1e5, "N/m", "stiffness of the arm, 3 EI / L^3")
+    tare_kg: float = setting(0.142, 0.001, 10.0, "kg", "tip mass of an arm without payload")
+    strain_per_speed_s2: float = setting(184.5, -1e5, 1e5, "1/s^2", "K: base gauge over tachometer")
+    bandwidth_hz: float = setting(2.0, 0.2, 10.0, "Hz", "low-pass of the signals")
+    memory_s: float = setting(3.0, 0.5, 60.0, "s", "motion that is remembered")
+    detected_kg: float = setting(0.08, 0.001, 1.0, "kg", "largest deviation of a detected payload")
+    rate_hz: float = setting(300.0, 50.0, 2000.0, "Hz", "sampling rate of the signals")
 
 
 class PayloadEstimate(NamedTuple):
-    """The payload as far as the motion has told it.
+    """Estimate of the payload.
 
     Attributes
     ----------
-    payload_kg
-        Estimate, 0 to `MAX_PAYLOAD_KG`.
-    deviation_kg
-        Its standard deviation; infinite before the arm has moved.
-    detected
-        Whether the deviation is small enough to choose gains by.
+    payload_kg : float
+        Estimate, 0 to `MAX_PAYLOAD_KG`, kg.
+    deviation_kg : float
+        Standard deviation, kg; infinite before the arm has moved.
+    detected : bool
+        True if the deviation is small enough to choose gains.
     """
 
     payload_kg: float
@@ -122,12 +93,12 @@ NO_ESTIMATE = PayloadEstimate(0.0, math.inf, detected=False)
 
 
 class PayloadEstimator:
-    """Listens to the samples and weighs the payload.
+    """Estimator of the payload from the samples.
 
     Parameters
     ----------
-    detection
-        What is known of the rig.
+    detection : PayloadDetection
+        Settings of the estimator and of the rig.
     """
 
     def __init__(self, detection: PayloadDetection) -> None:
@@ -135,26 +106,20 @@ class PayloadEstimator:
         self._detection = detection
         self._a, self._b = _filters(detection, dt_s)
         self._keep = 1.0 - min(1.0, dt_s / detection.memory_s)
-        # Filtered residuals repeat themselves over the memory of the filter.
+        # Filtered residuals are correlated over the memory of the filter.
         self._alike = max(1.0, 1.0 / (2.0 * math.pi * detection.bandwidth_hz * dt_s))
         self._next = np.zeros(len(self._a))
         self._input = np.zeros(2)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past, as for an arm at rest."""
+        """Return to the state before the first sample."""
         self._state = np.zeros(len(self._a))
         self._zv, self._zw, self._zz = np.zeros((3, len(_INSTRUMENT_PAYLOADS_KG)))
         self._vv = self._vw = self._ww = self._count = 0.0
 
     def step(self, volts: Sequence[float]) -> None:
-        """Take one sample in; what cannot be a measurement is left out.
-
-        Parameters
-        ----------
-        volts
-            Position, base strain, middle strain and speed, V.
-        """
+        """Take one sample (position, base strain, middle strain, speed, V), if it is plausible."""
         base_v, speed_v = volts[_BASE_STRAIN], volts[_SPEED]
         if not (abs(base_v) < _PLAUSIBLE_V and abs(speed_v) < _PLAUSIBLE_V):
             return
@@ -178,7 +143,7 @@ class PayloadEstimator:
 
     @property
     def estimate(self) -> PayloadEstimate:
-        """The payload by v = a w over the samples in motion, with the best instrument."""
+        """Payload by v = a w over the samples in motion, with the best instrument."""
         if self._count < self._alike:
             return NO_ESTIMATE
         detection = self._detection
@@ -201,10 +166,10 @@ class PayloadEstimator:
 def _filters(
     detection: PayloadDetection, dt_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Low-pass and derivatives of both signals, and the instrument, from one state to the next.
+    """Return the transition of low-passes, derivatives and instruments from one sample to the next.
 
     The state is base strain, its first and second derivative, the same of the speed, and each
-    instrument with its derivative; the inputs are base strain and speed.
+    instrument with its derivative. The inputs are base strain and speed.
     """
     denominator = _butterworth(2.0 * math.pi * detection.bandwidth_hz)
     lowpass = np.diag(np.ones(_FILTER_ORDER - 1), 1)
@@ -229,7 +194,7 @@ def _filters(
 
 
 def _butterworth(cutoff_rad_s: float) -> NDArray[np.float64]:
-    """Denominator of the analog low-pass, highest power first; its gain at rest is one."""
-    # scipy.signal would say it in one word and take half a second to load, in every controller.
+    """Return the denominator of the low-pass, highest power first; its gain at rest is 1."""
+    # scipy.signal has this function, but takes half a second to load in every controller.
     angles = np.pi / (2 * _FILTER_ORDER) * np.arange(1 - _FILTER_ORDER, _FILTER_ORDER, 2)
     return np.real(np.poly(-cutoff_rad_s * np.exp(1j * angles)))

@@ -38,15 +38,15 @@ class Pdp:
 class Pdpc:
     """PDP law with conditional Coulomb friction compensation, (4-6) to (4-8).
 
-    Parameters
+    Attributes
     ----------
-    gains
+    gains : PdpGains
         Gains of the PDP law (4-7).
-    compensation
+    compensation : Compensation
         Level and thresholds of (4-8).
-    conditional
-        False keeps the compensation on after the set-point is reached, as in Figure 4-10 (c)
-        and (d).
+    conditional : bool
+        False keeps the compensation on after the set-point is reached, as in Figure 4-10 (c) and
+        (d).
     """
 
     gains: PdpGains = field(default_factory=PdpGains)

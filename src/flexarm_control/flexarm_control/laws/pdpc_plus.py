@@ -1,24 +1,24 @@
-"""PDPC that rests without gear hitting and lets no swing live on (chapter 5, future work 2).
+"""PDPC law with a calm rest: no gear hitting and no lasting oscillation (chapter 5, future work 2).
 
-Two things keep an arm under PDPC from resting. The noise of the tachometer passes the speed
-threshold of (4-8) every now and then, and each time the compensation kicks the motor. And a motor
-held by its friction is a clamp, against which the arm swings for seconds.
+Two effects keep an arm under PDPC from resting. The noise of the tachometer passes the speed
+threshold of (4-8) now and then, and each time the compensation moves the motor. A motor that its
+friction holds is a clamp, against which the arm oscillates for seconds.
 
-So the set-point counts as reached by filtered signals and with a hysteresis. From then on the
-motor gives way: the compensation helps the bent arm, which the base gauge shows, to turn the
-motor, by less than the friction. The motor turns only while the arm pushes it, and friction takes
-the energy. As the arm comes to rest the help goes to zero.
+Here the set-point counts as reached by filtered signals and with a hysteresis. From then on the
+motor yields to the arm. The base gauge shows the bent arm, and a compensation below the friction
+helps it to turn the motor. The motor turns only while the arm pushes it, and friction takes the
+energy. The help goes to zero as the arm comes to rest.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import exp, isfinite, pi
 from typing import TYPE_CHECKING
 
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
-from flexarm_core.specs import Bounded, limits
+from flexarm_core.specs import Bounded, setting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,66 +29,36 @@ _COMPENSATION_V = 0.7
 
 @dataclass(frozen=True)
 class Rest(Bounded):
-    """When the arm counts as at its set-point, and how the motor then gives way.
+    """Thresholds of the rest at the set-point, and the help to the bent arm.
 
-    A threshold should be some times the noise of its filtered signal.
-
-    Attributes
-    ----------
-    rest_error_v, rest_speed_v
-        The set-point is reached when the filtered position error and speed are both smaller, V.
-    error_hysteresis_v, speed_hysteresis_v
-        It is left when one of them is larger by so much, V.
-    error_bandwidth_hz, strain_bandwidth_hz
-        Low-pass of position error and speed, and of the base strain, Hz.
-    release_v
-        Largest help to the bent arm, V; less than the friction, or the help alone turns the motor.
-    release_strain_v
-        Base strain from which the help is whole, V.
-    rate_hz
-        Sampling rate of the signals, Hz.
+    The set-point is reached when the filtered position error and speed are both below their
+    thresholds. It is left when one of them exceeds its threshold by its hysteresis. A threshold
+    should be a few times the noise of its filtered signal. The help must be less than the friction,
+    or it turns the motor alone.
     """
 
-    rest_error_v: float = field(
-        default=0.005, metadata=limits(0.001, 1.0, "V", "position error below which the arm rests")
-    )
-    error_hysteresis_v: float = field(
-        default=0.02, metadata=limits(0.0, 1.0, "V", "how much more error ends the rest")
-    )
-    rest_speed_v: float = field(
-        default=0.05, metadata=limits(0.001, 1.0, "V", "speed signal below which the arm rests")
-    )
-    speed_hysteresis_v: float = field(
-        default=0.03, metadata=limits(0.0, 1.0, "V", "how much more speed ends the rest")
-    )
-    error_bandwidth_hz: float = field(
-        default=15.0, metadata=limits(0.5, 1000.0, "Hz", "low-pass of position error and speed")
-    )
-    strain_bandwidth_hz: float = field(
-        default=5.0, metadata=limits(0.5, 1000.0, "Hz", "low-pass of the base strain")
-    )
-    release_v: float = field(
-        default=0.55, metadata=limits(0.0, 2.0, "V", "largest help to the bent arm at rest")
-    )
-    release_strain_v: float = field(
-        default=0.05, metadata=limits(0.001, 5.0, "V", "base strain from which the help is whole")
-    )
-    rate_hz: float = field(
-        default=300.0, metadata=limits(50.0, 2000.0, "Hz", "sampling rate of the signals")
-    )
+    rest_error_v: float = setting(0.005, 0.001, 1.0, "V", "position error below which it rests")
+    error_hysteresis_v: float = setting(0.02, 0.0, 1.0, "V", "additional error that ends the rest")
+    rest_speed_v: float = setting(0.05, 0.001, 1.0, "V", "speed signal below which the arm rests")
+    speed_hysteresis_v: float = setting(0.03, 0.0, 1.0, "V", "additional speed that ends the rest")
+    error_bandwidth_hz: float = setting(15.0, 0.5, 1000.0, "Hz", "low-pass of error and speed")
+    strain_bandwidth_hz: float = setting(5.0, 0.5, 1000.0, "Hz", "low-pass of the base strain")
+    release_v: float = setting(0.55, 0.0, 2.0, "V", "largest help to the bent arm at rest")
+    release_strain_v: float = setting(0.05, 0.001, 5.0, "V", "base strain of the full help")
+    rate_hz: float = setting(300.0, 50.0, 2000.0, "Hz", "sampling rate of the signals")
 
 
 class PdpcPlus:
-    """PDPC law whose rest is calm.
+    """PDPC law with a calm rest.
 
     Parameters
     ----------
-    gains
+    gains : PdpGains, optional
         Gains of the PDP law (4-7).
-    compensation_v
-        Level of the Coulomb friction compensation on the way, V.
-    rest
-        When the arm rests, and how the motor gives way.
+    compensation_v : float
+        Level of the Coulomb friction compensation during a move, V.
+    rest : Rest, optional
+        Thresholds of the rest, and the help to the bent arm.
     """
 
     def __init__(
@@ -114,7 +84,7 @@ class PdpcPlus:
             return NO_EFFORT
         if not self._started:
             self._error_v, self._started = error_v, True
-        # As weighted sums: a difference of finite numbers may overflow.
+        # The sums are weighted, since a difference of finite numbers may overflow.
         share = self._error_share
         self._error_v = (1.0 - share) * self._error_v + share * error_v
         self._speed_v = (1.0 - share) * self._speed_v + share * speed_v
@@ -132,11 +102,11 @@ class PdpcPlus:
         return limited(effort_v, level_v if effort_v >= 0.0 else -level_v)
 
     def reset(self) -> None:
-        """Forget the past: an arm at rest, somewhere."""
+        """Return to the state before the first sample."""
         self._error_v = self._speed_v = self._strain_v = 0.0
         self._started = self._resting = False
 
 
 def _share(bandwidth_hz: float, rate_hz: float) -> float:
-    """Share of a new sample in a first-order low-pass."""
+    """Return the share of a new sample in a first-order low-pass."""
     return 1.0 - exp(-2.0 * pi * bandwidth_hz / rate_hz)

@@ -1,12 +1,12 @@
-"""PDPC law whose gains follow the payload that the motion tells (chapter 5, future work 1).
+"""PDPC law whose gains follow the payload, as estimated from the motion (chapter 5, future work 1).
 
-Gains for one payload settle faster on it than gains that must hold for all of them. The schedule
-holds gains at some payloads and runs straight between them.
+Gains for one payload settle faster with it than gains for all payloads. The schedule holds gains at
+some payloads and interpolates linearly between them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ from flexarm_control.laws.payload import (
 )
 from flexarm_control.laws.pdpc import Pdpc
 from flexarm_core.errors import SettingError
-from flexarm_core.specs import Bounded, limits
+from flexarm_core.specs import Bounded, setting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 _ASK_EVERY = 10
 _RAMP_S = 0.05
-"""Time constant of a change of gains: the command moves, it does not jump."""
-_MEDIUM = limits(0.01, 0.3, "kg", "payload of the medium gains")
-_HEAVY = limits(0.31, 1.0, "kg", "payload of the heavy gains")
+"""Time constant of a change of gains, s, so that the command does not jump."""
+_MEDIUM = (0.01, 0.3, "kg", "payload of the medium gains")
+_HEAVY = (0.31, 1.0, "kg", "payload of the heavy gains")
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class GainSchedule:
 
     Attributes
     ----------
-    payloads_kg
-        Payloads of the gains, increasing.
-    gains
-        Gains, one set per payload.
+    payloads_kg : tuple of float
+        Payloads of the gains, increasing, kg.
+    gains : tuple of PdpGains
+        One set of gains per payload.
 
     Raises
     ------
@@ -64,7 +64,7 @@ class GainSchedule:
             raise SettingError(f"payloads_kg = {self.payloads_kg} must increase")
 
     def at(self, payload_kg: float) -> PdpGains:
-        """Gains for a payload; beyond the ends, those of the end."""
+        """Return the gains for a payload in kg; outside the schedule, those of its end."""
         payloads, gains = self.payloads_kg, self.gains
         if payload_kg <= payloads[0]:
             return gains[0]
@@ -76,7 +76,7 @@ class GainSchedule:
 
 
 def between(from_gains: PdpGains, to_gains: PdpGains, share: float) -> PdpGains:
-    """Gains a share of the way from one set to another."""
+    """Return the gains at a share of the way from one set to another."""
     return PdpGains(
         from_gains.kp + share * (to_gains.kp - from_gains.kp),
         from_gains.kd + share * (to_gains.kd - from_gains.kd),
@@ -86,47 +86,37 @@ def between(from_gains: PdpGains, to_gains: PdpGains, share: float) -> PdpGains:
 
 @dataclass(frozen=True)
 class ScheduleGains(Bounded):
-    """The gains of a law that follows the payload.
+    """Gains of a law that follows the payload.
 
-    The robust gains are what `tune_pdp` finds for all nominal models together, with 10 dB and 55
-    deg on each. The others settle fastest in trials on the simulated rig, among those that
-    overshoot by at most 5 % and keep the same margins on the nominal model of their payload.
-
-    Attributes
-    ----------
-    kp, kd, ksg
-        Robust gains, until the payload is known, V/V.
-    light_kp, light_kd, light_ksg
-        Gains without payload.
-    medium_kg, medium_kp, medium_kd, medium_ksg
-        A payload, and its gains.
-    heavy_kg, heavy_kp, heavy_kd, heavy_ksg
-        A heavier one, and its gains.
+    The robust gains, in force until the payload is known, are the result of `tune_pdp` for all
+    nominal models together, with 10 dB and 55 deg on each. The others settle fastest in trials on
+    the simulated rig. They overshoot by at most 5 % and keep the same margins on the nominal model
+    of their payload.
 
     Raises
     ------
     SettingError
-        When a value is outside its range; that of the heavy payload is above that of the medium.
+        When a value is outside its range; the heavy payload is above the medium one.
     """
 
-    kp: float = field(default=0.4903, metadata=KP)
-    kd: float = field(default=4.3328, metadata=KD)
-    ksg: float = field(default=0.005, metadata=KSG)
-    light_kp: float = field(default=0.55, metadata=KP)
-    light_kd: float = field(default=3.0, metadata=KD)
-    light_ksg: float = field(default=0.05, metadata=KSG)
-    medium_kg: float = field(default=0.2, metadata=_MEDIUM)
-    medium_kp: float = field(default=0.5, metadata=KP)
-    medium_kd: float = field(default=3.25, metadata=KD)
-    medium_ksg: float = field(default=0.05, metadata=KSG)
-    heavy_kg: float = field(default=0.4, metadata=_HEAVY)
-    heavy_kp: float = field(default=0.45, metadata=KP)
-    heavy_kd: float = field(default=3.75, metadata=KD)
-    heavy_ksg: float = field(default=0.0, metadata=KSG)
+    kp: float = setting(0.4903, *KP)
+    kd: float = setting(4.3328, *KD)
+    ksg: float = setting(0.005, *KSG)
+    light_kp: float = setting(0.55, *KP)
+    light_kd: float = setting(3.0, *KD)
+    light_ksg: float = setting(0.05, *KSG)
+    medium_kg: float = setting(0.2, *_MEDIUM)
+    medium_kp: float = setting(0.5, *KP)
+    medium_kd: float = setting(3.25, *KD)
+    medium_ksg: float = setting(0.05, *KSG)
+    heavy_kg: float = setting(0.4, *_HEAVY)
+    heavy_kp: float = setting(0.45, *KP)
+    heavy_kd: float = setting(3.75, *KD)
+    heavy_ksg: float = setting(0.0, *KSG)
 
     @property
     def robust(self) -> PdpGains:
-        """Gains that hold for every payload."""
+        """Gains for every payload."""
         return PdpGains(self.kp, self.kd, self.ksg)
 
     @property
@@ -145,17 +135,17 @@ class ScheduleGains(Bounded):
 class ScheduledPdpc:
     """PDPC law with gains from a schedule.
 
-    Starts with gains that hold for every payload. Once the payload is detected, the gains glide to
-    those of the schedule; a payload that gets lost again keeps the last ones.
+    The law starts with gains for every payload. Once the payload is detected, the gains change
+    gradually to those of the schedule. The last gains stay when the detection is lost.
 
     Parameters
     ----------
-    gains
+    gains : ScheduleGains
         Robust gains, and gains by payload.
-    compensation
+    compensation : Compensation
         Level and thresholds of (4-8).
-    detection
-        What the estimator knows of the rig.
+    detection : PayloadDetection
+        Settings of the estimator and of the rig.
     """
 
     def __init__(
@@ -172,7 +162,7 @@ class ScheduledPdpc:
 
     @property
     def payload(self) -> PayloadEstimate:
-        """The payload as far as it is known."""
+        """Present estimate of the payload."""
         return self._payload
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
@@ -189,7 +179,7 @@ class ScheduledPdpc:
         return self._law.step(volts, reference_v)
 
     def reset(self) -> None:
-        """Forget the past and the payload."""
+        """Return to the state before the first sample."""
         self._estimator.reset()
         self._payload = NO_ESTIMATE
         self._samples = 0

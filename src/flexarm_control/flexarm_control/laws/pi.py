@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 class Pi:
     """PI law that evaluates models (Figure 4-1), without friction compensation.
 
-    u_e = kp e + ki dt (e(0) + ... + e(k)), with e = R - y1. The sum stands still while the drive
-    is saturated and the error would drive it further.
+    u_e = kp e + ki dt (e(0) + ... + e(k)), with e = R - y1. The sum is held while the drive is
+    saturated and the error would drive it further.
 
     Parameters
     ----------
-    gains
+    gains : PiGains
         Gains of the law.
-    sampling
-        Sampling rate of its samples.
+    sampling : Sampling
+        Sampling rate of the law.
     """
 
     def __init__(self, gains: PiGains, sampling: Sampling) -> None:

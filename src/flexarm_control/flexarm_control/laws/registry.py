@@ -1,4 +1,4 @@
-"""Registry of the control laws: one row for each, which everything else reads."""
+"""Registry of the control laws: one row for each, the only list of them."""
 
 from __future__ import annotations
 
@@ -43,27 +43,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LawSpec:
-    """One control law: what it is, what it is built from and what it is made for.
+    """Row of one control law.
 
     Attributes
     ----------
-    name : str
-        Name, as the ROS parameter `law` has it.
-    title : str
-        One line for a person who chooses a law.
+    name, title : str
+        Name, as the ROS parameter `law` has it, and one line for the choice of a law.
     build : callable
-        Makes the law from one instance of each of `settings`; `build_law` calls it.
+        Constructor of the law from one instance of each of `settings`; `build_law` calls it.
     settings : tuple of Bounded classes
-        Tables of the gains and other parameters, thesis values as defaults.
+        Tables of the gains and other parameters, with the thesis's values as defaults.
     design_model : callable or None
-        Gives the model that the law is designed on; its rate is that of the law.
+        Constructor of the model of the design, whose rate is that of the law.
     tuning : str
-        Name of the tuning that finds its gains, a key of `design.tuning_job.TUNINGS`; empty for
-        none.
+        Name of the tuning of its gains, a key of `design.tuning_job.TUNINGS`; empty for none.
     payload : callable or None
-        Tells the payload from the law, where the law estimates it.
+        Function from the law to its estimate of the payload, if it has one.
     uses_outputs : tuple of int
-        Places of the outputs that the law looks at, in the order of the channels.
+        Places of the outputs that the law uses, in the order of the channels.
     """
 
     name: str
@@ -81,13 +78,7 @@ class LawSpec:
         return tuple(spec for kind in self.settings for spec in parameter_specs(kind))
 
     def rate_hz(self, values: Mapping[str, float]) -> float | None:
-        """Return the sampling rate that the law is made for; None for one that suits any rate.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            Parameters that differ from their defaults.
-        """
+        """Return the sampling rate of the law, Hz, by its parameters; None if it suits any rate."""
         if self.design_model is not None:
             return 1.0 / float(self.design_model().dt)
         usual = {spec.name: spec.default for spec in self.parameters}
@@ -180,14 +171,14 @@ def build_law(name: str, values: Mapping[str, float] | None = None) -> Law:
     Parameters
     ----------
     name : str
-        A key of `LAWS`.
+        Key of `LAWS`.
     values : mapping of str to float, optional
         Parameters that differ from their defaults.
 
     Returns
     -------
     Law
-        The law, as before its first sample.
+        Law before its first sample.
 
     Raises
     ------

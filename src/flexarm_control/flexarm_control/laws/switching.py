@@ -1,4 +1,4 @@
-"""Change of the law in the middle of a run without a bump of the command."""
+"""Change of the law during a run without a jump of the command."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 FADE_V = 0.1
-"""By how much the difference between the old and the new command shrinks with every sample."""
+"""Decrease of the difference between the old and the new command with every sample, V."""
 
 
 class Handover:
-    """A law that can be replaced between two samples.
+    """Law that can be replaced between two samples.
 
-    The first answer of a new law is the command that was in force; the difference to its own
-    answer then fades linearly. It is part of the effort, so that the compensation stays what it
-    stands for. From sample to sample the command moves by no more than the law's own answer does,
-    plus `FADE_V`.
+    The first answer of a new law is the command in force. The difference to its own answer then
+    fades linearly. It is part of the effort, so that the compensation keeps its meaning. From
+    sample to sample the command changes at most by the change of the law's own answer plus
+    `FADE_V`.
 
     Parameters
     ----------
-    law
-        The law to begin with.
+    law : Law
+        First law.
     """
 
     def __init__(self, law: Law) -> None:
@@ -34,13 +34,7 @@ class Handover:
         self._is_new = False
 
     def replace(self, law: Law) -> None:
-        """Take another law from the next sample on; the same one again changes nothing.
-
-        Parameters
-        ----------
-        law
-            The new law, as before its first sample.
-        """
+        """Take another law from the next sample on; the same law again changes nothing."""
         self._is_new = self._is_new or law is not self.law
         self.law = law
 
@@ -48,7 +42,7 @@ class Handover:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
         answer = self.law.step(volts, reference_v)
         if answer is NO_EFFORT:
-            # A fault, or nothing to do: zero is then right, whatever was before.
+            # The answer to a fault is zero, whatever the command was before.
             self._is_new, self._difference_v, self._command_v = False, 0.0, 0.0
             return answer
         if self._is_new:
@@ -63,6 +57,6 @@ class Handover:
         return answer
 
     def reset(self) -> None:
-        """Forget the past, as before the first sample."""
+        """Return to the state before the first sample."""
         self._is_new, self._difference_v, self._command_v = False, 0.0, 0.0
         self.law.reset()

@@ -1,1 +1,1 @@
-"""Models of the arm: nominal ones, and what a controller asks of one."""
+"""Models of the arm: nominal ones, and the checks of a controller's model."""

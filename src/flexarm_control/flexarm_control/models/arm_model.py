@@ -30,8 +30,8 @@ def check_arm_model(model: control.StateSpace) -> None:
     Raises
     ------
     SettingError
-        When the model is not discrete-time, has another number of signals, or has the four
-        known outputs in another order.
+        When the model is not discrete-time, has another number of signals, or has the four known
+        outputs in another order.
     """
     if not model.dt or model.dt is True:
         raise SettingError(f"the model has dt = {model.dt}; set its sampling interval in s")
@@ -48,12 +48,12 @@ def check_arm_model(model: control.StateSpace) -> None:
 
 
 def check_no_feedthrough(model: control.StateSpace) -> None:
-    """Refuse a model whose outputs depend on the input of the same sample.
+    """Refuse a model with D, since a sample cannot depend on the command that answers it.
 
     Raises
     ------
     SettingError
-        When D is not zero: a command answers a sample, so it cannot be part of it.
+        When D is not zero.
     """
     if np.any(model.D):
         raise SettingError(
@@ -63,17 +63,17 @@ def check_no_feedthrough(model: control.StateSpace) -> None:
 
 
 def delayed(model: control.StateSpace, delay_s: float) -> control.StateSpace:
-    """Model whose input acts a time after the sample that it answers.
+    """Return the model whose input acts a time after the sample that it answers.
 
-    The delay is exact for the held input, also for fractions of a sample: the fraction 1 - d of
-    the transition matrix of state and held input, [[A, B], [0, 1]]^(1-d), holds the part of B
-    that the new command still gets in the period; the command before it gets the rest.
+    The delay is exact for the held input, also for fractions of a sample. The fraction 1 - d of the
+    transition matrix of state and held input, [[A, B], [0, 1]]^(1-d), has the part of B that the
+    new command gets in the period. The command before it gets the rest.
 
     Parameters
     ----------
-    model
+    model : control.StateSpace
         Discrete-time model of a continuous plant, without a delay of its own.
-    delay_s
+    delay_s : float
         Delay, s, at least zero.
 
     Returns
@@ -97,7 +97,7 @@ def delayed(model: control.StateSpace, delay_s: float) -> control.StateSpace:
         A, B, C, D = _append_held_input(A, B - new, C, D, new)
     for _ in range(whole):
         A, B, C, D = _append_held_input(A, B, C, D, np.zeros_like(B))
-    # The identification, loaded by whoever makes a model: a controller at work makes none.
+    # The identification is loaded only to make a model; a running controller makes none.
     from flexarm_ident.models.state_space import with_matrices  # noqa: PLC0415
 
     return with_matrices(model, A=A, B=B, C=C, D=D)
@@ -106,7 +106,7 @@ def delayed(model: control.StateSpace, delay_s: float) -> control.StateSpace:
 def _input_over_fraction(A: FloatArray, B: FloatArray, fraction: float) -> FloatArray:
     order, inputs = B.shape
     transition = np.block([[A, B], [np.zeros((inputs, order)), np.eye(inputs)]])
-    # A real pole below zero has no real fractional power; the real part is the mean of its two.
+    # A negative real pole has two complex fractional powers; the real part is their mean.
     part: FloatArray = np.real(fractional_matrix_power(transition, fraction))
     return part[:order, order:]
 
@@ -124,24 +124,24 @@ def _append_held_input(
 
 
 def frequency_response(model: control.StateSpace, frequency_hz: FloatArray) -> ComplexArray:
-    """Response C (zI - A)^-1 B + D of a discrete-time model with one input, (2-4).
+    """Return the response C (zI - A)^-1 B + D of a discrete-time model with one input, (2-4).
 
     Parameters
     ----------
-    model
+    model : control.StateSpace
         Discrete-time model with one input.
-    frequency_hz
-        Frequencies, Hz, shape (frequencies,).
+    frequency_hz : ndarray, (frequencies,)
+        Frequencies, Hz.
 
     Returns
     -------
-    ndarray
-        Complex response, shape (frequencies, outputs).
+    ndarray of complex, (frequencies, outputs)
+        Response.
     """
     A, B, C, D = (np.asarray(matrix) for matrix in (model.A, model.B, model.C, model.D))
     z = np.exp(2j * np.pi * frequency_hz * model.dt)
     eye = np.eye(len(A))
-    # In portions: one resolvent per frequency would fill the memory for a large model.
+    # Portions save memory: a large model has one large resolvent per frequency.
     parts = [
         np.linalg.solve(part[:, None, None] * eye - A, B[None])[..., 0] @ C.T + D.T
         for part in np.array_split(z, 1 + len(z) // _FREQUENCIES_AT_ONCE)

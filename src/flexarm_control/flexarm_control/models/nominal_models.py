@@ -1,4 +1,4 @@
-"""Models of the arm that come with the package: those that the thesis prints, and one of ours."""
+"""Models of the arm that come with the package: those of the thesis, and an identified one."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ def _available() -> dict[float, str]:
 
 
 def nominal_payloads_kg() -> tuple[float, ...]:
-    """Payloads for which there is a nominal model, kg, smallest first."""
+    """Return the payloads that have a nominal model, kg, smallest first."""
     return tuple(_available())
 
 
 def nominal_model(payload_kg: float, *, flip_middle_strain: bool = False) -> control.StateSpace:
-    """Nominal model of Appendix B, printed to four decimals.
+    """Return the nominal model of Appendix B, printed to four decimals.
 
     Parameters
     ----------
-    payload_kg
+    payload_kg : float
         Payload at the tip, kg: 0, 0.2 or 0.4.
-    flip_middle_strain
-        True turns the sign of the middle strain y3. As printed, the margins of the gains of Table
-        4-2 are below its own constraints and the best Ksg is at its lower bound; with the sign
-        turned, the best gains are close to those of the table. So the thesis's own models had
-        probably the other sign.
+    flip_middle_strain : bool
+        True inverts the sign of the middle strain y3. As printed, the margins of the gains of Table
+        4-2 are below its own constraints, and the best Ksg is at its lower bound. With the sign
+        inverted, the best gains are close to those of the table. The thesis's own models therefore
+        probably had the other sign.
 
     Returns
     -------
     control.StateSpace
-        Model from the motor command to position, base strain, middle strain and speed, all in V,
-        at 300 Hz and with D = 0.
+        Model from the motor command to position, base strain, middle strain and speed, all in V, at
+        300 Hz and with D = 0.
 
     Raises
     ------
@@ -70,22 +70,17 @@ def nominal_model(payload_kg: float, *, flip_middle_strain: bool = False) -> con
 
 
 def identified_model() -> control.StateSpace:
-    """Model of order 8 of the arm with 300 g, as section 4.4 takes one for the ILQR controller.
+    """Return a model of order 8 of the arm with 300 g, as in the ILQR design of section 4.4.
 
-    The thesis does not print its own. This one is identified from the simulated experiment C_dat11;
-    its file says how.
-
-    Returns
-    -------
-    control.StateSpace
-        As `nominal_model`.
+    The thesis does not print its own. This model is identified from the simulated experiment
+    C_dat11; its file describes the identification. Its signals are those of `nominal_model`.
     """
     file = files("flexarm_control.models") / "identified" / "payload_300g.yaml"
     return _read(file.read_text("utf-8"))
 
 
 def _read(text: str) -> control.StateSpace:
-    # The identification, loaded by whoever makes a model.
+    # The identification is loaded only to make a model.
     from flexarm_ident.models.state_space import state_space  # noqa: PLC0415
 
     content = yaml.safe_load(text)

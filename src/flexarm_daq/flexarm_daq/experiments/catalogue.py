@@ -23,11 +23,11 @@ KINDS: Mapping[str, str] = MappingProxyType(
         "controller": "controller run (chapter 4, Table A-4)",
     }
 )
-"""Kinds of experiments, and where the thesis describes them."""
+"""Kinds of experiments, with their places in the thesis."""
 
 
 class CatalogueError(FlexarmError):
-    """There is no such experiment; the message lists what there is."""
+    """Unknown experiment; the message lists the known ones."""
 
 
 @dataclass(frozen=True)
@@ -39,21 +39,17 @@ class Experiment:
 
     Attributes
     ----------
-    name
-        Name in the thesis, such as ``C_dat3``.
-    kind
-        A key of `KINDS`.
-    file
-        Name of the thesis's data file.
-    samples, rate_hz
-        Length and sampling rate.
-    payload_kg
-        Payload at the tip, kg.
-    waveform, magnitude_v
-        A key of `excitation.EXCITATIONS`, empty with a law, and its magnitude, V.
-    law, gains
+    name, kind, file : str
+        Name in the thesis, such as ``C_dat3``, key of `KINDS`, and the thesis's data file.
+    samples : int
+        Number of samples.
+    rate_hz, payload_kg : float
+        Sampling rate, Hz, and payload at the tip, kg.
+    waveform, magnitude_v : str, float
+        Key of `excitation.EXCITATIONS`, empty with a law, and its magnitude, V.
+    law, gains : str, mapping of str to float
         Law of the controller, empty with a waveform, and its gains that differ from the defaults.
-    reference, profile
+    reference, profile : str, mapping of str to float
         Reference of the controller, and its values.
     """
 
@@ -72,12 +68,12 @@ class Experiment:
 
     @property
     def length_s(self) -> float:
-        """Length of the record."""
+        """Length of the record, s."""
         return self.samples / self.rate_hz
 
     @property
     def closed_loop(self) -> bool:
-        """Whether a controller makes the commands."""
+        """True when a controller makes the commands."""
         return bool(self.law)
 
     @property
@@ -93,19 +89,19 @@ class Experiment:
 
 @cache
 def catalogue() -> Mapping[str, Experiment]:
-    """Every experiment by its name, in the order of the tables."""
+    """Return every experiment by its name, in the order of the tables."""
     text = (files("flexarm_daq.experiments") / "catalogue.yaml").read_text("utf-8")
     entries: dict[str, dict[str, Any]] = yaml.safe_load(text)
     return MappingProxyType({name: Experiment(name, **entry) for name, entry in entries.items()})
 
 
 def experiment(name: str) -> Experiment:
-    """Return an experiment by its name; upper and lower case and blanks do not matter.
+    """Return an experiment by its name; case and blanks do not matter.
 
     Raises
     ------
     CatalogueError
-        When there is none; the message lists the names.
+        When there is no such experiment; the message lists the names.
 
     Examples
     --------

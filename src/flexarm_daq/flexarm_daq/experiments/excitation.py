@@ -1,7 +1,7 @@
 """Excitation signals of the open-loop and the bounded position experiments (2.4.1, 2.4.2).
 
 An excitation is a pure stepper: time and position in, command out. The same seed gives the same
-signal. What the thesis leaves open is chosen here and said so.
+signal. Choices that the thesis leaves open are marked as chosen.
 """
 
 from __future__ import annotations
@@ -27,32 +27,26 @@ _ROUNDING_S = 1e-9
 
 
 class Excitation(Protocol):
-    """A signal that excites the arm."""
+    """Signal that excites the arm."""
 
     def step(self, time_s: float, position_v: float) -> float:
-        """Give the command at a sample, in V.
+        """Return the command at a sample, V.
 
         Parameters
         ----------
-        time_s
+        time_s : float
             Time since the start, s; must not decrease between two calls of `reset`.
-        position_v
+        position_v : float
             Measured position, V.
         """
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Begin again from the start."""
 
 
 @dataclass
 class Held:
-    """Random numbers, uniform on [0, 1), each held for a while.
-
-    Attributes
-    ----------
-    seed
-        The same seed gives the same numbers.
-    """
+    """Random numbers of a seed, uniform on [0, 1), each held for `HOLD_S`."""
 
     seed: int
 
@@ -60,7 +54,7 @@ class Held:
         self.reset()
 
     def at(self, time_s: float) -> float:
-        """Give the number at a time that does not decrease."""
+        """Return the number at a time that does not decrease."""
         index = int((time_s + _ROUNDING_S) / HOLD_S)
         while self._index < index:
             self._index += 1
@@ -68,7 +62,7 @@ class Held:
         return self._value
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Begin again from the start."""
         self._random = np.random.default_rng(self.seed)
         self._index = -1
         self._value = 0.0
@@ -78,19 +72,14 @@ class Held:
 class Square:
     """Constant magnitude whose direction alternates at 0.5 Hz (2.4.1, item 1; Figure 2-5a).
 
-    It begins in the middle of a half-period, so that the arm swings about where it starts. That is
-    chosen: with a whole half-period the arm would go to one side only.
-
-    Attributes
-    ----------
-    magnitude_v
-        Magnitude, V.
+    The signal begins in the middle of a half-period, so that the arm swings about its start. That
+    is chosen: a whole half-period at first would take the arm to one side only.
     """
 
     magnitude_v: float
 
     def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
-        """Give the command at a sample; see `Excitation.step`."""
+        """Return the command at a sample; see `Excitation.step`."""
         return self.magnitude_v * alternating(time_s)
 
     def reset(self) -> None:
@@ -98,16 +87,8 @@ class Square:
 
 
 @dataclass
-class PeriodicRandom:
-    """Random magnitude whose direction alternates at 0.5 Hz (2.4.1, item 2; Figure 2-5b).
-
-    Attributes
-    ----------
-    magnitude_v
-        Largest magnitude, V; it is uniformly distributed from 0.
-    seed
-        Seed of the magnitudes.
-    """
+class _HeldRandom:
+    """Base of the signals whose magnitude is random, V."""
 
     magnitude_v: float
     seed: int
@@ -115,13 +96,21 @@ class PeriodicRandom:
     def __post_init__(self) -> None:
         self._held = Held(self.seed)
 
-    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
-        """Give the command at a sample; see `Excitation.step`."""
-        return self.magnitude_v * self._held.at(time_s) * alternating(time_s)
-
     def reset(self) -> None:
-        """Begin anew."""
+        """Begin again from the start."""
         self._held.reset()
+
+
+@dataclass
+class PeriodicRandom(_HeldRandom):
+    """Random magnitude whose direction alternates at 0.5 Hz (2.4.1, item 2; Figure 2-5b).
+
+    The magnitude is uniformly distributed from 0 to `magnitude_v`.
+    """
+
+    def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
+        """Return the command at a sample; see `Excitation.step`."""
+        return self.magnitude_v * self._held.at(time_s) * alternating(time_s)
 
 
 @dataclass
@@ -129,15 +118,8 @@ class VaryingSquare:
     """Constant magnitude whose direction alternates at 0.6 to 3 Hz (2.4.1, item 3; Figure 2-5c).
 
     Each period has its own frequency, uniformly distributed over the range, and begins in the
-    middle of a half-period as in `Square`. So each one brings a frictionless arm back to where it
-    was. That is chosen: with independent half-periods the arm drifts into its stops.
-
-    Attributes
-    ----------
-    magnitude_v
-        Magnitude, V.
-    seed
-        Seed of the frequencies.
+    middle of a half-period as in `Square`. Each period therefore returns a frictionless arm to its
+    start. That is chosen: with independent half-periods the arm drifts into its stops.
     """
 
     magnitude_v: float
@@ -148,14 +130,14 @@ class VaryingSquare:
         self.reset()
 
     def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
-        """Give the command at a sample; see `Excitation.step`."""
+        """Return the command at a sample; see `Excitation.step`."""
         while time_s + _ROUNDING_S >= self._start_s + self._period_s:
             self._start_s += self._period_s
             self._period_s = self._random_period_s()
         return self.magnitude_v * direction((time_s + _ROUNDING_S - self._start_s) / self._period_s)
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Begin again from the start."""
         self._random = np.random.default_rng(self.seed)
         self._start_s = 0.0
         self._period_s = self._random_period_s()
@@ -165,47 +147,32 @@ class VaryingSquare:
 
 
 @dataclass
-class Random:
+class Random(_HeldRandom):
     """Random magnitude and direction (2.4.1, item 4; Figure 2-5d).
 
-    Attributes
-    ----------
-    magnitude_v
-        Largest magnitude, V; the command is uniformly distributed between both signs of it.
-    seed
-        Seed of the commands.
+    The command is uniformly distributed between both signs of `magnitude_v`.
     """
 
-    magnitude_v: float
-    seed: int
-
-    def __post_init__(self) -> None:
-        self._held = Held(self.seed)
-
     def step(self, time_s: float, position_v: float) -> float:  # noqa: ARG002 - the protocol has it
-        """Give the command at a sample; see `Excitation.step`."""
+        """Return the command at a sample; see `Excitation.step`."""
         return self.magnitude_v * (2.0 * self._held.at(time_s) - 1.0)
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self._held.reset()
 
 
 @dataclass
 class Bounded:
-    """The direction turns when the position reaches a bound (2.4.2; Figure 2-10).
+    """Direction that turns when the position reaches a bound (2.4.2; Figure 2-10).
 
     The arm first moves towards the positive bound.
 
     Attributes
     ----------
-    magnitude_v
+    magnitude_v : float
         Magnitude, V; the largest one when it is random.
-    held
-        Random magnitudes as a share of the largest (Figure 2-10b), or None for a constant one
-        (Figure 2-10a).
-    bound_v
-        The bound, V.
+    held : Held or None
+        Random magnitudes as a share of the largest (Figure 2-10b); None for a constant one (Figure
+        2-10a).
+    bound_v : float
+        Bound of the position, V.
     """
 
     magnitude_v: float
@@ -214,26 +181,26 @@ class Bounded:
     _direction: float = field(default=1.0, init=False, repr=False)
 
     def step(self, time_s: float, position_v: float) -> float:
-        """Give the command at a sample; see `Excitation.step`."""
+        """Return the command at a sample; see `Excitation.step`."""
         if self._direction * position_v >= self.bound_v:
             self._direction = -self._direction
         share = 1.0 if self.held is None else self.held.at(time_s)
         return self._direction * self.magnitude_v * share
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Begin again from the start."""
         self._direction = 1.0
         if self.held is not None:
             self.held.reset()
 
 
 def alternating(time_s: float) -> float:
-    """Direction that alternates at `DIRECTION_HZ`, from the middle of a positive half-period."""
+    """Return a direction that alternates at `DIRECTION_HZ`; see `direction`."""
     return direction(DIRECTION_HZ * (time_s + _ROUNDING_S))
 
 
 def direction(periods: float) -> float:
-    """Direction after a number of periods that begin in the middle of a positive half-period."""
+    """Return the direction after some periods, the first from mid positive half-period on."""
     return 1.0 if (periods + 0.25) % 1.0 < 0.5 else -1.0  # noqa: PLR2004 - half a period
 
 

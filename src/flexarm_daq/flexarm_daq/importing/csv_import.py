@@ -1,8 +1,8 @@
 """Import of measurements from a CSV file into a bag, so that every later step reads bags only.
 
-How times are chosen: the first row is time 0; row k is sampled at k sampling intervals after it.
-Header stamp, log time and publish time of a message are that same instant. The channel
-information is written once, at time 0, before the first sample.
+The first row has time 0, and row k is sampled k sampling intervals later. Header stamp, log time
+and publish time of a message are that instant. The channel information is written once, at time 0,
+before the first sample.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flexarm_bags.writer import BagWriter
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 
 IO_TOPIC = "/flexarm/io"
 CHANNELS_TOPIC = "/flexarm/io_channels"
-# A step may differ this much from the usual one: times are often printed with few digits.
+# Largest difference of a step from the median one: times are often printed with few digits.
 STEP_TOLERANCE = 0.1
-# A measured rate this near to a whole number of hertz is that number.
+# Largest relative difference of a rate from a whole number of hertz that is rounded.
 WHOLE_RATE_TOLERANCE = 1e-3
 _BLOCK_ROWS = 50_000
 _NS = 1_000_000_000
 
 
 class CsvImportError(FlexarmError):
-    """The CSV file does not hold what the map says."""
+    """Contradiction between the CSV file and its map."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,13 @@ class ImportSummary:
 
     Attributes
     ----------
-    bag
-        The new rosbag2 folder.
-    samples
+    bag : Path
+        New rosbag2 folder.
+    samples : int
         Rows imported.
-    rate_hz
-        Sampling rate.
-    duration_s
-        From the first to the last sample.
-    sha256
+    rate_hz, duration_s : float
+        Sampling rate, Hz, and time from the first to the last sample, s.
+    sha256 : str
         Hash of the CSV file, also in the bag's source.
     """
 
@@ -75,14 +73,14 @@ def import_csv(
 
     Parameters
     ----------
-    csv_path
-        Comma separated, first line with the column names, SI or any units as the map says.
-    mapping
-        Which columns, under which names; see :func:`flexarm_daq.importing.csv_map.load_csv_map`.
-    bag_path
+    csv_path : Path
+        Comma separated file with the column names in its first line, in the units of the map.
+    mapping : CsvMap
+        Columns and their names; see :func:`flexarm_daq.importing.csv_map.load_csv_map`.
+    bag_path : Path
         Folder to create.
-    typestore
-        Knows ``flexarm_msgs``; see :func:`flexarm_bags.schema.load_typestore`.
+    typestore : Typestore
+        Types with ``flexarm_msgs``; see :func:`flexarm_bags.schema.load_typestore`.
 
     Returns
     -------
@@ -92,8 +90,8 @@ def import_csv(
     Raises
     ------
     CsvImportError
-        If the file cannot be read, lacks a column, has fewer than two rows, a cell that is no
-        finite number, or irregular time steps. The message names file, line and column.
+        If the file cannot be read, lacks a column, has fewer than 2 rows, a cell that is no finite
+        number, or irregular time steps. The message names file, line and column.
     RecordingError
         If the bag exists or cannot be written.
     """
@@ -123,7 +121,7 @@ def _hash(path: Path) -> str:
 
 
 def _read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """Return the columns as an array of shape (rows, columns)."""
+    """Return the columns as an array, (rows, columns)."""
     try:
         # utf-8-sig: spreadsheets put a byte order mark in front of the first name.
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -131,7 +129,10 @@ def _read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
             header = [name.strip() for name in next(reader, [])]
             indices = _indices(header, columns, path)
             rows = ((reader.line_num, row) for row in reader if row)
-            blocks = [_to_numbers(block, indices, columns, path) for block in _blocks(rows)]
+            blocks = []
+            # Only one block is held as text.
+            while block := list(islice(rows, _BLOCK_ROWS)):
+                blocks.append(_to_numbers(block, indices, columns, path))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise CsvImportError(f"{path}: cannot read as CSV: {error}") from error
     table = np.concatenate(blocks) if blocks else np.empty((0, len(columns)))
@@ -149,12 +150,6 @@ def _indices(header: Sequence[str], columns: Sequence[str], path: Path) -> list[
 
 
 Row = tuple[int, "list[str]"]
-
-
-def _blocks(rows: Iterator[Row]) -> Iterator[list[Row]]:
-    """Yield numbered rows in blocks, so that only one block is held as text."""
-    while block := list(islice(rows, _BLOCK_ROWS)):
-        yield block
 
 
 def _to_numbers(
@@ -187,7 +182,7 @@ def _report_bad_cell(
 
 
 def _sampling_rate_hz(times_s: NDArray[np.float64], path: Path, column: str) -> float:
-    """Return the rate of equidistant times, a whole number when it is one but for rounding."""
+    """Return the rate of equidistant times; a rate near a whole number is rounded."""
     steps_s = np.diff(times_s)
     usual_s = float(np.median(steps_s))
     if usual_s <= 0:

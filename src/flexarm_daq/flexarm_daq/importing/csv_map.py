@@ -18,7 +18,7 @@ _CHANNEL_KEYS = {"column", "name", "unit"}
 
 
 class CsvMapError(FlexarmError):
-    """The map of a CSV import cannot be used."""
+    """Unusable map of a CSV import."""
 
 
 @dataclass(frozen=True)
@@ -36,15 +36,15 @@ class CsvMap:
 
     Attributes
     ----------
-    inputs, outputs
+    inputs, outputs : tuple of CsvChannel
         Signals in the order of the arrays to be written.
-    time
+    time : str or None
         Column of the time in seconds, or None when `rate_hz` is given.
-    rate_hz
-        Sampling rate, or None when the time column tells it.
-    closed_loop
+    rate_hz : float or None
+        Sampling rate, Hz, or None when there is a time column.
+    closed_loop : bool
         True when the inputs were computed from the outputs.
-    description
+    description : str
         Free text for the bag's source.
     """
 
@@ -62,18 +62,13 @@ class CsvMap:
 
 
 def load_csv_map(path: Path) -> CsvMap:
-    """Read a map from a YAML file.
+    """Read and check a map from a YAML file.
 
     Parameters
     ----------
-    path
-        Keys ``time`` (a column, s) or ``rate_hz``, ``inputs`` and ``outputs`` (lists of ``column``
-        with an optional ``name`` and ``unit``), ``closed_loop``, ``description``.
-
-    Returns
-    -------
-    CsvMap
-        Checked.
+    path : Path
+        File with the keys ``time`` (a column, s) or ``rate_hz``, ``inputs`` and ``outputs`` (lists
+        of ``column`` with an optional ``name`` and ``unit``), ``closed_loop``, ``description``.
 
     Raises
     ------

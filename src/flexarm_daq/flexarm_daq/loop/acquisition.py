@@ -1,16 +1,17 @@
 """Sampling loop in real or virtual time, with the drive at zero before and after.
 
-A command acts when it arrives, inside the period: a whole sample of delay makes the thesis's
+A command acts when it arrives, inside the period: a delay of a whole sample makes the thesis's
 control loops unstable. In real time the loop ticks on absolute deadlines and serves commands in
-between; when it is late it skips whole periods and their numbers, it never bursts. In virtual time
-it is lock-step: every sample waits for its answer, and the next one for the wall clock at the
-run's pace. When the machine stalls the arm's time stalls with it: nothing is lost, and the same
-seed gives the same numbers at any pace.
+between. When it is late, it skips whole periods and their numbers and never bursts.
 
-A sample waits only while somebody answers. When an answer does not come in time the drive goes to
-zero, and the arm moves on at its pace until a command is accepted again.
+In virtual time the loop is lock-step: every sample waits for its answer, and the next sample waits
+for the wall clock at the pace of the run. A stalled machine therefore stalls the arm's time too,
+and no sample is lost. The same seed gives the same numbers at any pace.
 
-Time is the rig's and the monotonic clock's: a jump of the wall clock changes nothing here.
+A sample waits only while a commander answers. When an answer is too late, the drive goes to zero.
+The arm then moves on at its pace until a command is accepted again.
+
+Time comes from the rig and from the monotonic clock, so a jump of the wall clock has no effect.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ if TYPE_CHECKING:
     from flexarm_daq.loop.watchdog import Watchdog
     from flexarm_daq.rigs.rig_protocol import Rig
 
-# The middleware's timed wait wakes up late; the rest of the period is slept.
+# The timed wait of the middleware wakes up late, so the last part of a period is slept.
 _WAKE_MARGIN_S = 2e-4
-# What is done in spare time usually takes less.
+# Work in spare time usually takes less than this.
 _SPARE_S = 3e-4
-# In virtual time a sample may wait long for its answer, or for its pace; being told to stop must
-# not, nor what is done in spare time.
+# In virtual time a sample may wait long for its answer or its pace. A stop and the work in spare
+# time must not wait that long.
 _STOP_POLL_S = 0.05
 
 
@@ -46,11 +47,12 @@ class LockStep(NamedTuple):
     Attributes
     ----------
     real_time_factor : float
-        Pace: the arm's time for the wall clock's at best; 0 goes as fast as the answers come.
+        Largest ratio of the arm's time to that of the wall clock; 0 goes as fast as the answers
+        come.
     answer_timeout_s : float
-        How long a sample waits for its answer.
+        Longest wait of a sample for its answer, s.
     is_answered : bool
-        The first sample waits for its answer; else samples wait from the first command on.
+        True: the first sample waits for its answer. False: samples wait from the first command on.
     """
 
     real_time_factor: float
@@ -66,13 +68,13 @@ class Acquisition(Exchange):
     rig, limiter, watchdog, sensors, link, rate_hz
         See `Exchange`.
     samples : int
-        The run ends by itself after that many periods; 0 runs until it is stopped.
+        Number of periods after which the run ends; 0 runs until it is stopped.
     paced_by_rig : bool
-        In real time: the rig's own clock says when a sample is due, and reading waits for it.
+        In real time: reading waits for the rig's own clock, which sets the sampling instants.
     lockstep : LockStep or None
         Settings of virtual time; None runs in real time.
     statistics_s : float
-        How long `late_s` and `reply_s` look back, s.
+        Time that `late_s` and `reply_s` look back, s.
 
     Attributes
     ----------
@@ -110,8 +112,7 @@ class Acquisition(Exchange):
         Raises
         ------
         RigError
-            When the rig fails; the drive has been told to stop before it is raised. The same holds
-            for whatever else is raised.
+            When the rig fails. The drive is stopped before this or any other error is raised.
         """
         try:
             self._rig.open()
@@ -150,7 +151,7 @@ class Acquisition(Exchange):
             self._take(sample, time.monotonic(), max(0, round(periods) - 1))
             if self._is_last():
                 return
-            # A little early, so that lateness does not stay: reading waits out the rest.
+            # The wait ends a little early, so that lateness does not persist; reading waits it out.
             self._serve_until(self._tick_s + self._period_s - _WAKE_MARGIN_S, stop)
 
     def _run_in_lockstep(self, lockstep: LockStep, stop: threading.Event) -> None:
@@ -161,7 +162,7 @@ class Acquisition(Exchange):
                 return
             if self._is_answered:
                 self._await_answer(lockstep.answer_timeout_s, stop)
-            # Without a pace, samples that nobody answers would run away from who comes to answer.
+            # Without a pace, unanswered samples would run away from a commander that starts later.
             pace = lockstep.real_time_factor or (0.0 if self._is_answered else 1.0)
             if not pace:
                 deadline_s = time.monotonic()
@@ -176,7 +177,7 @@ class Acquisition(Exchange):
         return bool(self._samples) and self.sequence >= self._samples
 
     def _serve(self, timeout_s: float) -> bool:
-        """Let the next command act; return whether one came in time."""
+        """Let the next command act; return whether a command came in time."""
         command = self._link.wait(timeout_s)
         if command is None:
             return False
@@ -185,7 +186,7 @@ class Acquisition(Exchange):
         return True
 
     def _serve_until(self, deadline_s: float, stop: threading.Event) -> float:
-        """Let commands act until a deadline, and return how late it has become."""
+        """Let commands act until a deadline, and return the lateness at the end, s."""
         if self._spared < self.taken - 1:
             self._spare()
         while not stop.is_set():

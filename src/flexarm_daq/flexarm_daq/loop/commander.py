@@ -1,9 +1,9 @@
-"""Commander in force: one at a time, its commands in order, each for a sample of its own.
+"""Commander in force: one at a time, with its commands in order, each for a sample of its own.
 
-The middleware does not tell who sent a message. But a commander numbers its commands, and sends one
-for each sample that it answers, so between two of them its own count grows by at least one and by
-no more than the count of the samples. A command that does not fit is not obeyed; when the
-commander in force goes on beside it, there are two of them.
+The middleware does not name the sender of a message. A commander numbers its commands, however, and
+sends one for each sample that it answers. Between two of its commands its own count therefore grows
+by at least one and at most by the count of the samples. A command that does not fit is not obeyed.
+When the commander in force continues beside it, there are two commanders.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ class Verdict(Enum):
 
     ACCEPTED = "accepted"
     DUPLICATE = "duplicate"
-    """The last accepted command once more."""
+    """It repeats the last accepted command."""
     OLD = "old"
-    """It answers a sample that is answered already."""
+    """It answers a sample that has an answer already."""
     AHEAD = "ahead"
     """It answers a sample that was not taken yet."""
     FOREIGN = "foreign"
@@ -40,17 +40,17 @@ class Verdict(Enum):
 
 
 class Commander:
-    """Follows the commander in force.
+    """Record of the commander in force.
 
-    The first one that answers a sample is in force until it is released for its silence; then the
-    next one that answers may be another.
+    The first sender that answers a sample is in force until it is released for its silence. The
+    next sender that answers may be another one.
 
     Attributes
     ----------
     verdicts : Counter of Verdict
-        How often each verdict was given.
+        Number of times that each verdict was given.
     answered : int
-        The newest sample that has an accepted answer.
+        Newest sample that has an accepted answer.
     """
 
     def __init__(self) -> None:
@@ -60,24 +60,24 @@ class Commander:
         self._has_rival = False
 
     def release(self) -> None:
-        """Forget the commander: it is silent."""
+        """Forget the commander, which is silent."""
         self._last = None
         self._has_rival = False
 
     def judge(self, command: Command, newest: int) -> Verdict:
-        """Tell what becomes of a command.
+        """Judge a command by the number of the newest sample; only an accepted one may act.
 
         Parameters
         ----------
         command : Command
-            The command.
+            Command that has arrived.
         newest : int
             Number of the newest sample.
 
         Returns
         -------
         Verdict
-            Only an accepted command may act.
+            Verdict, also counted in `verdicts`.
         """
         verdict = self._verdict(command, newest)
         if verdict is Verdict.FOREIGN:
@@ -102,11 +102,7 @@ class Commander:
         samples = command.state_sequence - last.state_sequence
         if samples == 0:
             return Verdict.CONFLICT
-        # Also for what comes late: then both counts are negative.
-        if not 1 <= commands * _sign(samples) <= abs(samples):
+        # This holds for late commands too: both counts are then negative.
+        if not 1 <= (commands if samples > 0 else -commands) <= abs(samples):
             return Verdict.FOREIGN
         return Verdict.ACCEPTED if samples > 0 else Verdict.OLD
-
-
-def _sign(number: int) -> int:
-    return 1 if number > 0 else -1

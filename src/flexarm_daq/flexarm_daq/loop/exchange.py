@@ -1,6 +1,6 @@
-"""Exchange with the rig: a sample out, a command in, and the drive kept safe.
+"""Exchange with the rig: a sample out, a command in, and a safe drive.
 
-The exchange asks no clock: whoever paces it says what time it is (`flexarm_daq.loop.acquisition`).
+The exchange reads no clock: its caller states the time (`flexarm_daq.loop.acquisition`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Applied(NamedTuple):
-    """Command in force: volts after the limiter, and the number of the command they come from."""
+    """Command in force: volts after the limiter, and the number of its command."""
 
     command_v: float
     compensation_v: float
@@ -37,8 +37,8 @@ class Applied(NamedTuple):
 class Record(NamedTuple):
     """One sample with the command in force while it was taken.
 
-    `sequence` is the number of its period, from 1. `time_s` is the rig's time, `taken_s` the
-    monotonic clock's.
+    `sequence` is the number of its period, from 1. `time_s` is the rig's time, `taken_s` that of
+    the monotonic clock.
     """
 
     sequence: int
@@ -50,15 +50,7 @@ class Record(NamedTuple):
     command_sequence: int
 
     def start_ns(self, now_ns: int, now_s: float) -> int:
-        """Return when the rig's time began, on another clock.
-
-        Parameters
-        ----------
-        now_ns : int
-            What the other clock shows.
-        now_s : float
-            What the monotonic clock shows at the same instant.
-        """
+        """Return the start of the rig's time on another clock, given both clocks at one instant."""
         return now_ns - round((now_s - self.taken_s + self.time_s) * 1e9)
 
 
@@ -69,15 +61,15 @@ class Link(Protocol):
     """Far end of the loop: samples go there, commands come from there."""
 
     def publish(self, record: Record) -> None:
-        """Hand one sample out."""
+        """Publish one sample."""
 
     def wait(self, timeout_s: float) -> Command | None:
         """Return the newest command, or None when none came in time."""
 
     def spare_time(self) -> None:
-        """Do what is short and can wait.
+        """Do short work that can wait.
 
-        Called after the answer to a sample, or else in the wait for it, at the latest in every
+        It is called after the answer to a sample or in the wait for it, at the latest in every
         second period.
         """
 
@@ -90,36 +82,32 @@ class Exchange:
     rig : Rig
         Rig under control.
     limiter : Limiter
-        The last gate before the rig.
+        Last gate before the rig.
     watchdog : Watchdog
-        Judge of the command's age.
+        Check of the command's age.
     sensors : SensorCheck
-        Judge of the sensors.
+        Check of the sensors.
     link : Link
-        Where samples go.
+        Far end of the loop.
     rate_hz : float
         Sampling rate, Hz.
     statistics_s : float
-        How long `reply_s` looks back, s.
+        Time that `reply_s` looks back, s.
 
     Attributes
     ----------
     safety : Safety
         State of the drive.
     commander : Commander
-        Who is in force, and what became of the commands.
+        Commander in force, and the verdicts on its commands.
     sequence : int
-        Number of the newest sample: of its period, from 1 on.
-    taken : int
-        Samples taken.
-    missed : int
-        Whole periods skipped.
-    unanswered : int
-        Samples whose answer had not come when the next one was taken.
+        Number of the newest sample: that of its period, from 1 on.
+    taken, missed, unanswered : int
+        Samples taken, whole periods skipped, and samples without an answer before the next sample.
     limited : int
         Commands that the limiter changed.
     limited_by : Counter of str
-        How often each limit of the limiter acted.
+        Number of times that each limit of the limiter acted.
     reply_s : Window
         Time from a sample to its command, s.
     """
@@ -159,16 +147,13 @@ class Exchange:
 
     @property
     def refused(self) -> int:
-        """Commands that were not obeyed because of where they come from or what they answer."""
+        """Commands that were refused for their sender or for the sample that they answer."""
         return self.commander.verdicts.total() - self.commander.verdicts[Verdict.ACCEPTED]
 
     @property
     def real_time_factor(self) -> float:
-        """Ratio of the rig's time to that of the wall clock, since the first sample.
-
-        NaN before the second sample.
-        """
-        # Another thread may ask between two assignments: a figure, no more.
+        """Ratio of the rig's time to that of the wall clock; NaN before the second sample."""
+        # Another thread may read between two assignments: the ratio is for information only.
         time_s, tick_s = self._started_s
         passed_s = self._tick_s - tick_s
         return (self._sample_time_s - time_s) / passed_s if passed_s > 0.0 else math.nan
@@ -178,10 +163,7 @@ class Exchange:
         self._limiter.settings = settings
 
     def emergency_stop(self) -> None:
-        """Take the drive to zero at the next tick and keep it there until the run ends.
-
-        Any thread may call.
-        """
+        """Hold the drive at zero from the next tick to the end of the run; any thread may call."""
         self._emergency = True
 
     def _read(self) -> RigSample:
@@ -204,7 +186,7 @@ class Exchange:
         return sample
 
     def _take(self, sample: RigSample, now_s: float, skipped: int = 0) -> None:
-        """Take a sample, so many whole periods too late, and hand it out."""
+        """Take a sample that is some whole periods late, and publish it."""
         self._tick_s = now_s
         if self.commander.answered != self.sequence:
             self.unanswered += 1
@@ -222,7 +204,7 @@ class Exchange:
         self._link.publish(Record(self.sequence, sample.time_s, now_s, sample.volts, *in_force))
 
     def _act(self, command: Command, now_s: float) -> bool:
-        """Let a command act, when it may; return whether it is accepted."""
+        """Let a command act if it may; return whether it is accepted."""
         verdict = self.commander.judge(command, self.sequence)
         if verdict is Verdict.CONFLICT:
             self.safety.on(
@@ -249,13 +231,13 @@ class Exchange:
         return True
 
     def _lose_commander(self) -> None:
-        """Take the drive to zero: the commander in force is silent."""
+        """Take the drive to zero, since the commander in force is silent."""
         self.commander.release()
         self.safety.on(Event.STALE)
         self._let_go()
 
     def _let_go(self) -> None:
-        """Take the drive to zero, if it is not there; the next command starts from zero."""
+        """Take the drive to zero if it is not there; the next command starts from zero."""
         if self._applied != _NOTHING:
             self._write(_NOTHING)
             self._limiter.reset()

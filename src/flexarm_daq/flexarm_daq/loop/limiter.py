@@ -25,15 +25,15 @@ class LimiterSettings:
     max_command_v : float
         Largest magnitude, at most the drive's 10 V.
     max_slew_v_per_s : float
-        Fastest change; the default allows full reversal in one period of 300 Hz.
+        Fastest change, V/s; the default allows a full reversal in one period of 300 Hz.
     position_bound_v : float
-        Reading of the position beyond which no command drives further outward; the default lies
-        four degrees before the stops.
+        Position beyond which no command drives further outward, V; by default four degrees before
+        the stops.
 
     Raises
     ------
     SettingError
-        If a limit is not a positive number, or the magnitude exceeds the drive's.
+        If a limit is not a positive number, or the magnitude exceeds that of the drive.
     """
 
     max_command_v: float = MAX_COMMAND_V
@@ -58,11 +58,11 @@ class LimitedCommand(NamedTuple):
     Attributes
     ----------
     command_v : float
-        The command.
+        Command, V.
     compensation_v : float
-        The part of it that is friction compensation; the rest is feedback effort.
+        Part of it that is friction compensation, V; the rest is feedback effort.
     reasons : tuple of str
-        The limits that acted, in order; empty if the command passed unchanged.
+        Limits that acted, in order; empty if the command passed unchanged.
     """
 
     command_v: float
@@ -76,18 +76,18 @@ _ZERO_NOT_FINITE: Final = LimitedCommand(0.0, 0.0, (NOT_FINITE,))
 class Limiter:
     """Clamp, slew limit and position bound, in that order, behind a check for finite numbers.
 
-    Zero is the drive's safe state: a command that is not finite, or that drives outward beyond the
-    bound, becomes zero at once, whatever the slew limit. The slew is counted from the last command
-    that was applied.
+    Zero is the safe state of the drive. A command that is not finite, or that drives outward beyond
+    the bound, becomes zero at once, whatever the slew limit. The slew is counted from the last
+    applied command.
 
-    A limited command keeps its compensation as far as the command reaches, and the effort takes
-    the cut. The compensation stands for friction, and the friction it cancels is there all the
-    same; the rest is what moves the arm, and so what an identification must see (section 2.4.3).
+    A limited command keeps its compensation as far as the command reaches, and the effort is cut.
+    The compensation stands for friction, which is present in any case. The rest moves the arm and
+    is the input of an identification (section 2.4.3).
 
     Parameters
     ----------
-    settings : LimiterSettings
-        The limits; they may be replaced between two commands.
+    settings : LimiterSettings, optional
+        Limits; they may be replaced between two commands.
 
     Examples
     --------
@@ -110,22 +110,20 @@ class Limiter:
 
         Parameters
         ----------
-        effort_v : float
-            Feedback effort u_e of equation (4-6).
-        compensation_v : float
-            Friction compensation u_c of equation (4-6).
+        effort_v, compensation_v : float
+            Feedback effort u_e and friction compensation u_c of equation (4-6), V.
         position_v : float
-            Position of the newest sample.
+            Position of the newest sample, V.
         interval_s : float
-            Time since the last command was applied.
+            Time since the last command was applied, s.
 
         Returns
         -------
         LimitedCommand
-            What to write; always finite and within the limits.
+            Command to write, always finite and within the limits.
         """
         wanted_v = effort_v + compensation_v
-        # A sum of finite numbers may overflow, and one of infinities may not be a number.
+        # A sum of finite numbers may overflow, and a sum of infinities may be NaN.
         if not (
             math.isfinite(wanted_v) and math.isfinite(position_v) and math.isfinite(interval_s)
         ):

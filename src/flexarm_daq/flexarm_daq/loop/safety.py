@@ -1,6 +1,6 @@
-"""State machine of the drive: when a command may act, and when the drive is at zero.
+"""State machine of the drive: states in which a command may act, and states with the drive at zero.
 
-Drawn in `docs/safety.md`; `TRANSITIONS` is the drawing as a table.
+`docs/safety.md` has the drawing; `TRANSITIONS` is the same as a table.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Event(Enum):
     STALE = "stale"
     """The command in force is too old."""
     EMERGENCY_STOP = "emergency stop"
-    """Somebody asked for it."""
+    """A user or a program asked for it."""
     SENSOR_FAULT = "sensor fault"
     """A sensor cannot be trusted."""
     TWO_COMMANDERS = "two commanders"
@@ -47,9 +47,7 @@ class Event(Enum):
     """Deactivation, a signal, or the last sample."""
 
 
-_RUNNING = (DriveState.READY, DriveState.DRIVING, DriveState.HELD)
 _HOLDING = (Event.EMERGENCY_STOP, Event.SENSOR_FAULT, Event.TWO_COMMANDERS)
-_ENDING = (Event.FAILURE, Event.END)
 
 TRANSITIONS: Final[Mapping[tuple[DriveState, Event], DriveState]] = {
     (DriveState.OFF, Event.START): DriveState.READY,
@@ -61,26 +59,28 @@ TRANSITIONS: Final[Mapping[tuple[DriveState, Event], DriveState]] = {
         for event in _HOLDING
     },
     **{
-        (state, event): DriveState.OFF for state in _RUNNING for event in (Event.FAILURE, Event.END)
+        (state, event): DriveState.OFF
+        for state in (DriveState.READY, DriveState.DRIVING, DriveState.HELD)
+        for event in (Event.FAILURE, Event.END)
     },
 }
-"""Next state by state and event; what is not listed changes nothing."""
+"""Next state by state and event; a pair that is not listed changes nothing."""
 
 COUNTED: Final = (Event.STALE, *_HOLDING)
 """Events that diagnostics count."""
 
 
 class Safety:
-    """The state machine of one run, with the reason of its state.
+    """State machine of one run, with the reason of its state.
 
     Attributes
     ----------
     state : DriveState
-        The present state.
+        Present state.
     reason : str
-        Why the drive is held or the run failed; the first cause stands. Empty otherwise.
+        First cause of a held drive or a failed run; empty otherwise.
     counts : Counter of Event
-        How often each event came while it changed something.
+        Number of times that each event changed the state.
     """
 
     def __init__(self) -> None:
@@ -94,15 +94,7 @@ class Safety:
         return self.state is DriveState.DRIVING
 
     def on(self, event: Event, reason: str = "") -> None:
-        """Take an event.
-
-        Parameters
-        ----------
-        event : Event
-            What happened.
-        reason : str
-            What to tell the user.
-        """
+        """Take an event, with its reason in words for the user."""
         following = TRANSITIONS.get((self.state, event), self.state)
         if following is self.state:
             return

@@ -1,11 +1,12 @@
 """Self-test of the rig before it is armed: the signs of its answer to a small current.
 
-Two short pulses of current, up and down, each followed by a pause in which friction stops the arm.
-While a pulse lasts, the speed and the base gauge follow the current and the middle gauge goes
-against it (the signs of Appendix B); the position follows the current's integral. Each channel is
-compared with that course: how many standard deviations of its own noise stands its answer above
-zero? A wire on the wrong terminal, a swapped polarity, a dead sensor or a drive without power
-shows before a controller makes it worse.
+The test gives two short pulses of current, up and down, each followed by a pause in which friction
+stops the arm. During a pulse the speed and the base gauge follow the current, and the middle gauge
+has the opposite sign (Appendix B). The position follows the integral of the current. The answer of
+each channel is correlated with that course and compared with the standard deviation of its noise.
+
+The test shows a wire on the wrong terminal, a swapped polarity, a dead sensor or a drive without
+power before a controller makes it worse.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from flexarm_daq.rigs.rig_protocol import Rig
 
 PULSE_V: Final = 2.0
-"""Height of the pulses: 1 A, three times what breaks the friction; it turns the arm 6 degrees."""
+"""Height of the pulses: 1 A, three times the break-away current; it turns the arm 6 degrees."""
 
 MIN_RATE_HZ: Final = 200.0
 """Slowest sampling that shows the pulses."""
@@ -40,9 +41,9 @@ _MAX_START_V: Final = 5.0
 _MAX_MOVE_V: Final = 1.5
 _SATURATED_V: Final = INPUT_RANGE_V - 0.05
 _SATURATED_SHARE: Final = 0.1
-# Noise alone goes this far once in two million times.
+# Noise alone exceeds this once in two million times.
 _CERTAIN: Final = 5.0
-# Half a step of a 10-bit converter: below it, the noise is the converter's.
+# This is half a step of a 10-bit converter; below it the noise comes from the converter.
 _LEAST_NOISE_V: Final = 0.005
 
 RIGHT: Final = "right"
@@ -52,7 +53,7 @@ SATURATED: Final = "saturated"
 
 
 class SelfTestError(RigError):
-    """The rig does not answer as it must; the message names the channel."""
+    """Wrong answer of the rig; the message names the channel."""
 
 
 class Answer(NamedTuple):
@@ -65,8 +66,8 @@ class Answer(NamedTuple):
     verdict : str
         `RIGHT`, `WRONG_SIGN`, `SILENT` or `SATURATED`.
     certainty : float
-        Height of the answer in standard deviations of the channel's noise; negative against the
-        expected sign.
+        Height of the answer in standard deviations of the channel's noise; negative for the wrong
+        sign.
     """
 
     channel: str
@@ -75,47 +76,31 @@ class Answer(NamedTuple):
 
 
 def profile_v(rate_hz: float) -> NDArray[np.float64]:
-    """Return the commands of one try: rest, pulse up, pause, pulse down, pause.
-
-    Parameters
-    ----------
-    rate_hz : float
-        Sampling rate, at least `MIN_RATE_HZ`.
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        Command after each sample.
-    """
-    parts = (
-        (0.0, _REST_S),
-        (PULSE_V, _PULSE_S),
-        (0.0, _PAUSE_S),
-        (-PULSE_V, _PULSE_S),
-        (0.0, _PAUSE_S),
-    )
-    return np.concatenate([np.full(round(length_s * rate_hz), volts) for volts, length_s in parts])
+    """Return the command after each sample of one try: rest, pulse up, pause, pulse down, pause."""
+    levels_v = (0.0, PULSE_V, 0.0, -PULSE_V, 0.0)
+    lengths_s = (_REST_S, _PULSE_S, _PAUSE_S, _PULSE_S, _PAUSE_S)
+    return np.repeat(levels_v, [round(length_s * rate_hz) for length_s in lengths_s])
 
 
 def judge(command_v: NDArray[np.float64], volts: NDArray[np.float64]) -> tuple[Answer, ...]:
-    """Compare what the channels did with what the current must cause.
+    """Compare the course of the channels with the expected effect of the current.
 
     Parameters
     ----------
-    command_v : ndarray, shape (samples,)
-        Command in force while each sample was taken; zero at first, for the noise and the offset.
-    volts : ndarray, shape (samples, 4)
-        The samples.
+    command_v : ndarray, (samples,)
+        Command in force while each sample was taken, V; zero at first, for noise and offset.
+    volts : ndarray, (samples, 4)
+        Samples, V.
 
     Returns
     -------
     tuple of Answer
-        One per channel.
+        One answer per channel.
 
     Raises
     ------
     SettingError
-        If there are less than two samples of rest, or no command.
+        If there are less than 2 samples of rest, or no command.
     """
     moving = np.flatnonzero(command_v)
     if not moving.size or moving[0] < 2:  # noqa: PLR2004 - a standard deviation takes two
@@ -124,7 +109,7 @@ def judge(command_v: NDArray[np.float64], volts: NDArray[np.float64]) -> tuple[A
     course = np.column_stack([np.cumsum(command_v), command_v, -command_v, command_v])[moving[0] :]
     noise_v = np.maximum(rest.std(axis=0, ddof=1), _LEAST_NOISE_V)
     answer = np.sum(course * (volts[moving[0] :] - rest.mean(axis=0)), axis=0)
-    # The mean of the rest has noise of its own.
+    # The mean of the rest is noisy too.
     spread = noise_v * np.sqrt(np.sum(course**2, axis=0) + np.sum(course, axis=0) ** 2 / moving[0])
     saturated = np.mean(np.abs(volts) >= _SATURATED_V, axis=0) > _SATURATED_SHARE
     return tuple(
@@ -140,18 +125,7 @@ def _verdict(certainty: float) -> str:
 
 
 def complaint(answers: tuple[Answer, ...]) -> str:
-    """Say in one line what is wrong and what to do, or nothing when all is right.
-
-    Parameters
-    ----------
-    answers : tuple of Answer
-        What `judge` found.
-
-    Returns
-    -------
-    str
-        The line; empty if every channel is right.
-    """
+    """Return the faults and their remedies in one line; empty if every channel is right."""
     verdicts = {answer.verdict for answer in answers}
     if verdicts == {WRONG_SIGN}:
         return (
@@ -178,18 +152,18 @@ def complaint(answers: tuple[Answer, ...]) -> str:
 def run_self_test(rig: Rig, limiter: Limiter, rate_hz: float, *, paced: bool) -> None:
     """Open the rig, pulse it, judge it, and close it with the drive at zero.
 
-    What noise or a swinging arm leaves undecided is tried again.
+    Noise or a swinging arm can leave a try undecided; the test is then repeated.
 
     Parameters
     ----------
     rig : Rig
-        The rig, closed.
+        Rig, closed.
     limiter : Limiter
-        The gate before it: the pulses stay within its limits.
+        Gate before it: the pulses stay within its limits.
     rate_hz : float
-        Sampling rate.
+        Sampling rate, Hz.
     paced : bool
-        Wait a period between samples; not in virtual time.
+        True waits a period between samples; false in virtual time.
 
     Raises
     ------
@@ -212,14 +186,7 @@ def run_self_test(rig: Rig, limiter: Limiter, rate_hz: float, *, paced: bool) ->
 
 
 def check_possible(rate_hz: float, max_command_v: float) -> None:
-    """Check that the pulses fit the settings.
-
-    Parameters
-    ----------
-    rate_hz : float
-        Sampling rate.
-    max_command_v : float
-        Largest command that the limiter lets through.
+    """Refuse a sampling rate or a command limit that does not fit the pulses.
 
     Raises
     ------
@@ -239,7 +206,7 @@ def check_possible(rate_hz: float, max_command_v: float) -> None:
 def _follow(
     rig: Rig, limiter: Limiter, commands_v: NDArray[np.float64], rate_hz: float, *, paced: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Follow the commands; return command in force and samples."""
+    """Apply the commands in turn; return the commands in force and the samples."""
     in_force_v = np.zeros(len(commands_v))
     volts = np.zeros((len(commands_v), len(CHANNELS)))
     applied_v = 0.0

@@ -1,15 +1,16 @@
-"""Sensor check: every sample is held against what a healthy rig can do.
+"""Sensor check: comparison of every sample with the limits of a healthy rig.
 
-- A reading that is not a number is none.
-- **Out of its travel**: the arm cannot go beyond its stops, an open potentiometer reads the rail.
-- **Saturated**: speed and gauges at the end of the input range for longer than the arm can keep
-  them there.
-- **Stuck**: the same code again and again although every channel has noise.
-- **Disagreement**: position and integrated speed drift apart; then one of the two is wrong.
+- **Not a number**: the reading is NaN or infinite.
+- **Out of its travel**: the stops hold the arm, so such a position is that of an open
+potentiometer.
+- **Saturated**: speed and gauges stay at the end of the input range for longer than the arm can
+keep them there.
+- **Stuck**: the same code repeats although every channel has noise.
+- **Disagreement**: position and integrated speed drift apart, so one of the two is wrong.
 
-The limits leave room for the hardest that the simulated rig can do: full current against the stops
-with 400 g keeps the base gauge saturated for 0.35 s, and full current reversed at a resonance lets
-position and speed disagree by 15 degrees.
+The limits leave room for the hardest motion of the simulated rig. Full current against the stops
+with 400 g saturates the base gauge for 0.35 s. Full current reversed at a resonance lets position
+and speed disagree by 15 degrees.
 """
 
 from __future__ import annotations
@@ -42,18 +43,18 @@ class SensorLimits:
     Attributes
     ----------
     stuck_samples : int
-        So many equal readings in a row are a stuck sensor; 0 for a rig without noise. With noise
-        of one converter step, 30 of them come by chance once in 10^15 samples.
+        Equal readings in a row that mean a stuck sensor; 0 for a rig without noise. With noise of
+        one converter step, 30 of them come by chance once in 10^15 samples.
     max_position_v : float
-        Position that the stops do not let the arm reach; they give way to 7.2 V at most.
+        Position that the arm cannot reach, V; the stops give way to 7.2 V at most.
     travel_samples : int
-        So many readings beyond it in a row are no disturbance.
+        Readings beyond it in a row that are no disturbance.
     speed_saturated_s, gauge_saturated_s : float
-        So long at the end of the range is a broken sensor.
+        Time at the end of the range that means a broken sensor, s.
     disagreement_rad : float
-        Largest difference of position and integrated speed.
+        Largest difference of position and integrated speed, rad.
     memory_s : float
-        The difference is forgotten over this time, so that an offset of the tachometer does not
+        Time over which the difference is forgotten, s, so that an offset of the tachometer does not
         add up.
 
     Raises
@@ -79,14 +80,14 @@ class SensorLimits:
 
 
 class SensorCheck:
-    """Examines every sample of one run.
+    """Examination of every sample of one run.
 
     Parameters
     ----------
     rate_hz : float
-        Sampling rate.
+        Sampling rate, Hz.
     limits : SensorLimits, optional
-        What a healthy rig stays within.
+        Limits of a healthy rig.
     """
 
     def __init__(self, rate_hz: float, limits: SensorLimits | None = None) -> None:
@@ -108,19 +109,14 @@ class SensorCheck:
         self._drift_rad = 0.0
 
     def complaint(self, time_s: float, volts: NDArray[np.float64]) -> str:
-        """Examine the next sample.
+        """Examine the next sample and return its fault in one line; empty if there is none.
 
         Parameters
         ----------
         time_s : float
-            Its instant.
-        volts : ndarray, shape (4,)
-            The readings.
-
-        Returns
-        -------
-        str
-            What is wrong, in one line; empty if nothing is.
+            Instant of the sample, s.
+        volts : ndarray, (4,)
+            Readings, V.
         """
         readings = volts.tolist()
         found = ""

@@ -8,26 +8,25 @@ from flexarm_core.errors import SettingError
 
 
 class Watchdog:
-    """Tells whether the last command is too old to be in force.
+    """Check of the age of the last command.
 
-    The age of a command is counted in samples from the one that it answers. Time counts beside
-    them, since samples may be missing: with half a period to spare, as they come a little early or
-    late.
+    The age of a command is counted in samples from the one that it answers. Since samples may be
+    missing, it is measured in time too. Half a period is allowed for samples that come a little
+    early or late.
 
     Parameters
     ----------
     period_s : float
-        Sampling period.
+        Sampling period, s.
     max_age_periods : int
-        So many samples, or the time of so many periods, after the sample that it answers a command
-        is stale.
+        Samples, or periods of time, after which a command is stale.
 
     Attributes
     ----------
     feeds : int
         Commands seen.
     lapses : int
-        How often a fresh command has turned stale.
+        Number of times that a fresh command has turned stale.
 
     Raises
     ------
@@ -49,31 +48,14 @@ class Watchdog:
         self._is_fresh = False
 
     def fed(self, now_s: float) -> None:
-        """Note a command.
-
-        Parameters
-        ----------
-        now_s : float
-            Monotonic time of the sample that it answers.
-        """
+        """Note a command, with the monotonic time of the sample that it answers."""
         self.feeds += 1
         self._fed_s = now_s
         self._samples = 0
         self._is_fresh = True
 
     def stale(self, now_s: float) -> bool:
-        """Tell whether no command is in force: asked once at every sample.
-
-        Parameters
-        ----------
-        now_s : float
-            Monotonic time of the sample.
-
-        Returns
-        -------
-        bool
-            True if the last command is too old, or none has come yet.
-        """
+        """Return whether the last command is too old, or none has come; called once per sample."""
         self._samples += 1
         is_old = self._samples >= self._max_age_samples or now_s - self._fed_s > self._max_age_s
         if self._is_fresh and is_old:

@@ -1,13 +1,13 @@
-"""DAQ node: samples the rig, publishes `state`, lets commands act, reports on itself.
+"""DAQ node: samples the rig, publishes `state`, applies commands and reports its own figures.
 
-A managed node. Configuring checks the parameters and makes the topics, activating starts the
-sampling, deactivating stops it with the drive at zero.
+The node is a managed node. Configuration checks the parameters and makes the topics. Activation
+starts the sampling, and deactivation stops it with the drive at zero.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import fields
+from dataclasses import astuple, fields
 from typing import TYPE_CHECKING, Any
 
 from std_srvs.srv import Trigger
@@ -49,9 +49,9 @@ PARAMETERS = (
         0.0,
         100.0,
     ),
-    # Under settings of the user's own the middleware may repeat a lost message only after 3 s.
+    # With a user's own settings the middleware may repeat a lost message only after 3 s.
     ParameterSpec(
-        "answer_timeout_s", 5.0, "virtual time: how long a sample waits", 0.01, 60.0, "s"
+        "answer_timeout_s", 5.0, "virtual time: longest wait for an answer", 0.01, 60.0, "s"
     ),
     ParameterSpec(
         "await_commander",
@@ -68,7 +68,7 @@ PARAMETERS = (
     ParameterSpec(
         "position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, INPUT_RANGE_V, "V"
     ),
-    ParameterSpec("statistics_s", 10.0, "how long the percentiles look back", 1.0, 7200.0, "s"),
+    ParameterSpec("statistics_s", 10.0, "time that the percentiles look back", 1.0, 7200.0, "s"),
     ParameterSpec("max_age_periods", 3, "watchdog: periods without an answer until zero", 1, 1000),
     ParameterSpec(
         "stuck_samples",
@@ -101,7 +101,7 @@ _SLOWEST_PACE = 0.01
 
 
 class DaqNode(LoopNode):
-    """Wires parameters, topics and services to an `Acquisition`."""
+    """Node that connects parameters, topics and services to an `Acquisition`."""
 
     # Parameters are checked before the rest of the node is there.
     _acquisition: Acquisition | None = None
@@ -123,11 +123,11 @@ class DaqNode(LoopNode):
         self._link = TopicLink(self)
 
     def release_topics(self) -> None:
-        """Give the topics back."""
+        """Release the topics."""
         self._link.close()
 
     def prepare(self) -> None:
-        """Build the rig, and wait until everybody who listens will get the first sample."""
+        """Build the rig, and wait until every reader will get the first sample."""
         values = self.parameters.values()
         rig, settings = _rig_and_limits(values)
         self._rig = rig
@@ -162,7 +162,8 @@ class DaqNode(LoopNode):
         assert self._acquisition is not None  # noqa: S101 - prepared before
         try:
             self._acquisition.run(stopping)
-            self.get_logger().info(f"{self._acquisition.taken} samples, the drive is at zero")
+            taken = self._acquisition.taken
+            self.get_logger().info(f"{taken} sample{'s' * (taken != 1)}, the drive is at zero")
         finally:
             if not stopping.is_set():
                 self._link.await_readers()
@@ -174,7 +175,7 @@ class DaqNode(LoopNode):
         return f"the drive is held at zero: {reason}" if reason else ""
 
     def warning(self) -> str:
-        """Return that the commands have stopped, when they have."""
+        """Return a line when the commands have stopped; empty otherwise."""
         acquisition = self._acquisition
         assert acquisition is not None  # noqa: S101 - asked only while the loop runs
         answered = acquisition.commander.answered
@@ -209,18 +210,18 @@ class DaqNode(LoopNode):
         }
         yield {"commanders": ", ".join(self._link.commanders())}
         for name, window in (("late", acquisition.late_s), ("reply", acquisition.reply_s)):
-            figures = window.percentiles()
-            yield {
-                f"{name} p50 ms": f"{figures.p50 * 1e3:.3f}",
-                f"{name} p99 ms": f"{figures.p99 * 1e3:.3f}",
-                f"{name} p999 ms": f"{figures.p999 * 1e3:.3f}",
-                f"{name} max ms": f"{figures.maximum * 1e3:.3f}",
-            }
+            figures = zip(("p50", "p99", "p999", "max"), astuple(window.percentiles()), strict=True)
+            yield {f"{name} {figure} ms": f"{1e3 * value_s:.3f}" for figure, value_s in figures}
 
     def _accept(self, values: Mapping[str, Any]) -> None:
-        """Raise when the values do not fit together, or cannot change while the loop runs."""
+        """Refuse values that do not fit together, or cannot change while the loop runs."""
         _rig_and_limits(values)
-        _check_pace(values["real_time_factor"])
+        pace = values["real_time_factor"]
+        if 0.0 < pace < _SLOWEST_PACE:
+            raise SettingError(
+                f"parameter real_time_factor = {pace:g}: must be 0, as fast as "
+                f"it goes, or {_SLOWEST_PACE:g} to 100"
+            )
         if self._acquisition is None or not self.running:
             return
         before = self.parameters.values()
@@ -249,7 +250,7 @@ class DaqNode(LoopNode):
 
 
 def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
-    """Build what the parameters describe; ValueError when they do not fit together."""
+    """Build the rig and the limits; raise SettingError when the values do not fit together."""
     settings = _limits(values)
     rig = make_rig(values)
     if values["fault"] == _NO_FAULT:
@@ -265,20 +266,12 @@ def _rig_and_limits(values: Mapping[str, Any]) -> tuple[Rig, LimiterSettings]:
     return faulty, settings
 
 
-def _check_pace(factor: float) -> None:
-    if 0.0 < factor < _SLOWEST_PACE:
-        raise SettingError(
-            f"parameter real_time_factor = {factor:g}: must be 0, as fast as it goes, or "
-            f"{_SLOWEST_PACE:g} to 100"
-        )
-
-
 def _limits(values: Mapping[str, Any]) -> LimiterSettings:
     return LimiterSettings(**{field.name: values[field.name] for field in fields(LimiterSettings)})
 
 
 def _sensor_limits(values: Mapping[str, Any]) -> SensorLimits:
-    """Return the limits; where there is no noise, a resting arm looks stuck."""
+    """Return the limits; without noise, a resting arm looks stuck and is not checked."""
     has_noise = values["rig"] != "simulated" or values["noise"] != "none"
     return SensorLimits(stuck_samples=values["stuck_samples"] if has_noise else 0)
 

@@ -1,8 +1,9 @@
 """Experiment node: answers every sample of `state` with a command of an open-loop experiment.
 
-A managed node that takes the controller's place on `command`. It carries no compensation: what is
-sent is the whole command (2.4.1, 2.4.2). It declares that its commands do not use the outputs: the
-turning round at the bound is a guard that acts a few times in a record, not a loop around the arm.
+The node is a managed node that takes the controller's place on `command`. It sends no compensation:
+the effort is the whole command (2.4.1, 2.4.2). It declares that its commands do not use the
+outputs. The reversal at the bound is a guard that acts a few times in a record, not a loop around
+the arm.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ PARAMETERS = (
     ParameterSpec(
         "magnitude_v", 1.0, "magnitude; the largest one when it is random", 0.0, MAX_COMMAND_V, "V"
     ),
-    ParameterSpec("seed", 0, "seed of what is random", 0, 2**31 - 1),
+    ParameterSpec("seed", 0, "seed of the random values", 0, 2**31 - 1),
 )
 
 
@@ -34,7 +35,7 @@ def _excitation(values: Mapping[str, Any]) -> Excitation:
 
 
 class ExperimentNode(AnsweringNode):
-    """Wires parameters and topics to an excitation."""
+    """Node that connects parameters and topics to an excitation."""
 
     def __init__(self) -> None:
         super().__init__("experiment", PARAMETERS, accept=_excitation)
@@ -45,16 +46,16 @@ class ExperimentNode(AnsweringNode):
         return self.parameters.values()["waveform"], False
 
     def prepare(self) -> None:
-        """Make the excitation: parameters that change later act in the next run."""
+        """Make the excitation; parameters that change later act in the next run."""
         self._excitation = _excitation(self.parameters.values())
         super().prepare()
 
     def begin(self) -> None:
-        """Begin the experiment anew."""
+        """Begin the experiment again from the start."""
         self._excitation.reset()
 
     def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
-        """Fill the command in."""
+        """Fill in the command."""
         time_s = (taken_ns - self.run_start_ns) * 1e-9
         command.effort_v = self._excitation.step(time_s, state.position_v)
 

@@ -1,4 +1,4 @@
-"""Kept messages: the last one of each topic that a new record must be told again."""
+"""Kept messages: the last message of each topic that a new record repeats."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ if TYPE_CHECKING:
 
 
 class KeptMessages:
-    """Puts into every bag what was said before it was begun.
+    """Store of messages that were sent before a bag and belong into it.
 
     The last message of a kept topic goes into a bag before the first message of any other topic,
-    unless a newer one has come by then. What is older than the bag gets the time of its beginning.
+    unless a newer one has come by then. A message that is older than the bag gets the time of its
+    beginning.
 
     Parameters
     ----------
-    topics
-        The kept ones.
+    topics : iterable of str
+        Kept topics.
     """
 
     def __init__(self, topics: Iterable[str]) -> None:
@@ -32,13 +33,7 @@ class KeptMessages:
         self._due = dict(self._last)
 
     def due(self, topic: str, raw: bytes, time_ns: int) -> Iterator[tuple[str, bytes, int]]:
-        """Take the next message and yield what is to be written, with the times.
-
-        Parameters
-        ----------
-        topic, raw, time_ns
-            The message and when it was sent.
-        """
+        """Take the next message with its time of sending, and yield the messages to be written."""
         if topic in self._topics:
             self._last[topic] = raw
             self._due.pop(topic, None)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Pacer:
-    """Lets a thread wait for instants of a play; other threads stop, start and end it.
+    """Clock that a thread waits for, and that other threads stop, start and end.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Pacer:
 
     @property
     def position_s(self) -> float:
-        """Time played so far, without the time that the play was stopped."""
+        """Time played so far, without the time in which the play was stopped, s."""
         since_s = self._since_s
         return self._played_s + (0.0 if since_s is None else self._clock() - since_s)
 
@@ -44,33 +44,27 @@ class Pacer:
         return self._since_s is not None
 
     def start(self) -> None:
-        """Go on; nothing on a play that runs."""
+        """Go on; has no effect on a running play."""
         with self._condition:
             if self._since_s is None:
                 self._since_s = self._clock()
             self._condition.notify_all()
 
     def stop(self) -> None:
-        """Stop where the play is, until `start`."""
+        """Stop at the present position, until `start`."""
         with self._condition:
             self._played_s = self.position_s
             self._since_s = None
             self._condition.notify_all()
 
     def end(self) -> None:
-        """End the play for good; whoever waits returns."""
+        """End the play for good; every waiting thread returns."""
         with self._condition:
             self._ended = True
             self._condition.notify_all()
 
     def wait_for(self, due_s: float) -> bool:
-        """Wait until the play has come to an instant.
-
-        Returns
-        -------
-        bool
-            False when the play was ended instead.
-        """
+        """Wait until the play has reached an instant; return False when it was ended instead."""
         with self._condition:
             while not self._ended:
                 left_s = due_s - self.position_s
@@ -81,10 +75,10 @@ class Pacer:
 
 
 class StandIn:
-    """Makes recorded samples look as if they were taken now.
+    """Renewal of recorded samples, so that they look as if they were taken now.
 
-    Stamps follow the play from its beginning, and the numbering goes on where the record starts
-    again; what is missing in the record stays missing.
+    Stamps follow the play from its beginning. The numbering goes on where the record starts again,
+    and gaps in the record stay.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Player node: publishes the messages of a bag with their original timing, then ends.
 
-It plays no topic that another node publishes: two sources of samples would move the arm.
-The service `~/play` stops and starts it. It can stand in for the DAQ node: then it publishes the
-samples only, stamped and numbered as if they were taken now, so that a controller answers them and
-a recorder records both.
+The node plays no topic that another node publishes: two sources of samples would move the arm. The
+service `~/play` stops and starts it. It can stand in for the DAQ node and then publishes the
+samples only, stamped and numbered as if they were taken now. A controller answers them, and a
+recorder records both.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ PARAMETERS = (
 
 _SAMPLES = frozenset({"flexarm_msgs/msg/ArmState", "flexarm_msgs/msg/IoSample"})
 _STANDS_IN = _SAMPLES | {"flexarm_msgs/msg/ChannelInfo"}
-# The middleware repeats after 3 s what a node did not hear at once: 0.1 s to 3.0 s were seen.
+# The middleware repeats an unheard announcement after 3 s: 0.1 s to 3.0 s were measured.
 _DISCOVERY_S = 4.0
 
 
 class PlayerNode(Node):
-    """Wires a `PlaybackPlan` to publishers."""
+    """Node that connects a `PlaybackPlan` to publishers."""
 
     def __init__(self) -> None:
         super().__init__("player", namespace="/flexarm")
@@ -126,7 +126,7 @@ class PlayerNode(Node):
                 count += 1
         except (PlaybackError, struct.error) as error:
             self.get_logger().error(str(error))
-        self.get_logger().info(f"played {count} messages")
+        self.get_logger().info(f"played {count} message{'s' * (count != 1)}")
         request_stop()
 
     def _on_play(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
@@ -146,12 +146,12 @@ class PlayerNode(Node):
         return response
 
     def _rivalry(self) -> str:
-        """Return why nothing may be played: which topic others publish; empty when none."""
+        """Return the reason for a refusal: a topic that others publish; empty for none."""
         own = (self.get_namespace(), self.get_name())
         for topic, publisher in self._publishers_of.items():
             infos = self.get_publishers_info_by_topic(topic)
             nodes = [(info.node_namespace, info.node_name) for info in infos]
-            # One of that name is this node; a second one is another player.
+            # The first node of that name is this one; a second one is another player.
             if own in nodes:
                 nodes.remove(own)
             if nodes:
@@ -180,5 +180,5 @@ def _qos(topic: PlayedTopic) -> QoSProfile:
 
 
 def main() -> int:
-    """Run the node; a play that was refused is an error of the process."""
+    """Run the node; a refused play is an error of the process."""
     return run(PlayerNode)

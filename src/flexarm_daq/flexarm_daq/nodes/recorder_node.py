@@ -1,8 +1,8 @@
-"""The recorder: writes flexarm's topics into a bag that survives a crash.
+"""Recorder node: writes flexarm's topics into a bag that survives a crash.
 
-It records from its start when the parameter `bag` names a folder, and starts and stops on the
-service `~/record`. Every message gets the time at which it was published. A disk that refuses the
-data ends the recording with an error, in the log and on `/diagnostics`, and nothing else.
+The node records from its start when the parameter `bag` names a folder. The service `~/record`
+starts and stops it. Every message gets the time at which it was published. A disk that refuses the
+data ends the recording with an error, in the log and on `/diagnostics`, and has no other effect.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ TOPICS = {
 }
 """Topics that can be recorded: message type, its name, QoS of the subscription.
 
-What is kept for latecomers stands first: it is taken before the samples that it is about.
+Kept topics stand first: they are read before the samples that they describe.
 """
 
 PARAMETERS = (
@@ -60,14 +60,14 @@ PARAMETERS = (
     ),
 )
 _WAIT_S = 0.1
-# A message that was sent arrives within this time after the one before it, on a busy machine too.
+# Longest time between the arrivals of two sent messages, on a busy machine too.
 _QUIET_S = 0.5
 _DRAIN_S = 5.0
 _REPORT_S = 1.0
 
 
 class RecorderNode(Node):
-    """Wires topics to a `BagWriter`. One thread owns the bag; services ask it."""
+    """Node that connects topics to a `BagWriter`; one thread owns the bag, and services ask it."""
 
     def __init__(self) -> None:
         super().__init__("recorder", namespace="/flexarm")
@@ -98,7 +98,7 @@ class RecorderNode(Node):
         self._thread.start()
 
     def stop(self) -> None:
-        """Write what has come so far and close the bag."""
+        """Write the messages that have come so far and close the bag."""
         self._stopping.set()
         self._thread.join()
 
@@ -134,7 +134,7 @@ class RecorderNode(Node):
                     self._writer.write(topic, raw, time_ns, time_ns)
 
     def _write_what_is_on_its_way(self) -> None:
-        """Write every message that was sent before now, as far as it comes in time."""
+        """Write every message that was sent before now and comes in time."""
         now_ns = time.time_ns()
         deadline_s = time.monotonic() + _DRAIN_S
         while time.monotonic() < deadline_s:
@@ -170,7 +170,8 @@ class RecorderNode(Node):
         except RecordingError as error:
             self._fail(error)
             raise
-        text = f"{writer.message_count} messages in {writer.path}"
+        count = writer.message_count
+        text = f"{count} message{'s' * (count != 1)} in {writer.path}"
         self.get_logger().info(text)
         for complaint in writer.sequences.complaints():
             self.get_logger().warning(f"{writer.path}: {complaint}")
@@ -229,5 +230,5 @@ def _known_topics(values: Mapping[str, Any]) -> list[str]:
 
 
 def main() -> int:
-    """Run the node; a recording that was not finished is an error of the process."""
+    """Run the node; an unfinished recording is an error of the process."""
     return run(RecorderNode)

@@ -1,4 +1,4 @@
-"""Choice of the rig and its time: the parameters of the DAQ node, and the rig made from them."""
+"""Choice of the rig and its time: parameters of the DAQ node, and the rig made from them."""
 
 from __future__ import annotations
 
@@ -63,25 +63,19 @@ RIG_PARAMETERS = (
 
 
 def is_virtual(values: Mapping[str, Any]) -> bool:
-    """Tell whether the rig is sampled in virtual time.
-
-    Parameters
-    ----------
-    values : mapping
-        Values of the parameters `time` and `rig`.
-    """
+    """Return whether the parameters `time` and `rig` mean sampling in virtual time."""
     return bool(
         values["time"] == "virtual" or (values["time"] == "auto" and values["rig"] == "simulated")
     )
 
 
 def make_rig(values: Mapping[str, Any]) -> Rig:
-    """Make the rig that the parameters describe; nothing is opened.
+    """Make the rig of the parameters, without opening it.
 
     Raises
     ------
     SettingError
-        When they do not fit together.
+        When the parameters do not fit together.
     """
     if wants_self_test(values):
         check_possible(values["rate_hz"], values["max_command_v"])
@@ -89,17 +83,10 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
         return _simulated(values)
     if values["time"] == "virtual":
         raise SettingError("time = 'virtual' needs rig = 'simulated': a real rig has real time")
-    return NidaqRig(
-        NidaqSettings(
-            device=values["nidaq.device"],
-            sensors=tuple(values["nidaq.sensors"]),
-            magnitude=values["nidaq.magnitude"],
-            direction=values["nidaq.direction"],
-            terminals=values["nidaq.terminals"],
-            high_is_positive=values["nidaq.high_is_positive"],
-            rate_hz=values["rate_hz"],
-        )
-    )
+    start = "nidaq."
+    wired = {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
+    wired |= {"sensors": tuple(wired["sensors"]), "rate_hz": values["rate_hz"]}
+    return NidaqRig(NidaqSettings(**wired))
 
 
 def _simulated(values: Mapping[str, Any]) -> SimulatedRig:
@@ -124,7 +111,7 @@ def _simulated(values: Mapping[str, Any]) -> SimulatedRig:
 
 
 def wants_self_test(values: Mapping[str, Any]) -> bool:
-    """Tell whether the rig is to be pulsed before it is armed."""
+    """Return whether the rig is to be pulsed before it is armed."""
     return bool(
         values["self_test"] == "on"
         or (values["self_test"] == "auto" and values["rig"] != "simulated")

@@ -29,7 +29,7 @@ _JOINT_STATES_HZ = 50.0
 
 
 class TopicLink:
-    """The loop's two topics, used by the sampling thread alone."""
+    """Two topics of the loop, used by the sampling thread alone."""
 
     def __init__(self, node: LoopNode) -> None:
         self._node = node
@@ -63,15 +63,14 @@ class TopicLink:
         return stamp_text(self._state.header.stamp)
 
     def has_commander(self) -> bool:
-        """Tell whether somebody is there who could send commands."""
+        """Return whether a node is there that could send commands."""
         return self._commands.publishers() > 0
 
     def publish(self, record: Record) -> None:
-        """Publish one sample, and the SI view of some when somebody listens."""
+        """Publish one sample, and the SI view of some samples for its subscribers."""
         if record.sequence == 1:
-            # The rig's clock began when it was opened, which may have taken its time; and the
-            # first sample takes its own until it is here.
-            # The node whose time is `/clock` cannot follow it.
+            # The rig's clock began when it was opened, and the first sample comes later. The node
+            # that makes the time of `/clock` cannot follow it.
             clock = self._node.get_clock() if self._clock is None else SystemClock()
             now_ns = clock.now().nanoseconds
             self._start_ns = record.start_ns(now_ns, time.monotonic())
@@ -108,11 +107,11 @@ class TopicLink:
         )
 
     def spare_time(self) -> None:
-        """Have the node report on itself."""
+        """Let the node report its figures."""
         self._node.spare_time()
 
     def commanders(self) -> list[str]:
-        """Return the nodes that could send commands; one that was killed is seen for a while."""
+        """Return the nodes that could send commands; a killed node stays listed for a while."""
         found = self._node.get_publishers_info_by_topic(self._commands.topic)
         return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found)
 
@@ -121,7 +120,7 @@ class TopicLink:
         self._node.await_acknowledged(self._publisher)
 
     def close(self) -> None:
-        """Give the topics back."""
+        """Release the topics."""
         self._commands.close()
         self._release_clock()
         self._node.destroy_publisher(self._publisher)

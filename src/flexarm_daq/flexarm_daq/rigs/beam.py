@@ -1,8 +1,8 @@
 """Euler-Bernoulli beam, pinned at a hub with inertia and carrying a mass at its tip.
 
-Twenty-four cubic Hermite elements; the transverse deflection is zero on the axis and the slope
-there is the hub's angle. See any text on structural dynamics for the element matrices, and
-`docs/rig.md` for the equations.
+The beam has 24 cubic Hermite elements. The transverse deflection is zero on the axis, and the slope
+there is the angle of the hub. Any text on structural dynamics has the element matrices;
+`docs/rig.md` has the equations.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ ELEMENTS = 24
 FLEXIBLE_MODES = 6
 
 _ELEMENT_DOFS = 4
+_UNIT_MASS = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
+_UNIT_STIFFNESS = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
 
 
 @dataclass(frozen=True)
@@ -32,15 +34,15 @@ class BeamModes:
 
     Attributes
     ----------
-    omega_rad_per_s : ndarray, shape (modes,)
+    omega_rad_per_s : ndarray, (modes,)
         Angular natural frequencies; the first is zero.
-    hub_angle : ndarray, shape (modes,)
+    hub_angle : ndarray, (modes,)
         Hub angle of each mode: its participation in a torque at the hub.
-    base_curvature, middle_curvature : ndarray, shape (modes,)
+    base_curvature, middle_curvature : ndarray, (modes,)
         Second derivative of the deflection at the two gauges.
-    momentum : ndarray, shape (dofs, modes)
-        Mass matrix times mode shapes: projects a deflection on the modes.
-    shapes : ndarray, shape (dofs, modes)
+    momentum : ndarray, (dofs, modes)
+        Mass matrix times mode shapes, which projects a deflection on the modes.
+    shapes : ndarray, (dofs, modes)
         Slopes and deflections of the nodes in each mode.
     """
 
@@ -53,24 +55,24 @@ class BeamModes:
 
 
 def natural_frequencies_hz(parameters: RigParameters, count: int = 3) -> NDArray[np.float64]:
-    """Natural frequencies of the whole arm: both hub inertias, beam, tip mass and payload.
+    """Return the natural frequencies of the whole arm: hubs, beam, tip mass and payload.
 
     Parameters
     ----------
     parameters : RigParameters
-        The rig.
+        Rig.
     count : int
-        How many flexible modes; the rigid one is left out.
+        Number of flexible modes.
 
     Returns
     -------
-    ndarray, shape (count,)
-        Frequencies in Hz, ascending.
+    ndarray, (count,)
+        Frequencies of the flexible modes, Hz, ascending.
 
     Raises
     ------
     SettingError
-        If `count` is not between 1 and the number of elements, beyond which the mesh says nothing.
+        If `count` is not between 1 and the number of elements, the limit of the mesh.
     """
     if not 1 <= count <= ELEMENTS:
         raise SettingError(f"count must be between 1 and {ELEMENTS}, got {count}")
@@ -80,44 +82,18 @@ def natural_frequencies_hz(parameters: RigParameters, count: int = 3) -> NDArray
 
 
 def arm_modes(parameters: RigParameters) -> BeamModes:
-    """Modes of the load side of the gear: its hub, beam, tip mass and payload.
-
-    Parameters
-    ----------
-    parameters : RigParameters
-        The rig.
-
-    Returns
-    -------
-    BeamModes
-        One rigid and `FLEXIBLE_MODES` flexible modes.
-    """
+    """Return one rigid and `FLEXIBLE_MODES` flexible modes of the load side of the gear."""
     return hub_beam_modes(parameters, parameters.load_inertia_kg_m2, FLEXIBLE_MODES)
 
 
 def hub_beam_modes(parameters: RigParameters, hub_kg_m2: float, flexible: int) -> BeamModes:
-    """Modes of the beam with a given inertia at its hub.
-
-    Parameters
-    ----------
-    parameters : RigParameters
-        The beam, its tip mass and payload.
-    hub_kg_m2 : float
-        Inertia that turns with the beam's root.
-    flexible : int
-        Number of flexible modes.
-
-    Returns
-    -------
-    BeamModes
-        One rigid and `flexible` flexible modes, each with a positive hub angle.
-    """
+    """Return one rigid and some flexible modes of the beam with a given inertia at its hub."""
     mass, stiffness = _assemble(parameters)
     mass[0, 0] += hub_kg_m2
     mass[-2, -2] += parameters.tip_mass_kg + parameters.payload_kg
     mass[-1, -1] += parameters.tip_inertia_kg_m2
     squares, shapes = eigh(stiffness, mass, subset_by_index=(0, flexible))
-    # The rigid mode's eigenvalue is a rounding error of either sign.
+    # The eigenvalue of the rigid mode is a rounding error of either sign.
     squares[0] = 0.0
     shapes *= np.sign(shapes[0])
     return BeamModes(
@@ -131,10 +107,10 @@ def hub_beam_modes(parameters: RigParameters, hub_kg_m2: float, flexible: int) -
 
 
 def carried_over(before: BeamModes, after: BeamModes) -> NDArray[np.float64]:
-    """Modal coordinates of a deflection when the arm's modes change, as with its payload.
+    """Return the matrix from old to new modal coordinates, for an arm whose payload changes.
 
     The new modes are fitted to the deflection with the new mass as weight. They are few and cannot
-    take every shape of the old ones; the hub's angle, which the gear feels, is kept exactly.
+    take every shape of the old ones. The hub's angle, which acts on the gear, is kept exactly.
 
     Parameters
     ----------
@@ -143,8 +119,8 @@ def carried_over(before: BeamModes, after: BeamModes) -> NDArray[np.float64]:
 
     Returns
     -------
-    ndarray, shape (modes after, modes before)
-        Takes positions to positions and velocities to velocities.
+    ndarray, (modes after, modes before)
+        Matrix for positions and for velocities.
     """
     fitted: NDArray[np.float64] = after.momentum.T @ before.shapes
     missing = before.hub_angle - after.hub_angle @ fitted
@@ -152,37 +128,13 @@ def carried_over(before: BeamModes, after: BeamModes) -> NDArray[np.float64]:
 
 
 def _assemble(parameters: RigParameters) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mass and stiffness over (slope_0, deflection_1, slope_1, ...): the root does not deflect."""
+    """Return mass and stiffness over (slope_0, deflection_1, slope_1, ...), with a fixed root."""
     size_m = parameters.length_m / ELEMENTS
     scale = np.array([1.0, size_m, 1.0, size_m])
     scales = np.outer(scale, scale)
-    element_mass = (
-        parameters.mass_per_length_kg_per_m
-        * size_m
-        / 420.0
-        * np.array(
-            [
-                [156.0, 22.0, 54.0, -13.0],
-                [22.0, 4.0, 13.0, -3.0],
-                [54.0, 13.0, 156.0, -22.0],
-                [-13.0, -3.0, -22.0, 4.0],
-            ]
-        )
-        * scales
-    )
-    element_stiffness = (
-        parameters.bending_stiffness_nm2
-        / size_m**3
-        * np.array(
-            [
-                [12.0, 6.0, -12.0, 6.0],
-                [6.0, 4.0, -6.0, 2.0],
-                [-12.0, -6.0, 12.0, -6.0],
-                [6.0, 2.0, -6.0, 4.0],
-            ]
-        )
-        * scales
-    )
+    mass_kg = parameters.mass_per_length_kg_per_m * size_m
+    element_mass = mass_kg / 420.0 * _UNIT_MASS * scales
+    element_stiffness = parameters.bending_stiffness_nm2 / size_m**3 * _UNIT_STIFFNESS * scales
     dofs = 2 * (ELEMENTS + 1)
     mass = np.zeros((dofs, dofs))
     stiffness = np.zeros((dofs, dofs))
@@ -194,11 +146,11 @@ def _assemble(parameters: RigParameters) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def _curvature_row(parameters: RigParameters, at_m: float) -> NDArray[np.float64]:
-    """Row that takes the second derivative of the deflection at a distance from the axis."""
+    """Return the row that takes the curvature of the deflection at a distance from the axis."""
     size_m = parameters.length_m / ELEMENTS
     position = at_m / size_m
     row = np.zeros(2 * (ELEMENTS + 1))
-    # Elements meet with the same slope, not the same curvature: a gauge on a node sees the mean.
+    # Elements share the slope at a node, not the curvature: a gauge on a node measures the mean.
     sharing = {min(max(int(np.floor(position + side)), 0), ELEMENTS - 1) for side in (-1e-9, 1e-9)}
     for element in sharing:
         xi = position - element

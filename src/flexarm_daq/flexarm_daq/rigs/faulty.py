@@ -13,8 +13,6 @@ from flexarm_core.errors import SettingError
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from flexarm_daq.rigs.rig_protocol import Rig
 
 _BURST_SAMPLES: Final = 30
@@ -28,13 +26,13 @@ class Fault(Enum):
     STUCK = "stuck"
     """The sensor keeps its reading."""
     OPEN = "open"
-    """Its wire is broken: the input floats to the end of its range."""
+    """The wire is broken: the input floats to the end of its range."""
     SATURATED = "saturated"
-    """It jumps to the lower end of its range."""
+    """The reading jumps to the lower end of its range."""
     NOT_A_NUMBER = "not_a_number"
-    """Its reading is NaN."""
+    """The reading is NaN."""
     NOISE_BURST = "noise_burst"
-    """Noise of 1 V for 30 samples, then it is well again."""
+    """The sensor has noise of 1 V for 30 samples and then recovers."""
     SHORT_READ = "short_read"
     """The converter gives three readings instead of four."""
     FROZEN_TIME = "frozen_time"
@@ -44,7 +42,7 @@ class Fault(Enum):
     WRITE_ERROR = "write_error"
     """Writing a command raises a `RigError`; the zero of `safe_stop` still passes."""
     EXCEPTION = "exception"
-    """Reading raises what nobody expects."""
+    """Reading raises an unexpected error."""
 
 
 SENSOR_FAULTS: Final = (
@@ -54,7 +52,7 @@ SENSOR_FAULTS: Final = (
     Fault.NOT_A_NUMBER,
     Fault.NOISE_BURST,
 )
-"""Those that concern one channel."""
+"""Faults of one channel."""
 
 
 class FaultyRig:
@@ -63,13 +61,13 @@ class FaultyRig:
     Parameters
     ----------
     rig : Rig
-        The rig.
+        Rig without the fault.
     fault : Fault
-        What breaks.
+        Fault to inject.
     after_samples : int
-        So many samples are good, counted from opening.
+        Number of good samples, counted from opening.
     channel : str
-        The sensor of a sensor fault.
+        Sensor of a sensor fault.
 
     Raises
     ------
@@ -97,12 +95,10 @@ class FaultyRig:
         self._random = np.random.default_rng(self._after_samples)
 
     def read(self) -> RigSample:
-        """Sample the rig through the fault.
+        """Sample the rig through the fault; see `Rig.read`.
 
         Raises
         ------
-        RigError
-            If the rig raises it, or the fault is to.
         ArithmeticError
             If the fault is the unexpected exception.
         """
@@ -114,13 +110,7 @@ class FaultyRig:
         return sample
 
     def write(self, command_v: float) -> None:
-        """Command the drive.
-
-        Raises
-        ------
-        RigError
-            If the rig raises it, or the fault is to.
-        """
+        """Command the drive; see `Rig.write`."""
         if self._is_broken() and self._fault is Fault.WRITE_ERROR:
             raise RigError("injected: the command could not be written")
         self._rig.write(command_v)
@@ -142,7 +132,7 @@ class FaultyRig:
             volts[self._channel] = self._reading(volts[self._channel])
             return RigSample(sample.time_s, volts)
         if self._fault is Fault.SHORT_READ:
-            return RigSample(sample.time_s, _all_but_last(sample.volts))
+            return RigSample(sample.time_s, sample.volts[:-1])
         if self._fault is Fault.FROZEN_TIME:
             return RigSample(self._last.time_s, sample.volts)
         if self._fault is Fault.READ_ERROR:
@@ -163,7 +153,3 @@ class FaultyRig:
             return math.nan
         is_over = self._samples > self._after_samples + _BURST_SAMPLES
         return healthy_v + (0.0 if is_over else _BURST_V * self._random.standard_normal())
-
-
-def _all_but_last(volts: NDArray[np.float64]) -> NDArray[np.float64]:
-    return volts[:-1]

@@ -1,14 +1,15 @@
 """Integrator of the rig's equations of motion, compiled.
 
-A sub-step of at most 0.1 ms is split in the manner of Strang: half a step in which the modes, the
-tachometer filter and the viscous motor move by their exact transition matrices, a kick by the
-torques, and half a step more. That is of second order where the torques are smooth. A contact
-pushes with its mean torque on the way of the sub-step (a discrete gradient: its work is the change
-of its elastic energy), so that teeth and stops which meet within a sub-step give no energy and take
-none but by their damping. Dry friction is a constraint on the kicked speed, so a motor below
-break-away stands still and does not creep.
+A sub-step of at most 0.1 ms is split in the manner of Strang. In each half-step the modes, the
+tachometer filter and the viscous motor move by their exact transition matrices. The torques act as
+a kick between the two halves. The method is of second order where the torques are smooth.
 
-The functions write arrays in place and check nothing; `flexarm_daq.rigs.plant.Plant` is their user.
+A contact acts with its mean torque over the sub-step. This is a discrete gradient: its work is the
+change of its elastic energy. Teeth and stops that meet within a sub-step therefore give no energy,
+and take energy only by their damping. Dry friction is a constraint on the kicked speed, so a motor
+below break-away stands still and does not creep.
+
+The functions write arrays in place and check nothing; `flexarm_daq.rigs.plant.Plant` calls them.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     Function = TypeVar("Function", bound=Callable[..., object])
 
 SUBSTEP_RATE_HZ = 10_000.0
-"""Sub-steps are at least this frequent: over thirty to the shortest period, the gear at 306 Hz."""
+"""Least rate of sub-steps: over 30 of them in the shortest period, that of the gear at 306 Hz."""
 
 # Rows of the state, and its columns: the motor, the tachometer filter, then the arm's modes.
 POSITION, VELOCITY = 0, 1
@@ -42,9 +43,9 @@ COLUMNS = ARM + MODES
 class Equations(NamedTuple):
     """Coefficients of the equations of motion, in SI units; a row of `RECORD` to compiled code.
 
-    The friction's excess is relative to sliding friction; the arm's mobility is the sum of the
-    squared hub angles, its hub's acceleration by a unit of torque. Stiffness and damping are per
-    unit of mass, one entry per column of the state; output rows turn positions into volts.
+    The excess of friction is relative to sliding friction. The arm's mobility is the sum of the
+    squared hub angles, the acceleration of its hub by a unit of torque. Stiffness and damping are
+    per unit of mass, one entry per column of the state; output rows turn positions into volts.
     """
 
     motor_inertia: float
@@ -76,7 +77,7 @@ RECORD = np.dtype(
     (np.record, [(name, np.float64, _SHAPES.get(name, ())) for name in Equations._fields])
 )
 
-# Amplitudes below this are rest. Left to decay into denormal numbers, they slow the processor.
+# Amplitudes below this count as rest. Denormal numbers would slow the processor.
 _REST = 1e-100
 
 _ROUNDS = 2
@@ -84,18 +85,7 @@ _STRIBECK_END = 6.5
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function, keeping the result on disk where there is a place to write.
-
-    Parameters
-    ----------
-    function : callable
-        A function of numbers and arrays.
-
-    Returns
-    -------
-    callable
-        The same function, compiled when it is first called.
-    """
+    """Compile a function; keep the result on disk where the folder is writable."""
     try:
         return cast("Function", njit(cache=True)(function))
     except RuntimeError:
@@ -114,19 +104,19 @@ def run(
 
     Parameters
     ----------
-    state : ndarray, shape (2, COLUMNS)
-        Positions and velocities, moved on in place.
-    record : ndarray of RECORD, shape (1,)
-        The `Equations`.
-    command_v : ndarray, shape (1 + samples,)
-        The command in force, then one for each sample.
+    state : ndarray, (2, COLUMNS)
+        Positions and velocities, changed in place.
+    record : ndarray of RECORD, (1,)
+        `Equations`.
+    command_v : ndarray, (1 + samples,)
+        Command in force, then one for each sample, V.
     period_s, delay_s : float
-        Time between samples, and from a sample to its command.
+        Time between samples, and from a sample to its command, s.
 
     Returns
     -------
-    ndarray, shape (samples, 4)
-        Noise-free voltages.
+    ndarray, (samples, 4)
+        Noise-free voltages, V.
     """
     rows = record[0].output_rows
     outputs_v = np.zeros((len(command_v) - 1, len(rows)))
@@ -143,19 +133,7 @@ def run(
 def advance(
     state: NDArray[np.float64], record: NDArray[np.void], command_v: float, interval_s: float
 ) -> None:
-    """Move on with a constant command.
-
-    Parameters
-    ----------
-    state : ndarray, shape (2, COLUMNS)
-        Positions and velocities, moved on in place.
-    record : ndarray of RECORD, shape (1,)
-        The `Equations`.
-    command_v : float
-        Command of the drive.
-    interval_s : float
-        How long.
-    """
+    """Move `state` on in place, by a constant command over an interval; arguments as for `run`."""
     # The margin of 0.1 ns keeps a rounding error in the interval from costing a sub-step.
     steps = math.ceil(interval_s * SUBSTEP_RATE_HZ - 1e-6)
     if steps < 1:
@@ -177,7 +155,7 @@ def advance(
 
 @compiled
 def _transitions(equations: Equations, step_s: float) -> NDArray[np.float64]:
-    """Exact transition matrices of x'' + d x' + k x = 0: entries 11, 12, 21, 22 by column."""
+    """Return the exact transitions of x'' + d x' + k x = 0: entries 11, 12, 21, 22 by column."""
     transitions = np.empty((4, COLUMNS))
     for i in range(COLUMNS):
         stiffness, decay = equations.stiffness[i], equations.damping[i] / 2.0
@@ -199,7 +177,7 @@ def _transitions(equations: Equations, step_s: float) -> NDArray[np.float64]:
 
 @compiled
 def _drift(state: NDArray[np.float64], transitions: NDArray[np.float64], step_s: float) -> None:
-    # The filter swings about the mean speed of its step, everything else about zero.
+    # The filter oscillates about the mean speed of its step, all other columns about zero.
     mean_speed = transitions[1, MOTOR] * state[VELOCITY, MOTOR] / step_s
     state[POSITION, TACHO] -= mean_speed
     for i in range(COLUMNS):
@@ -222,7 +200,7 @@ def _kick(
     twist = state[POSITION, MOTOR] - arm_angle
     new_speed, new_arm_speed = speed, arm_speed
     gear = stop = 0.0
-    # Contact torques depend on the speeds they lead to: a fixed point, and two rounds are enough.
+    # Contact torques depend on the speeds that they cause. This fixed point takes two rounds.
     for _ in range(_ROUNDS):
         gear = _two_sided_contact(
             twist - (speed - arm_speed) * step_s / 2.0,
@@ -251,17 +229,17 @@ def _kick(
 def _two_sided_contact(
     start: float, end: float, clearance: float, stiffness: float, damping_per_step: float
 ) -> float:
-    """Mean torque on the way from one angle to another of a contact on either side of a gap."""
+    """Return the mean torque between two angles of a contact on either side of a gap."""
     upper = _contact(start - clearance, end - clearance, stiffness, damping_per_step)
     return upper - _contact(-start - clearance, -end - clearance, stiffness, damping_per_step)
 
 
 @compiled
 def _contact(start: float, end: float, stiffness: float, damping_per_step: float) -> float:
-    """Mean torque of a contact that pushes and never pulls, over its depth from start to end.
+    """Return the mean torque of a contact that pushes and never pulls, between two depths.
 
-    The work that it does is exactly the change of the elastic energy, also of a contact that
-    begins or ends on the way.
+    Its work is exactly the change of the elastic energy, also when the contact begins or ends on
+    the way.
     """
     if start <= 0.0 and end <= 0.0:
         return 0.0
@@ -280,10 +258,10 @@ def _contact(start: float, end: float, stiffness: float, damping_per_step: float
 def _speed_under_friction(
     speed: float, equations: Equations, torque_nm: float, step_s: float
 ) -> float:
-    """Kick the motor: dry friction takes what it can of the speed, and holds if that is all."""
+    """Return the motor's speed after a kick; dry friction reduces it, at most to zero."""
     ratio = speed / equations.stribeck_speed
     friction_nm = equations.coulomb_friction
-    # Beyond, the excess is below rounding, and its exponential would be the dearest part of a step.
+    # At higher speeds the excess is below rounding, and its exponential would cost the most time.
     if abs(ratio) < _STRIBECK_END:
         friction_nm *= 1.0 + equations.breakaway_excess * math.exp(-ratio * ratio)
     free = speed + step_s * torque_nm / equations.motor_inertia

@@ -1,7 +1,7 @@
 """Equations of motion of the rig: a motor and a flexible arm across a backlash.
 
-Both bodies are referred to the arm's axis. The motor has inertia, viscous and dry friction; the
-arm moves in its free modes `flexarm_daq.rigs.beam.arm_modes`. With the contact torque t_c, the stop
+Both bodies are referred to the arm's axis. The motor has inertia, viscous and dry friction. The arm
+moves in its free modes `flexarm_daq.rigs.beam.arm_modes`. With the contact torque t_c, the stop
 torque t_s and the modal hub angles phi_i::
 
     J_m theta_m'' = K_t sat(u) - b theta_m' - t_f - t_c
@@ -40,22 +40,22 @@ if TYPE_CHECKING:
 
 
 class Plant:
-    """The rig's motion, noise-free and in continuous time.
+    """Motion of the rig, noise-free and in continuous time.
 
     Parameters
     ----------
     parameters : RigParameters
-        The rig.
+        Rig.
 
     Attributes
     ----------
     parameters : RigParameters
-        The rig, with the payload that it has now.
+        Rig with its present payload.
     command_v : float
-        Command in force.
-    state : ndarray, shape (2, COLUMNS)
-        Rows are positions and velocities; columns are the motor (rad), the tachometer filter
-        (rad/s) and the arm's mass-normalised modes, the rigid one first. Writable.
+        Command in force, V.
+    state : ndarray, (2, COLUMNS)
+        Positions and velocities (rows) of the motor (rad), the tachometer filter (rad/s) and the
+        arm's mass-normalised modes, the rigid one first. Writable.
     """
 
     def __init__(self, parameters: RigParameters) -> None:
@@ -79,14 +79,12 @@ class Plant:
         self.state[:] = 0.0
 
     def change_payload(self, payload_kg: float) -> None:
-        """Put another mass on the tip, which moves with the arm from then on.
-
-        The arm goes on from where it is, as fast as it is.
+        """Put another mass on the tip; the arm goes on from its present position and speed.
 
         Parameters
         ----------
         payload_kg : float
-            Point mass at the tip.
+            Point mass at the tip, kg.
 
         Raises
         ------
@@ -103,9 +101,9 @@ class Plant:
         Parameters
         ----------
         command_v : float
-            Command of the drive; beyond 10 V it saturates.
+            Command of the drive, V; beyond 10 V it saturates.
         interval_s : float
-            How long; any length, zero included.
+            Interval of any length, zero included, s.
 
         Raises
         ------
@@ -120,24 +118,12 @@ class Plant:
         integrator.advance(self.state, self._record, command_v, interval_s)
 
     def outputs_v(self) -> NDArray[np.float64]:
-        """Read the four sensors without noise or quantisation.
-
-        Returns
-        -------
-        ndarray, shape (4,)
-            Voltages in the order of `flexarm_core.channels.CHANNELS`.
-        """
+        """Return the four sensor voltages without noise or quantisation, V."""
         volts: NDArray[np.float64] = self._equations.output_rows @ self.state[POSITION]
         return volts
 
     def energy_j(self) -> float:
-        """Kinetic and elastic energy of motor, arm, gear and stops.
-
-        Returns
-        -------
-        float
-            Energy in joules; zero at rest between the stops.
-        """
+        """Return the kinetic and elastic energy of motor, arm, gear and stops; zero at rest, J."""
         rig = self.parameters
         speed = self.state[VELOCITY]
         modal = self.state[POSITION, ARM:]
@@ -173,21 +159,21 @@ class Plant:
 
 
 def simulate(plant: Plant, command_v: ArrayLike, rate_hz: float) -> NDArray[np.float64]:
-    """Noise-free response of a rig to a given command, from where it is now.
+    """Return the noise-free response of a rig to a given command, from its present state.
 
     Parameters
     ----------
     plant : Plant
-        The rig; it is left where the last period ends.
-    command_v : array_like, shape (samples,)
-        Commands; number k acts from `loop_delay_s` of the parameters after sample k until the next
-        one acts. Before the first, the command in force goes on.
+        Rig; it is left at the end of the last period.
+    command_v : array_like, (samples,)
+        Commands, V. Command k acts from `loop_delay_s` of the parameters after sample k until the
+        next one acts. Before the first, the command in force goes on.
     rate_hz : float
-        Sampling rate.
+        Sampling rate, Hz.
 
     Returns
     -------
-    ndarray, shape (samples, 4)
+    ndarray, (samples, 4)
         Voltages in the order of `flexarm_core.channels.CHANNELS`; row k is sampled at k / rate_hz,
         before its command acts.
 

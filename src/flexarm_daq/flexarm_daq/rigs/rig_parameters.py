@@ -46,30 +46,31 @@ class RigParameters:
     Attributes
     ----------
     length_m, width_m, thickness_m : float
-        The beam (section 2.3).
+        Dimensions of the beam (section 2.3).
     youngs_modulus_pa, density_kg_per_m3 : float
-        Aluminium 6061-T6, handbook values; the alloy is named in section 2.3.
+        Handbook values of aluminium 6061-T6, the alloy of section 2.3.
     motor_inertia_kg_m2, load_inertia_kg_m2 : float
-        Hub inertia on either side of the gear. The sum is fitted to the modes identified in
-        Table 3-1 (9.0, 22.8 and 46.0 Hz), the split is chosen.
+        Hub inertia on either side of the gear. The sum is fitted to the modes identified in Table
+        3-1 (9.0, 22.8 and 46.0 Hz), the split is chosen.
     tip_mass_kg : float
-        Payload holder, fitted to the same modes.
+        Mass of the payload holder, fitted to the same modes.
     payload_kg : float
         Point mass at the tip; 0, 0.2, 0.3 and 0.4 kg in Table A-3.
     tip_inertia_kg_m2 : float
         Inertia of holder and payload about the tip; the thesis has point masses.
     motor_gain_nm_per_v : float
-        Torque at the arm's axis per volt of command: the rigid gains of Appendix B times the
+        Torque at the arm's axis per volt of command. The rigid gains of Appendix B times the
         inertia give 0.55 at 0 g.
     coulomb_friction_nm : float
-        Sliding friction, 0.64 V of command: with `breakaway_ratio` it is the 0.4 A of section
+        Coulomb friction level, 0.64 V of command. With `breakaway_ratio` it is the 0.4 A of section
         2.4.3 less the margin that the 0.7 V of equation (4-8) needs.
     breakaway_ratio : float
-        Static over sliding friction, chosen with `coulomb_friction_nm`.
+        Ratio of static to sliding friction, chosen with `coulomb_friction_nm`.
     stribeck_speed_rad_per_s : float
         Speed over which static friction falls to sliding friction; chosen.
     viscous_friction_nm_s_per_rad, mass_damping_per_s, stiffness_damping_s : float
-        Motor viscous friction and Rayleigh damping of the arm, fitted to identified damping ratios.
+        Viscous friction of the motor and Rayleigh damping of the arm, fitted to identified damping
+        ratios.
     gear_stiffness_nm_per_rad, gear_damping_nm_s_per_rad, backlash_deg : float
         Contact of the teeth and total gap; chosen to give the gear hitting of Figure 4-10.
     stop_angle_deg : float
@@ -77,27 +78,27 @@ class RigParameters:
     stop_stiffness_nm_per_rad, stop_damping_nm_s_per_rad : float
         Contact with the end stops; chosen.
     position_gain_v_per_rad : float
-        3 V is 35 degrees (section 2.4.2).
+        Gain of the potentiometer: 3 V is 35 degrees (section 2.4.2).
     base_gauge_at_m, middle_gauge_at_m : float
         Distance of the gauges from the axis: the base, and half the length (section 2.3).
     base_gauge_v_per_nm, middle_gauge_v_per_nm, tacho_gain_v_s_per_rad : float
-        From the frequency responses of Appendix B.
+        Sensor gains from the frequency responses of Appendix B.
     tacho_cutoff_hz, tacho_damping_ratio : float
         Analogue filter of the tachometer, two modes (section 3.2); its values are chosen. A slower
-        one eats the phase margin of the thesis's PDP loop, which was stable.
+        filter reduces the phase margin of the thesis's PDP loop, which was stable.
     noise_v : tuple of float
         Standard deviation of the noise of the four channels; chosen.
     adc_bits, dac_bits : int
-        Resolution of the converters (section 2.3): inputs over -10 to 10 V, output magnitude over
-        0 to 10 V with the direction on its own.
+        Resolution of the converters (section 2.3): inputs over -10 to 10 V, output magnitude over 0
+        to 10 V with a separate direction.
     loop_delay_s : float
-        Time from a sample until the command that answers it acts: the reply time of the project's
-        own nodes, measured. The thesis does not state its own.
+        Time from a sample until its command acts: the measured reply time of the project's nodes.
+        The thesis does not state its own.
 
     Raises
     ------
     SettingError
-        If a parameter is not finite, has the wrong sign, or lies off the beam or out of range.
+        If a parameter is not finite, has the wrong sign, lies off the beam or out of range.
     """
 
     length_m: float = 1.0

@@ -1,8 +1,8 @@
 """Protocol of a rig: one sample in, one command out.
 
-Reading and writing are two calls, not one exchange, because a command acts when it arrives: within
-the sampling period, after the controller has answered. A rig that applied it with the next sample
-would delay the loop by a full period, which makes PD and PDP control unstable at 300 Hz.
+Reading and writing are two calls, because a command acts when it arrives: within the sampling
+period, after the controller has answered. A rig that applied it with the next sample would delay
+the loop by a full period. PD and PDP control would then be unstable at 300 Hz.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
 
 
 class RigError(FlexarmError):
-    """A rig that cannot be opened, read or written; the message says what to do."""
+    """Failure to open, read or write a rig; the message states a remedy."""
 
 
 class DriveNotStoppedError(RigError):
-    """The drive could not be set to zero: only the emergency stop is left."""
+    """Failure to set the drive to zero: only the emergency stop is left."""
 
 
 class RigSample(NamedTuple):
-    """The four sensors at one instant.
+    """Readings of the four sensors at one instant.
 
     Attributes
     ----------
     time_s : float
-        Instant of the sample, since the rig was opened.
-    volts : ndarray, shape (4,)
+        Instant of the sample, since the rig was opened, s.
+    volts : ndarray, (4,)
         Voltages in the order of `flexarm_core.channels.CHANNELS`.
     """
 
@@ -40,10 +40,10 @@ class RigSample(NamedTuple):
 
 
 class Rig(Protocol):
-    """The seam between the system and its hardware."""
+    """Interface between the system and its hardware."""
 
     def open(self) -> None:
-        """Take hold of the hardware, with the drive at zero.
+        """Open the hardware, with the drive at zero.
 
         Raises
         ------
@@ -54,11 +54,6 @@ class Rig(Protocol):
     def read(self) -> RigSample:
         """Sample the four channels now.
 
-        Returns
-        -------
-        RigSample
-            The sample.
-
         Raises
         ------
         RigError
@@ -66,7 +61,7 @@ class Rig(Protocol):
         """
 
     def write(self, command_v: float) -> None:
-        """Command the drive; it acts at once and until the next write.
+        """Command the drive; the command acts at once and until the next write.
 
         Parameters
         ----------
@@ -83,7 +78,7 @@ class Rig(Protocol):
         """Set the drive to zero; works in any state, any number of times, and never raises."""
 
     def close(self) -> None:
-        """Set the drive to zero and let go of the hardware; does nothing on a closed rig.
+        """Set the drive to zero and release the hardware; does nothing on a closed rig.
 
         Raises
         ------

@@ -19,24 +19,26 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_CATCH_UP_S: Final = 1.0
-"""Longest gap of real time that is integrated; the rest of a longer one is left out."""
+"""Longest gap of real time that is integrated, s; the rest of a longer gap is left out."""
 
 
 class SimulatedRig:
     """A `flexarm_daq.rigs.rig_protocol.Rig` without hardware.
 
-    In virtual time, the default, sample k stands at k / `rate_hz` however long the caller takes,
-    and a command acts the rig's `loop_delay_s` after the last sample: the same seed and the same
-    commands give the same numbers on any machine of a kind. With a clock the rig lives in real
-    time: each call moves it on to now with the command in force. After a gap longer than
-    `MAX_CATCH_UP_S`, as of a stopped process, it moves on by that much only.
+    In virtual time, the default, sample k stands at k / `rate_hz` however long the caller takes. A
+    command acts the rig's `loop_delay_s` after the last sample. The same seed and the same commands
+    give the same numbers on any machine of a kind.
+
+    With a clock the rig is in real time: each call moves it on to the present with the command in
+    force. After a gap longer than `MAX_CATCH_UP_S`, as of a stopped process, it moves on by that
+    time only.
 
     Parameters
     ----------
-    parameters : RigParameters
-        The rig; the default is the thesis's rig without payload.
+    parameters : RigParameters, optional
+        Rig; by default the thesis's rig without payload.
     rate_hz : float
-        Sampling rate of virtual time.
+        Sampling rate of virtual time, Hz.
     seed : int
         Seed of the sensor noise.
     clock : callable, optional
@@ -45,7 +47,7 @@ class SimulatedRig:
     Attributes
     ----------
     parameters : RigParameters
-        The rig, with the payload of the next sample.
+        Rig with the payload of the next sample.
 
     Raises
     ------
@@ -82,7 +84,7 @@ class SimulatedRig:
         self._rate_hz = rate_hz
         self._seed = seed
         self._clock = clock
-        # Loads a compiler, which takes half a second: who only names the rig need not wait.
+        # This import loads a compiler, which takes half a second. The module alone needs none.
         from flexarm_daq.rigs.plant import Plant  # noqa: PLC0415
 
         self._plant = Plant(self.parameters)
@@ -92,7 +94,7 @@ class SimulatedRig:
         self._is_open = False
 
     def open(self) -> None:
-        """Start at rest in the middle of the travel, at time zero and with the noise's seed."""
+        """Start at rest in the middle of the travel, at time zero, with the noise's seed."""
         self._plant.reset()
         # Compiles the equations of motion before the first deadline.
         self._plant.advance(0.0, 0.0)
@@ -104,18 +106,7 @@ class SimulatedRig:
         self._is_open = True
 
     def read(self) -> RigSample:
-        """Sample the four channels.
-
-        Returns
-        -------
-        RigSample
-            The sample, with noise and as the converter sees it.
-
-        Raises
-        ------
-        RigError
-            If the rig is not open.
-        """
+        """Sample the four channels with noise and quantisation; see `Rig.read`."""
         self._require_open()
         self._advance_to(self._samples / self._rate_hz)
         if self.parameters.payload_kg != self._plant.parameters.payload_kg:
@@ -125,22 +116,11 @@ class SimulatedRig:
         return RigSample(self._time_s, self._converted(self._plant.outputs_v() + noise_v))
 
     def outputs_v(self) -> NDArray[np.float64]:
-        """Tell what the four sensors would read now without noise and converters, V."""
+        """Return the present sensor voltages without noise and quantisation, V."""
         return self._plant.outputs_v()
 
     def write(self, command_v: float) -> None:
-        """Command the drive, to the resolution of the converter.
-
-        Parameters
-        ----------
-        command_v : float
-            Command of the drive; beyond 10 V the converter clips it.
-
-        Raises
-        ------
-        RigError
-            If the rig is not open or the command is not finite.
-        """
+        """Command the drive through the converter, which clips at 10 V; see `Rig.write`."""
         self._require_open()
         if not math.isfinite(command_v):
             raise RigError(f"command_v must be finite, got {command_v}")
@@ -150,14 +130,12 @@ class SimulatedRig:
         self._command_v = math.copysign(code * self._dac_step_v, command_v)
 
     def change_payload(self, payload_kg: float) -> None:
-        """Put another mass on the tip at the next sample; the arm goes on from where it is.
-
-        Any thread may call.
+        """Put another mass on the tip at the next sample; any thread may call.
 
         Parameters
         ----------
         payload_kg : float
-            Point mass at the tip.
+            Point mass at the tip, kg.
 
         Raises
         ------
@@ -172,7 +150,7 @@ class SimulatedRig:
             self.write(0.0)
 
     def close(self) -> None:
-        """Set the drive to zero and let go; `open` starts afresh."""
+        """Set the drive to zero and close; `open` starts again from rest."""
         self.safe_stop()
         self._is_open = False
 

@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 class NidaqRig:
     """A `flexarm_daq.rigs.rig_protocol.Rig` on a board of National Instruments.
 
-    The voltages are the thesis's channels as they are; `flexarm_core.channels` has their scale.
-    Whatever fails, the magnitude is set to zero before the error goes on: by the running task,
-    else by a new one, else by a reset of the board. The same happens when the interpreter ends
-    with the rig open.
+    The voltages are the thesis's channels without conversion; `flexarm_core.channels` has their
+    scale. After any failure the magnitude is set to zero before the error goes on: by the running
+    task, else by a new one, else by a reset of the board. The same happens when the interpreter
+    ends with the rig open.
 
     Parameters
     ----------
     settings : NidaqSettings, optional
-        Where the rig is connected; by default as in section 2.3.
+        Terminals of the rig; by default as in section 2.3.
     nidaqmx : Nidaqmx, optional
-        The package, imported by `open` if it is not given.
+        Driver package; `open` imports it if it is not given.
     """
 
     def __init__(
@@ -39,13 +39,7 @@ class NidaqRig:
         self._parts: tuple[Sensors, Drive] | None = None
 
     def open(self) -> None:
-        """Set the drive to zero and start the sampling; does nothing on an open rig.
-
-        Raises
-        ------
-        RigError
-            If the package, the driver or the board is missing, in use or refuses.
-        """
+        """Set the drive to zero and start the sampling, unless it is open; see `Rig.open`."""
         if self._parts is not None:
             return
         nidaqmx = self._nidaqmx if self._nidaqmx is not None else load_nidaqmx()
@@ -60,18 +54,7 @@ class NidaqRig:
             raise
 
     def read(self) -> RigSample:
-        """Wait for the next sample of the board's clock; of several take the newest.
-
-        Returns
-        -------
-        RigSample
-            The sample; its time counts the periods of the board's clock.
-
-        Raises
-        ------
-        RigError
-            If the rig is not open, no sample came within three periods, or the board failed.
-        """
+        """Wait for the newest sample of the board, at most three periods; see `Rig.read`."""
         sensors, _ = self._opened()
         try:
             return sensors.read()
@@ -80,18 +63,7 @@ class NidaqRig:
             raise
 
     def write(self, command_v: float) -> None:
-        """Command the drive.
-
-        Parameters
-        ----------
-        command_v : float
-            Command of the drive; beyond 10 V it is clipped.
-
-        Raises
-        ------
-        RigError
-            If the rig is not open, the command is not finite or the board failed.
-        """
+        """Command the drive, clipped beyond 10 V; see `Rig.write`."""
         _, drive = self._opened()
         if not math.isfinite(command_v):
             self.safe_stop()
@@ -103,7 +75,7 @@ class NidaqRig:
             raise
 
     def safe_stop(self) -> None:
-        """Set the drive to zero; never raises. Where that fails, `close` will say so."""
+        """Set the drive to zero; never raises. `close` reports a failure."""
         if self._parts is not None:
             try:
                 self._parts[1].stop()
@@ -111,13 +83,7 @@ class NidaqRig:
                 return
 
     def close(self) -> None:
-        """Set the drive to zero and let go of the board; does nothing on a closed rig.
-
-        Raises
-        ------
-        DriveNotStoppedError
-            If the drive could not be set to zero.
-        """
+        """Set the drive to zero and release the board; see `Rig.close`."""
         if self._parts is None:
             return
         sensors, drive = self._parts

@@ -1,4 +1,4 @@
-"""Driver package `nidaqmx`, imported when it is needed; its errors become rig errors."""
+"""Driver package `nidaqmx`, imported on demand; its errors become rig errors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexarm_daq.rigs.rig_protocol import RigError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-# The environment is hardly ever the one of the shell's `python`.
+# The shell's `python` hardly ever belongs to this environment.
 INSTALL_PACKAGE: Final = f'{sys.executable} -m pip install "nidaqmx>=1.0,<2"'
 """Command that installs the Python package."""
 
@@ -44,7 +44,7 @@ _OTHER_ADVICE: Final = f"run {_LOOK}"
 
 
 class Nidaqmx(Protocol):
-    """Used part of the package `nidaqmx`; tests put a double in its place."""
+    """Used part of the package `nidaqmx`; tests replace it by a double."""
 
     Task: Any
     constants: Any
@@ -80,14 +80,14 @@ def named_errors(nidaqmx: Nidaqmx, what: str) -> Iterator[None]:
     Parameters
     ----------
     nidaqmx : Nidaqmx
-        The package.
+        Package.
     what : str
-        Channel or board that is being used, for the message.
+        Channel or board in use, for the message.
 
     Raises
     ------
     RigError
-        In place of any error of the package; one line that says what to do.
+        In place of any error of the package, with a remedy in one line.
     """
     errors = nidaqmx.errors
     try:
@@ -113,7 +113,7 @@ def _first_line(error: Exception) -> str:
 
 
 def succeeds(nidaqmx: Nidaqmx, action: Callable[[], object]) -> bool:
-    """Tell whether an action of the package passes without an error of it."""
+    """Return whether an action of the package ends without an error of the package."""
     try:
         action()
     except nidaqmx.errors.Error:

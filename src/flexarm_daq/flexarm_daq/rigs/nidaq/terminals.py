@@ -1,9 +1,9 @@
-"""The rig's channels on a National Instruments board: inputs, outputs, and where they are.
+"""Channels of the rig on a National Instruments board: inputs, outputs and their terminals.
 
 The board's own clock samples the four sensors on ACH0 to ACH3. The drive takes two voltages
 (section 2.3): the magnitude of the current from DAC0, 0 to 10 V, and its direction from DAC1, 0 or
-5 V. Each output has a task of its own, so that their order is ours: the magnitude is zero before
-the direction flips.
+5 V. Each output has its own task, which fixes their order: the magnitude is zero before the
+direction changes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ DIRECTION_HIGH_V: Final = 5.0
 """Level of DAC1 for counter-clockwise rotation seen from the top; 0 V is clockwise."""
 
 TERMINALS: Final = ("rse", "nrse", "diff", "default")
-"""Wirings of an input: against ground, against AISENSE, as a pair, or as the board prefers."""
+"""Wirings of an input: against ground, against AISENSE, as a pair, or the board's default."""
 
 _BUFFER_S: Final = 10.0
 _TIMEOUT_PERIODS: Final = 3
@@ -51,9 +51,9 @@ class NidaqSettings:
     terminals : str
         Wiring of the inputs, one of `TERMINALS`.
     high_is_positive : bool
-        Whether 5 V on the direction is the positive sense of the position.
+        True if 5 V on the direction is the positive sense of the position.
     rate_hz : float
-        Sampling rate.
+        Sampling rate, Hz.
 
     Raises
     ------
@@ -93,15 +93,7 @@ class NidaqSettings:
 
 
 class Sensors:
-    """The four inputs, sampled by the board's clock.
-
-    Parameters
-    ----------
-    nidaqmx : Nidaqmx
-        The package.
-    settings : NidaqSettings
-        Where the sensors are connected, and how fast they are sampled.
-    """
+    """Four inputs, sampled by the clock of the board."""
 
     def __init__(self, nidaqmx: Nidaqmx, settings: NidaqSettings) -> None:
         self._nidaqmx = nidaqmx
@@ -118,7 +110,7 @@ class Sensors:
         Raises
         ------
         RigError
-            If the board refuses; whatever was begun is for `close` to end.
+            If the board refuses; `close` then ends the tasks that were begun.
         """
         settings, constants = self._settings, self._nidaqmx.constants
         with named_errors(self._nidaqmx, self._what):
@@ -148,19 +140,14 @@ class Sensors:
             self._reader = self._nidaqmx.stream_readers.AnalogMultiChannelReader(
                 self._task.in_stream
             )
-            # The shape is right, and asking the driver for it costs a call per sample.
+            # The shape is right, and its check would cost a call of the driver per sample.
             self._reader.verify_array_shape = False
             self._task.start()
         self._rate_hz: float = rate_hz
         self._taken = 0
 
     def read(self) -> RigSample:
-        """Wait for the next sample of the board's clock; of several take the newest.
-
-        Returns
-        -------
-        RigSample
-            The sample; its time counts the periods of the board's clock.
+        """Wait for the next sample of the board's clock; of several samples take the newest.
 
         Raises
         ------
@@ -192,7 +179,7 @@ class _Output:
         self._writer: Any = None
 
     def open(self) -> None:
-        """Take hold of the channel; its voltage stays what it is."""
+        """Open the channel without a change of its voltage."""
         with named_errors(self._nidaqmx, self._what):
             self._task = self._nidaqmx.Task()
             self._task.ao_channels.add_ao_voltage_chan(self._path, min_val=0.0, max_val=self._max_v)
@@ -210,22 +197,14 @@ class _Output:
             self._writer.write_one_sample(volts, _WRITE_TIMEOUT_S)
 
     def close(self) -> None:
-        """Let go of the channel, which keeps its voltage; never raises."""
+        """Release the channel, which keeps its voltage; never raises."""
         task, self._task, self._writer = self._task, None, None
         if task is not None:
             succeeds(self._nidaqmx, task.close)
 
 
 class Drive:
-    """Magnitude and direction of the current, each on demand.
-
-    Parameters
-    ----------
-    nidaqmx : Nidaqmx
-        The package.
-    settings : NidaqSettings
-        Where the drive is connected.
-    """
+    """Magnitude and direction of the current, each written on demand."""
 
     def __init__(self, nidaqmx: Nidaqmx, settings: NidaqSettings) -> None:
         self._nidaqmx = nidaqmx
@@ -240,12 +219,12 @@ class Drive:
         self._is_ours = False
 
     def open(self) -> None:
-        """Take hold of both outputs, and set the magnitude to zero before anything else.
+        """Open both outputs, and set the magnitude to zero before anything else.
 
         Raises
         ------
         RigError
-            If the board refuses; whatever was begun is for `close` to end.
+            If the board refuses; `close` then ends the tasks that were begun.
         """
         self._magnitude.open()
         self._is_ours = True
@@ -253,12 +232,7 @@ class Drive:
         self._direction.open()
 
     def write(self, command_v: float) -> None:
-        """Put out magnitude and direction of a command.
-
-        Parameters
-        ----------
-        command_v : float
-            Command of the drive; beyond 10 V it is clipped.
+        """Put out magnitude and direction of a command, clipped beyond 10 V.
 
         Raises
         ------
@@ -275,7 +249,7 @@ class Drive:
         Raises
         ------
         RigError
-            If all of that failed on a board that was ours.
+            If all of that failed on a board that was in use by this drive.
         """
         with suppress(RigError):
             self._magnitude.write(0.0)
@@ -290,7 +264,7 @@ class Drive:
                 raise
 
     def close(self) -> None:
-        """Let go of both outputs, which keep their voltages; never raises."""
+        """Release both outputs, which keep their voltages; never raises."""
         self._magnitude.close()
         self._direction.close()
         self._is_ours = False
