@@ -387,8 +387,8 @@ def test_pole_plot___one_mode_more___has_its_mark_above_and_below_the_axis() -> 
 
 def test_pole_plot___mode_that_grows___counts_it() -> None:
     outside = replace(mode_list()[0], eigenvalue=1.3 + 0.2j)
-    assert "0 not inside the circle" in pole_plot(mode_list(), DT_S)
-    assert "1 not inside the circle" in pole_plot([outside, *mode_list()[1:]], DT_S)
+    assert "0 not inside the unit circle" in pole_plot(mode_list(), DT_S)
+    assert "1 not inside the unit circle" in pole_plot([outside, *mode_list()[1:]], DT_S)
 
 
 def texts(svg: str) -> Sequence[str]:

@@ -69,7 +69,9 @@ def pole_plot(modes: Sequence[Mode], dt_s: float) -> str:
         axes.set_aspect("equal")
         legend_above(axes)
         outside = sum(abs(mode.eigenvalue) >= 1.0 for mode in modes)
-        return inline_svg(figure, f"poles of {len(modes)} modes, {outside} not inside the circle")
+        return inline_svg(
+            figure, f"poles of {len(modes)} modes, {outside} not inside the unit circle"
+        )
 
 
 def damping_plot(modes: Sequence[Mode], deviations: Sequence[ModeUncertainty] = ()) -> str:

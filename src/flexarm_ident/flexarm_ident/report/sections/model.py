@@ -47,14 +47,14 @@ _MEDIA = {
 
 def _build(subject: Subject) -> Iterator[Block]:
     yield _making(subject.outcome)
-    yield Heading("Take it out of this file")
+    yield Heading("Downloads")
     yield _downloads(subject)
     if subject.files:
         yield Words(f"Beside this file: {', '.join(subject.files)}.")
     file = f"{subject.name}.yaml"
     yield Code(f'from flexarm_ident import load_model; model = load_model("{file}")')
     yield Code(f"ros2 run flexarm_ident ident_node --ros-args --params-file {file}")
-    yield Heading("Where it came from")
+    yield Heading("Provenance")
     yield _origin(subject)
 
 
@@ -69,10 +69,10 @@ def _making(outcome: Outcome) -> Facts:
         "block rows": str(identification.block_rows),
         "full order": str(identification.order),
         "sampling period": f"{outcome.model.dt:.6g} s",
-        "eigenvalues moved inside the circle": str(identification.moved_eigenvalues),
+        "eigenvalues moved inside the unit circle": str(identification.moved_eigenvalues),
     }
     if identification.choice:
-        facts["why this method"] = identification.choice
+        facts["reason for the method"] = identification.choice
     if identification.start_error is not None:
         facts["fitted by simulation"] = (
             f"mean δ of the fitted part {error_text(float(identification.fit_error.mean()))}, "

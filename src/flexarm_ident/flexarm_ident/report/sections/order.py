@@ -28,11 +28,11 @@ def _build(subject: Subject) -> Iterator[Block]:
         )
     )
     if not found.diagram.modes:
-        yield Words("No mode comes back over enough of the orders to count as one of the plant.")
+        yield Words("No mode recurs at enough orders to count as a mode of the plant.")
         return
     yield Words(
-        "These modes come back over the orders: they are of the plant, or of a steady disturbance "
-        "such as the mains, and not of noise. ± says how far the choice of the order moves them."
+        "These modes recur over the orders: they belong to the plant, or to a steady disturbance "
+        "such as the mains, and not to noise. ± is their scatter over the orders."
     )
     yield _clusters(subject.outcome)
 
@@ -68,4 +68,4 @@ def _clusters(outcome: Outcome) -> Table:
         for mode in outcome.identification.diagram.modes
     )
     header = ("Frequency, Hz", "Damping", "Found at", "Orders")
-    return Table("clusters", "Modes that come back over the orders", header, rows)
+    return Table("clusters", "Modes that recur over the orders", header, rows)
