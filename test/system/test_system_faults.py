@@ -135,7 +135,7 @@ def broken_rigs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Campaign]:
         ("stuck", 30, "active", "held at zero: position_v (is stuck|and speed_v disagree)"),
         ("not_a_number", 1, "active", "held at zero: position_v is not a number"),
         ("short_read", 0, "inactive", "short reading: 3 of 4 channels"),
-        ("frozen_time", 0, "inactive", "clock does not go on"),
+        ("frozen_time", 0, "inactive", "clock stands still"),
         ("write_error", MAX_AGE_PERIODS, "inactive", "the command could not be written"),
         ("exception", 0, "inactive", r"ArithmeticError: injected.* \(faulty\.py:\d+\)"),
     ],

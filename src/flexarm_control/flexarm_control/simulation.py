@@ -34,7 +34,7 @@ class Rig(Protocol):
     """Rig of a simulation, such as `flexarm_daq.SimulatedRig`."""
 
     def open(self) -> None:
-        """Start, with the drive at zero."""
+        """Open the rig, with the drive at zero."""
 
     def read(self) -> Sample:
         """Sample the four channels."""

@@ -34,10 +34,10 @@ def check_arm_model(model: control.StateSpace) -> None:
         outputs in another order.
     """
     if not model.dt or model.dt is True:
-        raise SettingError(f"the model has dt = {model.dt}; set its sampling interval in s")
+        raise SettingError(f"the model has dt = {model.dt}; set its sampling period in s")
     if (model.ninputs, model.noutputs) != (1, len(OUTPUTS)):
         raise SettingError(
-            f"the model has {model.ninputs} inputs and {model.noutputs} outputs; "
+            f"the model's inputs: {model.ninputs}, outputs: {model.noutputs}; "
             f"one input and the outputs {', '.join(OUTPUTS)} are needed"
         )
     labels = tuple(model.output_labels)

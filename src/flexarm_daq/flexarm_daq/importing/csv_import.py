@@ -137,7 +137,7 @@ def _read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
         raise CsvImportError(f"{path}: cannot read as CSV: {error}") from error
     table = np.concatenate(blocks) if blocks else np.empty((0, len(columns)))
     if len(table) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
-        raise CsvImportError(f"{path}: {len(table)} data rows; at least two are needed")
+        raise CsvImportError(f"{path}: data rows: {len(table)}; at least 2 are needed")
     return table
 
 

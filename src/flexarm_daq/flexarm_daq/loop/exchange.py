@@ -181,7 +181,7 @@ class Exchange:
             )
         if not sample.time_s > self._sample_time_s:
             raise RigError(
-                f"the rig's clock does not go on after {sample.time_s:.4f} s, check the board"
+                f"the rig's clock stands still after {sample.time_s:.4f} s, check the board"
             )
         return sample
 

@@ -208,7 +208,7 @@ def test_disk_margin___unstable_loop___is_zero() -> None:
 
 
 def test_margins___model_of_another_plant___is_refused() -> None:
-    with pytest.raises(ControlError, match="1 inputs and 1 outputs"):
+    with pytest.raises(ControlError, match="inputs: 1, outputs: 1"):
         margins(_three_lags(), TRIAL)
 
 

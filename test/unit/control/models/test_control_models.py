@@ -100,14 +100,14 @@ def _model(**changes: object) -> control.StateSpace:
 
 @pytest.mark.parametrize("dt", [0, None, True])
 def test_check_arm_model___no_sampling_interval___is_refused(dt: object) -> None:
-    with pytest.raises(ControlError, match="set its sampling interval"):
+    with pytest.raises(ControlError, match="set its sampling period"):
         check_arm_model(_model(dt=dt))
 
 
 def test_check_arm_model___two_outputs___is_refused() -> None:
     model = control.StateSpace([[0.9]], [[1.0]], [[1.0], [1.0]], 0, DT_S)
 
-    with pytest.raises(ControlError, match="1 inputs and 2 outputs"):
+    with pytest.raises(ControlError, match="inputs: 1, outputs: 2"):
         check_arm_model(model)
 
 
