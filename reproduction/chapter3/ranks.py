@@ -151,14 +151,14 @@ def compare_ranks(table: Mapping[str, Any], found: Records) -> Finding:
             reason="In our records the two indices do not part rigid and bending modes.",
         ),
         tables=(
-            _mode_table(example, theirs, trial_modes(shown)),
+            _ranks_beside(example, theirs, trial_modes(shown)),
             _kind_table(example, theirs, ours, [trial_modes(trial) for trial in noisy]),
         ),
         text=_text(found),
     )
 
 
-def _mode_table(
+def _ranks_beside(
     example: Example, theirs: Sequence[RankedMode], ours: Sequence[RankedMode]
 ) -> SideBySide:
     empty = ("",) * len(_HEADINGS)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from flexarm_ident import IoData, identify, reduce_model, validate_dmv
 from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.modes import modal_form, mode_table
+from flexarm_ident.models.modes import modal_form, ranked_modes
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.orse import innovation_scaled
@@ -89,7 +89,9 @@ def test_modes_and_dmv___another_realisation___are_the_same(seed: int) -> None:
     T = np.linalg.qr(np.random.default_rng(seed).normal(size=(5, 5)))[0] * 1.7
     other = named(T @ model.A @ T.T / 1.7**2, T @ model.B, model.C @ T.T / 1.7**2, model.D)
     for one, two in zip(
-        mode_table(model, [data], np.ones(3)), mode_table(other, [data], np.ones(3)), strict=True
+        ranked_modes(model, [data], np.ones(3)),
+        ranked_modes(other, [data], np.ones(3)),
+        strict=True,
     ):
         np.testing.assert_allclose([two.msv, two.mrm], [one.msv, one.mrm], rtol=1e-8)
         np.testing.assert_allclose(two.eigenvalue, one.eigenvalue, atol=1e-10)

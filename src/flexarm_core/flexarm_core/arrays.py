@@ -1,7 +1,8 @@
-"""Array types and helpers that the packages share."""
+"""Types and array helpers that the packages share."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ FloatArray = NDArray[np.float64]
 RealArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
+# Called with the name of a stage and its completed part.
+Progress = Callable[[str, float], None]
 
 _ROWS_TOGETHER = 64
 

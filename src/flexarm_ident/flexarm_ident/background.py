@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from flexarm_ident.estimation.progress import Progress
+    from flexarm_core.arrays import Progress
 
 Result = TypeVar("Result")
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from rclpy.action.server import ServerGoalHandle
 
-    from flexarm_ident.estimation.progress import Progress
+    from flexarm_core.arrays import Progress
     from flexarm_ident.models.modes import Mode
     from flexarm_ident.workflow.outcome import Outcome
 

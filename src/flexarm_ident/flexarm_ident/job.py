@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_ident.estimation.progress import whole
-from flexarm_ident.friction.friction_parameters import friction_fields
+from flexarm_ident.friction.dry_friction import friction_fields
 from flexarm_ident.models.files import FORMATS, save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.provenance import model_provenance
@@ -22,7 +21,7 @@ from flexarm_ident.workflow.stages import run
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from flexarm_ident.estimation.progress import Progress
+    from flexarm_core.arrays import Progress
     from flexarm_ident.models.model_parameters import ParameterValue
     from flexarm_ident.records.source import Source
     from flexarm_ident.workflow.outcome import Outcome
@@ -32,6 +31,20 @@ LARGEST_IN_MEMORY = 1_000_000
 """Samples of a bag from which it is read in pieces, each time it is gone through."""
 MODEL_FILE = "model.yaml"
 REPORT_FILE = "report.html"
+# End of each stage as a part of the whole: rough shares of the time.
+_ENDS = {
+    "reading": 0.05,
+    "gram": 0.1,
+    "range space": 0.12,
+    "order": 0.3,
+    "fit": 0.35,
+    "friction": 0.6,
+    "refinement": 0.75,
+    "reduction": 0.85,
+    "validation": 0.92,
+    "writing": 1.0,
+}
+_STARTS = dict(zip(_ENDS, (0.0, *_ENDS.values()), strict=False))
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +67,23 @@ class Results:
     folder: Path
     outcome: Outcome
     parameters: dict[str, ParameterValue]
+
+
+def whole(progress: Progress) -> Progress:
+    """Return a callback for stages that reports the completed part of the whole, never falling.
+
+    A stage of unknown share leaves the part unchanged.
+    """
+    done = 0.0
+
+    def report(stage: str, fraction: float) -> None:
+        nonlocal done
+        if stage in _ENDS:
+            start, end = _STARTS[stage], _ENDS[stage]
+            done = max(done, start + (end - start) * min(max(fraction, 0.0), 1.0))
+        progress(stage, done)
+
+    return report
 
 
 def model_name(bag: Path) -> str:

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from flexarm_ident import IdentificationError, IoData, read_bag
 from flexarm_ident.background import Background, Cancelled
-from flexarm_ident.estimation.progress import whole
-from flexarm_ident.job import identify_bags, model_name
+from flexarm_ident.job import identify_bags, model_name, whole
 from flexarm_ident.models.files import load_model
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.workflow.request import Request

@@ -1,4 +1,4 @@
-"""Data honesty: what a record cannot carry, as named warnings with figures."""
+"""Quality warnings of records, with their names and figures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
 
-# A fall of 40 dB: no window leaks as much.
+# 40 dB below the maximum, more than the leakage of the window.
 _EXCITED = 1e-4
 _PARTS = 16
 _EXCITED_SHARE = 0.8
@@ -45,7 +45,7 @@ _NEIGHBOURS = 3
 def assess(
     records: Sequence[IoData], gram: BlockGram, *, feedthrough: bool = False
 ) -> tuple[DataWarning, ...]:
-    """Return what is wrong with the data of an identification.
+    """Return the defects of an identification's data; none for good data.
 
     Parameters
     ----------
@@ -59,10 +59,10 @@ def assess(
     Returns
     -------
     tuple of DataWarning
-        ``feedback``, ``input_condition``, ``too_short`` once; what each record brings with it, such
-        as ``lost_samples`` and ``clock_jitter`` from a bag; ``constant_channel``, ``offset``,
+        ``feedback``, ``input_condition``, ``too_short`` once; the notices of each record, such as
+        ``lost_samples`` and ``clock_jitter`` from a bag; ``constant_channel``, ``offset``,
         ``saturation``, ``dead_sensor``, ``duplicated_channel`` and ``excitation_band`` per record
-        and channel. Empty for good data.
+        and channel.
     """
     found = [*_feedback(records, gram, feedthrough=feedthrough), *_conditions(gram, records)]
     for record in records:
@@ -78,9 +78,9 @@ def assess(
 def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
     """Return the band in which one input has power, and the excited share of all frequencies.
 
-    A frequency counts when the density of the input, or that of its increments, comes within 40 dB
-    of its own maximum: steps excite high frequencies by their edges, however small their part of
-    the power is.
+    A frequency counts when the density of the input, or that of its increments, is within 40 dB of
+    its own maximum. Steps excite high frequencies by their edges, however small their part of the
+    power is.
 
     Parameters
     ----------
@@ -94,15 +94,15 @@ def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
     float, float
         Lowest and highest excited frequency, in hertz; both zero when there is none.
     float
-        Part of the frequencies up to Nyquist that are excited.
+        Excited share of the frequencies up to Nyquist.
     """
     length = min(len(u), max(256, min(len(u) // 8, 4096)))
-    # Parts from all over a long record are enough.
+    # Parts spread over a long record suffice.
     starts = np.linspace(0, len(u) - length, min(_PARTS, 2 * len(u) // length)).astype(int)
     parts = u[starts[:, np.newaxis] + np.arange(length)]
     frequencies_hz, densities = scipy.signal.periodogram(parts, 1.0 / dt_s, window="hann")
     density = densities.mean(axis=0)
-    # The increments' density follows from it; the record's mean is none of either.
+    # The increments' density follows from it. The mean of the record is left out of both.
     increments = density * np.sin(np.pi * frequencies_hz * dt_s) ** 2
     density, increments, frequencies_hz = density[1:], increments[1:], frequencies_hz[1:]
     excited = (density > _EXCITED * density.max()) | (increments > _EXCITED * increments.max())
@@ -127,7 +127,7 @@ def _feedback(
     }
     if test.detected:
         evidence = (
-            f"the inputs answer the outputs' noise, chi-square {test.statistic:.0f} where "
+            f"the inputs correlate with the outputs' noise, chi-square {test.statistic:.0f} where "
             f"{test.degrees} is usual"
         )
         if not declared:
@@ -135,7 +135,7 @@ def _feedback(
                 ", though no loop is declared (or the output follows the input within a sample)"
             )
     else:
-        evidence = "the record says so, its noise is too small to tell"
+        evidence = "the record states it, and its noise is too small to tell"
     yield DataWarning(
         "feedback",
         f"closed-loop data: {evidence}; the controller feeds noise back into the input, so plain "
@@ -176,8 +176,8 @@ def _channels(record: IoData) -> Iterator[DataWarning]:
         if constant > _CONSTANT_SHARE:
             yield DataWarning(
                 "constant_channel",
-                f"{record.label}: {name} stands still in {_percent(constant)} of the samples and "
-                "tells nothing: check the channel, or leave it out",
+                f"{record.label}: {name} is constant in {_percent(constant)} of the samples and "
+                "carries no information: check the channel, or leave it out",
                 {"share": constant},
             )
             continue
@@ -209,7 +209,7 @@ def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator
     if name not in record.outputs:
         return
     channel = record.outputs.index(name)
-    # A saturated signal stands still too.
+    # A saturated signal is constant as well.
     dead = [
         rows
         for rows in dead_stretches(record, channel)
@@ -272,7 +272,7 @@ def _named(record: IoData) -> list[tuple[str, FloatArray]]:
 
 
 def _look(x: FloatArray) -> FloatArray:
-    """Return a few samples from all over a signal: a defect of all of it shows in them."""
+    """Return a few samples from all over a signal, which show a defect of the whole signal."""
     return x[:: max(1, len(x) // _LOOK)]
 
 
@@ -287,7 +287,7 @@ def _correlation(x: FloatArray, y: FloatArray) -> float:
 
 
 def _constant_share(x: FloatArray) -> float:
-    """Return the part of the samples that are all the same, rounding apart; 0 if it is small."""
+    """Return the share of equal samples, rounding apart; 0 if it is small."""
     some = _look(x)
     usual = np.median(some)
     near = _ROUNDING * abs(usual)
@@ -297,10 +297,10 @@ def _constant_share(x: FloatArray) -> float:
 
 
 def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
-    """Return the part of the samples in which a signal is cut off at its extreme; mostly zero.
+    """Return the share of samples in which a signal is cut off at its extreme; mostly zero.
 
-    A cut-off signal runs into the plateau, and there are far more samples on it than at any level
-    nearby. A signal of few levels, such as a square wave, has no extreme to speak of.
+    A clipped signal runs into the plateau, and has far more samples there than at any level nearby.
+    A signal of few levels, such as a square wave, cannot be judged.
     """
     on = x == extreme
     share = float(on.mean())
@@ -309,7 +309,7 @@ def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
     if len(np.unique(_look(x))) <= _FEW_LEVELS:
         return 0.0
     starts, stops = runs(on).T
-    # What comes from before the record may be a rest.
+    # A plateau from the first sample on may be a rest.
     plateaus = (stops - starts >= _PLATEAU_SAMPLES) & (starts > 1)
     if not plateaus.any():
         return 0.0

@@ -1,9 +1,9 @@
-"""Stabilisation diagram over model orders, and the physical modes that stand out in it.
+"""Stabilisation diagram over model orders, and its physical modes.
 
-A model of too high an order has the modes of the plant and some more that describe noise. The
-former come back at the same place at every order, the latter wander. Soft criteria compare each
-mode with those of the order before, hard criteria sort out what no lightly damped structure does,
-and the modes that pass both are gathered in clusters.
+A model of too high an order has the modes of the plant and further ones that describe noise. The
+former recur at the same place at every order, the latter wander. Soft criteria compare each mode
+with those of the order before. Hard criteria exclude modes that no lightly damped structure has.
+The modes that pass both are gathered in clusters.
 Magalhaes, Cunha, Caetano, "Online automatic identification of the modal parameters of a long span
 arch bridge", Mechanical Systems and Signal Processing 23 (2009).
 """
@@ -27,23 +27,23 @@ if TYPE_CHECKING:
 
 
 class Criteria(NamedTuple):
-    """What a mode must satisfy to count.
+    """Criteria for stable and physical modes.
 
     Attributes
     ----------
     frequency : float
-        Soft: largest change of the frequency from one order to the next, as a part of it.
+        Soft: largest relative change of the frequency from one order to the next.
     damping : float
         Soft: largest change of the damping ratio.
     mac : float
         Soft: smallest modal assurance criterion between the shapes.
     largest_damping : float
-        Hard: a mode with more damping, or with less than none, is none of a structure.
+        Hard: largest damping ratio of a structural mode; the smallest is zero.
     spread : float
-        Distance at which two clusters stay apart: difference of frequencies as a part of the
-        larger, plus one minus MAC.
+        Smallest distance between two clusters: relative difference of frequencies plus one minus
+        MAC.
     share : float
-        Smallest part of the orders in which a physical mode is found.
+        Smallest share of the orders in which a physical mode is found.
     """
 
     frequency: float = 0.03
@@ -56,7 +56,7 @@ class Criteria(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pole:
-    """A complex pair of the model of one order.
+    """Complex pair of the model of one order.
 
     Attributes
     ----------
@@ -65,11 +65,11 @@ class Pole:
     frequency_hz, damping_ratio : float
         Natural frequency and damping ratio (2-28).
     shape : ndarray, (outputs,)
-        Mode shape: the scaled outputs' parts of it, of unit length.
+        Mode shape of the scaled outputs, of unit length.
     admissible : bool
         Whether the hard criteria hold.
     stable : bool
-        Whether they do and the order before has a mode that is alike.
+        Whether it is admissible and the order before has a similar mode.
     """
 
     order: int
@@ -82,18 +82,18 @@ class Pole:
 
 @dataclass(frozen=True, eq=False)
 class PhysicalMode:
-    """A cluster of modes that come back over the orders.
+    """Cluster of modes that recur over the orders.
 
     Attributes
     ----------
     frequency_hz, damping_ratio : float
         Medians over the orders.
     frequency_std_hz, damping_std : float
-        Standard deviations over the orders: how far the choice of the order moves the mode.
+        Standard deviations over the orders.
     count : int
-        Orders in which the mode was found.
+        Number of orders in which the mode was found.
     share : float
-        Their part of all orders.
+        Their share of all orders.
     orders : tuple of int
         The orders.
     shape : ndarray, (outputs,)
@@ -117,7 +117,7 @@ class Stabilisation:
     Attributes
     ----------
     orders : tuple of int
-        Orders that were looked at, rising.
+        Orders of the models, rising.
     poles : tuple of Pole
         Complex pairs of all orders.
     modes : tuple of PhysicalMode
@@ -142,7 +142,7 @@ def mac(one: ComplexArray, other: ComplexArray) -> float:
 
 
 def subspace_matrices(space: Subspace) -> dict[int, StateMatrices]:
-    """Return A and C of every order worth trying, from one decomposition."""
+    """Return A and C of every candidate order, from one decomposition."""
     return {order: space.matrices(order) for order in candidate_orders(space)}
 
 
@@ -157,19 +157,13 @@ def stabilisation(
     Parameters
     ----------
     matrices : mapping of int to StateMatrices
-        A and C of each order, such as `subspace_matrices` gives.
+        A and C of each order, such as those of `subspace_matrices`.
     output_scale : ndarray, (outputs,)
-        Factors that make the outputs comparable, `Subspace.output_scale`: a shape is only as good
-        as the units it is given in.
+        Factors that make the outputs of a shape comparable, `Subspace.output_scale`.
     dt_s : float
         Sampling period.
     criteria : Criteria, optional
         Tolerances.
-
-    Returns
-    -------
-    Stabilisation
-        Poles of all orders and the physical modes among them.
     """
     limits = criteria or Criteria()
     orders = tuple(sorted(matrices))
@@ -237,7 +231,7 @@ def _clusters(poles: list[Pole], spread: float) -> Iterable[list[Pole]]:
 
 def _mode(cluster: list[Pole], orders: tuple[int, ...]) -> PhysicalMode:
     centre = float(np.median([pole.frequency_hz for pole in cluster]))
-    # An order that splits the mode in two counts once.
+    # An order with the mode split in two counts once.
     nearest: dict[int, Pole] = {}
     for pole in sorted(cluster, key=lambda pole: -abs(pole.frequency_hz - centre)):
         nearest[pole.order] = pole

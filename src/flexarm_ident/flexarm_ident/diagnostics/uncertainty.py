@@ -1,9 +1,9 @@
 """Standard deviations of modes and of the frequency response, by a jackknife over segments.
 
-The Gram matrix of a record is the sum of those of its segments. Leaving one segment out is a
+The Gram matrix of a record is the sum of those of its segments. One segment is left out by a
 subtraction, so that many estimates, each from most of the data, cost hardly more than one. Their
-scatter is that of the estimate itself, whatever the noise is, as long as a segment is longer than
-the noise remembers.
+scatter is that of the estimate itself for noise of any kind, as long as a segment is longer than
+the memory of the noise.
 Kuensch, "The jackknife and the bootstrap for general stationary observations", Annals of
 Statistics 17 (1989).
 """
@@ -38,17 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Jackknife:
-    """Estimates of A and C, each without one segment of the data.
-
-    Attributes
-    ----------
-    whole : StateMatrices
-        Estimate from all data.
-    replicates : tuple of StateMatrices
-        Estimates without one segment.
-    remainders : tuple of tuple of IoData
-        What each of them was made from.
-    """
+    """Estimates of A and C from all data and without one segment each, and the latter's data."""
 
     whole: StateMatrices
     replicates: tuple[StateMatrices, ...]
@@ -103,11 +93,6 @@ def jackknife(
     segments : int
         Segments of all records together; fewer when they would be shorter than `block_rows`.
 
-    Returns
-    -------
-    Jackknife
-        The estimates.
-
     Raises
     ------
     DataError
@@ -133,32 +118,15 @@ def jackknife(
 
 
 def mode_uncertainty(found: Jackknife, model: control.StateSpace) -> tuple[ModeUncertainty, ...]:
-    """Return the modes of a model with their standard deviations.
+    """Return modes with their standard deviations, in the order of `ranked_modes`.
 
-    Parameters
-    ----------
-    found : Jackknife
-        Estimates with and without each segment.
-    model : control.StateSpace
-        The model from all data, or a part of its modes.
-
-    Returns
-    -------
-    tuple of ModeUncertainty
-        One per mode, in the order of `mode_table`.
+    The model is the one from all data, or a part of its modes.
     """
     form = modal_form(model)
     own = form.eigenvalues[[group[0] for group in form.groups]]
-    figures = np.array(
-        [_figures(_matched(own, each.A), form.dt_s) for each in found.replicates]
-    )  # (replicates, modes, 2)
-    deviation = _deviation(figures)
-    return tuple(
-        ModeUncertainty(frequency_hz, damping_ratio, float(std[0]), float(std[1]))
-        for (frequency_hz, damping_ratio), std in zip(
-            _figures(own, form.dt_s), deviation, strict=True
-        )
-    )
+    figures = [_figures(_matched(own, each.A), form.dt_s) for each in found.replicates]
+    pairs = zip(_figures(own, form.dt_s), _deviation(np.array(figures)).tolist(), strict=True)
+    return tuple(ModeUncertainty(*figure, *std) for figure, std in pairs)
 
 
 def frequency_response_uncertainty(
@@ -168,25 +136,10 @@ def frequency_response_uncertainty(
     *,
     feedthrough: bool = False,
 ) -> ResponseUncertainty:
-    """Return the frequency response with its standard deviation.
+    """Return the frequency response, (frequencies, outputs, inputs), with its standard deviation.
 
-    For each replicate B, D and the initial states are fitted to what is left of the records.
-
-    Parameters
-    ----------
-    found : Jackknife
-        Estimates with and without each segment.
-    records : IoData or sequence of IoData
-        The records they were made from.
-    frequencies_hz : array_like, (frequencies,)
-        Frequencies.
-    feedthrough : bool
-        Fit D.
-
-    Returns
-    -------
-    ResponseUncertainty
-        Response and deviation.
+    For each replicate of a jackknife of the records, B, the initial states and, with feedthrough, D
+    are fitted to the remaining data.
     """
     grid = np.asarray(frequencies_hz, dtype=np.float64)
 
@@ -196,12 +149,8 @@ def frequency_response_uncertainty(
         model = state_space(A, fit.B, matrices.C, fit.D, data[0].dt_s)
         return frequency_response(model, grid)
 
-    replicates = np.array(
-        [
-            response(matrices, remainder)
-            for matrices, remainder in zip(found.replicates, found.remainders, strict=True)
-        ]
-    )
+    pairs = zip(found.replicates, found.remainders, strict=True)
+    replicates = np.array([response(*pair) for pair in pairs])
     return ResponseUncertainty(
         grid, response(found.whole, as_records(records)), _deviation(replicates)
     )
@@ -215,7 +164,7 @@ def _deviation(replicates: FloatArray | ComplexArray) -> FloatArray:
 
 
 def _without(records: Sequence[IoData], block_rows: int, segment: Segment) -> tuple[IoData, ...]:
-    """Return the records without a segment; what is left of one may be two pieces, or one."""
+    """Return the records without a segment, which leaves one or two pieces of its record."""
     record = records[segment.record]
     pieces = [
         rows(record, low, high)
@@ -226,11 +175,11 @@ def _without(records: Sequence[IoData], block_rows: int, segment: Segment) -> tu
 
 
 def _matched(own: ComplexArray, A: FloatArray) -> ComplexArray:
-    """Return the eigenvalue of A that belongs to each mode: the nearest, none twice."""
+    """Return the eigenvalue of A next to each mode, each used once."""
     eigenvalues = np.linalg.eigvals(A).astype(complex)
     upper = eigenvalues[eigenvalues.imag >= 0.0]
     if len(upper) < len(own):
-        # Some pairs of the model are one real eigenvalue each, or none, of the replicate.
+        # Some pairs of the model have one real eigenvalue each, or none, in the replicate.
         upper = eigenvalues
     distance = np.abs(np.subtract.outer(own, upper))
     _, columns = scipy.optimize.linear_sum_assignment(distance)

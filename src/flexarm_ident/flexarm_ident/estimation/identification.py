@@ -17,7 +17,7 @@ from flexarm_ident.diagnostics.uncertainty import (
     mode_uncertainty,
 )
 from flexarm_ident.friction.dry_friction import net_records
-from flexarm_ident.models.modes import mode_table
+from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.methods import METHODS, Data
 from flexarm_ident.subspace.order import candidate_orders, stable_orders, suggest_order
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """An identified model and how it came about.
+    """Identified model with its origin and diagnostics.
 
     Attributes
     ----------
@@ -67,26 +67,26 @@ class Identification:
     fit_condition : float
         Condition number of the regression for B and x0.
     moved_eigenvalues : int
-        Number of unstable eigenvalues that were moved inside the unit circle.
+        Number of unstable eigenvalues that were moved into the unit circle.
     notes : tuple of str
-        What the estimation itself had to do about the model.
+        Changes and compromises that the estimation made.
     gram : BlockGram
         Products of the data.
     subspace : Subspace
-        What models of other orders follow from.
+        Source of models of other orders.
     records : tuple of IoData
         The records that were fitted; of streamed ones a leading part.
     samples : tuple of int
         Length of each record that was fitted.
     choice : str
-        What 'auto' chose and why, in one sentence; empty when the method was given.
+        Choice of 'auto' and its reason, in one sentence; empty when the method was given.
     start_error : ndarray, (outputs,) or None
-        `fit_error` of the subspace model, when one fitted by simulation took its place; both
-        without the samples at which a sensor was dead.
+        `fit_error` of the subspace model that a model fitted by simulation replaced. Both leave out
+        samples without a working sensor.
     friction : DryFriction or None
         Dry friction at the model's inputs.
     coulomb : CoulombEstimate or None
-        Coulomb levels by regression, when they were looked for and the data allow it.
+        Coulomb levels by regression, when requested and the data allow it.
     """
 
     model: control.StateSpace
@@ -119,17 +119,17 @@ class Identification:
 
     @cached_property
     def data_warnings(self) -> tuple[DataWarning, ...]:
-        """What the records cannot carry, each with its name and figures."""
+        """Defects of the records, each with its name and figures."""
         return assess(self.records, self.gram, feedthrough=bool(np.any(self.model.D)))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know before trusting the model."""
+        """Texts of `data_warnings` and `notes`, to be read before the model is used."""
         return (*(warning.text for warning in self.data_warnings), *self.notes)
 
     @cached_property
     def linear_records(self) -> tuple[IoData, ...]:
-        """`records` with the input that moves the linear model: friction is taken off."""
+        """`records` with the input of the linear model, without friction."""
         if self.friction is None:
             return self.records
         return net_records(self.model, self.friction, self.x0, self.records)
@@ -137,19 +137,19 @@ class Identification:
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
         """Modes with frequency, damping, MSV and MRM over the records."""
-        return mode_table(self.model, self.linear_records, output_scale(self.records))
+        return ranked_modes(self.model, self.linear_records, output_scale(self.records))
 
     @cached_property
     def mode_uncertainty(self) -> tuple[ModeUncertainty, ...]:
-        """Standard deviations of `modes`, in their order; empty where there are none to tell.
+        """Standard deviations of `modes`, in their order.
 
-        That is so for records that are too short or were streamed, and for an arm with friction.
+        It is empty for records that are too short or streamed, and for an arm with friction.
         """
         found = self._jackknife
         return mode_uncertainty(found, self.model) if found else ()
 
     def response_uncertainty(self, frequencies_hz: FloatArray) -> ResponseUncertainty | None:
-        """Return the frequency response with its standard deviation, (2-4).
+        """Return the frequency response (2-4) with its standard deviation.
 
         Parameters
         ----------
@@ -163,11 +163,9 @@ class Identification:
         """
         if self._jackknife is None:
             return None
+        direct = bool(np.any(self.model.D))
         return frequency_response_uncertainty(
-            self._jackknife,
-            self.records,
-            frequencies_hz,
-            feedthrough=bool(np.any(self.model.D)),
+            self._jackknife, self.records, frequencies_hz, feedthrough=direct
         )
 
     @cached_property
@@ -186,7 +184,7 @@ class Identification:
 
     @cached_property
     def diagram(self) -> Stabilisation:
-        """Stabilisation diagram: which modes come back over the orders."""
+        """Stabilisation diagram: the modes that recur over the orders."""
         space = self.subspace
         return stabilisation(subspace_matrices(space), space.output_scale, self.model.dt)
 

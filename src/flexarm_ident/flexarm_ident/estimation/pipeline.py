@@ -1,4 +1,4 @@
-"""From records to a model: the steps of section 2.2.3 in one call."""
+"""Pipeline from records to a model: the steps of section 2.2.3 in one call."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexarm_ident.subspace.request_check import check_request
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_ident.estimation.progress import Progress
+    from flexarm_core.arrays import Progress
     from flexarm_ident.records.source import Source
     from flexarm_ident.subspace.choice import Selection
 
@@ -38,10 +38,10 @@ def identify(
 ) -> Identification:
     """Identify a discrete state-space model from one or several records.
 
-    Records that do not fit into memory are passed over a few times, in chunks: products for A and
-    C, products for B and x0, and the residual when the error is too small to follow from products.
-    Their method and order, if they are left open, and the modes' weights come from their leading
-    parts, `streaming.EXCERPT_SAMPLES` long. They have neither friction nor refinement.
+    Records that do not fit into memory are read a few times, in chunks: products for A and C,
+    products for B and x0, and the residual when the error is too small to follow from products.
+    Their method and order, if left open, and the modes' weights come from their leading parts,
+    `streaming.EXCERPT_SAMPLES` long. They have neither friction nor refinement.
 
     Parameters
     ----------
@@ -49,28 +49,28 @@ def identify(
         Records of one rig, in memory or read in chunks such as `BagStream`; several are fitted by
         one model, each with its own initial state.
     order : int, optional
-        Number of states, less than `block_rows`. By default one of 7 to 36 by a criterion of
-        information, see `choose_order`.
+        Number of states, less than `block_rows`. By default one of 7 to 36 by an information
+        criterion, see `choose_order`.
     block_rows : int
         Block rows of the Hankel matrices, q of (2-18).
     method : str
-        A name in `METHODS`, or 'auto', which takes the one that the data ask for: see `choice`.
+        A name in `METHODS`, or 'auto' for a choice from the data, see `choice`.
     stable : bool
-        Move unstable eigenvalues inside the unit circle before B is fitted (section 3.2).
+        Move unstable eigenvalues into the unit circle before B is fitted (section 3.2).
     feedthrough : bool
         Fit D. The rig has none: a command acts after the sample it answers.
     friction : bool
-        Look for dry friction, and with `method` 'auto' and `order` open take an arm with friction
-        where the data call for one; see `with_friction` for the test.
+        Look for dry friction. With `method` 'auto' and `order` open, an arm with friction may
+        replace the model; see `with_friction` for the test.
     refine : bool
-        Refine a model without friction by its simulation error; it never gets worse.
+        Refine a model without friction by its simulation error, which never increases.
     progress : callable, optional
-        Called with the name of the stage and the part of it that is done.
+        Called with the name of the stage and its completed part.
 
     Returns
     -------
     Identification
-        The model, the records' initial states and what there is to say about them.
+        The model, the records' initial states and the diagnostics.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def _linear_model(
     stable: bool,
     feedthrough: bool,
 ) -> Identification:
-    """Return the model of one order, without the records that it shows."""
+    """Return the model of one order, without the records."""
     raw = chosen.space.matrices(order)
     A, moved = stabilise(raw.A) if stable else (raw.A, 0)
     fit = fit_inputs(
@@ -138,7 +138,9 @@ def _linear_model(
     )
     notes = []
     if moved:
-        notes.append(f"{moved} unstable eigenvalues of order {order} were moved inside the circle")
+        subject = "1 unstable eigenvalue" if moved == 1 else f"{moved} unstable eigenvalues"
+        verb = "was" if moved == 1 else "were"
+        notes.append(f"{subject} of order {order} {verb} moved into the unit circle")
     elif not is_stable(A):
         notes.append(f"the model of order {order} is unstable")
     return Identification(

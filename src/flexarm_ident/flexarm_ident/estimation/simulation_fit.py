@@ -1,9 +1,9 @@
-"""Models fitted by simulation error in place of a subspace model, where that simulates better.
+"""Models fitted by simulation error, which replace a subspace model that simulates worse.
 
-A subspace model is linear and knows no friction. What it starts is refined here: by an arm with dry
-friction, where the data have the structure of one and show friction, or by moving all its matrices.
-Either is judged by a free simulation of all records where their sensors worked, and taken only when
-it is better.
+A subspace model is linear and without friction. It is the start of two refinements: an arm with dry
+friction, where the data have its structure and show friction, or a change of all its matrices. Both
+are judged by a free simulation of all records where their sensors worked, and taken only when they
+simulate better.
 """
 
 from __future__ import annotations
@@ -28,9 +28,8 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.estimation.identification import Identification
-    from flexarm_ident.estimation.progress import Progress
     from flexarm_ident.friction.arm_fit import ArmFit
     from flexarm_ident.friction.layout import ArmLayout
     from flexarm_ident.friction.levels import CoulombEstimate
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
 
 ARM = "arm"
 """Method of a model that is an arm with dry friction."""
-# Of all records together: more takes minutes and says little more.
+# Samples of all records together; more would take minutes for little more accuracy.
 _REFINED_SAMPLES = 20_000
 _STANDS_OUT = 3.0
 
@@ -56,7 +55,7 @@ def with_friction(
     """Look for dry friction and take an arm with friction where it simulates better.
 
     The test has three parts. The data have the channels of a flexible arm (`arm_layout`) and no
-    recorded compensation; a Coulomb level is above its own scatter (`estimate_coulomb`); and an arm
+    recorded compensation. A Coulomb level exceeds its own scatter (`estimate_coulomb`). An arm
     fitted with friction has a level above three of its standard deviations and simulates the
     records with a smaller sum of squared relative errors than the subspace model.
 
@@ -67,7 +66,7 @@ def with_friction(
     replaceable : bool
         Whether the model may be replaced: method and order were left open.
     progress : callable, optional
-        Called with the stage "friction" and the part that is done.
+        Called with the stage "friction" and the completed part.
 
     Returns
     -------
@@ -82,7 +81,7 @@ def with_friction(
     try:
         coulomb = estimate_coulomb(records, layout.slipping)
     except IdentificationError:
-        return found  # hardly anything slips
+        return found  # too few slipping samples
     found = replace(found, coulomb=coulomb)
     if not coulomb.possible:
         return found
@@ -116,19 +115,19 @@ def with_friction(
 
 
 def refined(found: Identification, *, progress: Progress | None = None) -> Identification:
-    """Refine a linear model by its simulation error; long records by their leading parts.
+    """Refine a linear model by its simulation error over the leading parts of its records.
 
     Parameters
     ----------
     found : Identification
         Subspace model.
     progress : callable, optional
-        Called with the stage "refinement" and the part that is done.
+        Called with the stage "refinement" and the completed part.
 
     Returns
     -------
     Identification
-        The refined model; the start itself when nothing better was found over all records.
+        The refined model, or the start when it simulates all records no worse.
     """
     records = found.records
     most = -(-_REFINED_SAMPLES // len(records))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.records.iodata import DataWarning
     from flexarm_ident.records.source import Source
 
 EXCERPT_SAMPLES = 65_536
@@ -26,53 +25,24 @@ EXCERPT_SAMPLES = 65_536
 _CHUNK = 16_384
 
 
-@dataclass(frozen=True, eq=False)
 class Part:
-    """The leading samples of a source, with a constant subtracted from each output.
+    """Leading samples of a source, with a constant subtracted from each output.
 
-    Attributes
+    Parameters
     ----------
     source : Source
-        Where they come from.
+        The source, whose names, period and notices stay.
     samples : int
-        How many, no more than the source has.
+        Number of samples, at most that of the source.
     bias : ndarray, (outputs,)
-        What is subtracted.
+        Constants to subtract.
     """
 
-    source: Source
-    samples: int
-    bias: FloatArray
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
-        return self.source.inputs
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        return self.source.outputs
-
-    @property
-    def dt_s(self) -> float:
-        """Sampling period."""
-        return self.source.dt_s
-
-    @property
-    def label(self) -> str:
-        """Name of the record in messages."""
-        return self.source.label
-
-    @property
-    def closed_loop(self) -> bool | None:
-        """Whether the inputs were computed from the outputs; None when it is not known."""
-        return self.source.closed_loop
-
-    @property
-    def notices(self) -> tuple[DataWarning, ...]:
-        """What is known to be wrong with how the samples were taken, anywhere in the record."""
-        return self.source.notices
+    def __init__(self, source: Source, samples: int, bias: FloatArray) -> None:
+        self.source, self.samples, self.bias = source, samples, bias
+        self.inputs, self.outputs = source.inputs, source.outputs
+        self.dt_s, self.label = source.dt_s, source.label
+        self.closed_loop, self.notices = source.closed_loop, source.notices
 
     def __len__(self) -> int:
         return self.samples
@@ -93,27 +63,19 @@ class Part:
 
 
 def leading(source: Source, samples: int) -> Part:
-    """Return the first `samples` samples of a source (all of them if there are fewer)."""
+    """Return the first `samples` samples of a source, or all if there are fewer."""
     return Part(source, min(samples, len(source)), np.zeros(len(source.outputs)))
 
 
 def excerpt(source: Source, samples: int = EXCERPT_SAMPLES) -> IoData:
-    """Return the first samples of a source as a record in memory; a record as it is."""
+    """Return the first samples of a source as a record in memory; a record itself is unchanged."""
     return source if isinstance(source, IoData) else source.head(samples)
 
 
 def without_bias(source: Source) -> Part:
-    """Remove the outputs' biases as `preprocess` does by default (section 2.5).
+    """Remove the outputs' biases from a source as `preprocess` does by default (section 2.5).
 
-    Parameters
-    ----------
-    source : Source
-        Record whose inputs have no Coulomb compensation in them.
-
-    Returns
-    -------
-    Part
-        The whole record.
+    The inputs must not contain Coulomb compensation.
     """
     first = excerpt(source)
     bias = first.y[0] - preprocess(first, zero_mean=()).y[0]
@@ -126,21 +88,9 @@ def without_bias(source: Source) -> Part:
 
 
 def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -> Dmv:
-    """Compare measured outputs with a free simulation, chunk by chunk; see `validate_dmv`.
+    """Compare measured outputs with a free simulation in chunks, as `validate_dmv` does.
 
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model.
-    record : Source
-        The record.
-    x0 : ndarray, (states,)
-        Initial state.
-
-    Returns
-    -------
-    Dmv
-        Errors over the whole record, and simulated outputs of the first `EXCERPT_SAMPLES`.
+    The simulation starts from x0, (states,). Its first `EXCERPT_SAMPLES` outputs are kept.
     """
     run = BlockSimulation(model.A, model.B, model.C, model.D, x0)
     missed, power = np.zeros(model.noutputs), np.zeros(model.noutputs)

@@ -1,7 +1,7 @@
-"""The output least squares over all records, in modal or in Schur coordinates.
+"""Output least squares over all records, in modal or in Schur coordinates.
 
-B and D stand once, an initial state for each record. Both forms keep products of the data only, so
-that they are solved again for other weights of the outputs at no cost.
+B and D are common to all records, and each record has an initial state. Both forms keep products of
+the data only, so that a solution for other weights of the outputs needs no further reading.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from flexarm_ident.fitting.schur_regression import SchurRegression
     from flexarm_ident.records.source import Samples
 
-# Six of sixteen digits are lost by squaring it.
+# Its square costs six of sixteen digits.
 _WELL_CONDITIONED = 1e3
 
 
 class Solution(NamedTuple):
-    """B, D, the initial states, each record's squared error by output, and rank and condition."""
+    """B, D, initial states, each record's squared error by output, rank and condition number."""
 
     B: FloatArray
     D: FloatArray
@@ -36,7 +36,7 @@ class Solution(NamedTuple):
 
 
 class ModalProblem:
-    """Normal equations of all records in modal coordinates: B and D once, x0 per record."""
+    """Normal equations of all records in modal coordinates: common B and D, x0 per record."""
 
     def __init__(
         self, regression: ModalRegression, vectors: ComplexArray, records: Sequence[Samples]
@@ -52,19 +52,9 @@ class ModalProblem:
         self.powers = [each.power for each in self._products]
 
     def solve(self, weight: FloatArray, *, refined: bool) -> Solution:
-        """Solve the normal equations.
+        """Solve the normal equations for weights of the squared errors, (outputs,).
 
-        Parameters
-        ----------
-        weight : ndarray, (outputs,)
-            Weight of each output's squared error.
-        refined : bool
-            Go through the records once more where digits were lost.
-
-        Returns
-        -------
-        Solution
-            What minimises the weighted error.
+        With `refined` the records are read once more where digits were lost.
         """
         regression, size = self._regression, self._size
         normal = np.zeros((size, size), dtype=complex)
@@ -84,8 +74,8 @@ class ModalProblem:
             return found, [each.missed(combination) for each, combination in pairs]
 
         parameters, missed = solve(self._products)
-        # Normal equations square the condition, and small errors drown in the outputs' power: what
-        # the first solution misses, sample by sample, gives the digits back.
+        # Normal equations square the condition, and small errors vanish in the outputs' power. The
+        # residual of the first solution, sample by sample, restores the digits.
         lost = condition > _WELL_CONDITIONED or any(each.is_rounding for each in missed)
         if refined and lost:
             left = [
@@ -118,7 +108,7 @@ class SchurProblem:
         self.powers = [np.sum(each[:, :, -1] ** 2, axis=1) for each in self._triangles]
 
     def solve(self, weight: FloatArray, *, refined: bool) -> Solution:  # noqa: ARG002 - one interface
-        """Solve the triangles together; as in `ModalProblem`, but no digits are ever lost."""
+        """Solve the triangles together; as in `ModalProblem`, but without loss of digits."""
         regression = self._regression
         n, m, driven = regression.states, regression.outputs, regression.states * regression.inputs
         D_first = driven + len(self._triangles) * n
@@ -164,7 +154,7 @@ class SchurProblem:
 
 
 class LeastSquares(NamedTuple):
-    """Solution of a linear least squares, and rank and condition of its scaled regressors."""
+    """Solution of a linear least squares, with rank and condition of its scaled regressors."""
 
     solution: FloatArray
     rank: int

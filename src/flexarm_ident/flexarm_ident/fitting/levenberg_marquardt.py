@@ -28,7 +28,7 @@ class Normal(NamedTuple):
 
 
 class Minimum(NamedTuple):
-    """Where the search ended."""
+    """Result of the search: parameters, cost and the last normal matrix."""
 
     theta: FloatArray
     cost: float
@@ -43,7 +43,7 @@ def minimise(
     iterations: int,
     tolerance: float = 1e-5,
 ) -> Minimum:
-    """Lower a sum of squares from a start; what comes back is never worse than it.
+    """Minimise a sum of squares from a start; the result is never worse.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ def minimise(
     normal : callable
         Normal equations.
     iterations : int
-        Steps at most.
+        Largest number of steps.
     tolerance : float
-        Stop when a step lowers the cost by less than this part.
+        Relative decrease of the cost below which the search stops.
 
     Returns
     -------

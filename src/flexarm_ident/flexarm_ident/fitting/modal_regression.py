@@ -1,12 +1,12 @@
 """Normal equations of the output least squares in modal coordinates, without forming regressors.
 
 In modal coordinates each of the thesis's regressors (2-14), (3-14) is one scalar filter times a
-column of C, so the normal matrix is the Gram of the scalar signals times, element by element, the
-products of the output matrix. The signals' Gram itself is lifted: inside a block of samples every
+column of C. The normal matrix is therefore the elementwise product of the scalar signals' Gram and
+the output matrix's products. The signals' Gram itself is lifted: inside a block of samples every
 signal is a fixed linear function of its value at the block's start and of the block's inputs.
 
-A pair of conjugate modes has one complex signal. It is kept as its real and imaginary part, side by
-side, so that all the work over the samples is real.
+A pair of conjugate modes has one complex signal. Its real and imaginary part stand side by side, so
+that all operations over the samples are real.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _BLOCK = 32
 # The lifted rows of this many samples fit into a core's own cache.
 _CHUNK = 256 * _BLOCK
-# Of a sum over all samples, in units of the sum of its terms' magnitudes.
+# Rounding of a sum over all samples, in units of the sum of its terms' magnitudes.
 _ROUNDING = 1e-14
 _WANTED = 1e-6
 
@@ -41,12 +41,11 @@ class Missed(NamedTuple):
 
 
 class Lift(NamedTuple):
-    """A chunk of a record in blocks, whole ones and those of which samples are missing.
+    """Chunk of a record in blocks, complete ones and those with missing samples.
 
-    `rows` holds per block the signals at its start, of each input and of the initial state, and
-    then its inputs, and `y` its outputs; `part_rows` and `part_y` are the same of the blocks with
-    holes and of the last one, whose inputs are padded with zeros. What is missing of their outputs
-    is NaN.
+    `rows` holds for each block the signals at its start, of each input and of the initial state,
+    and then its inputs, and `y` its outputs. `part_rows` and `part_y` are the same for the blocks
+    with holes and the last one, whose inputs are padded with zeros; missing outputs are NaN.
     """
 
     rows: FloatArray
@@ -96,7 +95,7 @@ class ModalRegression:
         return products
 
     def residual_products(self, record: Samples, parameters: ComplexArray) -> Products:
-        """Return the same of what the outputs miss from the model with these parameters."""
+        """Return the products of the outputs' residuals from the model with these parameters."""
         products = Products(self._map, self.outputs)
         signals, _, width = self._map.shape
         response = self.signal_weights(parameters) @ self._map.reshape(signals, -1)
@@ -108,7 +107,7 @@ class ModalRegression:
 
     def signal_weights(self, parameters: ComplexArray) -> FloatArray:
         """Return the outputs as combinations of the signals, (outputs, signals)."""
-        # Real, because conjugate modes come in pairs.
+        # The sum over pairs of conjugate modes is real.
         return np.asarray(((self._columns * parameters) @ self._expand).real)
 
     def normal(self, products: Products, weight: FloatArray) -> ComplexArray:
@@ -121,7 +120,7 @@ class ModalRegression:
         return np.asarray(np.conj(self._columns.T * (self._expand @ products.cross)) @ weight)
 
     def _lifted(self, record: Samples) -> Iterator[Lift]:
-        """Go through a record; its initial state is one more input, a pulse before the start."""
+        """Yield a record in blocks; its initial state is one more input, a pulse at the start."""
         r, modes, starts_end = self.inputs, len(self._modes), (self.inputs + 1) * self._parts
         step = self._modes**_BLOCK
         decay = np.cumprod(np.tile(step, (_CHUNK // _BLOCK, 1)), axis=0)
@@ -161,7 +160,7 @@ class ModalRegression:
         return np.asarray(expand)
 
     def _lift_maps(self) -> tuple[FloatArray, FloatArray]:
-        """Return maps from a lift's row to all signals in its block, and to what it adds behind.
+        """Return the maps from a lift's row to all signals in its block, and to the block's drive.
 
         The first is (signals, samples, row), the second (inputs of the row, signals of inputs).
         """
@@ -180,7 +179,7 @@ class ModalRegression:
         driven = np.stack([pulse.real, pulse.imag], axis=1).reshape(parts, _BLOCK + 1, _BLOCK)
         total = np.zeros((inputs_at + self._direct, _BLOCK + 1, inputs_at + r * _BLOCK))
         for source in range(r + 1):
-            # The initial state stands behind D.
+            # The initial state follows D.
             first = source * parts + (self._direct if source == r else 0)
             total[first : first + parts, :, source * parts : (source + 1) * parts] = free
             if source < r:
@@ -212,7 +211,7 @@ class Products:
         self._outputs = outputs
 
     def add(self, lift: Lift) -> None:
-        """Take the next samples."""
+        """Add the next samples."""
         self._gram += lift.rows.T @ lift.rows
         self._cross += lift.rows.T @ lift.y
         self._power += np.einsum("bi,bi->i", lift.y, lift.y)
@@ -246,18 +245,7 @@ class Products:
         return np.asarray(self._power.reshape(-1, self._outputs).sum(axis=0))
 
     def missed(self, weights: FloatArray) -> Missed:
-        """Return each output's squared error when combinations of the signals are subtracted.
-
-        Parameters
-        ----------
-        weights : ndarray, (outputs, signals)
-            The combinations.
-
-        Returns
-        -------
-        Missed
-            The error and whether rounding hides it.
-        """
+        """Return the squared error of each output, for weights of the signals by output."""
         explained = np.sum(weights @ self.signals * weights, axis=1)
         left = self.power - 2.0 * np.sum(weights.T * self.cross, axis=0) + explained
         terms = np.abs(weights) @ np.sqrt(np.diag(self.signals).clip(min=0.0))
@@ -268,7 +256,7 @@ class Products:
 def _accumulate(states: ComplexArray, step: ComplexArray) -> None:
     """Turn drives into states, ``x_{b+1} = step x_b + drive_b``, in place: (blocks, inputs, modes).
 
-    Every turn doubles the number of past blocks that are summed.
+    Every turn doubles the number of past blocks in the sum.
     """
     distance = 1
     while distance < len(states):

@@ -1,9 +1,9 @@
-"""B, D and x0 by output least squares (2-13 .. 2-17, 3-11 .. 3-18), and C (3-19 .. 3-21).
+"""Output least squares for B, D and x0 (2-13 .. 2-17, 3-11 .. 3-18), and for C (3-19 .. 3-21).
 
 Given A and C the outputs are linear in B, D and the initial states. Each output is weighted by the
-inverse of its RMS, so that its unit does not matter: what is minimised is the sum of the squared
-relative errors (2-25). On request the weight is the inverse of what such a fit leaves of the
-output, which is the best one when that is white noise.
+inverse of its RMS, which minimises the sum of the squared relative errors (2-25) in any unit. On
+request the weight is the inverse of the RMS residual of such a fit, the best choice for white
+residuals.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _DEFECTIVE_CONDITION = 1e8
 _LARGEST_GROWTH = 100.0
-# Of an output's RMS: an error as small is not taken for noise when outputs are weighted by it.
+# Smallest noise that weights an output, as a part of its RMS.
 _SMALLEST_NOISE = 1e-4
 
 
@@ -63,17 +63,7 @@ class OutputFit:
 
 
 class OutputMatrixFit(NamedTuple):
-    """C of a model.
-
-    Attributes
-    ----------
-    C : ndarray, (outputs, states)
-        Output matrix.
-    rank : int
-        Numerical rank of the states over time.
-    condition : float
-        Condition number of the states over time, each scaled to unit length.
-    """
+    """C, (outputs, states), with rank and condition number of the states over time."""
 
     C: FloatArray
     rank: int
@@ -101,27 +91,16 @@ def fit_inputs(
     feedthrough : bool
         Fit D as well. The rig has none: a command acts after the sample it answers.
     noise_weighted : bool
-        Weight each output by the inverse of what a first fit leaves of it, not of its RMS. An
-        output with little noise then counts for more, which is right where the rest is noise.
-
-    Returns
-    -------
-    OutputFit
-        The matrices, the initial states and how well they are determined.
+        Weight each output by the inverse of a first fit's residual instead of its RMS, so that
+        outputs with little noise count more.
 
     Raises
     ------
     IdentificationError
         If A is so unstable that its response overflows.
     """
-    return _fit(
-        A,
-        C,
-        len(records[0].inputs),
-        records,
-        feedthrough=feedthrough,
-        noise_weighted=noise_weighted,
-    )
+    inputs = len(records[0].inputs)
+    return _fit(A, C, inputs, records, feedthrough=feedthrough, noise_weighted=noise_weighted)
 
 
 def fit_initial_states(
@@ -129,7 +108,7 @@ def fit_initial_states(
 ) -> tuple[FloatArray, ...]:
     """Fit each record's initial state to its outputs, given the whole model.
 
-    The record goes on through its holes: there the input is known, and the outputs do not count.
+    The simulation continues through holes, where the input is known and the outputs do not count.
 
     Parameters
     ----------
@@ -150,23 +129,10 @@ def fit_initial_states(
 def fit_outputs(
     model: control.StateSpace, x0: Sequence[FloatArray], records: Sequence[IoData]
 ) -> OutputMatrixFit:
-    """Fit C to the outputs, given A, B, D and the initial states (3-19 .. 3-21).
+    """Fit C to the outputs, given A, B, D and the records' initial states (3-19 .. 3-21).
 
-    Each output has its own row of C and its own regression, so weights do not matter.
-
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model, whose C is not used.
-    x0 : sequence of ndarray, (states,)
-        Initial state of each record.
-    records : sequence of IoData
-        Records of the same rig.
-
-    Returns
-    -------
-    OutputMatrixFit
-        C and how well it is determined.
+    Each output has its own row of C and its own regression, so weights do not matter. The C of the
+    model is not used.
     """
     states = [
         simulate_states(model.A, model.B, record.u, start)[record.usable]
@@ -206,7 +172,7 @@ def _fit(
     largest = float(np.abs(eigenvalues).max(initial=0.0))
     if largest > 1.0 and longest * np.log(largest) > _LARGEST_GROWTH:
         raise IdentificationError(
-            f"an eigenvalue of magnitude {largest:.4f} grows beyond all bounds in {longest} "
+            f"an eigenvalue of magnitude {largest:.4f} makes the response overflow in {longest} "
             "samples: stabilise the model first"
         )
     problem: ModalProblem | SchurProblem
@@ -214,12 +180,8 @@ def _fit(
         schur = SchurRegression(A, C, inputs, feedthrough=feedthrough)
         problem = SchurProblem(schur, records)
     else:
-        modal = ModalRegression(
-            eigenvalues.astype(complex),
-            (C @ vectors).astype(complex),
-            inputs,
-            feedthrough=feedthrough,
-        )
+        modes, shapes = eigenvalues.astype(complex), (C @ vectors).astype(complex)
+        modal = ModalRegression(modes, shapes, inputs, feedthrough=feedthrough)
         problem = ModalProblem(modal, vectors, records)
     power = _mean(problem.powers, records)
     weight = _inverse(power)

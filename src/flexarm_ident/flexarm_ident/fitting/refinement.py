@@ -1,10 +1,10 @@
 """Refinement of a whole model by its simulation error, from a subspace start.
 
-Subspace methods minimise a projection and the output fit only B and the initial states. Here A, B,
-C and the initial states move together, by Gauss-Newton steps with damping, to lower the sum of the
-squared relative errors (2-25) of the free simulation. The model is taken in real modal form, where
-A has two parameters per pair instead of a full matrix, and every derivative is the response of the
-same model to another input.
+Subspace methods minimise a projection, and the output fit changes only B and the initial states.
+Here A, B, C and the initial states change together, by damped Gauss-Newton steps, to lower the sum
+of the squared relative errors (2-25) of the free simulation. The model has real modal form, in
+which A has two parameters per pair instead of a full matrix, and every derivative is the response
+of the same model to another input.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from flexarm_ident.models.state_space import with_matrices
 from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import control
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.records.iodata import IoData
 
 _CHUNK = 2048
@@ -35,12 +35,12 @@ _ITERATIONS = 30
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """A refined model.
+    """Refined model, or the start when no better one was found.
 
     Attributes
     ----------
     model : control.StateSpace
-        The model; the start itself when nothing better was found.
+        The model.
     x0 : tuple of ndarray, (states,)
         Initial state of each record.
     error : ndarray, (outputs,)
@@ -61,7 +61,7 @@ def refine_model(
     data: IoData | Sequence[IoData],
     *,
     iterations: int = _ITERATIONS,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Refinement:
     """Refine A, B, C and the initial states by simulation error; D stays.
 
@@ -74,15 +74,15 @@ def refine_model(
     data : IoData or sequence of IoData
         Records.
     iterations : int
-        Steps at most.
+        Largest number of steps.
     progress : callable, optional
-        Called with the stage "refinement" and the part that is done.
+        Called with the stage "refinement" and the completed part.
 
     Returns
     -------
     Refinement
-        A model whose sum of squared relative errors is not above that of the start, and whose
-        largest eigenvalue is not beyond both the start's and the unit circle.
+        A model whose sum of squared relative errors is not above that of the start. Its largest
+        eigenvalue is not beyond both the start's and the unit circle.
     """
     records = as_records(data)
     before = _errors(model, x0, records)
@@ -105,7 +105,7 @@ def refine_model(
         return unchanged
     refined, starts = problem.unpack(found.theta)
     after = _errors(refined, starts, records)
-    # Judged by an independent simulation, so that rounding cannot make it worse.
+    # An independent simulation decides, so that rounding cannot make the model worse.
     if not np.sum(after**2) < np.sum(before**2):
         return unchanged
     return Refinement(refined, starts, after, before)
@@ -211,10 +211,10 @@ class _Modal:
 
 
 class _BlockRun:
-    """The states of one mode and their derivatives, chunk by chunk.
+    """States of one mode and their derivatives, chunk by chunk.
 
-    No other mode's parameters move them, so each block is stepped with its own alone: the entries
-    of A, the rows of B and the initial state.
+    They depend on the mode's own parameters alone: the entries of A, the rows of B and the initial
+    state.
     """
 
     def __init__(

@@ -1,10 +1,10 @@
-"""The output least squares without eigenvectors, for an A that lacks a full set of them.
+"""Output least squares without eigenvectors, for an A without a full set of them.
 
-In the real Schur form ``A = Z T Z'`` the coordinates are orthonormal, so nothing is lost by going
-there, however close to each other the eigenvalues are. T is not diagonal, so each input drives a
+In the real Schur form ``A = Z T Z'`` the coordinates are orthonormal, so the transformation loses
+nothing, however close to each other the eigenvalues are. T is not diagonal, so each input drives a
 matrix of responses, ``R' = T R + u I``, and the regressors (2-14) are ``C Z R``. R is stepped over
-blocks of samples. Inside a block the regressors follow by products of matrices, and Householder
-reflections turn them into a triangle per output, which is all that is kept.
+blocks of samples. Inside a block the regressors follow by products of matrices. Householder
+reflections reduce them to one triangle per output, and nothing else is kept.
 """
 
 from __future__ import annotations
@@ -52,17 +52,9 @@ class SchurRegression:
         self._observe = C @ self.basis @ self._powers[:_BLOCK]
 
     def triangles(self, record: Samples) -> FloatArray:
-        """Return one record's regressors and output, each output's reduced to a triangle.
+        """Return one record's triangles, (outputs, columns + 1, columns + 1), by QR per output.
 
-        Parameters
-        ----------
-        record : Samples
-            Record.
-
-        Returns
-        -------
-        ndarray, (outputs, columns + 1, columns + 1)
-            Upper triangles of the regressors with the output as last column.
+        The last column belongs to the output itself.
         """
         n, r, m = self.states, self.inputs, self.outputs
         columns = n * (r + 1) + self.direct + 1
@@ -88,7 +80,7 @@ class SchurRegression:
         padded = np.zeros((blocks * _BLOCK, r))
         padded[: len(u)] = u
         inputs = padded.reshape(blocks, _BLOCK, r).transpose(0, 2, 1)
-        # What the inputs of a block leave behind it, (blocks, states, inputs, states).
+        # Effect of a block's inputs on the state at its end, (blocks, states, inputs, states).
         drive = np.tensordot(inputs, self._powers[_BLOCK - 1 :: -1], axes=1).transpose(0, 2, 1, 3)
         states = np.empty((blocks, n, r + 1, n))
         for block in range(blocks):
@@ -102,7 +94,7 @@ class SchurRegression:
         return ordered[:, : len(u)], start
 
     def _driven(self, inputs: FloatArray) -> FloatArray:
-        """Return what a block's own inputs do inside it, (blocks, inputs, states, samples, m)."""
+        """Return a block's response to its own inputs, (blocks, inputs, states, samples, m)."""
         n, m = self.states, self.outputs
         pulses = np.zeros((_BLOCK, n, _BLOCK, m))
         for sample in range(_BLOCK - 1):

@@ -120,8 +120,7 @@ def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None =
     data : IoData
         Record, in the thesis twice as long as the part that was identified.
     x0 : array_like, (states,), optional
-        Initial state. By default it is fitted to the whole record by least squares; nothing else
-        is.
+        Initial state; by default fitted to the whole record by least squares.
 
     Returns
     -------
@@ -131,7 +130,7 @@ def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None =
     Raises
     ------
     IdentificationError
-        If the model does not belong to the record.
+        If model and record differ in channels or sampling period.
     """
     _check_model(model, data)
     start = _initial_state(model, data) if x0 is None else _checked_state(model, x0)
@@ -192,8 +191,8 @@ def recover_gains(data: IoData, *, limit_v: float = MAX_COMMAND_V) -> Gains | No
     """Recover the linear law that made the recorded effort, by least absolute deviations.
 
     The effort is recorded without loss and answers the sample in its own row, so a PD or PDP law
-    fits to rounding. Rows in which the drive saturates are left out; a few samples that went
-    unanswered in real time, and kept the effort before, do no harm.
+    fits to rounding. Rows in which the drive saturates are left out. A few unanswered samples in
+    real time, which kept the effort before, do no harm.
 
     Parameters
     ----------
@@ -205,8 +204,8 @@ def recover_gains(data: IoData, *, limit_v: float = MAX_COMMAND_V) -> Gains | No
     Returns
     -------
     Gains or None
-        The law; None when the record has no reference, lacks one of the outputs, or its effort
-        comes from something else than such a law.
+        The law; None when the record has no reference, lacks one of the outputs, or its effort does
+        not come from such a law.
     """
     if data.reference is None or data.u.shape[1] != 1:
         return None
@@ -233,7 +232,7 @@ def recover_gains(data: IoData, *, limit_v: float = MAX_COMMAND_V) -> Gains | No
 
 
 def frequency_response(model: control.StateSpace, frequencies_hz: ArrayLike) -> ComplexArray:
-    """Return the frequency response of a discrete model, (2-4) with e^{+j w dt}.
+    """Return the gains of a discrete model, (frequencies, outputs, inputs): (2-4) with e^{+j w dt}.
 
     Parameters
     ----------
@@ -241,11 +240,6 @@ def frequency_response(model: control.StateSpace, frequencies_hz: ArrayLike) -> 
         Discrete model.
     frequencies_hz : array_like, (frequencies,)
         Frequencies.
-
-    Returns
-    -------
-    ndarray, (frequencies, outputs, inputs)
-        Complex gains.
     """
     z = np.exp(2j * np.pi * np.asarray(frequencies_hz, dtype=np.float64) * model.dt)
     resolvent = z[:, np.newaxis, np.newaxis] * np.eye(model.nstates) - model.A

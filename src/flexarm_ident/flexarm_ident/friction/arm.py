@@ -2,12 +2,12 @@
 
     M q'' + D q' + K q = E (u - f),    q = (driven positions, elastic coordinates)
 
-M and D are full and symmetric, positive by their Cholesky factors, so that every member of the
+M and D are full, symmetric and, by their Cholesky factors, positive, so that every member of the
 family is passive in its motion. An elastic coordinate has unit stiffness, which fixes its scale; a
 driven position has the small stiffness of its cables, positive or negative. Every other output is
 a combination of the elastic coordinates behind a second-order low-pass filter, as strain gauges
-have. Written as (2-1), such a model is sampled with its input held (2-2). Few parameters fit many
-samples, so it carries over to new records where a free state-space model with friction does not.
+have. In the form (2-1) such a model is sampled with its input held (2-2). Its few parameters
+generalise to new records, unlike those of a free state-space model with friction.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class ArmMatrices(NamedTuple):
-    """A discrete member of the family and its derivatives, one per parameter."""
+    """Discrete member of the family and its derivatives, one per parameter."""
 
     A: FloatArray
     B: FloatArray
@@ -74,7 +74,7 @@ class FlexibleArm:
 
     @cached_property
     def blocks(self) -> dict[str, slice]:
-        """Where each kind of parameter stands."""
+        """Places of each kind of parameter."""
         n, r, e = self._coordinates, self.inputs, len(self.elastic)
         triangle = n * (n + 1) // 2
         sizes = {
@@ -121,22 +121,7 @@ class FlexibleArm:
         return theta[self.blocks["offset"]].copy()
 
     def discrete(self, theta: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return A and B for an input that is held over the sampling period (2-2).
-
-        Parameters
-        ----------
-        theta : ndarray, (parameters,)
-            Parameters.
-        dt_s : float
-            Sampling period.
-
-        Returns
-        -------
-        ndarray, (states, states)
-            State matrix.
-        ndarray, (states, inputs)
-            Input matrix.
-        """
+        """Return A and B for an input that is held over the sampling period `dt_s` (2-2)."""
         A, B, _, _ = self._continuous(theta)
         step = scipy.linalg.expm(self._joined(A, B) * dt_s)
         return self._parted(step)

@@ -21,7 +21,7 @@ _LEAST_INDEPENDENCE = 0.05
 
 
 class Part(NamedTuple):
-    """One record, smoothed and decimated, with the weights of its residuals and its start."""
+    """Record, smoothed and decimated, with the weights of its residuals and its initial state."""
 
     u: FloatArray
     y: FloatArray
@@ -115,22 +115,10 @@ class SimulationError:
 
 
 def deviations(problem: SimulationError, best: Minimum) -> FloatArray:
-    """Return the parameters' standard deviations.
+    """Return the parameters' standard deviations, (parameters,), at the minimum.
 
-    Residuals of a simulation are far from white: as many samples count as independent as their
-    correlation time leaves.
-
-    Parameters
-    ----------
-    problem : SimulationError
-        The problem.
-    best : Minimum
-        Its solution.
-
-    Returns
-    -------
-    ndarray, (parameters,)
-        Standard deviations.
+    Residuals of a simulation are far from white. The number of independent samples therefore
+    follows from their correlation time.
     """
     residuals = problem.residuals(best.theta)
     count = sum(residual.size for residual in residuals)
@@ -141,7 +129,7 @@ def deviations(problem: SimulationError, best: Minimum) -> FloatArray:
 
 
 def _independence(residuals: Sequence[FloatArray]) -> float:
-    """Return the part of the samples that count as independent, from their correlation time."""
+    """Return the share of independent samples, from the correlation time."""
     times = []
     for residual in residuals:
         for e in residual.T:

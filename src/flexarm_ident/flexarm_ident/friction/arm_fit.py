@@ -1,8 +1,8 @@
-"""A flexible arm with dry friction, fitted by simulation to closed-loop records.
+"""Flexible arm with dry friction, fitted by simulation to closed-loop records.
 
-The model runs freely under the measured input and its friction follows from its own speeds, so the
-fit suffers from drift exactly as a later simulation does. Every minimum is searched from several
-starts, drawn around scales that the record itself gives.
+The model runs freely under the measured input, and its friction follows from its own speeds. The
+fit is therefore exposed to drift exactly as a later simulation is. Every minimum is searched from
+several starts, drawn around scales from the record.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.signals import bandwidth_hz, live_samples, smoothed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     import control
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.records.iodata import IoData
 
-# A period of the highest frequency gets ten samples; above 0.3 of the new rate nothing may fold.
+# Samples per period of the highest frequency, and the anti-alias cut-off by the new rate.
 _SAMPLES_PER_PERIOD = 10.0
 _ANTI_ALIAS = 0.3
 # A zero error of the input of 1 % of its peak costs as much as 5 % error of one output, and in a
@@ -41,7 +41,7 @@ _ZERO_ERROR = 0.01
 _COST_OF_ZERO_ERROR = 0.05
 _COST_OF_ERROR_LEFT = 0.5
 _LOOSENINGS = 4
-# At the lower rate, all records together: more takes minutes and says little more.
+# Samples of all records together at the lower rate; more would take minutes for little more.
 _MOST_SAMPLES = 3000
 _STARTS = 24
 _FINALISTS = 4
@@ -51,7 +51,7 @@ _LAST_STEPS = 150
 
 @dataclass(frozen=True, eq=False)
 class ArmFit:
-    """A fitted arm.
+    """Fitted arm.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ def fit_arm(
     drives: Sequence[Drive],
     *,
     seed: int = 0,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> ArmFit:
     """Fit a flexible arm with dry friction to records that start at rest.
 
@@ -93,22 +93,23 @@ def fit_arm(
     data : IoData or sequence of IoData
         Records as measured, without compensation in the input; each starts at rest.
     drives : sequence of Drive
-        The position each input drives, one per input.
+        The position that each input drives, one per input.
     seed : int
         Seed of the starts.
     progress : callable, optional
-        Called with the stage "friction" and the part that is done.
+        Called with the stage "friction" and the completed part.
 
     Returns
     -------
     ArmFit
-        The model, its friction and how well it simulates the records.
+        The model, its friction and its simulation errors.
 
     Raises
     ------
     IdentificationError
         If not every input drives one position, or no start gives a finite simulation.
     """
+    report = progress or (lambda _stage, _fraction: None)
     records = as_records(data)
     positions = _positions(records[0], drives)
     band_hz = bandwidth_hz(records)
@@ -127,29 +128,24 @@ def fit_arm(
     tries = []
     for number in range(_STARTS):
         tries.append(minimise(draw.start(), problem.cost, problem.normal, iterations=_FIRST_STEPS))
-        if progress is not None:
-            progress("friction", 0.7 * (number + 1) / _STARTS)
+        report("friction", 0.7 * (number + 1) / _STARTS)
     tries.sort(key=lambda found: found.cost)
     finalists = []
     for number, found in enumerate(tries[:_FINALISTS]):
-        finalists.append(
-            minimise(found.theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
-        )
-        if progress is not None:
-            progress("friction", 0.7 + 0.2 * (number + 1) / _FINALISTS)
+        finalists.append(_descended(problem, found.theta))
+        report("friction", 0.7 + 0.2 * (number + 1) / _FINALISTS)
     best = min(finalists, key=lambda found: found.cost)
     if not np.isfinite(best.cost):
         raise IdentificationError(
-            f"{records[0].label}: no arm with friction simulates the record: identify without"
+            f"{records[0].label}: no arm with friction simulates the record: leave friction out"
         )
     problem, best = _loosened(problem, best)
-    if progress is not None:
-        progress("friction", 1.0)
+    report("friction", 1.0)
     return _result(problem, best, records, lives, band_hz)
 
 
 class _Starts:
-    """Draws starts around the scales of the records."""
+    """Random starts around the scales of the records."""
 
     def __init__(self, problem: SimulationError, band_hz: float, rng: np.random.Generator) -> None:
         self._arm, self._rng, self._band_hz = problem.arm, rng, band_hz
@@ -222,20 +218,16 @@ def _problem(
         for record in records
     ]
     arm = FlexibleArm(positions, _signs(smooth, positions, records[0].dt_s), outputs)
+    step = slice(None, None, decimation)
     parts = tuple(
-        Part(
-            _held(u, decimation),
-            y[::decimation],
-            live[::decimation] * scale,
-            initial_state(arm, record),
-        )
+        Part(_held(u, decimation), y[step], live[step] * scale, initial_state(arm, record))
         for (u, y), live, record in zip(smooth, lives, records, strict=True)
     )
     return SimulationError(arm, parts, dt_s, _COST_OF_ZERO_ERROR / (_ZERO_ERROR * peak))
 
 
 def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError, Minimum]:
-    """Weaken the prior of the offsets as far as the fit is better than it assumes."""
+    """Weaken the prior of the offsets as far as the fit is better than assumed."""
     strongest = problem.prior
     for _ in range(_LOOSENINGS):
         left = sum(float(np.sum(e**2)) for e in problem.residuals(best.theta))
@@ -244,12 +236,17 @@ def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError,
         if np.allclose(part * strongest, problem.prior, rtol=0.2):
             break
         problem = replace(problem, prior=part * strongest)
-        best = minimise(best.theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
+        best = _descended(problem, best.theta)
     return problem, best
 
 
+def _descended(problem: SimulationError, theta: FloatArray) -> Minimum:
+    """Return the minimum after the last, longer search."""
+    return minimise(theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
+
+
 def _held(u: FloatArray, decimation: int) -> FloatArray:
-    """Return the mean input from each kept sample to the next, which is what moves the arm."""
+    """Return the mean input from each kept sample to the next."""
     starts = np.arange(0, len(u), decimation)
     lengths = np.diff(np.append(starts, len(u)))
     return np.asarray(np.add.reduceat(u, starts, axis=0) / lengths[:, np.newaxis])
@@ -260,7 +257,7 @@ def _signs(
 ) -> tuple[float, ...]:
     power = np.zeros(len(positions))
     for u, y in smooth:
-        # Work per time: an input that drives its position puts more in than it takes out.
+        # Mean power: an input that drives its position supplies more energy than it takes out.
         power += np.sum(u * np.gradient(y[:, list(positions)], dt_s, axis=0), axis=0)
     return tuple(float(sign) for sign in np.where(power < 0.0, -1.0, 1.0))
 
@@ -281,15 +278,8 @@ def _result(
 ) -> ArmFit:
     arm, first = problem.arm, records[0]
     A, B = arm.discrete(best.theta, first.dt_s)
-    model = state_space(
-        A,
-        B,
-        arm.output_matrix,
-        np.zeros((arm.outputs, arm.inputs)),
-        first.dt_s,
-        inputs=first.inputs,
-        outputs=first.outputs,
-    )
+    C, D = arm.output_matrix, np.zeros((arm.outputs, arm.inputs))
+    model = state_space(A, B, C, D, first.dt_s, inputs=first.inputs, outputs=first.outputs)
     deviation = deviations(problem, best)
     levels = arm.levels(best.theta)
     friction = DryFriction(

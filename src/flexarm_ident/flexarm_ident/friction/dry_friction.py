@@ -1,22 +1,43 @@
-"""Linear models with dry friction at their inputs: simulation, validation, the net input."""
+"""Linear models with dry friction at their inputs: simulation, net input, ROS parameters.
+
+A model `arm` with friction has the parameters `models.arm.friction_level` and
+`models.arm.friction_offset`, their standard deviations `friction_level_std` and
+`friction_offset_std`, all with one entry per input in the input's unit, and `friction_speed`, the
+row-major map from the state to the opposed speeds. A model without friction has none of them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm_ident.fitting.validation import Dmv, relative_errors
 from flexarm_ident.models.free_run import simulate_states
+from flexarm_ident.models.model_parameters import (
+    ModelFileError,
+    model_fields,
+    model_from_parameters,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     import control
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.models.model_parameters import ParameterValue
     from flexarm_ident.records.iodata import IoData
+
+# Their order is that of `DryFriction`.
+_FIELDS = (
+    "friction_level",
+    "friction_offset",
+    "friction_level_std",
+    "friction_offset_std",
+    "friction_speed",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +49,11 @@ class DryFriction:
     Attributes
     ----------
     levels, offsets : ndarray, (inputs,)
-        Coulomb level and constant offset of each input, in its unit.
+        Coulomb friction level and constant offset of each input, in its unit.
     level_deviations, offset_deviations : ndarray, (inputs,)
         Their standard deviations.
     speed : ndarray, (inputs, states)
-        Rows that take the opposed speeds from the model's state.
+        Map from the model's state to the opposed speeds.
     """
 
     levels: FloatArray
@@ -47,7 +68,7 @@ def simulate_with_friction(
 ) -> tuple[FloatArray, FloatArray]:
     """Simulate a model under the measured input alone, with friction inside.
 
-    The friction follows from the simulated speeds, nothing of the measured outputs is used.
+    The friction follows from the simulated speeds; measured outputs are not used.
 
     Parameters
     ----------
@@ -65,19 +86,14 @@ def simulate_with_friction(
     ndarray, (samples, outputs)
         Outputs.
     ndarray, (samples, inputs)
-        Friction, in units of the input; subtracting it and the offset leaves the net input, to
-        which the linear model answers with the same outputs.
+        Friction, in units of the input. The linear model gives the same outputs for the input
+        without friction and offset.
     """
     from flexarm_ident.models.stick_slip import run  # noqa: PLC0415 - numba loads slowly
 
-    x, forces = run(
-        np.ascontiguousarray(model.A),
-        np.ascontiguousarray(model.B),
-        friction.speed,
-        friction.levels,
-        u - friction.offsets,
-        np.asarray(x0, dtype=np.float64),
-    )
+    A, B = np.ascontiguousarray(model.A), np.ascontiguousarray(model.B)
+    start = np.asarray(x0, dtype=np.float64)
+    x, forces = run(A, B, friction.speed, friction.levels, u - friction.offsets, start)
     return x @ model.C.T, forces
 
 
@@ -87,19 +103,10 @@ def net_records(
     x0: Sequence[FloatArray],
     records: Sequence[IoData],
 ) -> tuple[IoData, ...]:
-    """Return records with the input that moves the linear model: without offset and friction.
+    """Return records with the net input of the linear model: without offset and friction.
 
-    Parameters
-    ----------
-    model, friction, x0
-        As in `simulate_with_friction`, an initial state per record.
-    records : sequence of IoData
-        Records as measured.
-
-    Returns
-    -------
-    tuple of IoData
-        The same outputs with the net input.
+    The model, its friction and the initial state of each record are those of
+    `simulate_with_friction`.
     """
     nets = []
     for record, start in zip(records, x0, strict=True):
@@ -114,23 +121,11 @@ def refer_friction(
     x0: tuple[Sequence[FloatArray], Sequence[FloatArray]],
     nets: Sequence[IoData],
 ) -> DryFriction:
-    """Return the friction of one model for another of the same arm, such as a reduced one.
+    """Refer the friction of one model to another of the same arm, such as a reduced one.
 
-    Parameters
-    ----------
-    friction : DryFriction
-        Friction of the first model.
-    models : pair of control.StateSpace
-        The first model and the other one.
-    x0 : pair of sequences of ndarray, (states,)
-        Initial states of each model, one per record.
-    nets : sequence of IoData
-        Records with the net input, see `net_records`.
-
-    Returns
-    -------
-    DryFriction
-        The same levels; the speeds are taken from the other model's states by least squares.
+    The levels stay; the speeds follow from the other model's states by least squares. The pairs
+    hold the first model and the other one, and their initial states, (states,), per record; the
+    records have the net input of `net_records`.
     """
     first, other = (
         np.vstack(
@@ -148,20 +143,43 @@ def refer_friction(
 def validate_with_friction(
     model: control.StateSpace, friction: DryFriction, data: IoData, x0: FloatArray
 ) -> Dmv:
-    """Compare measured outputs with `simulate_with_friction` under the measured input (2-25).
-
-    Parameters
-    ----------
-    model, friction, x0
-        As in `simulate_with_friction`.
-    data : IoData
-        Record as measured.
-
-    Returns
-    -------
-    Dmv
-        Errors and simulated outputs.
-    """
+    """Compare measured outputs with `simulate_with_friction` under the measured input (2-25)."""
     y, _ = simulate_with_friction(model, friction, data.u, x0)
     delta = relative_errors(data.y_measured, y)
     return Dmv(delta, float(delta.mean()), y, x0)
+
+
+def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:
+    """Return friction as fields of a model's parameters, by name; none without friction."""
+    if friction is None:
+        return {}
+    values = (getattr(friction, each.name) for each in fields(friction))
+    return {field: np.ravel(value).tolist() for field, value in zip(_FIELDS, values, strict=True)}
+
+
+def friction_from_parameters(
+    name: str, parameters: Mapping[str, ParameterValue]
+) -> DryFriction | None:
+    """Return the friction among the flat parameters of a model, None without friction.
+
+    Raises
+    ------
+    ModelFileError
+        If a field is missing, has the wrong size or type, or the model is damaged.
+    """
+    given = model_fields(name, parameters)
+    if not any(field in given for field in _FIELDS):
+        return None
+    model = model_from_parameters(name, parameters)
+    sizes = (*(model.ninputs for _ in _FIELDS[:-1]), model.ninputs * model.nstates)
+    columns = []
+    for field, size in zip(_FIELDS, sizes, strict=True):
+        try:
+            values = np.array(given.get(field), dtype=np.float64)
+        except (TypeError, ValueError):
+            values = np.array(np.nan)
+        if values.shape != (size,) or not np.isfinite(values).all():
+            raise ModelFileError(f"models.{name}.{field} must be a list of {size} finite numbers")
+        columns.append(values)
+    columns[-1] = columns[-1].reshape(model.ninputs, model.nstates)
+    return DryFriction(*columns)

@@ -1,8 +1,8 @@
-"""Roles of the channels of a flexible arm: which outputs are positions, and what drives them.
+"""Roles of the channels of a flexible arm: driven positions and their inputs.
 
-Nothing is taken from names. A driven position stays where it is put, so it moves slowly for its
-size, while what bends swings back; and the drive works against friction, so its input goes with
-the speed of its own position.
+They follow from the signals, not from names. A driven position holds its place, so it moves slowly
+for its amplitude, while elastic coordinates swing back. The drive works against friction, so its
+input is correlated with the speed of its own position.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SMOOTHING = 3.0
 
 
 class Drive(NamedTuple):
-    """An input and the output whose motion its friction opposes.
+    """Input and the output whose motion its friction opposes.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Drive(NamedTuple):
     output : str
         Name of the position it drives, or of the speed.
     is_speed : bool
-        Whether `output` already is a speed.
+        Whether `output` is a speed.
     """
 
     input: str
@@ -71,21 +71,16 @@ class ArmLayout(NamedTuple):
 
 
 def arm_layout(records: Sequence[IoData]) -> ArmLayout | None:
-    """Tell whether each input drives a position, and which.
+    """Assign a position to each input, or return None for data unlike a flexible arm.
 
-    With as many positions as inputs and at least one output more, the slowest outputs, by RMS speed
-    over RMS deviation, must move at most half as fast as any other. Inputs and positions are paired
-    so that they correlate best, input with speed, and each pair by 0.1 or more.
+    There must be as many positions as inputs and at least one output more. The slowest outputs, by
+    RMS speed over RMS deviation, must move at most half as fast as any other. Inputs and positions
+    are paired by the best correlation of input and speed, at least 0.1 for each pair.
 
     Parameters
     ----------
     records : sequence of IoData
         Records of one rig.
-
-    Returns
-    -------
-    ArmLayout or None
-        The roles; None when the data do not look like a flexible arm.
     """
     first = records[0]
     count, outputs = len(first.inputs), len(first.outputs)

@@ -1,8 +1,8 @@
-"""Coulomb friction: its level from records without a compensation signal.
+"""Coulomb friction levels from records without a compensation signal.
 
-Section 2.4.3 of the thesis subtracts a recorded compensation signal from the input. A rig that
-records none still shows its friction: where a drive slips, friction is a constant against the
-motion, so the level is one more coefficient of a linear regression of the input.
+Section 2.4.3 of the thesis subtracts a recorded compensation signal from the input. Without one the
+record still shows friction: where a drive slips, friction is a constant against the motion, so the
+level is one more coefficient of a linear regression of the input.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _RELEVANT = 0.05
 
 @dataclass(frozen=True, eq=False)
 class CoulombEstimate:
-    """Coulomb friction of each drive by regression over the samples at which it slips.
+    """Coulomb friction of each drive by regression over its slipping samples.
 
     Attributes
     ----------
@@ -43,12 +43,12 @@ class CoulombEstimate:
     levels, deviations : ndarray, (drives,)
         Level and its standard deviation by block bootstrap, in units of the input.
     offsets : ndarray, (drives,)
-        Constant part of the input that moves nothing.
+        Constant part of the input without motion.
     samples : tuple of int
         Number of slipping samples.
     significant : tuple of bool
-        Whether the level is above three standard deviations and 5 % of the RMS input that moves
-        the drive; what is less does not bend a linear model.
+        Whether the level is above three standard deviations and 5 % of the RMS input of the drive.
+        A lower level does not bias a linear model.
     """
 
     drives: tuple[Drive, ...]
@@ -65,16 +65,16 @@ class CoulombEstimate:
 
     @property
     def present(self) -> bool:
-        """Whether any drive has friction worth modelling."""
+        """Whether the friction of any drive is significant."""
         return any(self.significant)
 
 
 def estimate_coulomb(
     data: IoData | Sequence[IoData], drives: Sequence[Drive], *, seed: int = 0
 ) -> CoulombEstimate:
-    """Estimate Coulomb levels jointly with a linear model of what the input works against.
+    """Estimate Coulomb friction levels jointly with a linear model of the load.
 
-    Where a drive moves faster than 5 % of its peak speed its input is regressed on the
+    Where a drive moves faster than 5 % of its peak speed, its input is regressed on the
     accelerations of all drives, its own speed, the other outputs, the direction of motion and a
     constant. Speeds and accelerations are differences of outputs smoothed without lag at three
     times their bandwidth.
@@ -84,7 +84,7 @@ def estimate_coulomb(
     data : IoData or sequence of IoData
         Records without compensation in the input.
     drives : sequence of Drive
-        Which output's motion the friction at each input opposes.
+        The output whose motion the friction at each input opposes.
     seed : int
         Seed of the bootstrap.
 
@@ -132,9 +132,9 @@ def estimate_coulomb(
 
 
 class _Motion(NamedTuple):
-    """Smoothed inputs, speeds and accelerations of the drives, and the outputs no drive moves.
+    """Smoothed inputs, speeds and accelerations of the drives, and the other outputs.
 
-    `usable` leaves out the rows whose smoothed values holes have a part in.
+    `usable` excludes rows whose smoothed values depend on holes.
     """
 
     u: FloatArray
@@ -160,7 +160,7 @@ def _motion(record: IoData, drives: Sequence[Drive], columns: Sequence[tuple[int
 
 
 def _slipping_rows(motion: _Motion, drive: int, column: int) -> tuple[FloatArray, FloatArray]:
-    """Return regressors and effort of one drive where it slips; direction and constant first."""
+    """Return regressors, direction and constant first, and effort of the slipping samples."""
     v = motion.speed[:, drive]
     slips = motion.usable & (np.abs(v) > _SLIPPING * np.abs(v).max())
     terms = [np.sign(v), np.ones(len(v)), v, *motion.acceleration.T, *motion.others.T]

@@ -1,4 +1,4 @@
-"""A model as a C header, to the last bit."""
+"""Model as a C header, to the last bit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ _PER_LINE = 4
 
 
 def c_header(name: str, parameters: Mapping[str, ParameterValue]) -> str:
-    """Return a header with a model as constants.
+    """Return a C99 and C++ header with a model as constants.
+
+    It has macros for sizes and period, ``static const double`` row-major matrices, and the names of
+    inputs and outputs, with provenance and hash in the comment. Numbers are the shortest decimals
+    that a compiler turns into the same doubles (hexadecimal ones are no C++ before 2017).
 
     Parameters
     ----------
@@ -24,13 +28,6 @@ def c_header(name: str, parameters: Mapping[str, ParameterValue]) -> str:
         Name of the model.
     parameters : mapping
         The model as flat parameters.
-
-    Returns
-    -------
-    str
-        C99 and C++: macros for sizes and period, ``static const double`` row-major matrices, names
-        of inputs and outputs; provenance and hash in the comment. Numbers are the shortest decimals
-        that a compiler turns into the same doubles (hexadecimal ones are no C++ before 2017).
     """
     fields: dict[str, Any] = model_fields(name, parameters)
     label = "model_" + re.sub(r"[^A-Za-z0-9_]", "_", name)

@@ -1,4 +1,4 @@
-"""A model in a file, in the format that the file's suffix names, with provenance and hash."""
+"""Model files in the format of their suffix, with provenance and hash."""
 
 from __future__ import annotations
 
@@ -28,14 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Format:
-    """How a model becomes the content of a file, and comes back where that makes sense.
+    """File format of models.
 
     Attributes
     ----------
     encode : callable
-        From the name of the model and its flat parameters.
+        From the name of the model and its flat parameters to the content.
     decode : callable or None
-        To the models by name; raises `ModelFileError`.
+        From the content to the models by name; raises `ModelFileError`. None for write-only
+        formats.
     """
 
     encode: Callable[[str, Mapping[str, ParameterValue]], bytes]
@@ -64,7 +65,7 @@ FORMATS = {
 """Suffix -> format: ROS parameter file, JSON, MATLAB version 5, C header."""
 
 EXPORTS = tuple(suffix for suffix in FORMATS if suffix != ".yaml")
-"""What can be written beside the parameter file."""
+"""Suffixes of the formats beside the parameter file."""
 
 
 def save_model(
@@ -81,12 +82,12 @@ def save_model(
     name : str
         Name of the model: letters, digits and underscores.
     provenance : mapping of str, list of str or list of float
-        Where the model came from, and its friction.
+        Origin of the model, and its friction.
 
     Raises
     ------
     ModelFileError
-        If the suffix is unknown or the model cannot be kept.
+        If the suffix is unknown or the format cannot hold the model.
     OSError
         If the file cannot be written.
     """
@@ -119,7 +120,7 @@ def load_model(path: Path | str) -> control.StateSpace:
     decode = _format(path).decode
     if decode is None:
         readable = ", ".join(suffix for suffix, each in FORMATS.items() if each.decode)
-        raise ModelFileError(f"{path}: is written for compilers only: read one of {readable}")
+        raise ModelFileError(f"{path}: this format is for compilers only: read one of {readable}")
     try:
         models = decode(Path(path).read_bytes())
     except OSError as error:
@@ -140,7 +141,7 @@ def parse_exports(text: str) -> tuple[str, ...]:
     Raises
     ------
     ModelFileError
-        If one is not known.
+        If a format is unknown.
     """
     words = [word.strip() for word in text.split(",")]
     suffixes = tuple(dict.fromkeys(f".{word}" for word in words if word))

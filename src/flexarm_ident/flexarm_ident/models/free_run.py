@@ -17,7 +17,7 @@ _BLOCK = 32
 def simulate(model: control.StateSpace, u: FloatArray, x0: FloatArray | None = None) -> FloatArray:
     """Simulate (2-3).
 
-    The state is stepped over blocks of samples, the outputs inside a block follow by one matrix
+    The state is stepped over blocks of samples, and the outputs inside a block follow by one matrix
     product. The response of an unstable model may overflow to infinity.
 
     Parameters
@@ -40,19 +40,13 @@ def simulate(model: control.StateSpace, u: FloatArray, x0: FloatArray | None = N
 def simulate_states(
     A: FloatArray, B: FloatArray, u: FloatArray, x0: FloatArray | None = None
 ) -> FloatArray:
-    """Simulate the states of (2-3), Z of (3-21) transposed; arguments as in `simulate`.
-
-    Returns
-    -------
-    ndarray, (samples, states)
-        States.
-    """
+    """Simulate the states of (2-3), (samples, states), Z of (3-21) transposed; see `simulate`."""
     states = len(A)
     return BlockSimulation(A, B, np.eye(states), np.zeros((states, u.shape[1])), x0).advance(u)
 
 
 class BlockSimulation:
-    """Simulation of (2-3) that goes on where the last piece of the input ended.
+    """Simulation of (2-3) that continues from one piece of the input to the next.
 
     Parameters
     ----------

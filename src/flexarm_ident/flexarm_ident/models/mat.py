@@ -1,4 +1,4 @@
-"""A model as a MATLAB file, version 5."""
+"""Model as a MATLAB file, version 5."""
 
 from __future__ import annotations
 
@@ -28,27 +28,17 @@ if TYPE_CHECKING:
 _MATRICES = ("A", "B", "C", "D")
 _NAMES = ("input_names", "output_names")
 _VARIABLES = (*_MATRICES, "dt", *_NAMES, "name", "hash")
-# The header's free text. scipy puts the date there, and the same model has to give the same file;
+# The header's free text, where scipy puts the date. The same model has to give the same file,
 # and a damaged file can crash scipy's reader, so ours carry a digest of all that follows.
 _HEADER_SIZE = 116
 _OURS = b"MATLAB 5.0 MAT-file, flexarm, SHA-256 "
 
 
 def mat_bytes(name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
-    """Return the content of a MAT-file with a model.
+    """Return the content of a MAT-file with a model, given by its name and flat parameters.
 
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    parameters : mapping
-        The model as flat parameters.
-
-    Returns
-    -------
-    bytes
-        Variables ``A B C D dt``, ``input_names`` and ``output_names`` as cells, ``name``, ``hash``,
-        and a structure ``provenance``.
+    Its variables are ``A B C D dt``, ``input_names`` and ``output_names`` as cells, ``name``,
+    ``hash``, and a structure ``provenance``.
     """
     fields: dict[str, Any] = model_fields(name, parameters)
     inputs, outputs = (_cells(fields[key]) for key in _NAMES)
@@ -73,17 +63,12 @@ def mat_bytes(name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
 
 
 def models_in_mat(content: bytes) -> dict[str, control.StateSpace]:
-    """Return the model in the content of a MAT-file, by its name.
+    """Return the one model in a MAT-file, by its name.
 
     Parameters
     ----------
     content : bytes
         From `mat_bytes`, or saved again by MATLAB as ``-v6`` or ``-v7``.
-
-    Returns
-    -------
-    dict
-        The one model.
 
     Raises
     ------

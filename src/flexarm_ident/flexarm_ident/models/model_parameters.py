@@ -1,9 +1,9 @@
-"""A model as ROS parameters, without loss.
+"""Model as ROS parameters, without loss.
 
 A model `arm` is a set of flat parameters `models.arm.<field>`: the matrices `a`, `b`, `c`, `d` as
-row-major lists, the number of `states`, `input_names`, `output_names`, the period `dt_s`, where it
-came from, and a `hash` that tells whether somebody changed it. A model with dry friction has the
-fields of `friction_parameters` beside these.
+row-major lists, the number of `states`, `input_names`, `output_names`, the period `dt_s`, its
+provenance, and a `hash` that reveals later changes. A model with dry friction has the fields of
+`dry_friction` as well.
 """
 
 from __future__ import annotations
@@ -32,17 +32,19 @@ if TYPE_CHECKING:
 _ROOT = "models"
 _MATRICES = ("a", "b", "c", "d")
 FIELDS = (*_MATRICES, "states", "input_names", "output_names", "dt_s", "hash")
-"""What makes the linear model; every further field is friction or provenance."""
+"""Fields of the linear model; every further field is friction or provenance."""
 
 
 class ModelFileError(IdentificationError):
-    """A parameter file or a set of parameters does not hold the model it should."""
+    """Error of a parameter file, or of a set of parameters, without a valid model."""
 
 
 def model_parameters(
     name: str, model: control.StateSpace, *, provenance: Provenance
 ) -> dict[str, ParameterValue]:
-    """Return a model as flat ROS parameters.
+    """Return a model as flat ROS parameters ``models.<name>.<field>``.
+
+    Matrices are row-major lists, to the last bit but for entries below 2.2e-308, which become zero.
 
     Parameters
     ----------
@@ -51,14 +53,7 @@ def model_parameters(
     model : control.StateSpace
         Discrete model with at least one state.
     provenance : mapping of str, list of str or list of float
-        Where the model came from, such as ``source`` and ``method``, and its friction; stored
-        beside it.
-
-    Returns
-    -------
-    dict
-        Parameters ``models.<name>.<field>``; matrices are row-major lists, to the last bit but
-        for entries below 2.2e-308, which become zero.
+        Origin of the model, such as ``source`` and ``method``, and its friction.
 
     Raises
     ------
@@ -89,19 +84,7 @@ def model_parameters(
 
 
 def model_from_parameters(name: str, parameters: Mapping[str, object]) -> control.StateSpace:
-    """Return the model that `model_parameters` turned into parameters.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    parameters : mapping
-        Flat parameters; those of other models and nodes are ignored.
-
-    Returns
-    -------
-    control.StateSpace
-        The model.
+    """Return one model among flat parameters, of `model_parameters`.
 
     Raises
     ------
@@ -137,15 +120,7 @@ def model_from_parameters(name: str, parameters: Mapping[str, object]) -> contro
 def model_hash(model: control.StateSpace) -> str:
     """Return the SHA-256 of a model's period, names and matrices, as hexadecimal digits.
 
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model.
-
-    Returns
-    -------
-    str
-        The same for the same bits on every machine.
+    Equal bits give the same hash on every machine.
     """
     names = [list(model.input_labels), list(model.output_labels)]
     digest = hashlib.sha256(json.dumps([float(model.dt).hex(), int(model.nstates), names]).encode())
@@ -155,7 +130,7 @@ def model_hash(model: control.StateSpace) -> str:
 
 
 def model_fields(name: str, parameters: Mapping[str, ParameterValue]) -> dict[str, ParameterValue]:
-    """Return the parameters of one model by field: without their prefix ``models.<name>.``."""
+    """Return the parameters of one model by field, without their prefix ``models.<name>.``."""
     prefix = f"{_ROOT}.{name}."
     return {
         key.removeprefix(prefix): value
@@ -177,22 +152,12 @@ def nested_parameters(parameters: Mapping[str, object]) -> dict[str, Any]:
 
 
 def flat_parameters(tree: object) -> dict[str, object]:
-    """Return nested parameters as flat ones; what is no mapping has none."""
+    """Return nested parameters as flat ones, and none of anything but a mapping."""
     return dict(_flat(tree, ""))
 
 
 def models_in(parameters: Mapping[str, object]) -> dict[str, control.StateSpace]:
-    """Return all models among flat parameters, by name.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Flat parameters; others than ``models.*`` are ignored.
-
-    Returns
-    -------
-    dict
-        Models by name, in their order.
+    """Return all models among flat parameters by name, in their order.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Eigenmodes of an identified model and how much each contributes (2-26 .. 2-28), (3-1 .. 3-8)."""
+"""Modes of an identified model and their contributions (2-26 .. 2-28), (3-1 .. 3-8)."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
 
-# exp of it is still a double.
+# Its exponential is still a double.
 _LARGEST_LOG = 700.0
 _PERSISTENT = 1e-12
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode: a complex pair, or one real eigenvalue.
+    """Complex pair, or one real eigenvalue.
 
     Attributes
     ----------
@@ -32,8 +32,8 @@ class Mode:
     frequency_hz : float
         Natural frequency (2-28); 0 for a positive real eigenvalue, which does not oscillate.
     damping_ratio : float
-        Damping ratio (2-28); negative for an unstable mode. A positive real eigenvalue has 1 when
-        it decays, -1 when it grows and 0 when it stays.
+        Damping ratio (2-28), negative for an unstable mode. A positive real eigenvalue has 1 when
+        it decays, -1 when it grows, and 0 on the unit circle.
     states : tuple of int
         Numbers of its states in the modal form, from 0: two for a pair.
     msv, mrm : float
@@ -103,15 +103,7 @@ class ModalForm:
 def modal_form(model: control.StateSpace) -> ModalForm:
     """Return a discrete model in modal coordinates (2-26), (3-1 .. 3-3).
 
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model whose A has a full set of eigenvectors.
-
-    Returns
-    -------
-    ModalForm
-        The same model, diagonal.
+    Its A must have a full set of eigenvectors.
     """
     eigenvalues, vectors = np.linalg.eig(np.asarray(model.A, dtype=np.float64))
     eigenvalues, vectors = eigenvalues.astype(complex), vectors.astype(complex)
@@ -127,7 +119,7 @@ def modal_form(model: control.StateSpace) -> ModalForm:
     columns = [v for i in pairs for v in (vectors[:, i], vectors[:, i].conj())]
     psi = np.stack([*columns, *(vectors[:, i] for i in real)], axis=1)
     B = np.linalg.solve(psi, model.B.astype(complex))
-    # Rounding leaves the halves of a pair a little apart.
+    # Rounding makes the halves of a pair differ slightly.
     for i in range(0, 2 * len(pairs), 2):
         B[i + 1] = B[i].conj()
     return ModalForm(lam, psi, B, model.C @ psi, float(model.dt))
@@ -136,19 +128,7 @@ def modal_form(model: control.StateSpace) -> ModalForm:
 def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, float]:
     """Return natural frequency in hertz and damping ratio of a discrete eigenvalue (2-28).
 
-    Parameters
-    ----------
-    eigenvalue : complex
-        Discrete-time eigenvalue.
-    dt_s : float
-        Sampling period.
-
-    Returns
-    -------
-    float
-        Natural frequency; 0 for a positive real eigenvalue.
-    float
-        Damping ratio; 1, 0 or -1 for a positive real eigenvalue.
+    A positive real eigenvalue has frequency 0 and damping ratio 1, 0 or -1.
     """
     if eigenvalue == 0.0:
         return 0.0, 1.0
@@ -159,23 +139,10 @@ def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, floa
 
 
 def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> FloatArray:
-    """Return the response of one mode to the input, from rest (3-6), (3-7).
+    """Return the response of one mode to the input from rest, (samples, outputs) (3-6), (3-7).
 
-    The responses of all modes add up to that of the model (3-5).
-
-    Parameters
-    ----------
-    form : ModalForm
-        Model in modal coordinates.
-    group : tuple of int
-        States of the mode, from `ModalForm.groups`.
-    u : ndarray, (samples, inputs)
-        Input.
-
-    Returns
-    -------
-    ndarray, (samples, outputs)
-        Response; of a pair, the sum of its two conjugates.
+    The mode is one of `ModalForm.groups`. The responses of all modes, with a single one for a pair,
+    add up to that of the model (3-5).
     """
     i = group[0]
     drive = u @ form.B[i]
@@ -187,21 +154,10 @@ def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> Fl
 def modal_response_magnitudes(
     form: ModalForm, records: Sequence[IoData], output_scale: FloatArray
 ) -> FloatArray:
-    """Return the MRM of each mode (3-8), over all samples of all records.
+    """Return the MRM of each mode (3-8), (modes,), over all samples of all records.
 
-    Parameters
-    ----------
-    form : ModalForm
-        Model in modal coordinates.
-    records : sequence of IoData
-        Records whose input drives the modes.
-    output_scale : ndarray, (outputs,)
-        Factors of the outputs: the maximum over outputs compares them, so they need one unit.
-
-    Returns
-    -------
-    ndarray, (modes,)
-        Mean magnitude of the modal response in the output where it is largest.
+    It is the mean magnitude of the modal response in the output where that is largest. The factors
+    of the outputs, (outputs,), make them comparable.
     """
     samples = sum(len(record) for record in records)
     magnitudes = []
@@ -216,21 +172,10 @@ def modal_response_magnitudes(
 
 
 def mode_singular_values(form: ModalForm, samples: int, output_scale: FloatArray) -> FloatArray:
-    """Return the MSV of each mode (3-4); of a pair, that of one of its two eigenvalues.
+    """Return the MSV of each mode (3-4), (modes,); of a pair, that of one of its eigenvalues.
 
-    Parameters
-    ----------
-    form : ModalForm
-        Model in modal coordinates.
-    samples : int
-        Length of the pulse response, K of (3-4).
-    output_scale : ndarray, (outputs,)
-        Factors of the outputs.
-
-    Returns
-    -------
-    ndarray, (modes,)
-        Mode singular values; a value beyond the range of a double is given as about 1e304.
+    `samples` is the length K of the pulse response (3-4), and the outputs are multiplied by their
+    factors, (outputs,). A value beyond the range of a double is given as about 1e304.
     """
     first = [group[0] for group in form.groups]
     gain = np.linalg.norm(form.C[:, first] * output_scale[:, np.newaxis], axis=0)
@@ -240,13 +185,14 @@ def mode_singular_values(form: ModalForm, samples: int, output_scale: FloatArray
         return np.asarray(np.exp(np.minimum(0.5 * (np.log(gain) + sums), _LARGEST_LOG)))
 
 
-def mode_table(
+def ranked_modes(
     model: control.StateSpace, records: Sequence[IoData], output_scale: FloatArray
 ) -> tuple[Mode, ...]:
-    """Return the modes of a model with both indices and their ranks, as Table 3-1a.
+    """Return the modes of a model with both indices and their ranks, as in Table 3-1a.
 
-    The indices are taken of outputs scaled as in section 2.5, because the thesis's models were
-    identified with such outputs and both compare numbers across channels.
+    They stand in the order of the modal form. Both indices compare numbers across channels and
+    therefore refer to outputs scaled as in section 2.5, with which the thesis identified its
+    models.
 
     Parameters
     ----------
@@ -256,11 +202,6 @@ def mode_table(
         Records whose input drives the modes.
     output_scale : ndarray, (outputs,)
         Factors of the outputs, of `preprocess.output_scale`.
-
-    Returns
-    -------
-    tuple of Mode
-        All modes in the order of the modal form.
     """
     form = modal_form(model)
     msv = mode_singular_values(form, max(len(record) for record in records), output_scale)
@@ -270,18 +211,8 @@ def mode_table(
     for i, group in enumerate(form.groups):
         eigenvalue = complex(form.eigenvalues[group[0]])
         frequency_hz, damping_ratio = frequency_and_damping(eigenvalue, form.dt_s)
-        modes.append(
-            Mode(
-                eigenvalue,
-                frequency_hz,
-                damping_ratio,
-                group,
-                float(msv[i]),
-                float(mrm[i]),
-                int(msv_rank[i]),
-                int(mrm_rank[i]),
-            )
-        )
+        weights = float(msv[i]), float(mrm[i]), msv_rank[i], mrm_rank[i]
+        modes.append(Mode(eigenvalue, frequency_hz, damping_ratio, group, *weights))
     return tuple(modes)
 
 
@@ -301,18 +232,7 @@ class RankTable(NamedTuple):
 
 
 def rank_table(modes: Sequence[Mode]) -> RankTable:
-    """Return the modes in the order of either index.
-
-    Parameters
-    ----------
-    modes : sequence of Mode
-        Modes of one model, such as `Identification.modes` or `Reduction.modes`.
-
-    Returns
-    -------
-    RankTable
-        The two orders.
-    """
+    """Return the modes of one model in the order of either index."""
     return RankTable(
         by_msv=tuple(sorted(modes, key=lambda mode: mode.msv_rank)),
         by_mrm=tuple(sorted(modes, key=lambda mode: mode.mrm_rank)),
@@ -332,7 +252,5 @@ def _log_geometric_sum(radius: float, terms: int) -> float:
 
 
 def _ranks(index: FloatArray) -> list[int]:
-    order = np.argsort(-index, kind="stable")
-    ranks = np.empty(len(index), dtype=int)
-    ranks[order] = np.arange(1, len(index) + 1)
-    return [int(rank) for rank in ranks]
+    """Return ranks from 1, for the largest; equal values rank in their order."""
+    return [int(place) + 1 for place in np.argsort(np.argsort(-index, kind="stable"))]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def write_parameter_file(
     path: Path | str, parameters: Mapping[str, ParameterValue], *, node: str = "/**"
 ) -> None:
-    """Write parameters as a YAML file ready for ``--params-file``.
+    """Write flat parameters as a YAML file for ``--params-file``.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def write_parameter_file(
     Raises
     ------
     ModelFileError
-        If a list is empty: the parser of ROS refuses those.
+        If a list is empty, which the parser of ROS refuses.
     OSError
         If the file cannot be written.
     """
@@ -68,17 +68,12 @@ def parameter_text(parameters: Mapping[str, ParameterValue], *, node: str = "/**
 
 
 def read_parameter_file(path: Path | str) -> dict[str, control.StateSpace]:
-    """Read the models in a parameter file, whichever node they are for.
+    """Return the models in a parameter file of any node by name, in the order of the file.
 
     Parameters
     ----------
     path : Path or str
-        YAML file for ``--params-file``; nested and flat keys both work.
-
-    Returns
-    -------
-    dict
-        Models by name, in the order of the file.
+        YAML file for ``--params-file``, with nested or flat keys.
 
     Raises
     ------
@@ -108,13 +103,13 @@ def models_in_text(text: bytes) -> dict[str, control.StateSpace]:
 
 
 class _Text(str):
-    """A string that is always quoted, for a hash such as 12e4... is a number to the ROS parser."""
+    """String with forced quotes, since the ROS parser reads a hash such as 12e4... as a number."""
 
     __slots__ = ()
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes floats with all digits and a dot, which keeps them floats."""
+    """Dumper of floats with all digits and a dot, which keeps them floats."""
 
 
 _Dumper.add_representer(

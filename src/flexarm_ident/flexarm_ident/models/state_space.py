@@ -1,7 +1,7 @@
-"""Discrete state-space models with named channels, and the policy for unstable eigenvalues.
+"""Discrete state-space models with named channels, and the stabilisation of eigenvalues.
 
-python-control loads matplotlib's pyplot, which takes longer than everything else here together. So
-it is imported when the first model is made.
+python-control loads matplotlib's pyplot, which takes longer than all other imports together. It is
+therefore imported with the first model.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def state_space(
     outputs: Sequence[str] | None = None,
     name: str | None = None,
 ) -> control.StateSpace:
-    """Return a discrete model.
+    """Return a discrete model with named channels.
 
     Parameters
     ----------
@@ -46,16 +46,11 @@ def state_space(
     D : array_like, (outputs, inputs)
         Feedthrough matrix; 0.0 is a zero matrix.
     dt_s : float
-        Sampling period, in seconds.
+        Sampling period.
     inputs, outputs : sequence of str, optional
         Names of the channels.
     name : str, optional
         Name of the model.
-
-    Returns
-    -------
-    control.StateSpace
-        The model.
     """
     import control  # noqa: PLC0415
 
@@ -71,20 +66,7 @@ def with_matrices(
     C: ArrayLike | None = None,
     D: ArrayLike | None = None,
 ) -> control.StateSpace:
-    """Return a model with the period and the channels of another one.
-
-    Parameters
-    ----------
-    model : control.StateSpace
-        Where period, channel names and the matrices that are not given come from.
-    A, B, C, D : array_like, optional
-        Matrices of the new model.
-
-    Returns
-    -------
-    control.StateSpace
-        The new model.
-    """
+    """Return a model with some matrices replaced, of the same period and channels."""
     return state_space(
         model.A if A is None else A,
         model.B if B is None else B,
@@ -97,15 +79,15 @@ def with_matrices(
 
 
 def is_stable(A: FloatArray) -> bool:
-    """Whether all eigenvalues lie inside the unit circle."""
+    """Return whether all eigenvalues lie inside the unit circle."""
     return bool(np.abs(np.linalg.eigvals(A)).max(initial=0.0) < 1.0)
 
 
 def stabilise(A: FloatArray) -> tuple[FloatArray, int]:
     """Move the eigenvalues on or outside the unit circle inside, keeping the other modes.
 
-    An eigenvalue is mirrored at the circle, which keeps its frequency and turns growth into decay
-    of the same rate, but not closer than 0.9999, the thesis's value for 1.0000235.
+    An eigenvalue is mirrored at the unit circle, which keeps its frequency and turns growth into
+    decay of the same rate. Its magnitude is at most 0.9999, the thesis's value for 1.0000235.
 
     Parameters
     ----------
@@ -129,6 +111,6 @@ def stabilise(A: FloatArray) -> tuple[FloatArray, int]:
     stable = np.linalg.solve(vectors.T, (vectors * moved).T).T.real
     largest = np.abs(np.linalg.eigvals(stable)).max()
     if largest >= 1.0:
-        # Eigenvectors too close to each other to move one alone.
+        # Eigenvectors so close to each other do not allow moving one eigenvalue alone.
         stable = stable * (STABLE_RADIUS / largest)
     return stable, int(outside.sum())

@@ -1,10 +1,9 @@
-"""Linear models with Coulomb friction that acts at their inputs, stepped in time, compiled.
+"""Linear models with Coulomb friction at their inputs, stepped in time by compiled code.
 
-Friction opposes the speed of the coordinate its input drives. It is taken implicitly: over a step
-it is the force that brings the speed to rest if that needs no more than the level, else the level
-against the motion. So a drive below its level stands still and does not creep or chatter, and the
-step is piecewise linear, which gives exact derivatives.
-Moreau, "Unilateral contact and dry friction in finite freedom dynamics" (1988).
+Friction opposes the speed of the coordinate that its input drives. It is taken implicitly: over a
+step it is the force that stops the motion, limited to the Coulomb friction level. A drive below its
+level therefore stands still without creep or chatter, and the step is piecewise linear, which gives
+exact derivatives. Moreau, "Unilateral contact and dry friction in finite freedom dynamics" (1988).
 
 The functions check nothing; `dry_friction` and `refinement` use them.
 """
@@ -37,7 +36,7 @@ def compiled(function: Function) -> Function:
 
 @compiled
 def friction_force(free_speed: FloatArray, gain: FloatArray, levels: FloatArray) -> FloatArray:
-    """Return the friction of one step, in units of the input.
+    """Return the friction of one step, (inputs,), to be subtracted from the inputs.
 
     Parameters
     ----------
@@ -46,12 +45,7 @@ def friction_force(free_speed: FloatArray, gain: FloatArray, levels: FloatArray)
     gain : ndarray, (inputs, inputs)
         Speeds that unit forces give over the step.
     levels : ndarray, (inputs,)
-        Coulomb levels; an input without friction has 0.
-
-    Returns
-    -------
-    ndarray, (inputs,)
-        Forces to subtract from the inputs.
+        Coulomb friction levels in units of the input; 0 without friction.
     """
     force = np.zeros(len(levels))
     for _ in range(_SWEEPS):
@@ -87,9 +81,9 @@ def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
     A, B : ndarray
         Discrete model.
     speed : ndarray, (inputs, states)
-        Speed that the friction of each input opposes.
+        Map from the state to the speed that the friction of each input opposes.
     levels : ndarray, (inputs,)
-        Coulomb levels.
+        Coulomb friction levels.
     u : ndarray, (samples, inputs)
         Inputs.
     x0 : ndarray, (states,)
@@ -140,7 +134,7 @@ def force_derivative(
     levels: FloatArray,
     d_levels: FloatArray,
 ) -> FloatArray:
-    """Return the derivative of `friction_force`.
+    """Return the derivative of `friction_force`, (inputs, parameters).
 
     Parameters
     ----------
@@ -152,11 +146,6 @@ def force_derivative(
         The step's friction and the levels.
     d_levels : ndarray, (inputs, parameters)
         Derivative of the levels.
-
-    Returns
-    -------
-    ndarray, (inputs, parameters)
-        Derivative of the friction.
     """
     inputs, parameters = ahead.shape
     derivative = np.zeros((inputs, parameters))

@@ -1,7 +1,7 @@
-"""Balanced truncation, the baseline that modal reduction is judged by.
+"""Balanced truncation, the baseline of modal reduction.
 
-States are kept by how well the input reaches and the outputs show them, not by mode. That needs
-Gramians, so only the stable part is balanced and the rest is kept whole.
+States are kept by their controllability and observability, not by mode. Only the stable part has
+Gramians and is balanced; the rest is kept whole.
 Moore, "Principal component analysis in linear systems", IEEE Transactions on Automatic Control 26
 (1981); square-root form of Laub, Heath, Paige, Ward, same journal 32 (1987).
 """
@@ -29,7 +29,7 @@ _REACHABLE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class BalancedTruncation:
-    """A reduced model.
+    """Reduced model with its Hankel singular values.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class BalancedTruncation:
     hankel_singular_values : ndarray
         Of the stable part, falling.
     unstable : int
-        States that are kept because they have no Gramian.
+        Number of unstable states, which are kept.
     """
 
     model: control.StateSpace
@@ -63,8 +63,7 @@ def balanced_truncation(
     Returns
     -------
     BalancedTruncation
-        The reduced model. It has fewer states than `order` where the stable part has fewer that
-        are both reached and seen.
+        The reduced model. It has fewer states than `order` where the minimal stable part has fewer.
 
     Raises
     ------
@@ -103,6 +102,6 @@ def balanced_truncation(
 
 
 def _factor(gramian: FloatArray) -> FloatArray:
-    """Return L of L L', also for a Gramian that rounding made a little indefinite."""
+    """Return L of L L', also for a Gramian that is slightly indefinite by rounding."""
     values, vectors = scipy.linalg.eigh(0.5 * (gramian + gramian.T))
     return np.asarray(vectors * np.sqrt(values.clip(min=0.0)))

@@ -27,12 +27,12 @@ UPDATES = ("none", "b", "c")
 
 @dataclass(frozen=True, eq=False)
 class StepCost:
-    """Errors of one model on the way from the full to the updated one.
+    """Errors of one model between the full and the updated one.
 
     Attributes
     ----------
     ranking : {'mrm', 'msv', 'mrmc'} or None
-        What decided about the modes; None for the full model.
+        Ranking of the modes; None for the full model.
     update : {'none', 'b', 'c'}
         Matrix that was refitted.
     kept : tuple of str
@@ -42,7 +42,7 @@ class StepCost:
     errors : ndarray, (outputs,)
         Errors (2-25) of data matching over all records together.
     sfv : float or None
-        Mean error of set-point following on the first record; None where it cannot be told.
+        Mean error of set-point following on the first record; None where it does not apply.
     """
 
     ranking: str | None
@@ -65,41 +65,34 @@ def step_costs(
     order: int,
     known_modes_hz: Sequence[float] = (),
 ) -> tuple[StepCost, ...]:
-    """Compare the full model with what every ranking and update makes of it.
+    """Return the costs of the full model and of all rankings and updates, three to each ranking.
+
+    The identification's own records determine modes and updates.
 
     Parameters
     ----------
     identification : Identification
-        The full model; its own records decide about modes and updates.
+        The full model.
     records : sequence of IoData
-        What the errors are of. For a model with friction the records with its net input, of
-        `net_records`.
+        Records for the errors; for a model with friction those of `net_records`.
     order : int
         States to keep.
     known_modes_hz : sequence of float
-        With them, 'mrmc' is compared too, as far as the order has room for them.
-
-    Returns
-    -------
-    tuple of StepCost
-        The full model, then three updates of each ranking.
+        Known frequencies; if the order has room for them, 'mrmc' is compared too.
     """
     model = identification.model
     labels = tuple(mode.label for mode in identification.modes)
-    errors = _errors(model, records)
-    costs = [StepCost(None, "none", labels, model.nstates, errors, _following(model, records))]
+
+    def cost(
+        model: control.StateSpace, ranking: str | None, update: str, kept: tuple[str, ...]
+    ) -> StepCost:
+        errors, sfv = _errors(model, records), _following(model, records)
+        return StepCost(ranking, update, kept, model.nstates, errors, sfv)
+
+    costs = [cost(model, None, "none", labels)]
     for ranking, update in product(rankings(order, known_modes_hz), UPDATES):
         reduced = _reduced(identification, ranking, update, order, known_modes_hz)
-        costs.append(
-            StepCost(
-                ranking,
-                update,
-                reduced.kept,
-                reduced.order,
-                _errors(reduced.model, records),
-                _following(reduced.model, records),
-            )
-        )
+        costs.append(cost(reduced.model, ranking, update, reduced.kept))
     return tuple(costs)
 
 
@@ -112,7 +105,7 @@ def cost_over_orders(
     update: str,
     known_modes_hz: Sequence[float] = (),
 ) -> tuple[tuple[int, float], ...]:
-    """Return what one ranking and update cost at several orders.
+    """Return order and mean error of one ranking and update at several orders, rising.
 
     Parameters
     ----------
@@ -122,11 +115,6 @@ def cost_over_orders(
         States to keep; orders with too little room for the known modes are left out.
     ranking, update
         As in `reduce_model`.
-
-    Returns
-    -------
-    tuple of (int, float)
-        Order and mean error of each model, rising.
     """
     costs = {}
     for order in orders:
@@ -137,7 +125,7 @@ def cost_over_orders(
 
 
 def rankings(order: int, known_modes_hz: Sequence[float]) -> tuple[str, ...]:
-    """Return the rankings that an order has room for."""
+    """Return the rankings for which an order has room."""
     room = 0 < 2 * len(known_modes_hz) <= order
     return ("mrm", "msv", "mrmc") if room else ("mrm", "msv")
 

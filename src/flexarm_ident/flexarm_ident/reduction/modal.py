@@ -1,8 +1,8 @@
-"""Model reduction in modal coordinates, and model updating (chapter 3).
+"""Modal model reduction and model updating (chapter 3).
 
-The reduced model is realised directly in real numbers, a pair of states per complex pair. The
-thesis obtains real matrices by identifying the reduced model's simulated output (3-10); both are
-realisations of the same triplet (3-9).
+The reduced model is realised directly in real numbers, with a pair of states per complex pair. The
+thesis obtains real matrices by identification of the reduced model's simulated output (3-10); both
+are realisations of the same triplet (3-9).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs, fit_outputs
-from flexarm_ident.models.modes import modal_form, mode_table
+from flexarm_ident.models.modes import modal_form, ranked_modes
 from flexarm_ident.models.state_space import stabilise, with_matrices
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.preprocess import output_scale
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from flexarm_ident.models.modes import ModalForm, Mode
     from flexarm_ident.records.iodata import IoData
 
-# A flexible mode may be this far from its known frequency (natural logarithm of the ratio) ...
+# Largest distance of a flexible mode from its known frequency (natural logarithm of the ratio).
 _FARTHEST = 0.3
-# ... but MRM counts less with the distance: 0.6 at this one, 0.1 at twice as far.
+# MRM has a weight that falls with the distance: 0.6 at this one, 0.1 at twice as far.
 _NEAR = 0.05
-# A beam's mode vibrates; a pair that is damped more is none.
+# Damping ratio below which a pair can be a flexible mode.
 _VIBRATES = 0.3
 # Below this part of the lowest known frequency a pair belongs to the rigid motion.
 _SLOW = 0.5
@@ -41,7 +41,7 @@ _SLOW = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A reduced model and what it kept.
+    """Reduced model and its modes.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Reduction:
     update_condition : float or None
         Its condition number.
     warnings : tuple of str
-        Where the result differs from the request.
+        Differences between result and request.
     """
 
     model: control.StateSpace
@@ -84,15 +84,15 @@ def reduce_model(
     known_modes_hz: Sequence[float] = (),
     update: Literal["b", "c", "none"] = "b",
 ) -> Reduction:
-    """Keep the significant modes of an identified model and refit what truncation disturbed.
+    """Keep the significant modes of an identified model and refit B or C to the data.
 
     Modes are taken in the order of the ranking; an unstable model is stabilised first. A pair is
-    never split: with room for one state only, the next real mode is taken in its place. When there
-    is none, the model gets one state more than `order`.
+    never split: with room for one state only, the next real mode takes its place. Without a real
+    mode the model gets one state more than `order`.
 
-    The MRMC ranking of section 3.2 keeps, for each known frequency, the vibrating pair nearby
-    with the strongest MRM, then fills up with the rigid motion (real modes and pairs below half
-    the lowest known frequency) by MRM.
+    The MRMC ranking of section 3.2 keeps, for each known frequency, the flexible mode nearby with
+    the strongest MRM, then adds the rigid motion (real modes and pairs below half the lowest known
+    frequency) by MRM.
 
     Parameters
     ----------
@@ -101,13 +101,13 @@ def reduce_model(
     data : IoData or sequence of IoData
         Records for the indices and the update, usually those of the identification.
     ranking : {'mrm', 'msv', 'mrmc'}
-        What decides about a mode.
+        Order of significance of the modes.
     order : int
         States to keep.
     known_modes_hz : sequence of float
         Frequencies of the flexible modes that 'mrmc' keeps.
     update : {'b', 'c', 'none'}
-        Matrix that is recalculated by output least squares: B (3-11), C (3-19) or neither.
+        Matrix that is refitted by output least squares: B (3-11), C (3-19) or neither.
 
     Returns
     -------
@@ -117,12 +117,12 @@ def reduce_model(
     Raises
     ------
     IdentificationError
-        If the request does not fit the model.
+        If order, ranking or update do not suit the model.
     """
     records = as_records(data)
     full = _stable_model(identification.model)
     _check_request(full, records, ranking, order, known_modes_hz, update=update)
-    modes = mode_table(full, records, output_scale(records))
+    modes = ranked_modes(full, records, output_scale(records))
     kept, notes = _choose(modes, ranking, order, known_modes_hz)
     realised = truncate(full, [state for mode in kept for state in mode.states])
     updated = _updated(realised, records, update)
@@ -146,11 +146,6 @@ def truncate(model: control.StateSpace, states: Sequence[int]) -> control.StateS
         Discrete model.
     states : sequence of int
         States of its modal form to keep, both of a pair.
-
-    Returns
-    -------
-    control.StateSpace
-        Block-diagonal model with the names of `model`.
 
     Raises
     ------
@@ -263,7 +258,7 @@ def _flexible(
         if near:
             chosen.append(max(near, key=lambda scored: scored[0])[1])
         else:
-            notes.append(f"no vibrating mode near {known_hz:g} Hz: none kept for it")
+            notes.append(f"no flexible mode near {known_hz:g} Hz: none was kept for it")
     return chosen, notes
 
 

@@ -1,8 +1,8 @@
-"""The thesis's way to a real reduced model (3-10), to compare with the direct one.
+"""Real reduced model by the thesis's method (3-10), for comparison with the direct one.
 
 The triplet (3-9) of the kept modes is complex. The thesis simulates its output, which is real, and
-identifies that with ORSE. `reduction.truncate` writes down a real block-diagonal form at once. Both
-are realisations of the same triplet, so they differ by rounding only.
+identifies that with ORSE. `modal.truncate` gives a real block-diagonal form directly. Both are
+realisations of the same triplet, so they differ by rounding only.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
 
 _FREQUENCIES = 200
-# Of the Nyquist frequency: the lowest one at which responses are compared.
+# Lowest frequency of the comparison, as a part of the Nyquist frequency.
 _LOWEST = 1e-3
 
 
 @dataclass(frozen=True)
 class RealisationDifference:
-    """How far two models of the same channels are apart.
+    """Differences between two models of the same channels.
 
     Attributes
     ----------
     frequency_response : float
-        Largest difference of the gains over frequencies, as a part of the largest gain of the same
-        output; of all outputs the largest.
+        Largest difference of the gains over frequencies, relative to the largest gain of the same
+        output; the largest over all outputs.
     simulation : float
-        RMS of the difference of the simulated outputs, as a part of the output's RMS; of all
-        outputs and records the largest.
+        RMS difference of the simulated outputs, relative to the output's RMS; the largest over all
+        outputs and records.
     """
 
     frequency_response: float
@@ -88,19 +88,10 @@ def thesis_realisation(
 def realisation_difference(
     one: control.StateSpace, other: control.StateSpace, data: IoData | Sequence[IoData]
 ) -> RealisationDifference:
-    """Compare two models by frequency response (2-4) and by simulation from rest.
+    """Compare two models of the same channels and period, relative to the first.
 
-    Parameters
-    ----------
-    one, other : control.StateSpace
-        Discrete models of the same channels and period; `one` is what the parts refer to.
-    data : IoData or sequence of IoData
-        Records whose input drives the simulation.
-
-    Returns
-    -------
-    RealisationDifference
-        Both differences; rounding only for two realisations of one model.
+    They are compared by frequency response (2-4) and by simulation from rest under the records'
+    inputs.
     """
     nyquist_hz = 0.5 / one.dt
     frequencies_hz = np.geomspace(_LOWEST * nyquist_hz, nyquist_hz, _FREQUENCIES)

@@ -1,14 +1,15 @@
-"""Estimator by name, or by what the data ask for (`method="auto"`).
+"""Choice of an estimator by name or from the data (`method="auto"`).
 
-Three questions are asked in this order, and the first yes decides:
+The first of these conditions that holds decides:
 
-1. Does noise reach the input, as the record says itself (`IoData.closed_loop`)? PBSID-opt.
-2. Are later inputs correlated with the outputs' innovation (`feedback.reaches_inputs`)? PBSID-opt.
-3. Is the outputs' noise coloured (`whiteness.whiteness_test`)? ORSE with past instruments.
+1. The record states that its inputs were computed from its outputs (`IoData.closed_loop`):
+   PBSID-opt.
+2. Later inputs are correlated with the innovation (`feedback.reaches_inputs`): PBSID-opt.
+3. The output noise is coloured (`whiteness.whiteness_test`): ORSE with past instruments.
 
-Otherwise ORSE without instruments, which is the cheapest and as accurate on white noise. Both ORSE
-take the later inputs for known when they look at the outputs; PBSID-opt looks at the past only, so
-that neither feedback nor what friction does to the rig is mistaken for the rig.
+Otherwise ORSE without instruments is taken, the cheapest and as accurate for white noise. Both ORSE
+condition the outputs on later inputs. PBSID-opt regresses on the past only, so that neither
+feedback nor friction biases the model.
 """
 
 from __future__ import annotations
@@ -31,18 +32,10 @@ if TYPE_CHECKING:
 
 
 class Selection(NamedTuple):
-    """The estimator and its result, which follows from the same products.
+    """Estimator in `METHODS`, its result, and the products that both follow from.
 
-    Attributes
-    ----------
-    method : str
-        Name in `METHODS`.
-    reason : str
-        What 'auto' chose and why, in one sentence; empty when the method was given.
-    gram : BlockGram
-        Products of the data.
-    space : Subspace
-        Models of every order by that estimator.
+    `reason` is the choice of 'auto' and its reason, in one sentence; empty when the method was
+    given.
     """
 
     method: str
@@ -59,25 +52,9 @@ def estimate(
     *,
     feedthrough: bool,
 ) -> Selection:
-    """Return the result of one estimator.
+    """Return the result of one estimator in `METHODS`, by `block_rows` block rows q of (2-18).
 
-    Parameters
-    ----------
-    records : sequence of Source
-        Records of one rig, in memory or read in chunks.
-    excerpts : sequence of IoData
-        The records themselves, or leading parts that fit into memory.
-    method : str
-        Name in `METHODS`.
-    block_rows : int
-        Block rows of the Hankel matrices, q of (2-18).
-    feedthrough : bool
-        Whether D will be fitted.
-
-    Returns
-    -------
-    Selection
-        Products and subspace.
+    The excerpts are the records themselves, or leading parts that fit into memory.
     """
     row = METHODS[method]
     gram = block_gram(records, row.shifts(block_rows))
@@ -92,25 +69,10 @@ def select_method(
     order: int | None = None,
     feedthrough: bool = False,
 ) -> Selection:
-    """Choose the estimator.
+    """Return the estimator that the data call for, with its result.
 
-    Parameters
-    ----------
-    records : sequence of Source
-        Records of one rig, in memory or read in chunks.
-    block_rows : int
-        Block rows of the Hankel matrices, q of (2-18).
-    closed_loop : bool
-        Whether a record is known to be made in closed loop.
-    order : int, optional
-        Number of states; half of `block_rows` when it is not known yet.
-    feedthrough : bool
-        Whether D will be fitted.
-
-    Returns
-    -------
-    Selection
-        Choice, reason and what was computed for it.
+    `closed_loop` states that a record is known to be made in closed loop. An unknown order is taken
+    for half of `block_rows`, q of (2-18).
     """
 
     def chosen(method: str, because: str) -> Selection:
@@ -123,7 +85,7 @@ def select_method(
     if reaches_inputs(gram):
         return chosen(
             "pbsid",
-            "later inputs know of the outputs' noise, by feedback or seemingly by friction",
+            "later inputs are correlated with the outputs' noise, by feedback or by friction",
         )
     space = innovation_scaled(gram)
     noise = whiteness_test(space, gram.columns, order or block_rows // 2)

@@ -1,16 +1,15 @@
-"""Is there a controller behind the data? A test for feedback from outputs to inputs.
+"""Test for feedback from outputs to inputs.
 
-The part of an output that its past does not predict, the innovation, is noise. Without feedback no
-later input knows of it. The correlation of the innovation with what the past does not predict of
-the inputs that follow is therefore tested for zero. All it takes is the block Gram: its first rows
-are the past, the next ones hold the innovation and the inputs that follow.
+The innovation is the part of an output that its past does not predict. Without feedback it is
+uncorrelated with later inputs. The test takes its correlation with the unpredicted part of these
+inputs, all from the block Gram: its first rows are the past, the others the innovation and the
+inputs that follow.
 
-Friction bends the test: what a linear model leaves of it looks like innovation, but returns
-whenever the input does the same again. So the correlation must also stand out of what is found
-at distances at which no controller answers.
-An input that lacks its low frequencies, such as noise from 20 Hz up, remembers longer than the past
-that the Gram holds, and can pass for feedback. `loop_test` judges a record by the same correlation,
-with a longer past of the input, and so that a jump of the set-point counts as one.
+Friction biases the test: a linear model leaves a remainder that looks like innovation but recurs
+with the input. The correlation must therefore also exceed the correlations at distant lags, at
+which no controller answers. An input without low frequencies, such as noise from 20 Hz up, has a
+longer memory than the past in the Gram and can pass for feedback. `loop_test` judges a record by
+the same correlation, with a longer past of the input and robust against jumps of the set-point.
 Haugh, "Checking the independence of two covariance-stationary time series", JASA 71 (1976);
 Gustavsson, Ljung, Soderstrom, "Identification of processes in closed loop", Automatica 13 (1977);
 Rousseeuw, Leroy, "Robust regression and outlier detection", Wiley 1987.
@@ -36,10 +35,10 @@ if TYPE_CHECKING:
 # One false alarm in a million records.
 SIGNIFICANCE = 1e-6
 STANDS_OUT = 1.5
-# Below this part of a signal's RMS, what is left of it is rounding.
+# A remainder below this part of a signal's RMS is rounding.
 _SMALLEST_REMAINDER = 1e-5
 _DEPENDENT = 1e-9
-# As many samples show the background at distant lags, and the kind of loop.
+# Samples for the background at distant lags and for the closed-loop test.
 BACKGROUND_SAMPLES = 2**14
 
 
@@ -52,8 +51,8 @@ class FeedbackTest:
     statistic : float
         Sum of squared canonical correlations times the samples.
     degrees : int
-        What it should be without feedback: the degrees of freedom of its chi-square distribution.
-        0 when there is no noise that could tell.
+        Degrees of freedom of its chi-square distribution without feedback, which is its mean. 0 for
+        data without noise.
     p_value : float
         Probability of a statistic as large without feedback.
     background : float
@@ -71,7 +70,7 @@ class FeedbackTest:
 
 
 class Correlation(NamedTuple):
-    """Correlation of the innovation with later inputs: statistic, degrees, p-value, as below."""
+    """Correlation of the innovation with later inputs, as in `FeedbackTest`."""
 
     statistic: float
     degrees: int
@@ -95,19 +94,10 @@ class _Whitened(NamedTuple):
 
 
 def reaches_inputs(gram: BlockGram) -> bool:
-    """Whether later inputs know of the outputs' innovation: by feedback, or seemingly, by friction.
+    """Return whether later inputs are significantly correlated with the innovation.
 
-    Only inputs after the sample count, so that it does not matter whether there is feedthrough.
-
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data.
-
-    Returns
-    -------
-    bool
-        Whether the correlation is significant, at one false alarm in a million records.
+    The cause may be feedback or friction. Inputs of the same sample are left out, so the result
+    does not depend on feedthrough. The rate of false alarms is one in a million records.
     """
     return _whitened(gram, feedthrough=True).correlation.p_value <= SIGNIFICANCE
 
@@ -115,22 +105,10 @@ def reaches_inputs(gram: BlockGram) -> bool:
 def feedback_test(
     records: Sequence[IoData], gram: BlockGram, *, feedthrough: bool = False
 ) -> FeedbackTest:
-    """Test records for feedback.
+    """Test records for feedback, given their Gram.
 
-    Parameters
-    ----------
-    records : sequence of IoData
-        Records of one rig.
-    gram : BlockGram
-        Their Gram, of eight block rows or more to be of use; the last quarter is what follows.
-    feedthrough : bool
-        Whether the output may follow the input at once. Then an answer within the sample cannot be
-        told from it, and only later ones count.
-
-    Returns
-    -------
-    FeedbackTest
-        Statistic and verdict.
+    With fewer than eight block rows the test has little power; the last quarter is what follows.
+    With feedthrough an answer within the sample cannot be told from it, so only later ones count.
     """
     found = _whitened(gram, feedthrough=feedthrough)
     statistic, degrees, p_value = found.correlation
@@ -177,13 +155,13 @@ def _layout(gram: BlockGram, *, feedthrough: bool) -> _Layout:
 
 
 def _predictor(gram: FloatArray, past: list[int], keep: list[int]) -> tuple[FloatArray, int]:
-    """Return the regression of `keep` on the past, and the rank of the latter."""
+    """Return the regression of `keep` on the past, and the rank of the past."""
     root = truncated_inverse(gram[np.ix_(past, past)]).root
     return gram[np.ix_(keep, past)] @ root @ root.T, root.shape[1]
 
 
 def whitening(covariance: FloatArray) -> FloatArray:
-    """Return combinations of unit variance and no correlation; rounding gives none."""
+    """Return uncorrelated combinations of unit variance, (signals, rank), without rounding's."""
     size = len(covariance)
     deviation = np.sqrt(np.diag(covariance).clip(min=0.0))
     heard = np.flatnonzero(deviation > _SMALLEST_REMAINDER)
@@ -200,7 +178,7 @@ def whitening(covariance: FloatArray) -> FloatArray:
 def _remainders(
     record: IoData, gram: BlockGram, layout: _Layout, predictor: FloatArray, scale: FloatArray
 ) -> FloatArray:
-    """Return what the past does not predict over time, (columns, innovation and following)."""
+    """Return what the past does not predict, (columns, innovation and following)."""
     z = np.hstack([record.y, record.u])[:BACKGROUND_SAMPLES]
     channels = z.shape[1]
     keep = layout.innovation + layout.following

@@ -5,8 +5,8 @@ The Hankel matrices of (2-19) enter the algorithms only through their products. 
 
     G(i + 1, j + 1) = G(i, j) - z_i z_j' + z_{i+d} z_{j+d}'
 
-so the first block row, the lag sums, gives all others. Nothing of the Hankel matrices' size is ever
-formed, the record passes by in chunks, and the products of several records simply add up.
+so the first block row, the lag sums, gives all others. No matrix of the Hankel matrices' size is
+formed, a record is read in chunks, and the products of several records add up.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ class BlockGram:
         return self._rows(first, last, self.outputs, self.outputs + self.inputs)
 
     def leading(self, block_rows: int) -> BlockGram:
-        """Return the products of the first `block_rows` block rows, at most as many as there are.
+        """Return the products of the first `block_rows` block rows.
 
-        Its columns are those of the longer matrix: each record counts a little shorter than it is.
+        The columns stay those of the longer matrix, so the end of each record is left out.
         """
         size = block_rows * (self.outputs + self.inputs)
         leading = self.matrix[:size, :size]
@@ -85,11 +85,6 @@ def block_gram(records: Sequence[Source], block_rows: int) -> BlockGram:
         whose products add up too.
     block_rows : int
         Number of time shifts, q of (2-18).
-
-    Returns
-    -------
-    BlockGram
-        Sum of the records' Gram matrices.
 
     Raises
     ------
@@ -123,18 +118,7 @@ def block_gram(records: Sequence[Source], block_rows: int) -> BlockGram:
 
 
 def stretches(y: FloatArray) -> Iterator[slice]:
-    """Yield the rows of a chunk that follow each other without a row of NaN.
-
-    Parameters
-    ----------
-    y : ndarray, (samples, outputs)
-        Outputs; NaN in rows that are not to be used.
-
-    Yields
-    ------
-    slice
-        The rows of each stretch.
-    """
+    """Yield the rows of each stretch of outputs, (samples, outputs), without a row of NaN."""
     unusable = np.flatnonzero(np.isnan(y).any(axis=1))
     edges = np.concatenate([[-1], unusable, [len(y)]])
     for before, after in pairwise(edges.tolist()):
@@ -143,11 +127,10 @@ def stretches(y: FloatArray) -> Iterator[slice]:
 
 
 class LagSums:
-    """Sums of ``z_k z_{k+j}'`` over ``k = 0 .. K - lags`` of a record that passes by in chunks.
+    """Sums of ``z_k z_{k+j}'`` over ``k = 0 .. K - lags`` of a record that is read in chunks.
 
-    A record may have several stretches, each with a K of its own, over which the sums go on.
-
-    Blocks of a few samples are multiplied at once, so that the work is done by matrix products.
+    A record may have several stretches, each with its own K. Several samples form a block, so that
+    the work is done by matrix products.
 
     Parameters
     ----------
@@ -159,13 +142,13 @@ class LagSums:
 
     def __init__(self, channels: int, lags: int) -> None:
         self._channels, self._lags = channels, lags
-        # A block meets all that come up to `lags` samples after its last one.
+        # A block is multiplied with all that begin up to `lags` samples after its last one.
         self._shifts = (lags + _BLOCK - 2) // _BLOCK + 1
         width, size = _BLOCK * channels, (lags - 1) * channels
         self._products = np.zeros((self._shifts, width, width))
-        # Of the last samples of each stretch, which fill no whole row of blocks.
+        # Products of the last samples of each stretch, which fill no whole row of blocks.
         self._rest = np.zeros((lags, channels, channels))
-        # What enters minus what leaves the sums from one time shift to the next.
+        # Entering minus leaving products from one time shift to the next.
         self._change = np.zeros((size, size))
         self._head = self._pending = np.empty((0, channels))
         self._samples = 0
@@ -173,13 +156,13 @@ class LagSums:
         """Columns of the Hankel matrices of all stretches that have ended, d of (2-19)."""
 
     def add(self, *signals: FloatArray) -> None:
-        """Take the next samples of all signals, each (samples, channels)."""
+        """Add the next samples of all signals, each (samples, channels)."""
         waiting, arrived = len(self._pending), len(signals[0])
         z = np.empty((waiting + arrived, self._channels))
         z[:waiting] = self._pending
         np.concatenate(signals, axis=1, out=z[waiting:])
         if len(self._head) < self._lags - 1:
-            # Nothing has left the pending samples yet.
+            # The pending samples still begin at the start.
             self._head = z[: self._lags - 1].copy()
         blocks = z[: len(z) // _BLOCK * _BLOCK].reshape(-1, _BLOCK * self._channels)
         whole = max(len(blocks) - self._shifts + 1, 0)
@@ -189,7 +172,7 @@ class LagSums:
         self._samples += arrived
 
     def end_stretch(self) -> None:
-        """Take what comes next as a new stretch; one shorter than the lags counts for nothing."""
+        """End the stretch; one shorter than the lags adds nothing."""
         channels, lags = self._channels, self._lags
         if self._samples >= lags:
             if len(self._pending) >= lags:
@@ -229,19 +212,9 @@ class LagSums:
 
 
 def equilibrated(gram: BlockGram) -> tuple[FloatArray, FloatArray]:
-    """Return the Gram of channels with unit RMS, per column, and the channels' RMS.
+    """Return the Gram per column of channels with unit RMS, and the channels' RMS.
 
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data.
-
-    Returns
-    -------
-    ndarray
-        The scaled matrix.
-    ndarray, (outputs + inputs,)
-        RMS of the outputs, then of the inputs; 1 for a channel that is zero throughout.
+    The RMS stands in the order outputs, inputs, and is 1 for a channel that is zero throughout.
     """
     channels = gram.outputs + gram.inputs
     power = np.diag(gram.matrix).reshape(gram.block_rows, channels).mean(axis=0)

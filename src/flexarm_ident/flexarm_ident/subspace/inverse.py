@@ -16,7 +16,7 @@ _SMALLEST_EIGENVALUE = 1e-13
 
 
 class TruncatedInverse(NamedTuple):
-    """Inverse over the directions that stand out of rounding.
+    """Inverse over the directions above rounding.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class TruncatedInverse(NamedTuple):
     values : ndarray, (rank,)
         Their eigenvalues.
     condition : float
-        Condition number of the whole matrix.
+        Condition number of the whole matrix, scaled if asked for.
     """
 
     vectors: NDArray[Any]
@@ -34,7 +34,7 @@ class TruncatedInverse(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """Number of directions that were kept."""
+        """Number of kept directions."""
         return len(self.values)
 
     @property
@@ -51,25 +51,14 @@ class TruncatedInverse(NamedTuple):
 def truncated_inverse(
     matrix: NDArray[Any], *, smallest: float = _SMALLEST_EIGENVALUE, equilibrated: bool = False
 ) -> TruncatedInverse:
-    """Return the truncated inverse of a symmetric or Hermitian matrix.
+    """Return the truncated inverse of a symmetric or Hermitian matrix, (size, size).
 
-    Parameters
-    ----------
-    matrix : ndarray, (size, size)
-        Product matrix, positive semidefinite but for rounding.
-    smallest : float
-        Part of the largest eigenvalue below which a direction is left out.
-    equilibrated : bool
-        Scale the rows and columns to a unit diagonal first.
-
-    Returns
-    -------
-    TruncatedInverse
-        Inverse, rank and condition; the latter of the scaled matrix.
+    The matrix is positive semidefinite but for rounding. Directions below the part `smallest` of
+    the largest eigenvalue are left out, after scaling to a unit diagonal if `equilibrated`.
     """
     scale = np.ones(len(matrix))
     if equilibrated:
-        # Of a direction that is rounding only, even the power can come out negative.
+        # Rounding can make the power of an empty direction negative.
         scale = np.sqrt(np.diag(matrix).real.clip(min=0.0))
         scale[scale == 0.0] = 1.0
         matrix = matrix / np.outer(scale, scale)

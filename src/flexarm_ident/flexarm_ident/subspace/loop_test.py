@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 # An input that changes at fewer of the samples carries no noise from sample to sample.
 _SELDOM = 0.1
-# Samples of the past: of the outputs, and of the input as far as a filtered one remembers.
+# Samples of the past of the outputs, and of the input with the memory of its filter.
 _OUTPUT_MEMORY = 15
 _INPUT_MEMORY = 100
 # A controller answers within the sample or this many less one later.
 _ANSWERED_WITHIN = 5
-# Robust standard deviations: what is larger is clipped in a correlation, and left out of a fit.
+# Robust standard deviations above which a value is clipped in a correlation, or left out of a fit.
 _CLIP = 3.0
 _OUTLIER = 4.0
 _NORMAL_MAD = 1.4826
@@ -37,32 +37,30 @@ _REFITS = 3
 
 
 def is_closed_loop(record: IoData) -> bool | None:
-    """Judge by inputs and outputs alone whether a controller made the input.
+    """Judge from inputs and outputs alone whether a controller made the input.
 
-    In a closed loop every command is computed from noisy samples: what the past does not predict of
-    the outputs, their innovation, is known to what it does not predict of the inputs from that
-    sample on. The plant has no feedthrough: row `k` of the input answers row `k` of the outputs.
-    Three things are done so that nothing else passes for feedback, and nothing hides it:
+    In a closed loop every command is computed from noisy samples, so the innovation of the outputs
+    is correlated with the unpredicted inputs from that sample on. The plant has no feedthrough: row
+    `k` of the input answers row `k` of the outputs. Three measures make the test robust:
 
-    - The past holds 100 samples of the input, so that a filtered excitation has told all it knows.
+    - The past holds 100 samples of the input, which cover the memory of a filtered excitation.
     - Remainders are clipped, and the prediction is fitted once to all samples and once to those
       that it predicts well: set-points jump seldom, and their jumps are much larger than noise.
-    - An input that keeps its value at nine samples of ten lets no noise through, whatever turns it
-      round now and then.
+    - An input that keeps its value at nine samples of ten transmits no noise and counts as open.
 
-    A loop whose noise does not show in the input, as under a set-point that is white noise itself
-    and much stronger, is judged open: it does the identification no harm either.
+    A loop whose noise is hidden by a much stronger white set-point is judged open. It does not bias
+    the identification either.
 
     Parameters
     ----------
     record : IoData
-        The record as it was measured; the first 16384 samples are looked at.
+        The record as it was measured; its first 16384 samples are examined.
 
     Returns
     -------
     bool or None
-        None where the record is too short, its outputs have no noise that could tell, or its
-        values are so large that their squares overflow.
+        None where the record is too short, its outputs have no noise, or the squares of its values
+        overflow.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         u, y = _unit(record.u[:BACKGROUND_SAMPLES]), _unit(record.y[:BACKGROUND_SAMPLES])
@@ -102,27 +100,27 @@ def _unit(signals: FloatArray) -> FloatArray:
 
 
 def _shifted(signals: FloatArray, first: int, last: int, columns: int) -> FloatArray:
-    """Return what stands `first` to `last` - 1 samples after each one with a whole past."""
+    """Return the samples shifted by `first` to `last` - 1, side by side."""
     starts = range(_INPUT_MEMORY + first, _INPUT_MEMORY + last)
     return np.hstack([signals[start : start + columns] for start in starts])
 
 
 def _unpredicted(past: FloatArray, present: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
-    """Return what is left of the present by the regression on the past over the kept rows."""
+    """Return the remainder of the present after regression on the past over the kept rows."""
     known = past[kept]
     root = truncated_inverse(known.T @ known).root
     return np.asarray(present - past @ (root @ (root.T @ (known.T @ present[kept]))))
 
 
 def _deviation(signals: FloatArray) -> FloatArray:
-    """Return standard deviations by the median, which outliers do not move."""
+    """Return standard deviations estimated from medians, robust against outliers."""
     return np.asarray(_NORMAL_MAD * np.median(np.abs(signals), axis=0))
 
 
 def _is_answered(
     e: FloatArray, following: FloatArray, kept: NDArray[np.bool_], memory: int
 ) -> bool | None:
-    """Whether the kept inputs know of the innovation; None without innovation."""
+    """Return whether the kept inputs correlate with the innovation; None without innovation."""
     white_e, white_u = _white(e, kept), _white(following, kept)
     if white_e.shape[1] == 0:
         return None

@@ -1,7 +1,7 @@
-"""Estimators of a range space: one row each.
+"""Registry of the subspace estimators: one row each.
 
-A new estimator is a module with a function that returns a `Subspace`, and a row here. The request's
-check, `identify`, the command's help, the reports and the documentation read the rows.
+A new estimator is a module with a function that returns a `Subspace`, and a row here. The check of
+requests, `identify`, the command's help, the reports and the documentation read the rows.
 """
 
 from __future__ import annotations
@@ -22,21 +22,11 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.orse import Subspace
 
 AUTO = "auto"
-"""The method that lets the data choose, see `choice`."""
+"""Name of the choice from the data, see `choice`."""
 
 
 class Data(NamedTuple):
-    """What an estimator works on.
-
-    Attributes
-    ----------
-    gram : BlockGram
-        Products of the records, of `Method.shifts` block rows.
-    records : sequence of IoData
-        The records, or leading parts that fit into memory.
-    feedthrough : bool
-        Whether the output may follow the input at once.
-    """
+    """Data for an estimator: products of `Method.shifts` block rows, and records or their heads."""
 
     gram: BlockGram
     records: Sequence[IoData]
@@ -45,22 +35,22 @@ class Data(NamedTuple):
 
 @dataclass(frozen=True)
 class Method:
-    """An estimator.
+    """Estimator with its name, titles and needs.
 
     Attributes
     ----------
     name : str
         Value of `method` in requests.
     build : callable
-        Returns the subspace of `Data`.
+        Function from `Data` to a `Subspace`.
     looks_back : bool
         Whether it takes as many block rows of the past as of the future.
     title : str
         Name in reports.
     help : str
-        What the estimator is for, in a few words.
+        Field of use, in a few words.
     noise_weighted : bool
-        Whether B is fitted to outputs that are weighted by their noise.
+        Whether the fit of B weights the outputs by their noise.
     """
 
     name: str
@@ -111,13 +101,7 @@ METHODS = {row.name: row for row in _ROWS}
 
 
 def check_method(name: str) -> None:
-    """Check that a method is 'auto' or has a row.
-
-    Raises
-    ------
-    IdentificationError
-        If it is neither.
-    """
+    """Raise an IdentificationError for a method that is neither 'auto' nor in `METHODS`."""
     if name not in (AUTO, *METHODS):
         choices = ", ".join((AUTO, *METHODS))
         raise IdentificationError(f"method must be one of {choices}: {name!r}")

@@ -12,44 +12,31 @@ from flexarm_ident.subspace.pbsid import past_length, predictor_space
 from flexarm_ident.subspace.segments import cut, segment_grams
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.orse import Subspace
     from flexarm_ident.subspace.pbsid import PredictorSpace
 
-# Tables 2-1 to 2-4 look at these orders.
+# The orders of Tables 2-1 to 2-4.
 SMALLEST_ORDER = 7
 LARGEST_ORDER = 36
 _NUMERICAL_RANK = 1e-10
-# Of one degree of freedom.
+# With one degree of freedom.
 _MEDIAN_OF_CHI_SQUARE = 0.4549
 
 
 def suggest_order(singular_values: FloatArray, largest: int) -> int:
-    """Return the order before the widest gap of the singular values (2-22).
-
-    Parameters
-    ----------
-    singular_values : ndarray
-        Singular values of (2-21), descending.
-    largest : int
-        Largest order to suggest.
-
-    Returns
-    -------
-    int
-        Order with the largest ratio between its own and the next singular value.
-    """
+    """Return the order before the widest gap of singular values (2-22), at most `largest`."""
     floor = np.finfo(float).eps * singular_values[0]
     values = np.maximum(singular_values[: largest + 1], floor)
     return int(np.argmax(values[:-1] / values[1:])) + 1
 
 
 def candidate_orders(space: Subspace) -> range:
-    """Return the orders worth trying: 7 to 36 as in the thesis, less where the data allow less."""
+    """Return the orders to try: 7 to 36 as in the thesis, fewer where the data limit them."""
     allowed = min(LARGEST_ORDER, space.block_rows - 1, space.largest_order)
     rank = int(np.sum(space.singular_values > _NUMERICAL_RANK * space.singular_values[0]))
     largest = max(1, min(allowed, rank))
@@ -57,20 +44,7 @@ def candidate_orders(space: Subspace) -> range:
 
 
 def stable_orders(space: Subspace, orders: Iterable[int]) -> tuple[int, ...]:
-    """Return the orders whose model is stable, as Tables 2-1 to 2-4 list them.
-
-    Parameters
-    ----------
-    space : Subspace
-        Base vectors of the range space.
-    orders : iterable of int
-        Orders to try.
-
-    Returns
-    -------
-    tuple of int
-        The stable ones.
-    """
+    """Return the orders whose model is stable, as listed in Tables 2-1 to 2-4."""
     return tuple(order for order in orders if is_stable(space.matrices(order).A))
 
 
@@ -81,17 +55,16 @@ def choose_order(
     *,
     stable: bool = True,
     feedthrough: bool = False,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> int:
-    """Return the order of the one-step predictor by a criterion of information.
+    """Return the order of the one-step predictor by an information criterion.
 
-    The states of PBSID-opt say how well each order predicts the next sample. The order is the one
-    with the smallest ``N log det S + c n (2 m + r) log N``: `S` is the covariance of its one-step
-    errors over `N` columns, `n (2 m + r)` the number of its parameters, and `c = 1` would be BIC.
-    BIC takes the errors for white Gaussian noise. Those of a rig with friction are not: they come
-    in bursts, and their power says less than `N` samples would. So the likelihood is divided by its
-    overdispersion `c`, the variance of the errors' power over segments of the records in units of
-    what it would be for white Gaussian noise, at least 1.
+    The states of PBSID-opt give the one-step errors of each order. The chosen order minimises
+    ``N log det S + c n (2 m + r) log N``: `S` is the covariance of the errors over `N` columns,
+    `n (2 m + r)` the number of parameters, and `c = 1` would be BIC. BIC assumes white Gaussian
+    errors. With friction the errors come in bursts and carry less information than `N` samples
+    would. The likelihood is therefore divided by its overdispersion `c`, at least 1: the variance
+    of the errors' power over segments of the records, relative to that of white Gaussian noise.
 
     Schwarz, "Estimating the dimension of a model", Annals of Statistics 6 (1978); Lebreton,
     Burnham, Clobert, Anderson, "Modeling survival and testing biological hypotheses using marked
@@ -102,21 +75,16 @@ def choose_order(
     gram : BlockGram
         Products of the data.
     space : Subspace
-        What the models follow from; its orders are the candidates.
+        Models of the estimator; its orders are the candidates.
     records : sequence of IoData
         The records or leading parts of them, for the scatter of the errors.
     stable : bool
-        Whether unstable eigenvalues will be moved. If not, an order with a stable model is taken
-        where there is one.
+        Whether unstable eigenvalues will be moved. Otherwise orders with a stable model take
+        precedence.
     feedthrough : bool
         Whether D is fitted.
     progress : callable, optional
-        Called with the stage "order" and the part that is done.
-
-    Returns
-    -------
-    int
-        The order.
+        Called with the stage "order" and the completed part.
     """
     orders = candidate_orders(space)
     past = past_length(gram, feedthrough=feedthrough)
@@ -128,40 +96,25 @@ def choose_order(
         return candidates[0]
     scatter = overdispersion(predictor, known[-1], window, records)
     penalty = scatter * (2 * gram.outputs + gram.inputs) * np.log(gram.columns)
+    report = progress or (lambda _stage, _fraction: None)
     criteria = []
     for done, order in enumerate(known):
         covariance = predictor.innovation_covariance(order, window)
         likelihood = gram.columns * float(np.linalg.slogdet(covariance)[1])
         criteria.append(likelihood + penalty * order)
-        if progress is not None:
-            progress("order", (done + 1) / len(known))
+        report("order", (done + 1) / len(known))
     return known[int(np.argmin(criteria))]
 
 
 def overdispersion(
     predictor: PredictorSpace, order: int, gram: BlockGram, records: Sequence[IoData]
 ) -> float:
-    """Return how much more the power of the one-step errors scatters than that of white noise.
+    """Return the scatter of the one-step errors' power in units of white Gaussian noise, 1 or more.
 
-    Where a record has long holes its rig was upset: a frozen command moved it about, and one
-    segment has many times the errors of the others. Medians take the place of mean and variance.
-
-    Parameters
-    ----------
-    predictor : PredictorSpace
-        Predictor of the records.
-    order : int
-        Its number of states.
-    gram : BlockGram
-        Products that it was made from.
-    records : sequence of IoData
-        The records or leading parts of them, which are cut into segments.
-
-    Returns
-    -------
-    float
-        Variance of the power over the segments in units of that of white Gaussian noise, at least
-        1; 1 for records too short for segments.
+    It is taken over segments of the records, for a predictor of one order and the products that it
+    was made from. Records with long holes are judged by medians: a frozen command moves the rig,
+    and a single segment then has many times the errors of the others. Records too short for
+    segments give 1.
     """
     try:
         parts = cut(records, gram.block_rows)

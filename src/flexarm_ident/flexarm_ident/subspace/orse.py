@@ -1,9 +1,9 @@
 """Observability range space from the block Gram, and A, C from its shift (2-18 .. 2-23).
 
-Plain ORSE takes the dominant eigenvectors of the outputs' Gram matrix with the inputs' part
-removed (2-20). That is biased when the channels' noise differs, whatever the record's length. Here
-each output is divided by the standard deviation of its one-step innovation, which stands in the
-last block of a Cholesky factor of the same matrix, so that noise weighs the same in all channels.
+Plain ORSE takes the dominant eigenvectors of the outputs' Gram matrix after removal of the inputs'
+part (2-20). They are biased when the channels differ in noise, for records of any length. Here each
+output is divided by the standard deviation of its one-step innovation, from the last block of a
+Cholesky factor of the same matrix, so that the noise of all channels has the same weight.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.subspace.gram import BlockGram
 
-# Of a product matrix: half the digits of the data's own condition.
+# Condition of a product matrix, which is that of the data squared.
 SINGULAR_CONDITION = 1e12
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
 _CLEAN = 1e-5
-# Noise power in one direction, in units of the one-step innovation's: what is less is rounding.
+# Noise power in one direction, in units of the one-step innovation's; less is rounding.
 _SMALLEST_NOISE = 1e-4
 
 
@@ -40,7 +40,7 @@ class StateMatrices(NamedTuple):
 
 
 class Subspace(Protocol):
-    """What any estimator hands on: models of every order, from one decomposition."""
+    """Result of an estimator: models of every order, from one decomposition."""
 
     @property
     def singular_values(self) -> FloatArray:
@@ -52,7 +52,7 @@ class Subspace(Protocol):
 
     @property
     def condition(self) -> float:
-        """Condition number of what was inverted."""
+        """Condition number of the inverted matrix."""
 
     @property
     def block_rows(self) -> int:
@@ -67,7 +67,7 @@ class Subspace(Protocol):
 
 
 def normalised(C: FloatArray) -> FloatArray:
-    """Return C with unit norm: the states' unit is free, and neither B nor C gets extreme."""
+    """Return C with unit norm, which fixes the free unit of the states."""
     return np.asarray(C / np.linalg.norm(C))
 
 
@@ -105,20 +105,10 @@ class RangeSpace:
     def matrices(self, order: int) -> StateMatrices:
         """Return A and C from the shift structure, by least squares (2-9), (2-10).
 
-        Parameters
-        ----------
-        order : int
-            Number of states.
-
-        Returns
-        -------
-        StateMatrices
-            A and C, of outputs in their own units.
-
         Raises
         ------
         IdentificationError
-            If the block rows do not determine that many states.
+            If the block rows do not determine as many states.
         """
         outputs = len(self.output_scale)
         if not 1 <= order <= self.largest_order:
@@ -133,54 +123,33 @@ class RangeSpace:
 
 
 def innovation_scaled(gram: BlockGram) -> RangeSpace:
-    """Return the range space of outputs scaled by their one-step innovation.
-
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data.
-
-    Returns
-    -------
-    RangeSpace
-        Base vectors and singular values.
-    """
+    """Return the range space of outputs scaled by their one-step innovation."""
     remainder, rms, condition = _output_remainder(gram)
     deviation = _innovation_deviation(remainder, gram.outputs)
     return _range_space(remainder, 1.0 / deviation, rms, condition)
 
 
 def plain(gram: BlockGram, output_scale: FloatArray) -> RangeSpace:
-    """Return the range space as the thesis does, for comparison.
+    """Return the range space by the thesis's scaling, for comparison.
 
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data.
-    output_scale : ndarray, (outputs,)
-        The factors of section 2.5, step 4.
-
-    Returns
-    -------
-    RangeSpace
-        Base vectors and singular values.
+    `output_scale`, (outputs,), holds the factors of section 2.5, step 4.
     """
     remainder, rms, condition = _output_remainder(gram)
     return _range_space(remainder, output_scale * rms, rms, condition)
 
 
 def past_instruments(gram: BlockGram) -> RangeSpace:
-    """Return the range space that past data explain, weighted by what they do not explain.
+    """Return the range space of the future that past data explain, weighted by the rest.
 
-    The first half of the block rows is the past, the second the future. Noise that is not white
-    drops out, because it does not correlate with the instruments. The outputs are scaled by their
-    innovation. Beyond that, two weights are in use:
+    The first half of the block rows is the past, the second the future. Coloured noise drops out,
+    because it is uncorrelated with the instruments. The outputs are scaled by their innovation. Two
+    further weights are in use:
 
-    - CVA: the future is whitened by the covariance of what the past does not explain of it. With
-      coloured noise, directions in which noise is strong count less.
-    - PO-MOESP: no further weight. It is taken where the innovation is known to later inputs, see
-      `reaches_inputs`: then feedback or friction is part of the unexplained, and a model of low
-      order has to follow the strongest motion. It is taken for data without noise as well.
+    - CVA: the future is whitened by the covariance of its unexplained part, so that directions with
+      strong noise count less.
+    - PO-MOESP: no further weight. It is taken for data without noise, and where later inputs are
+      correlated with the innovation (`reaches_inputs`). The unexplained part then contains feedback
+      or friction, and a model of low order has to follow the strongest motion.
 
     Verhaegen, "Identification of the deterministic part of MIMO state space models given in
     innovations form from input-output data", Automatica 30 (1994); Larimore, "Canonical variate
@@ -189,12 +158,7 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     Parameters
     ----------
     gram : BlockGram
-        Products of the data, with twice as many block rows as the basis shall have.
-
-    Returns
-    -------
-    RangeSpace
-        Base vectors and singular values.
+        Products of the data, with twice the block rows of the basis.
     """
     past, both = gram.block_rows // 2, gram.block_rows
     scaled, rms = equilibrated(gram)
@@ -220,7 +184,7 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
 
 
 def _is_clean(deviation: FloatArray, power: FloatArray) -> bool:
-    """Whether the innovation of any output is mostly rounding."""
+    """Return whether the innovation of any output is mostly rounding."""
     total = np.sqrt(np.diag(power)[-len(deviation) :].clip(min=0.0))
     return bool(np.any(deviation < _CLEAN * total))
 
@@ -243,7 +207,7 @@ def _output_remainder(gram: BlockGram) -> tuple[FloatArray, FloatArray, float]:
 def _schur_complement(
     gram: FloatArray, keep: list[int], given: list[int]
 ) -> tuple[FloatArray, float]:
-    """Return (2-20): what is left of `keep` when `given` is removed, and the latter's condition."""
+    """Return the remainder of `keep` given `given` (2-20), and the condition number of `given`."""
     inverse = truncated_inverse(gram[np.ix_(given, given)])
     cross = gram[np.ix_(keep, given)] @ inverse.root
     return gram[np.ix_(keep, keep)] - cross @ cross.T, inverse.condition

@@ -1,10 +1,10 @@
 """Predictor-based subspace identification (PBSID-opt) from the block Gram.
 
-ORSE removes the future input from the future output, which is only right when that input does not
-know the noise. Under feedback it does. Here nothing but the past is regressed on: an autoregressive
+ORSE removes the future input from the future output, which requires an input uncorrelated with the
+noise. Feedback violates that. Here the regression is on the past alone: a vector autoregressive
 model with input of high order (VARX) gives the pulse responses of the innovation form's one-step
-predictor, these give the states up to a similarity, and regressions on the states give the
-matrices. All of it is linear algebra on the Gram matrix of one more block row than the past has.
+predictor. These give the states up to a similarity, and regressions on the states give the
+matrices. All steps are linear algebra on the Gram matrix of one block row more than the past.
 Chiuso, "The role of vector autoregressive modeling in predictor-based subspace identification",
 Automatica 43 (2007).
 """
@@ -48,7 +48,7 @@ class PredictorSpace:
     Attributes
     ----------
     rows : ndarray, (vectors, past * (outputs + inputs))
-        What each state takes from the past, the most significant state first.
+        Map from the past to the states, the most significant state first.
     singular_values : ndarray, (past * outputs,)
         Singular values of the weighted predictor's future, descending.
     gram : ndarray
@@ -86,7 +86,7 @@ class PredictorSpace:
 
     @property
     def output_scale(self) -> FloatArray:
-        """Factors that make the one-step innovations of the outputs alike."""
+        """Factors that scale the one-step innovations of all outputs to one."""
         variance = np.diag(self.innovation(self.largest_order).covariance)
         floor = (_SMALLEST_INNOVATION * self.rms[: self.outputs]) ** 2
         return np.asarray(1.0 / np.sqrt(np.maximum(variance, floor)))
@@ -97,22 +97,12 @@ class PredictorSpace:
         return StateMatrices(found.A, normalised(found.C))
 
     def innovation(self, order: int) -> Innovation:
-        """Return the innovation form of one order, by two regressions on the states.
-
-        Parameters
-        ----------
-        order : int
-            Number of states.
-
-        Returns
-        -------
-        Innovation
-            The matrices, of channels in their own units.
+        """Return the innovation form of one order in the channels' own units, by two regressions.
 
         Raises
         ------
         IdentificationError
-            If the past does not determine that many states.
+            If the past does not determine as many states.
         """
         m, r = self.outputs, len(self.rms) - self.outputs
         size, channels = len(self.gram), len(self.rms)
@@ -125,7 +115,7 @@ class PredictorSpace:
         if self.feedthrough:
             D = coefficients[:, order:]
         covariance = e @ self.gram @ e.T
-        # Rounding drives nothing.
+        # An innovation of rounding does not drive the states.
         heard = np.diag(covariance) > _SMALLEST_INNOVATION**2
         dynamics = self._regression(x_next, np.vstack([x, u, e[heard]]))
         A, B, driven = np.split(dynamics, [order, order + r], axis=1)
@@ -142,19 +132,9 @@ class PredictorSpace:
         )
 
     def innovation_covariance(self, order: int, gram: BlockGram) -> FloatArray:
-        """Return the covariance of the one-step errors on data of the same channels.
+        """Return the covariance of the one-step errors, (outputs, outputs), in the outputs' units.
 
-        Parameters
-        ----------
-        order : int
-            Number of states.
-        gram : BlockGram
-            Products of that data, of as many block rows.
-
-        Returns
-        -------
-        ndarray, (outputs, outputs)
-            Covariance, in the outputs' own units; of what is rounding no more than that.
+        The data must have the same channels and as many block rows.
         """
         _, _, e = self._one_step(order)
         e = e / np.tile(self.rms, gram.block_rows)
@@ -164,7 +144,7 @@ class PredictorSpace:
         return np.asarray(covariance * np.outer(y_rms, y_rms))
 
     def _one_step(self, order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the regression of the outputs on the states, these, and what it leaves: rows."""
+        """Return the regression of the outputs on the states, its regressors and its remainder."""
         if not 1 <= order <= self.largest_order:
             raise IdentificationError(
                 f"order must lie between 1 and {self.largest_order} for {self.past} past samples "
@@ -181,26 +161,16 @@ class PredictorSpace:
         return coefficients, given, y - coefficients @ given
 
     def _regression(self, of: FloatArray, on: FloatArray) -> FloatArray:
-        """Regress combinations of the data on other combinations, known by their rows."""
+        """Return the regression of combinations of the data, given as rows, on others."""
         inverse = truncated_inverse(on @ self.gram @ on.T, equilibrated=True)
         return inverse.solve(on @ self.gram @ of.T).T
 
 
 def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorSpace:
-    """Return the predictor's states, from the Gram of ``p + 1`` block rows.
+    """Return the predictor's states, from the Gram of ``p + 1`` block rows: past and present.
 
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data; its block rows are the past's samples p and the present.
-    feedthrough : bool
-        Let the output follow the input at once (D). Under feedback that is only right if the
-        controller answers with a delay.
-
-    Returns
-    -------
-    PredictorSpace
-        States and singular values.
+    With feedthrough the output may follow the input at once (D). Under feedback the controller must
+    then answer with a delay.
 
     Raises
     ------
@@ -223,7 +193,7 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
     weight = 1.0 / np.maximum(np.sqrt(left), _SMALLEST_INNOVATION)
     future = np.zeros((past, m, history))
     for ahead in range(past):
-        # What the past says about a later sample while the predictor gets nothing new.
+        # Prediction of a later sample from the past alone.
         future[ahead, :, ahead * channels :] = responses[:, : history - ahead * channels]
     future = (weight[:, np.newaxis] * future).reshape(past * m, history)
     values, vectors = scipy.linalg.eigh(scaled[:history, :history], driver="evd")
@@ -237,21 +207,9 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
 
 
 def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
-    """Return how many past samples say something about the next: the VARX order by BIC.
+    """Return the number of past samples that help to predict the next: the VARX order by BIC.
 
     Schwarz, "Estimating the dimension of a model", Annals of Statistics 6 (1978).
-
-    Parameters
-    ----------
-    gram : BlockGram
-        Products of the data.
-    feedthrough : bool
-        Whether the output may follow the input at once.
-
-    Returns
-    -------
-    int
-        Past samples, at least 1 and less than the block rows.
     """
     scaled, _ = equilibrated(gram)
     m, r, last = gram.outputs, gram.inputs, gram.block_rows - 1
@@ -261,7 +219,7 @@ def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
     for lag in range(1, last + 1):
         given += gram.output_rows(last - lag, last - lag + 1)
         given += gram.input_rows(last - lag, last - lag + 1)
-    # The most recent first: the leading part of one factor serves every length.
+    # With the most recent samples first, the leading part of one factor serves every length.
     normal = scaled[np.ix_(given, given)] + _SMALLEST_INNOVATION**2 * np.eye(len(given))
     factor = scipy.linalg.cholesky(normal, lower=True)
     parts = scipy.linalg.solve_triangular(factor, scaled[np.ix_(given, present)], lower=True)
@@ -277,6 +235,6 @@ def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:
 
 
 def _log_determinant(covariance: FloatArray) -> float:
-    """Return the logarithm of the determinant; what rounding made negative counts as rounding."""
+    """Return the logarithm of the determinant, with eigenvalues bounded by rounding from below."""
     values = scipy.linalg.eigvalsh(covariance)
     return float(np.sum(np.log(np.maximum(values, _SMALLEST_INNOVATION**2))))

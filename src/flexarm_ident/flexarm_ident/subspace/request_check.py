@@ -1,4 +1,4 @@
-"""Check of a request against its records, before any work."""
+"""Check of a request against its records before any computation."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _CHUNK = 16384
 def check_request(
     records: Sequence[Source], order: int | None, block_rows: int, method: str
 ) -> None:
-    """Check method, block rows and order, the records' lengths and that their inputs change.
+    """Check method, block rows and order, the records' lengths and the variation of their inputs.
 
     Parameters
     ----------
     records : sequence of Source
         Records of one rig.
     order : int or None
-        Number of states; None: chosen later.
+        Number of states; None if it is chosen later.
     block_rows : int
         Block rows q of (2-18).
     method : str
@@ -39,9 +39,9 @@ def check_request(
     Raises
     ------
     IdentificationError
-        If the request makes no sense.
+        If method, order or block rows are out of range.
     DataError
-        If the records together are too short or an input excites nothing.
+        If the records together are too short or an input is constant.
     """
     check_method(method)
     if block_rows < _SMALLEST_BLOCK_ROWS:
@@ -68,7 +68,7 @@ def check_request(
 
 
 def _shifts(method: str, block_rows: int) -> int:
-    """Return the block rows of the Gram; as many as any method needs while none is chosen."""
+    """Return the block rows of the Gram, for 'auto' the largest number of any method."""
     rows = METHODS.values() if method == AUTO else [METHODS[method]]
     return max(row.shifts(block_rows) for row in rows)
 
@@ -96,7 +96,7 @@ def _check_order(records: Sequence[Source], order: int, block_rows: int, method:
 
 
 def _usable(record: Source, needed: int) -> int:
-    """Return how many samples are not in long holes; counts no further than it must."""
+    """Return the number of samples outside long holes; stop counting at `needed`."""
     usable = 0
     for _, y in record.chunks(_CHUNK):
         usable += int(np.count_nonzero(~np.isnan(y).any(axis=1)))
@@ -106,7 +106,7 @@ def _usable(record: Source, needed: int) -> int:
 
 
 def _constant_inputs(record: Source) -> NDArray[np.bool_]:
-    """Return which inputs never change; reads no further than it must."""
+    """Return which inputs never change; stop reading once all have."""
     start, constant = None, np.ones(len(record.inputs), dtype=np.bool_)
     for u, _ in record.chunks(_CHUNK):
         start = u[0] if start is None else start

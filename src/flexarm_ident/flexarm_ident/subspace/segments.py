@@ -1,4 +1,4 @@
-"""Records cut into segments of about the same length, to see how much an estimate scatters."""
+"""Segments of records, for the scatter of an estimate."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
 
-# More would leave edges of short segments in the scatter, fewer would scatter themselves.
+# Edges of more, shorter segments would add scatter; fewer would estimate it poorly.
 SEGMENTS = 10
 _FEWEST_SEGMENTS = 4
 
@@ -43,11 +43,6 @@ def cut(records: Sequence[IoData], block_rows: int, segments: int = SEGMENTS) ->
         Block rows of the Hankel matrices.
     segments : int
         Segments of all records together; fewer when they would be shorter than `block_rows`.
-
-    Returns
-    -------
-    list of Segment
-        The segments, in the order of the records.
 
     Raises
     ------
@@ -76,9 +71,7 @@ def cut(records: Sequence[IoData], block_rows: int, segments: int = SEGMENTS) ->
 def segment_grams(
     records: Sequence[IoData], block_rows: int, parts: Sequence[Segment]
 ) -> list[BlockGram]:
-    """Return the products of each segment; they add up to those of the records.
-
-    The columns between two segments have a hole in them.
+    """Return the products of each segment, whose sum is that of the records.
 
     Segments overlap in samples, so that no column of the Hankel matrix is lost between them.
     """
@@ -89,7 +82,7 @@ def segment_grams(
 
 
 def _columns(record: IoData, block_rows: int) -> NDArray[np.intp]:
-    """Return the columns of the Hankel matrix that have no hole in them."""
+    """Return the columns of the Hankel matrix without a hole."""
     if len(record) < block_rows:
         return np.empty(0, dtype=np.intp)
     holes = np.concatenate([[0], np.cumsum(~record.usable)])

@@ -1,10 +1,10 @@
-"""Is the outputs' noise white? A test on what a range space leaves over.
+"""Whiteness test of the outputs' noise, on the eigenvalues of a range space.
 
-ORSE's eigenvectors beyond the model's order span directions in which the outputs hold nothing but
-noise. When the noise is white and the outputs are scaled by it, all their eigenvalues are alike;
-colour spreads them. The spread is that of the test of sphericity: John, "Some optimal multivariate
-tests", Biometrika 58 (1971); Ledoit and Wolf, "Some hypothesis tests for the covariance matrix when
-the dimension is large compared to the sample size", Annals of Statistics 30 (2002).
+ORSE's eigenvectors beyond the model's order span directions that contain noise only. If the noise
+is white and the outputs are scaled by it, all their eigenvalues are equal; colour spreads them. The
+spread is that of the test of sphericity: John, "Some optimal multivariate tests", Biometrika 58
+(1971); Ledoit and Wolf, "Some hypothesis tests for the covariance matrix when the dimension is
+large compared to the sample size", Annals of Statistics 30 (2002).
 
 Rows of a Hankel matrix repeat each other. The spread of N eigenvalues is then a weighted sum of
 the squared correlations at all lags below q and of all pairs of outputs, each with variance 1 / d.
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.orse import RangeSpace
 
 _DEVIATIONS = 6.0
-# The scaling is an estimate as well: a spread as small has no visible effect on a model.
+# The scaling is estimated as well, and a spread as small has no visible effect on a model.
 _TOLERATED = 0.01
-# In units of the innovation's power: what is less is rounding.
+# Noise power in units of the innovation's; less is rounding.
 _SMALLEST_NOISE = 1e-2
 
 
@@ -37,9 +37,9 @@ class WhitenessTest:
     spread : float
         Variance of the noise eigenvalues, in units of their squared mean; 0 without noise.
     expected : float
-        What it should be for white noise.
+        Mean spread of white noise.
     limit : float
-        What white noise hardly exceeds.
+        Spread that white noise exceeds by chance only, with six standard deviations.
     white : bool
         Whether the noise passes for white; true when there is none.
     """
@@ -51,21 +51,10 @@ class WhitenessTest:
 
 
 def whiteness_test(space: RangeSpace, columns: int, order: int) -> WhitenessTest:
-    """Test the noise of outputs scaled by their innovation.
+    """Test the noise of outputs scaled by their innovation, given ORSE's range space of them.
 
-    Parameters
-    ----------
-    space : RangeSpace
-        ORSE's range space of these outputs, all of its singular values.
-    columns : int
-        Columns of the Hankel matrix, d of (2-19).
-    order : int
-        States of the model; half of the eigenvalues are taken for noise in any case.
-
-    Returns
-    -------
-    WhitenessTest
-        Spread and verdict.
+    `columns` is d of (2-19). The eigenvalues beyond the model's order are taken for noise, and half
+    of them in any case.
     """
     values = space.singular_values
     size = len(values)

@@ -27,9 +27,8 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.estimation.identification import Identification
-    from flexarm_ident.estimation.progress import Progress
     from flexarm_ident.fitting.validation import Dmv, Sfv
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.records.source import Source

@@ -192,7 +192,7 @@ def test_assess___encoder_that_rests_among_noisy_gauges___is_no_dead_sensor() ->
     assert "dead_sensor" not in warnings(replace(clean, y=y))
 
 
-def test_assess___what_a_record_brings_along___is_passed_on_with_its_name() -> None:
+def test_assess___notices_of_a_record___are_passed_on_with_its_name() -> None:
     notice = DataWarning("lost_samples", "3 samples lost", {"lost": 3.0})
     first = response(square_wave(SAMPLES, 19))
     second = replace(response(square_wave(SAMPLES, 20)), source="run 4", notices=(notice,))
@@ -200,7 +200,7 @@ def test_assess___what_a_record_brings_along___is_passed_on_with_its_name() -> N
     assert found == {"lost_samples": replace(notice, text="run 4: 3 samples lost")}
 
 
-def test_assess___short_record___says_how_short() -> None:
+def test_assess___short_record___is_reported_with_its_length() -> None:
     found = warnings(response(square_wave(250, 11, (5, 30))))
     assert set(found) == {"too_short"}
     assert found["too_short"].figures == {"samples": 250.0, "columns": 231.0, "rows": 100.0}
@@ -224,7 +224,7 @@ def controlled(noise: float, seed: int) -> IoData:
     return IoData(u, y, dt_s=DT_S, source="run 3")
 
 
-def test_assess___controller_unsaid___is_found() -> None:
+def test_assess___undeclared_controller___is_found() -> None:
     found = warnings(controlled(0.1, 13))
     assert set(found) == {"feedback"}
     figures = found["feedback"].figures
@@ -234,7 +234,7 @@ def test_assess___controller_unsaid___is_found() -> None:
 
 
 @pytest.mark.parametrize(("noise", "evidence"), [(0.1, "chi-square"), (0.0, "too small to tell")])
-def test_assess___controller_said___is_reported_with_the_evidence(
+def test_assess___declared_controller___is_reported_with_the_evidence(
     noise: float, evidence: str
 ) -> None:
     found = warnings(replace(controlled(noise, 14), closed_loop=True))
@@ -243,7 +243,7 @@ def test_assess___controller_said___is_reported_with_the_evidence(
     assert evidence in found["feedback"].text
 
 
-def test_assess___feedthrough_plant_in_open_loop___needs_to_be_told() -> None:
+def test_assess___feedthrough_plant_in_open_loop___needs_the_declaration() -> None:
     data = record(random_model(15, feedthrough=True), SAMPLES, 15, noise=0.05)
     gram = block_gram([data], BLOCK_ROWS)
     assert [each.name for each in assess([data], gram)] == ["feedback"]

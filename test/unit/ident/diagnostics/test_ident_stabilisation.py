@@ -71,7 +71,7 @@ def test_stabilisation___mode_at_all_orders_among_wandering_ones___is_the_physic
         ((10.0, 0.03, (0.5, -1.0)), "shape"),
     ],
 )
-def test_stabilisation___mode_jumps_to_and_fro___is_not_stable(
+def test_stabilisation___mode_alternates_between_places___is_not_stable(
     second: tuple[float, float, tuple[float, float]], reason: str
 ) -> None:
     first = matrices((10.0, 0.03, (1.0, 0.5)))
@@ -142,7 +142,7 @@ def test_stabilisation___recorded_experiment___first_modes_of_the_rig_stand_out(
     assert len(modes) <= 4
 
 
-def test_mac___parallel_orthogonal_and_nothing___is_one_zero_zero() -> None:
+def test_mac___parallel_orthogonal_and_zero___is_one_zero_zero() -> None:
     shape = np.array([1.0 + 2.0j, -0.5j, 3.0], dtype=complex)
     assert mac(shape, (2.0 - 5.0j) * shape) == pytest.approx(1.0)
     assert mac(shape, np.array([0.0, 1.0, -1.0j / 6.0], dtype=complex)) == pytest.approx(
@@ -164,7 +164,7 @@ def test_stabilisation_plot___diagram___is_an_element_that_names_the_modes() -> 
     assert svg == stabilisation_plot(diagram, known_modes_hz=(9.4,), order=8)
 
 
-def test_stabilisation_plot___no_physical_mode___says_so() -> None:
+def test_stabilisation_plot___no_physical_mode___is_stated() -> None:
     diagram = stabilisation({2: matrices((10.0, 0.03, (1.0, 0.5)))}, ONES, DT_S)
     svg = stabilisation_plot(diagram)
     assert "physical modes: none" in svg

@@ -15,7 +15,7 @@ from flexarm_ident.diagnostics.uncertainty import (
 )
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.models.modes import mode_table
+from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.gram import BlockGram, block_gram
@@ -70,7 +70,7 @@ def test_uncertainty___many_seeds___is_within_a_factor_of_two_of_their_scatter(
     for seed in range(40):
         data = arm_data(seed, colour=colour == "ar")
         model = fitted(estimate(block_gram([data], block_rows)), data)
-        modes = mode_table(model, [data], output_scale(data))
+        modes = ranked_modes(model, [data], output_scale(data))
         nearest = [
             min(modes, key=lambda mode, hz=hz: abs(mode.frequency_hz - hz))  # type: ignore[misc]
             for hz in ARM_HZ
@@ -133,7 +133,7 @@ def test_jackknife___several_records___segments_keep_to_their_record() -> None:
     assert {len(remainder) for remainder in found.remainders} == {2, 3}
 
 
-def test_uncertainty___noise_free___is_nothing() -> None:
+def test_uncertainty___noise_free___is_zero() -> None:
     data = record(random_model(4), 800, 4)
     found = jackknife(data, 10, lambda gram: innovation_scaled(gram).matrices(5))
     for mode in mode_uncertainty(found, random_model(4)):
@@ -145,7 +145,7 @@ def test_uncertainty___noise_free___is_nothing() -> None:
     assert response.deviation.max() < 1e-7
 
 
-def test_mode_uncertainty___identified_model___follows_its_mode_table() -> None:
+def test_mode_uncertainty___identified_model___follows_its_ranked_modes() -> None:
     data = arm_data(5, colour=False)
     model = identify(data, order=9, block_rows=PAST)
     found = mode_uncertainty(jackknife(data, PAST, white), model.model)
@@ -175,7 +175,7 @@ def test_jackknife___four_times_the_noise_power___twice_the_deviation() -> None:
     np.testing.assert_allclose(two[:3], 2.0 * np.array(one[:3]), rtol=0.1)
 
 
-def test_jackknife___too_short___says_what_to_do() -> None:
+def test_jackknife___too_short___raises_with_a_remedy() -> None:
     data = replace(arm_data(8, colour=False).head(50), source="run 8")
     with pytest.raises(DataError, match="run 8: 50 samples are too few for 4 segments of 12 block"):
         jackknife(data, PAST, white)

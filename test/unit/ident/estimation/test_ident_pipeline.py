@@ -84,14 +84,22 @@ def test_identify___feedthrough___is_recovered() -> None:
     np.testing.assert_allclose(pulse_responses(found.model), pulse_responses(model), atol=1e-9)
 
 
-def test_identify___unstable_plant___eigenvalue_is_moved_and_reported() -> None:
-    model = random_model(4)
+@pytest.mark.parametrize(
+    ("seed", "note"),
+    [
+        (4, "2 unstable eigenvalues of order 5 were moved into the unit circle"),
+        (6, "1 unstable eigenvalue of order 5 was moved into the unit circle"),
+    ],
+    ids=["pair", "real"],
+)
+def test_identify___unstable_plant___eigenvalue_is_moved_and_reported(seed: int, note: str) -> None:
+    model = random_model(seed)
     A = model.A / np.abs(np.linalg.eigvals(model.A)).max() * 1.001
     data = record(named(A, model.B, model.C, model.D), 500, seed=4)
     found = identify(data, order=5, block_rows=10)
     assert np.abs(np.linalg.eigvals(found.model.A)).max() < 1.0
-    assert found.moved_eigenvalues >= 1
-    assert "unstable eigenvalues of order 5 were moved" in found.warnings[0]
+    assert found.moved_eigenvalues == int(note[0])
+    assert note in found.warnings
 
 
 def test_identify___sine_as_input___warns_with_the_condition_number() -> None:

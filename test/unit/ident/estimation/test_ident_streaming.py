@@ -247,7 +247,7 @@ def test_stream_bag___two_samples___are_too_few(tmp_path: Path) -> None:
         stream_bag(uri)
 
 
-def test_stream_bag___sqlite___says_to_read_it_whole(tmp_path: Path) -> None:
+def test_stream_bag___sqlite___raises_with_a_remedy(tmp_path: Path) -> None:
     uri = write_foreign_bag(
         tmp_path / "run", arm_messages(range(9)), StoragePlugin.SQLITE3, CompressionMode.NONE
     )

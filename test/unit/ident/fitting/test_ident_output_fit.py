@@ -180,7 +180,7 @@ def test_fit_inputs___unit_of_an_output_changes___input_matrix_does_not() -> Non
     np.testing.assert_allclose(there.error, here.error, rtol=1e-9)
 
 
-def test_fit_inputs___state_that_no_output_sees___rank_tells() -> None:
+def test_fit_inputs___unobservable_state___lowers_the_rank() -> None:
     model = named(np.diag([0.5, 0.8]), np.ones((2, 1)), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
     fit = fit_inputs(model.A, model.C, [record(model, 200, seed=7)])
     assert fit.rank == 2
@@ -207,7 +207,7 @@ def test_fit_outputs___noise_free_record___recovers_the_output_matrix() -> None:
     assert 1.0 <= fit.condition < 100.0
 
 
-def test_fit_outputs___state_that_no_input_moves___rank_tells() -> None:
+def test_fit_outputs___uncontrollable_state___lowers_the_rank() -> None:
     A, B, C = np.diag([0.5, 0.8]), np.array([[1.0], [0.0]]), np.ones((1, 2))
     model = named(A, B, C, np.zeros((1, 1)))
     data = record(model, 200, seed=14, at_rest=True)

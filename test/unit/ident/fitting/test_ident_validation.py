@@ -140,7 +140,7 @@ def test_validate_sfv___wrong_model_and_given_gains___equals_the_loop_by_hand() 
     np.testing.assert_allclose(sfv.delta, relative_errors(data.y, expected), rtol=1e-9)
 
 
-def test_validate_sfv___not_available___says_why() -> None:
+def test_validate_sfv___not_available___raises_with_the_reason() -> None:
     data = closed_loop()
     with pytest.raises(IdentificationError, match="run: SFV needs the recorded reference"):
         validate_sfv(arm_model(), replace(data, reference=None))

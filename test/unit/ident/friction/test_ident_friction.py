@@ -113,7 +113,7 @@ def test_estimate___position_loop___finds_the_level(level: float) -> None:
     assert abs(found.offsets[0]) < 0.1 * level
 
 
-def test_estimate___no_friction___says_so() -> None:
+def test_estimate___no_friction___is_not_present() -> None:
     found = estimate_coulomb(moved_record(0.0, noise=1e-4), [Drive("force_n", "place_m")])
     assert not found.present
 

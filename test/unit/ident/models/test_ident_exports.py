@@ -185,13 +185,13 @@ def test_c_header___compiled___has_every_bit_and_name(
     assert printed_by_c(tmp_path, model, *compiler) == [*expected, *names[0], *names[1]]
 
 
-def test_c_header___comment___tells_origin_and_hash(tmp_path: Path) -> None:
+def test_c_header___comment___has_origin_and_hash(tmp_path: Path) -> None:
     comment = saved(tmp_path, ".h").read_text(encoding="ascii").split("*/")[0]
     assert "source: bags/run 1, bags/\\xe4" in comment
     assert f"hash: {model_hash(a_model())}" in comment
 
 
-def test_load_model___c_header___says_what_to_read_instead(tmp_path: Path) -> None:
+def test_load_model___c_header___names_readable_formats(tmp_path: Path) -> None:
     with pytest.raises(ModelFileError, match=r"model\.h: .*read one of \.yaml, \.json, \.mat"):
         load_model(saved(tmp_path, ".h"))
 
@@ -327,7 +327,7 @@ def test_save_model___model_without_period___leaves_no_file(tmp_path: Path, suff
     assert not list(tmp_path.iterdir())
 
 
-def test_load_model___file_with_two_models___says_who_reads_them(tmp_path: Path) -> None:
+def test_load_model___file_with_two_models___names_their_reader(tmp_path: Path) -> None:
     both = model_parameters("arm", a_model(), provenance={})
     both |= model_parameters("leg", a_model(), provenance={})
     path = tmp_path / "two.json"

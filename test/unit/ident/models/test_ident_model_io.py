@@ -223,7 +223,7 @@ def test_model_from_parameters___bad_field___is_refused(
         (b"/**:\n  ros__parameters:\n    models:\n      arm: 3\n", r"models\.arm\.a is missing"),
     ],
 )
-def test_read_parameter_file___no_model_in_it___says_so(
+def test_read_parameter_file___no_model_in_it___raises(
     tmp_path: Path, content: bytes, complaint: str
 ) -> None:
     path = tmp_path / "model.yaml"

@@ -9,7 +9,7 @@ from flexarm_ident.models.modes import (
     modal_response,
     modal_response_magnitudes,
     mode_singular_values,
-    mode_table,
+    ranked_modes,
 )
 from flexarm_ident.models.state_space import is_stable, stabilise
 from support.ident_systems import DT_S, arm_model, named, random_model, record, step_by_step
@@ -114,9 +114,9 @@ def test_mode_singular_values___unstable_mode___finite() -> None:
     assert msv[1] > msv[0]
 
 
-def test_mode_table___arm___frequencies_damping_ranks_and_labels() -> None:
+def test_ranked_modes___arm___frequencies_damping_ranks_and_labels() -> None:
     data = record(arm_model(), 500, seed=5)
-    modes = mode_table(arm_model(), [data], np.ones(4))
+    modes = ranked_modes(arm_model(), [data], np.ones(4))
     pairs = [mode for mode in modes if mode.is_pair]
     assert [mode.frequency_hz for mode in pairs] == pytest.approx([45.6, 24.1, 9.4])
     assert [mode.damping_ratio for mode in pairs] == pytest.approx([0.02, 0.03, 0.04])

@@ -50,7 +50,7 @@ def test_balanced_truncation___own_order___same_model_with_its_names() -> None:
     assert same.dt == model.dt
 
 
-def test_balanced_truncation___output_scale___decides_what_matters() -> None:
+def test_balanced_truncation___output_scale___weights_the_outputs() -> None:
     A = np.diag([0.9, 0.5])
     model = named(A, np.ones((2, 1)), np.diag([1.0, 1e-3]), np.zeros((2, 1)))
     assert np.linalg.eigvals(balanced_truncation(model, 1).model.A)[0] == pytest.approx(

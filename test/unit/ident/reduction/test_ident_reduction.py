@@ -110,7 +110,7 @@ def test_reduce_model___order___takes_the_best_ranked_modes(
     assert not passed_over or not ranked[last].is_pair
 
 
-def test_reduce_model___order_would_split_a_pair___takes_one_more_and_says_so() -> None:
+def test_reduce_model___order_would_split_a_pair___takes_one_more_with_a_warning() -> None:
     clean = record(random_model(4, states=6), 500, seed=4)
     found = identify(clean, order=6, block_rows=10)
     assert all(mode.is_pair for mode in found.modes)
@@ -139,7 +139,7 @@ def test_reduce_model___mrmc_mode_far_from_all___is_left_out_with_a_warning(
     clean = record(random_model(4, states=6), 500, seed=4)
     found = identify(clean, order=6, block_rows=10)
     reduced = reduce_model(found, clean, ranking="mrmc", order=4, known_modes_hz=[0.01])
-    assert "no vibrating mode near 0.01 Hz" in reduced.warnings[0]
+    assert "no flexible mode near 0.01 Hz" in reduced.warnings[0]
     assert not reduce_model(full, data, ranking="mrmc", order=8, known_modes_hz=KNOWN_HZ).warnings
 
 

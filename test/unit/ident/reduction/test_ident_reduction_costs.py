@@ -65,7 +65,7 @@ def test_step_costs___reference_that_no_law_follows___leaves_following_out(
     assert all(cost.sfv is None for cost in step_costs(found, [law], order=4))
 
 
-def test_cost_over_orders___full_order___costs_nothing(found: Identification) -> None:
+def test_cost_over_orders___full_order___has_no_cost(found: Identification) -> None:
     full = step_costs(found, found.records, order=6)[0].mean
     costs = cost_over_orders(found, found.records, [2, 4, 6], ranking="mrm", update="none")
     orders = [order for order, _ in costs]

@@ -16,7 +16,7 @@ from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident import IdentificationError, IoData
 from flexarm_ident.models.files import load_model
 from flexarm_ident.models.model_parameters import model_parameters
-from flexarm_ident.models.modes import mode_table
+from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.provenance import model_provenance, record_hash
 from flexarm_ident.report import sections as registry
 from flexarm_ident.report.content.blocks import Plots, Subject, Words
@@ -376,7 +376,7 @@ def a_step() -> str:
 
 def mode_list() -> list[Mode]:
     """Return the modes of the arm model, every other one left out."""
-    found = mode_table(arm_model(), [record(arm_model(), 300, 1)], np.ones(4))
+    found = ranked_modes(arm_model(), [record(arm_model(), 300, 1)], np.ones(4))
     return [replace(mode, kept=i % 2 == 0) for i, mode in enumerate(found)]
 
 

@@ -87,7 +87,7 @@ def test_feedback_test___recorded_closed_loops___are_found(bag: str) -> None:
     assert feedback_test([data], block_gram([data], 40)).detected
 
 
-def test_feedback_test___no_noise___cannot_tell() -> None:
+def test_feedback_test___no_noise___is_undecided() -> None:
     u = square_wave(2000, 1)
     data = IoData(u, step_by_step(arm_model(), u), dt_s=DT_S)
     found = feedback_test([data], block_gram([data], 20))
@@ -190,11 +190,11 @@ def test_is_closed_loop___controller___is_found_with_its_delay(
             assert is_closed_loop(data) is True, f"seed {seed}"
 
 
-def test_is_closed_loop___no_noise___cannot_tell() -> None:
+def test_is_closed_loop___no_noise___is_undecided() -> None:
     assert is_closed_loop(closed_loop(1, "pd", noise=0.0)) is None
 
 
-def test_is_closed_loop___two_seconds___cannot_tell() -> None:
+def test_is_closed_loop___two_seconds___is_undecided() -> None:
     assert is_closed_loop(closed_loop(1, "pd", noise=0.005).head(400)) is None
 
 

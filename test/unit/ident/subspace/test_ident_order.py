@@ -1,4 +1,4 @@
-"""The choice of the order: past samples, one-step errors, their scatter, and what comes of them."""
+"""Choice of the order: past samples, one-step errors, their scatter, and the chosen order."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_choose_order___unstable_models_left_alone___takes_a_stable_order() -> N
     assert found.order in found.stable_orders
 
 
-def test_choose_order___nothing_but_a_few_samples___gives_an_order() -> None:
+def test_choose_order___few_samples_only___gives_an_order() -> None:
     data = record(random_model(1), 80, seed=1, noise=0.1)
     found = identify(data, block_rows=10)
     assert 1 <= found.order <= 9

@@ -1,4 +1,4 @@
-"""What `method="auto"` chooses, and the tests it rests on."""
+"""Choice by `method="auto"`, and the tests that it uses."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_reaches_inputs___statistic___is_that_of_the_feedback_test() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_select_method___white_noise___takes_orse_and_says_why(seed: int) -> None:
+def test_select_method___white_noise___takes_orse_with_a_reason(seed: int) -> None:
     found = select_method([arm_record(seed)], 40, closed_loop=False, order=9)
     assert found.method == "orse"
     assert found.gram.block_rows == 40
@@ -96,14 +96,14 @@ def test_select_method___coloured_noise___takes_instruments(pole: float) -> None
     assert "orse_iv was chosen: the outputs' noise is coloured: spread" in found.reason
 
 
-def test_select_method___known_closed_loop___looks_at_the_past_only() -> None:
+def test_select_method___declared_closed_loop___takes_pbsid() -> None:
     found = select_method([arm_record(1)], 40, closed_loop=True)
     assert found.method == "pbsid"
     assert found.gram.block_rows == 80
     assert found.reason == "pbsid was chosen: a record was made in closed loop"
 
 
-def test_select_method___feedback_that_nobody_mentioned___looks_at_the_past_only() -> None:
+def test_select_method___undeclared_feedback___takes_pbsid() -> None:
     rng = np.random.default_rng(3)
     model, reference = arm_model(), square_wave(4000, 3)[:, 0]
     x, u, y = np.zeros(model.nstates), np.zeros((4000, 1)), np.zeros((4000, 4))
@@ -113,7 +113,7 @@ def test_select_method___feedback_that_nobody_mentioned___looks_at_the_past_only
         x = model.A @ x + model.B @ u[k]
     found = select_method([IoData(u, y, dt_s=DT_S)], 40, closed_loop=False)
     assert found.method == "pbsid"
-    assert "later inputs know of the outputs' noise" in found.reason
+    assert "later inputs are correlated with the outputs' noise" in found.reason
 
 
 def test_identify___auto___is_the_method_it_names() -> None:

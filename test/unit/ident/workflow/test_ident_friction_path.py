@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 from flexarm_ident import IoData, identify, load_model, read_bag, validate_dmv
 from flexarm_ident.friction.dry_friction import (
     DryFriction,
+    friction_fields,
+    friction_from_parameters,
     net_records,
     refer_friction,
     simulate_with_friction,
 )
-from flexarm_ident.friction.friction_parameters import friction_fields, friction_from_parameters
 from flexarm_ident.friction.layout import Drive, arm_layout
 from flexarm_ident.job import write_results
 from flexarm_ident.models.files import EXPORTS

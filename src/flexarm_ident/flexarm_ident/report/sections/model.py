@@ -69,7 +69,7 @@ def _making(outcome: Outcome) -> Facts:
         "block rows": str(identification.block_rows),
         "full order": str(identification.order),
         "sampling period": f"{outcome.model.dt:.6g} s",
-        "eigenvalues moved inside the unit circle": str(identification.moved_eigenvalues),
+        "eigenvalues moved into the unit circle": str(identification.moved_eigenvalues),
     }
     if identification.choice:
         facts["reason for the method"] = identification.choice
