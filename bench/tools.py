@@ -42,22 +42,7 @@ def first_seed_option(command: Command) -> Command:
 
 
 def make_table(*heads: str, title: str | None = None, words: int = 1) -> Table:
-    """Return an empty table.
-
-    Parameters
-    ----------
-    *heads : str
-        Heads of the columns.
-    title : str, optional
-        Title above the table.
-    words : int
-        Columns of words at the left; the columns after them hold figures, set to the right.
-
-    Returns
-    -------
-    Table
-        Table without rows.
-    """
+    """Return an empty table; the columns after the first `words` hold figures, set to the right."""
     table = Table(title=title)
     for number, head in enumerate(heads):
         table.add_column(head, justify="left" if number < words else "right", no_wrap=True)

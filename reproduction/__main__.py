@@ -1,4 +1,4 @@
-"""Program of the study, run by the verb `reproduce`: what is asked for, shown and written."""
+"""Program of the study, run by the verb `reproduce`: subjects are computed, shown and written."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _COLOURS = {Verdict.AGREES: "green", Verdict.SAME_RANKING: "yellow", Verdict.DIF
 
 @click.group(cls=VerbGroup, context_settings={"help_option_names": ["-h", "--help"]})
 def main() -> None:
-    """Be the command whose verb this program is: its usage, error lines and exit codes."""
+    """Give this program the usage, error lines and exit codes of the command `flexarm`."""
 
 
 @main.command("reproduce")
 @click.argument("keys", nargs=-1)
-@click.option("--list", "listing", is_flag=True, help="Say what there is.")
+@click.option("--list", "listing", is_flag=True, help="List the subjects.")
 @click.option(
     "-o",
     "--out",
@@ -61,12 +61,12 @@ def command(
         show_subjects(keys)
         return
     if not keys:
-        raise click.UsageError("say what, such as table-2-4 or all; --list says what there is")
+        raise click.UsageError("name a subject, such as table-2-4, or all; --list shows them")
     sys.exit(reproduce_subjects(keys, out, Workers(jobs or -1, dask)))
 
 
 def show_subjects(wanted: Sequence[str]) -> None:
-    """Print the keys that are meant, or all of them, with what the thesis shows there."""
+    """Print the keys that are asked for, or all of them, with their titles."""
     table = Table("key", "what it shows", box=None)
     for subject in select(all_subjects(), wanted or ["all"]):
         table.add_row(subject.key, escape(subject.title))
@@ -74,13 +74,7 @@ def show_subjects(wanted: Sequence[str]) -> None:
 
 
 def reproduce_subjects(wanted: Sequence[str], out: Path, workers: Workers) -> int:
-    """Run what is wanted, print it, write the pages; return the exit code.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        On Ctrl-C, after a line that says what is kept.
-    """
+    """Run subjects, print them, write the pages; return the exit code."""
     subjects = all_subjects()
     chosen = select(subjects, wanted)
     try:

@@ -72,7 +72,7 @@ class Run(NamedTuple):
 
     @property
     def well(self) -> bool:
-        """Whether the step keeps these limits."""
+        """Return whether the step keeps these limits."""
         return abs(self.mean_error_v) <= 0.05 and self.overshoot <= 0.1 and self.settling_s <= 4.0  # noqa: PLR2004 - its docstring says them
 
 

@@ -1,4 +1,4 @@
-"""The synthetic arm of the identification benchmark: records whose truth is known."""
+"""Synthetic arm of the identification benchmark: records whose truth is known."""
 
 from __future__ import annotations
 
@@ -49,23 +49,11 @@ class Trial:
 
 
 def trial(samples: int, noise: str, seed: int) -> Trial:
-    """Return one trial.
+    """Return one trial of a length in samples, and the truth.
 
-    Parameters
-    ----------
-    samples : int
-        Length of the record.
-    noise : {'white', 'butterworth', 'ar1', 'closed_loop'}
-        White noise on the outputs; outputs with white noise behind a 50 Hz low-pass filter, which
-        then belongs to the truth; noise with a pole at 0.9; or white noise that a controller feeds
-        back to the input, where it makes up to two fifths of the signal.
-    seed : int
-        Seed of the plant, the inputs and the noise.
-
-    Returns
-    -------
-    Trial
-        The record and the truth.
+    Noise is 'white', on the outputs; 'butterworth', outputs with white noise behind a 50 Hz
+    low-pass filter, which then belongs to the truth; 'ar1', with a pole at 0.9; or 'closed_loop',
+    white noise that a controller feeds back to the input: up to two fifths of the signal.
     """
     rng = np.random.default_rng(seed)
     model = plant(rng)
@@ -101,20 +89,7 @@ def plant(rng: np.random.Generator) -> control.StateSpace:
 
 
 def error(model: tuple[Array, Array, Array, Array], given: Trial) -> float:
-    """Return the geometric mean over the outputs of a model's relative simulation error.
-
-    Parameters
-    ----------
-    model : tuple of ndarray
-        A, B, C and D.
-    given : Trial
-        Whose fresh input is simulated, from rest.
-
-    Returns
-    -------
-    float
-        Error; infinite for a model that overflows.
-    """
+    """Return the geometric mean of the outputs' relative errors; infinite on overflow."""
     missed = simulate(control.ss(*model, DT_S), given.fresh_u) - given.truth
     with np.errstate(over="ignore", invalid="ignore"):
         relative = np.linalg.norm(missed, axis=0) / np.linalg.norm(given.truth, axis=0)

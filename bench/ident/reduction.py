@@ -71,17 +71,17 @@ class Trial:
 
     @property
     def modes_found(self) -> bool:
-        """Whether all flexible modes are within 5 %."""
+        """Return whether all flexible modes are within 5 %."""
         return max(map(abs, self.mode_errors)) <= TOLERANCE
 
     @property
     def mrm_wins(self) -> bool:
-        """Whether the modes that MRM keeps match the data better than those that MSV keeps."""
+        """Return whether the modes that MRM keeps match the data better than MSV's."""
         return self.mrm < self.msv
 
     @property
     def update_holds(self) -> bool:
-        """Whether the updated model is within 5 % of the full one."""
+        """Return whether the updated model is within 5 % of the full one."""
         return self.updated <= 1.0 + TOLERANCE
 
 

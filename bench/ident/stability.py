@@ -32,24 +32,7 @@ class Count:
 def counted(
     methods: Sequence[str], samples: int, seeds: Sequence[int], *, order: int, block_rows: int
 ) -> Iterator[Count]:
-    """Identify the synthetic arm from many records and count.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Methods of `identify`.
-    samples : int
-        Length of each record.
-    seeds : sequence of int
-        Seeds of the records for each kind of noise.
-    order, block_rows : int
-        As in `identify`.
-
-    Yields
-    ------
-    Count
-        One for each method and kind of noise.
-    """
+    """Identify the synthetic arm from many records; yield a count for each method and noise."""
     for noise in NOISES:
         unstable, after = dict.fromkeys(methods, 0), dict.fromkeys(methods, 0)
         for seed in seeds:

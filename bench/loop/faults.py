@@ -1,4 +1,4 @@
-"""The fault campaign: every fault of the rig, and processes killed at random moments.
+"""Fault campaign: every fault of the rig, and processes killed at random moments.
 
 Broken rigs are tried in virtual time, each with several seeds. Controllers and DAQ nodes are killed
 with SIGKILL in a graph of real nodes, and what happened is read from the samples. Time is counted

@@ -11,7 +11,16 @@ import numpy as np
 from flexarm_core.channels import POSITION_V_PER_RAD, TRAVEL_DEG
 from flexarm_daq.experiments.catalogue import catalogue, experiment
 from flexarm_ident.fitting.validation import recover_gains
-from reproduction.framework.findings import Call, Finding, SideBySide, Subject, judged, thesis_table
+from reproduction.framework.findings import (
+    Call,
+    Finding,
+    SideBySide,
+    Subject,
+    judged,
+    prose,
+    subject,
+    thesis_table,
+)
 from reproduction.framework.rig import simulated_record
 
 if TYPE_CHECKING:
@@ -25,23 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RecordFacts:
-    """Facts of one record, measured in it.
-
-    Attributes
-    ----------
-    name
-        The experiment.
-    samples, rate_hz
-        Length and sampling rate.
-    command_v
-        Largest magnitude of the command without compensation.
-    position_deg
-        Largest magnitude of the arm's angle.
-    reference_v, compensation_v
-        Largest magnitudes; zero in an open loop.
-    kp, kd
-        Gains of the PD law that the record itself shows; zero where there is none.
-    """
+    """Facts measured in one record: largest magnitudes, and gains; zero without a law."""
 
     name: str
     samples: int
@@ -55,15 +48,7 @@ class RecordFacts:
 
 
 def record_facts(kind: str, seed: int) -> tuple[RecordFacts, ...]:
-    """Simulate every experiment of a kind and measure the records.
-
-    Parameters
-    ----------
-    kind
-        A key of `flexarm_daq.experiments.catalogue.KINDS`.
-    seed
-        Of noise and random excitations.
-    """
+    """Simulate every experiment of a kind of the catalogue and measure the records."""
     return tuple(_facts(name, seed) for name, entry in catalogue().items() if entry.kind == kind)
 
 
@@ -150,19 +135,7 @@ def implemented(
 
 
 def compare(number: int, facts: tuple[RecordFacts, ...], check: Check, note: str) -> Finding:
-    """Set a table beside the records.
-
-    Parameters
-    ----------
-    number
-        Of the table, 1 to 4.
-    facts
-        The records.
-    check
-        Gives what the thesis says and what we have, by what it is.
-    note
-        What the reader should know.
-    """
+    """Set a table beside the records; `check` gives the thesis's text and ours of each quantity."""
     table = thesis_table(f"table_a_{number}")
     by_name = {each.name: each for each in facts}
     checked = {name: check(row, experiment(name), by_name[name]) for name, row in table.items()}
@@ -216,45 +189,19 @@ def _cell(pair: tuple[str, str] | None) -> str:
     return thesis if thesis == ours else f"{thesis} -> {ours}"
 
 
-def _subject(number: int, title: str, kind: str, check: Check, note: str) -> Subject:
+def _subject(number: int, kind: str, check: Check) -> Subject:
     call = Call(record_facts, (kind, SEED))
 
     def build(results: Results) -> Finding:
+        note = prose(f"table-a-{number}.note", tolerance=TOLERANCE)
         return compare(number, results[call], check, note)
 
-    return Subject(f"table-a-{number}", title, (call,), build)
+    return subject(f"table-a-{number}", (call,), build)
 
 
 SUBJECTS = (
-    _subject(
-        1,
-        "The open-loop experiments",
-        "open_loop",
-        excited("open_loop"),
-        f"A command agrees within {TOLERANCE:.0%}: a random one comes near its bound, hardly upon "
-        "it.",
-    ),
-    _subject(
-        2,
-        "The bounded position experiments",
-        "bounded",
-        excited("bounded"),
-        "The direction turns where the arm is 3 V out, so the turns are the arm's own.",
-    ),
-    _subject(
-        3,
-        "The closed-loop experiments",
-        "closed_loop",
-        controlled,
-        "The table names no rate; ours is 300 Hz. The gains are those that the record shows: "
-        "a fit of the command by position error and speed.",
-    ),
-    _subject(
-        4,
-        "The runs of the tuned controllers",
-        "controller",
-        implemented,
-        "The table names neither length nor rate; ours are 300 Hz, and 10 s for a step, 20 s with "
-        "ILQR, 40 s for the square wave. PI runs have the gains of Table 4-1.",
-    ),
+    _subject(1, "open_loop", excited("open_loop")),
+    _subject(2, "bounded", excited("bounded")),
+    _subject(3, "closed_loop", controlled),
+    _subject(4, "controller", implemented),
 )

@@ -26,6 +26,7 @@ from reproduction.framework.findings import (
     SideBySide,
     Subject,
     judged,
+    prose,
     spread,
     thesis_table,
 )
@@ -50,15 +51,7 @@ _FLEXIBLE_HZ = 4.0
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """A reduced model of one record.
-
-    Attributes
-    ----------
-    response
-        Frequency response at `FREQUENCIES_HZ`, one column per channel.
-    modes
-        Frequency in Hz and damping ratio of each pair, ascending.
-    """
+    """Response of a reduced model at `FREQUENCIES_HZ`, and Hz and damping ratio of each pair."""
 
     response: NDArray[np.complex128]
     modes: tuple[tuple[float, float], ...]
@@ -67,17 +60,7 @@ class IdentifiedModel:
 def identified(
     payload_kg: float, record: str, full_order: int, order: int
 ) -> tuple[IdentifiedModel, ...]:
-    """Identify and reduce as the thesis did for its nominal model, once per seed.
-
-    Parameters
-    ----------
-    payload_kg
-        At the tip.
-    record
-        The experiment, of which the first half is taken.
-    full_order, order
-        States before and after the reduction.
-    """
+    """Identify and reduce as the thesis did for its nominal model, once per seed."""
     known_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg))
     found = []
     for seed in SEEDS:
@@ -100,15 +83,7 @@ def _described(model: control.StateSpace) -> IdentifiedModel:
 
 
 def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
-    """Set a printed model beside ours.
-
-    Parameters
-    ----------
-    payload_kg
-        Of the printed model.
-    found
-        Ours, one per seed.
-    """
+    """Set a printed model beside ours."""
     printed = _described(nominal_model(payload_kg))
     beam_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg))
     mode_rows, missing = _mode_rows(printed, found, beam_hz)
@@ -179,12 +154,11 @@ def contradiction_db(printed: IdentifiedModel) -> NDArray[np.float64]:
 
 def _text(payload_kg: float) -> str:
     values = thesis_table("appendix_b")["models"][payload_kg]
-    return (
-        f"Ours come from {values['record']}, which the thesis took, with noise that makes the "
-        "gauge errors as large as its own: the first half, compensation removed, its own ORSE with "
-        f"order {values['full_order']}, reduced to {values['order']} by MRMC, B updated. "
-        "Identified models stand beside an identified model: both carry the friction as slow "
-        "poles, which the linear plant has not."
+    return prose(
+        "appendix-b-model.text",
+        record=values["record"],
+        full_order=values["full_order"],
+        order=values["order"],
     )
 
 
@@ -204,12 +178,15 @@ def _reason(
             words += f", more than the {without:.1f} Hz without payload: a mass can only lower it"
         parts.append(f"{words[0].upper()}{words[1:]}.")
     parts.append(
-        "The printed model contradicts itself: one shaft drives potentiometer and tachometer, and "
-        f"its speed is off the derivative of its position by {contradiction[1]:.1f} dB from 1 to 6 "
-        f"Hz and by {contradiction[2]:.1f} dB from 6 to 30 Hz. Our gauges have one gain each for "
-        f"all frequencies and payloads; they are off by {gaps_db[0, 1]:+.1f} and "
-        f"{gaps_db[0, 2]:+.1f} dB from 0.3 to 1 Hz, by {gaps_db[2, 1]:+.1f} and "
-        f"{gaps_db[2, 2]:+.1f} dB from 6 to 30 Hz."
+        prose(
+            "appendix-b-model.reason",
+            low_db=contradiction[1],
+            high_db=contradiction[2],
+            base_low=gaps_db[0, 1],
+            middle_low=gaps_db[0, 2],
+            base_high=gaps_db[2, 1],
+            middle_high=gaps_db[2, 2],
+        )
     )
     return " ".join(parts)
 
@@ -217,7 +194,7 @@ def _reason(
 def _same_order(
     printed: IdentifiedModel, found: tuple[IdentifiedModel, ...], trusted: NDArray[np.bool_]
 ) -> bool:
-    """Whether the channels have the same order of gains where the printed model holds together."""
+    """Return whether the channels have the same order of gains in the trusted bands."""
     ours = np.median([_levels_db(each.response) for each in found], axis=0)
     theirs = _levels_db(printed.response)
     same = np.all(np.argsort(ours, axis=1) == np.argsort(theirs, axis=1), axis=1)

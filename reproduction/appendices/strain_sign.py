@@ -11,7 +11,16 @@ from flexarm_control.design.margins import margins
 from flexarm_control.laws.gains import PdpGains
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from reproduction.chapter4.pdp import CLOSE, SIGNS, tuned_pdp
-from reproduction.framework.findings import Call, Finding, SideBySide, Subject, judged, thesis_table
+from reproduction.framework.findings import (
+    Call,
+    Finding,
+    SideBySide,
+    Subject,
+    judged,
+    prose,
+    subject,
+    thesis_table,
+)
 
 if TYPE_CHECKING:
     from reproduction.framework.findings import Results
@@ -21,25 +30,12 @@ CROSSINGS_FROM_HZ = 0.2
 Pairs: TypeAlias = tuple[tuple[float, float], ...]
 """Gain margin in dB and phase margin in degrees, per payload."""
 
-_TEXT = (
-    "The gains of chapter 4 were tuned on the three models together. Here the printed "
-    "matrices are taken as they are, and once more with the sign of the middle gauge y3 "
-    "turned; nothing is identified. `nominal:0.2` and `nominal:0.2:flipped` name them for "
-    "`./flexarm tune`."
-)
-
 
 @dataclass(frozen=True)
 class Examined:
-    """What the three models say of the thesis's gains, and the best gains on them.
+    """Margins of the thesis's gains on the three models, and the best gains on them.
 
-    Attributes
-    ----------
-    slow, least
-        Gain margin in dB and phase margin in degrees of the thesis's gains, per payload: at the
-        lowest crossings, which are those of the rigid motion, and the least of all crossings.
-    kp, kd, ksg, criterion
-        The best gains and their J.
+    Margins are per payload: at the lowest crossings, of the rigid motion, and the least of all.
     """
 
     slow: Pairs
@@ -51,10 +47,7 @@ class Examined:
 
 
 def thesis_margins(flipped: bool) -> tuple[Pairs, Pairs]:  # noqa: FBT001 - a call has plain arguments
-    """Return the margins of the thesis's gains on the printed models, y3 as printed or turned.
-
-    Those of the rigid motion first, then the least; see `Examined`.
-    """
+    """Return the margins of the thesis's gains per payload: of the rigid motion, and the least."""
     gains = PdpGains(**thesis_table("appendix_b")["optimum"])
     found = [
         margins(
@@ -71,13 +64,7 @@ def thesis_margins(flipped: bool) -> tuple[Pairs, Pairs]:  # noqa: FBT001 - a ca
 
 
 def compare(found: tuple[Examined, ...]) -> Finding:
-    """Set the thesis's margins and optimum beside what its printed models give.
-
-    Parameters
-    ----------
-    found
-        With the sign as printed, and turned.
-    """
+    """Set the thesis's margins and optimum beside those on its models, y3 as printed and turned."""
     values = thesis_table("appendix_b")
     printed, turned = found
     kept = _kept(printed, values)
@@ -92,7 +79,7 @@ def compare(found: tuple[Examined, ...]) -> Finding:
             reason=_reason(turned, nearer=distances[1] < distances[0]),
         ),
         tables=(_margin_table(found, values), _gain_table(found, values["optimum"])),
-        text=(_TEXT,),
+        text=(prose("appendix-b.text"),),
     )
 
 
@@ -101,11 +88,7 @@ def _reason(turned: Examined, *, nearer: bool) -> str:
     found = f"With the sign of y3 turned, the best gains are {_gains(turned)}"
     if not nearer:
         return f"{found}, no nearer to the thesis's: the sign of y3 does not explain it."
-    return (
-        f"{found}, near the thesis's, and the margins of the rigid motion are at least "
-        f"{gain_db:.1f} dB and {phase_deg:.1f} degrees: the thesis seems to have tuned with the "
-        "other sign than it printed."
-    )
+    return prose("appendix-b.reason", found=found, gain_db=gain_db, phase_deg=phase_deg)
 
 
 def _gains(found: Examined) -> str:
@@ -170,10 +153,5 @@ def _build(results: Results) -> Finding:
 
 
 SUBJECTS: tuple[Subject, ...] = (
-    Subject(
-        "appendix-b",
-        "The nominal models, and the gains tuned on them",
-        (*_MARGINS.values(), *_TUNED.values()),
-        _build,
-    ),
+    subject("appendix-b", (*_MARGINS.values(), *_TUNED.values()), _build),
 )

@@ -14,11 +14,12 @@ from reproduction.framework.findings import (
     Finding,
     Judgement,
     SideBySide,
-    Subject,
     judged,
     p_text,
+    prose,
     sign_test,
     spread,
+    subject,
     thesis_table,
 )
 
@@ -172,10 +173,7 @@ def _stable(results: Results) -> Finding:
         "closed loop, with payload": _LOADED,
     }
     series = {name: over(results, records, stable_orders) for name, records in groups.items()}
-    text = (
-        "All open-loop experiments are without payload; of the closed-loop ones "
-        f"{len(_BARE)} of {len(CLOSED)} are."
-    )
+    text = prose("claim-2-3.text", bare=len(_BARE), closed=len(CLOSED))
     everything, closed, bare, _ = series.values()
     return Finding(
         stability_judgement(everything, closed, bare),
@@ -226,11 +224,8 @@ def _printed_matching() -> str:
     open_loop = {record: row["mean"] for record, row in thesis_table("table_2_1").items()}
     closed = np.mean([row["mean"] for row in thesis_table("table_2_4").values()])
     square = np.mean([open_loop[record] for record in SQUARE])
-    return (
-        "That data matching is slightly worse from the closed loop is true of the thesis's square "
-        f"waves only: the average of its Table 2-4 is {closed:.3f}, of its whole Table 2-1 "
-        f"{np.mean(list(open_loop.values())):.3f}, of the square waves there {square:.3f}. So it "
-        "is judged against these."
+    return prose(
+        "claim-2-4.text", closed=closed, whole=np.mean(list(open_loop.values())), square=square
     )
 
 
@@ -265,28 +260,12 @@ def accuracy_judgement(
 
 
 SUBJECTS = (
-    Subject(
+    subject(
         "claim-2-1",
-        "Open loop: the square wave identifies best, the random one worst (2.4.1)",
         survey_calls(*(name for records in WAVEFORMS.values() for name in records)),
         _waveforms,
     ),
-    Subject(
-        "claim-2-2",
-        "Bounded position: stable models are easier, a constant magnitude is better (2.4.2)",
-        survey_calls(*OPEN, *BOUNDED),
-        _bounded,
-    ),
-    Subject(
-        "claim-2-3",
-        "Closed loop: stable models are easier than in the open loop (2.4.3)",
-        survey_calls(*OPEN, *CLOSED),
-        _stable,
-    ),
-    Subject(
-        "claim-2-4",
-        "Closed loop: better position and set-point following, slightly worse matching (2.4.3)",
-        survey_calls(*OPEN, *CLOSED),
-        _accuracy,
-    ),
+    subject("claim-2-2", survey_calls(*OPEN, *BOUNDED), _bounded),
+    subject("claim-2-3", survey_calls(*OPEN, *CLOSED), _stable),
+    subject("claim-2-4", survey_calls(*OPEN, *CLOSED), _accuracy),
 )

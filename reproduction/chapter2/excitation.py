@@ -12,7 +12,16 @@ from flexarm_core.channels import BOUND_V, DRIVE_A_PER_V, MAX_COMMAND_V
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.experiments.excitation import DIRECTION_HZ, VARYING_HZ
 from flexarm_ident.report.plots.style import DOTTED, SOLID, STYLE, figure_of, inline_svg
-from reproduction.framework.findings import Call, Finding, Plot, SideBySide, Subject, judged
+from reproduction.framework.findings import (
+    Call,
+    Finding,
+    Plot,
+    SideBySide,
+    Subject,
+    judged,
+    prose,
+    subject,
+)
 from reproduction.framework.rig import simulated_record
 
 if TYPE_CHECKING:
@@ -38,28 +47,10 @@ _WAVEFORMS = {
 }
 _BOUNDED = {"a: constant magnitude": "B_dat9", "b: random magnitude": "B_dat2"}
 
-_DRIVE_TEXT = (
-    f"The simulated rig is pushed for {_PUSH_S:g} s by each command, without friction and "
-    "backlash; how far the arm comes is proportional to the torque, and so to the current. The "
-    "scale is set at 1 V: the figure tests that the drive is linear and where it ends. The "
-    "magnitude comes from a converter of 12 bit, the direction from a line of its own."
-)
-_WAVEFORM_TEXT = (
-    "The thesis leaves open how long a random magnitude is held: ours is held for 10 ms. "
-    "A square wave begins in the middle of a half-period, so that the arm swings about "
-    "where it starts."
-)
-
 
 @dataclass(frozen=True)
 class Signal:
-    """The beginning of a record.
-
-    Attributes
-    ----------
-    time_s, command_v, position_v
-        One value per sample.
-    """
+    """Beginning of a record: one value per sample."""
 
     time_s: NDArray[np.float64]
     command_v: NDArray[np.float64]
@@ -78,7 +69,7 @@ class Signal:
 
     @property
     def is_constant(self) -> bool:
-        """Whether the magnitude is one."""
+        """Return whether the magnitude is constant."""
         magnitude = np.abs(self.command_v)
         return bool(np.ptp(magnitude) < 1e-9 * magnitude.max())
 
@@ -146,7 +137,7 @@ def compare_drive(current_a: Sequence[float]) -> Finding:
         ),
         tables=(SideBySide("The drive", ("", "thesis", "ours"), rows),),
         plots=(Plot("Current over command; the direction is the sign", svg),),
-        text=(_DRIVE_TEXT,),
+        text=(prose("figure-2-2.text", push_s=_PUSH_S),),
     )
 
 
@@ -189,7 +180,7 @@ def compare_waveforms(signals: Sequence[Signal]) -> Finding:
             Plot(f"{name} ({code})", _plotted(each, name, positions=False))
             for (name, code), each in zip(_WAVEFORMS.items(), signals, strict=True)
         ),
-        text=(_WAVEFORM_TEXT,),
+        text=(prose("figure-2-5.text"),),
     )
 
 
@@ -258,10 +249,10 @@ def _plotted(signal_: Signal, name: str, *, positions: bool) -> str:
 
 
 def _of_records(
-    key: str, title: str, names: Iterable[str], compare: Callable[[list[Signal]], Finding]
+    key: str, names: Iterable[str], compare: Callable[[list[Signal]], Finding]
 ) -> Subject:
     calls = tuple(Call(signal, (name, SEED)) for name in names)
-    return Subject(key, title, calls, lambda results: compare([results[call] for call in calls]))
+    return subject(key, calls, lambda results: compare([results[call] for call in calls]))
 
 
 _DRIVE = Call(drive_characteristic)
@@ -272,17 +263,7 @@ def _build_drive(results: Results) -> Finding:
 
 
 SUBJECTS = (
-    Subject("figure-2-2", "Motor current over the command", (_DRIVE,), _build_drive),
-    _of_records(
-        "figure-2-5",
-        "Excitation signals of the open-loop experiments",
-        _WAVEFORMS.values(),
-        compare_waveforms,
-    ),
-    _of_records(
-        "figure-2-10",
-        "Excitation signals of the bounded position experiments",
-        _BOUNDED.values(),
-        compare_bounded,
-    ),
+    subject("figure-2-2", (_DRIVE,), _build_drive),
+    _of_records("figure-2-5", _WAVEFORMS.values(), compare_waveforms),
+    _of_records("figure-2-10", _BOUNDED.values(), compare_bounded),
 )

@@ -20,11 +20,12 @@ from reproduction.framework.findings import (
     Finding,
     Judgement,
     SideBySide,
-    Subject,
     judged,
     p_text,
+    prose,
     sign_test,
     spread,
+    subject,
 )
 from reproduction.framework.rig import run_experiment, simulated_record
 
@@ -43,19 +44,7 @@ of the rig round in any case."""
 
 
 def least_error(name: str, seed: int, noise: bool, friction: bool) -> float:  # noqa: FBT001
-    """Return the mean error of the best model, from a rig with or without its imperfections.
-
-    Parameters
-    ----------
-    name
-        The experiment.
-    seed
-        Of noise and excitation.
-    noise
-        Whether the sensors have the thesis's noise, or none.
-    friction
-        Whether the rig has Coulomb friction and backlash.
-    """
+    """Return the mean error of the best model, from a rig with or without noise and friction."""
     rig = RigParameters(noise_v=THESIS_NOISE_V if noise else NOISELESS_V)
     if not friction:
         rig = replace(rig, coulomb_friction_nm=0.0, backlash_deg=0.0)
@@ -117,17 +106,7 @@ ALL_STEPS = "all steps"
 
 
 def step_errors(name: str, seed: int) -> dict[str, float]:
-    """Return the mean error with all steps, and with each of them left out.
-
-    Every model is judged on the whole record as it is with all steps.
-
-    Parameters
-    ----------
-    name
-        The experiment.
-    seed
-        Of its noise.
-    """
+    """Return the mean error with all steps and with each left out, on the prepared record."""
     raw = simulated_record(name, seed, THESIS_NOISE_V)
     whole = prepared(raw)
     biased = preprocess(
@@ -161,14 +140,7 @@ def _preparation(results: Results) -> Finding:
     return Finding(
         preparation_judgement(errors),
         (SideBySide("Mean error, by the step left out", ("left out", *PREPARED), rows),),
-        text=(
-            (
-                f"Where the biases are left in, each sensor has one of {OFFSET_V:g} V, and the "
-                "gauges keep their mean. Every model is chosen on the record that it comes from, "
-                "and judged on the record with all steps, so that the errors are of one kind. "
-                f"{len(SEEDS)} seeds, noise as strong as the thesis's."
-            ),
-        ),
+        text=(prose("claim-2-6.text", offset_v=OFFSET_V, seeds=len(SEEDS)),),
     )
 
 
@@ -192,8 +164,7 @@ def preparation_judgement(errors: Mapping[str, Sequence[Mapping[str, float]]]) -
         evidence=f"That leaving it out makes the model worse: {words}. It holds on both records "
         f"for {', '.join(always) or 'none'}"
         + (f", not on both for {', '.join(seldom)}." if seldom else "."),
-        reason="A constant bias is largely taken up by the fitted initial state of a slow pole. "
-        "The scaling weighs the gauges, which are mostly noise, as much as the position.",
+        reason=prose("claim-2-6.reason"),
     )
 
 
@@ -242,15 +213,7 @@ def rate_judgement(
     pairs: Sequence[tuple[float, float]],
     quiet: Sequence[tuple[float, float]],
 ) -> Judgement:
-    """Judge whether 300 Hz gives the smaller errors.
-
-    Parameters
-    ----------
-    low, high
-        Mean error over the experiments at 300 and 500 Hz, per seed.
-    pairs, quiet
-        Errors at 300 and at 500 Hz of each experiment: medians, and without noise.
-    """
+    """Judge the errors at 300 and 500 Hz: means per seed, and those of each pair."""
     p_value = sign_test(low, high)
     won = sum(a < b for a, b in pairs)
     won_quiet = sum(a < b for a, b in quiet)
@@ -261,17 +224,13 @@ def rate_judgement(
         f"at 500 Hz: that 300 Hz is better {'holds' if p_value < LEVEL else 'does not hold'} "
         f"({p_text(p_value)}). 300 Hz is better in {won} of {len(pairs)} pairs, without noise "
         f"in {won_quiet}.",
-        reason="Our noise is white up to half of the rate, so that at 500 Hz the filter of "
-        f"{CUTOFF_HZ:g} Hz takes more of it away. And the bounded records have as many samples "
-        "at both rates, so they are shorter at 500 Hz, and a free simulation drifts less. With "
-        "equal noise below the filter's edge and equal length there was next to no difference.",
+        reason=prose("claim-2-7.reason", cutoff_hz=CUTOFF_HZ),
     )
 
 
 SUBJECTS = (
-    Subject(
+    subject(
         "claim-2-5",
-        "Noise and nonlinearity reduce the accuracy of the model (2.5, 1 and 2)",
         (
             *survey_calls(RIG_RECORD),
             *(Call(least_error, (RIG_RECORD, seed, True, False)) for seed in SEEDS),
@@ -279,15 +238,13 @@ SUBJECTS = (
         ),
         _imperfections,
     ),
-    Subject(
+    subject(
         "claim-2-6",
-        "Biases removed, outputs filtered and scaled: the best identification (2.5, 3)",
         tuple(Call(step_errors, (record, seed)) for record in PREPARED for seed in SEEDS),
         _preparation,
     ),
-    Subject(
+    subject(
         "claim-2-7",
-        "Records at 300 Hz give better models than at 500 Hz (2.5, 4)",
         (
             *survey_calls(*PAIRS, *PAIRS.values()),
             *(Call(least_error, (name, 1, False, True)) for name in (*PAIRS, *PAIRS.values())),

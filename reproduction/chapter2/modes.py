@@ -28,12 +28,13 @@ from reproduction.framework.findings import (
     Judgement,
     Plot,
     SideBySide,
-    Subject,
     columns,
     judged,
     p_text,
     percent,
+    prose,
     sign_test,
+    subject,
     thesis_table,
 )
 from reproduction.framework.plots import range_plot
@@ -62,15 +63,7 @@ def gains(model: control.StateSpace) -> NDArray[np.float64]:
 
 
 def peak_hz(gain: NDArray[np.float64], near_hz: float) -> float:
-    """Return where a response has its peak near a frequency, nan where it has none.
-
-    Parameters
-    ----------
-    gain : ndarray, (frequencies,)
-        Magnitudes at `FREQUENCIES_HZ`.
-    near_hz
-        Where to look.
-    """
+    """Return the frequency, Hz, of a peak of (frequencies,) gains near another, or nan."""
     is_near = (near_hz / _WINDOW < FREQUENCIES_HZ) & (near_hz * _WINDOW > FREQUENCIES_HZ)
     inside = np.flatnonzero(is_near)
     highest = inside[np.argmax(gain[inside])]
@@ -78,15 +71,7 @@ def peak_hz(gain: NDArray[np.float64], near_hz: float) -> float:
 
 
 def has_peak(gain: NDArray[np.float64], near_hz: float) -> bool:
-    """Tell whether the response of a gauge has a peak at a frequency.
-
-    Parameters
-    ----------
-    gain : ndarray, (frequencies, 4)
-        Magnitudes at `FREQUENCIES_HZ`.
-    near_hz
-        The frequency.
-    """
+    """Return whether a gauge's gains, of (frequencies, 4), have a peak at a frequency, Hz."""
     return any(abs(peak_hz(gain[:, k], near_hz) / near_hz - 1.0) <= CAPTURED for k in GAUGES)
 
 
@@ -99,7 +84,7 @@ RECORDS = {
 """Records at 300 Hz with 2 V; the thesis does not say which it took."""
 MODES_HZ = natural_frequencies_hz(RigParameters())
 BETWEEN_HZ = np.sqrt(MODES_HZ[:-1] * MODES_HZ[1:])
-"""Where the arm has no mode: how often something passes for one by chance."""
+"""Frequencies without a mode of the arm: what is found there is found by chance."""
 
 _PRINTED = thesis_table("table_2_2")
 
@@ -108,14 +93,8 @@ _PRINTED = thesis_table("table_2_2")
 class WaveformModes:
     """Modes of models with 27 states, per seed.
 
-    Attributes
-    ----------
-    frequencies_hz
-        Natural frequencies of the oscillating modes, the highest first.
-    peaks : ndarray, (seeds, 3)
-        Whether the response of a gauge has a peak at each of `MODES_HZ`.
-    chance : ndarray, (seeds, 2)
-        The same for `BETWEEN_HZ`.
+    Natural frequencies of the oscillating modes, the highest first, and the peaks of a gauge's
+    response at `MODES_HZ`, (seeds, 3), and at `BETWEEN_HZ`, (seeds, 2).
     """
 
     frequencies_hz: tuple[tuple[float, ...], ...]
@@ -174,9 +153,12 @@ def _table(results: Results) -> Finding:
     modes, between = _numbers(MODES_HZ), _numbers(BETWEEN_HZ)
     frequencies = np.median([len(each) for ours in found.values() for each in ours.frequencies_hz])
     headings = columns(
-        f"waveform | nearest to {' '.join(map(str, _PRINTED['analytic_hz']))} Hz, thesis | "
-        f"nearest to {modes} Hz, ours | an eigenvalue there | an eigenvalue at {between} Hz | "
-        f"a peak at the modes | a peak at {between} Hz"
+        prose(
+            "table-2-2.columns",
+            printed_modes=" ".join(map(str, _PRINTED["analytic_hz"])),
+            modes=modes,
+            between=between,
+        )
     )
     return Finding(
         modes_judgement(found),
@@ -185,14 +167,14 @@ def _table(results: Results) -> Finding:
             SideBySide("All frequencies, Hz", ("waveform", "thesis", "ours, seed 1"), all_rows),
         ),
         text=(
-            (
-                f"The modes of our beam are at {modes} Hz, those of the thesis's at "
-                f"{' '.join(map(str, _PRINTED['analytic_hz']))} Hz. A model with "
-                f"{_PRINTED['order']} states has {frequencies:.0f} frequencies in the median, so "
-                f"that one of them is near a mode says nothing: one is as often near {between} Hz, "
-                "where the arm has none. So ours are also judged by what such a frequency does: "
-                f"whether the response of a gauge has a peak there. Near is within {CAPTURED:.0%}; "
-                "noise as strong as the thesis's."
+            prose(
+                "table-2-2.text",
+                modes=modes,
+                printed_modes=" ".join(map(str, _PRINTED["analytic_hz"])),
+                order=_PRINTED["order"],
+                frequencies=frequencies,
+                between=between,
+                captured=CAPTURED,
             ),
         ),
     )
@@ -292,13 +274,8 @@ def _response(results: Results) -> Finding:
             for channel, name in enumerate(SENSORS)
         ),
         (
-            (
-                f"Model Ac3_18: {order} states from the first half of {RESPONSE_RECORD}, with "
-                "noise as strong as the thesis's. The thesis reads two things off the figure: it "
-                "has three peaks, where the beam has its modes; and they are stronger in the "
-                "gauges than in position and speed. A peak is at a mode when it is within "
-                f"{CAPTURED:.0%}; strength is the gain in V/V with {order} states, as a plot shows "
-                "it."
+            prose(
+                "figure-2-16.text", order=order, response_record=RESPONSE_RECORD, captured=CAPTURED
             ),
         ),
     )
@@ -307,15 +284,7 @@ def _response(results: Results) -> Finding:
 def response_judgement(
     shares: Sequence[float], larger: Sequence[float], strength: NDArray[np.float64]
 ) -> Judgement:
-    """Judge Figure 2-16.
-
-    Parameters
-    ----------
-    shares, larger
-        Share of the seeds with a peak at each mode, with the thesis's order and a larger one.
-    strength : ndarray, (modes, 4)
-        Gain at each mode.
-    """
+    """Judge Figure 2-16 by the shares of seeds with a peak, and the gains, (modes, 4)."""
     there = [share > OFTEN for share in shares]
     factor = float(np.min(strength[:, GAUGES].min(axis=1) / strength[:, _OTHERS].max(axis=1)))
     brought_out = not all(there) and all(share > OFTEN for share in larger)
@@ -336,11 +305,8 @@ def response_judgement(
 
 
 SUBJECTS = (
-    Subject(
-        "table-2-2",
-        "Natural frequencies of models with 27 states, by waveform",
-        tuple(Call(waveform_modes, (record,)) for record in RECORDS.values()),
-        _table,
+    subject(
+        "table-2-2", tuple(Call(waveform_modes, (record,)) for record in RECORDS.values()), _table
     ),
-    Subject("figure-2-16", "Frequency response of Ac3_18", (Call(closed_loop_gains),), _response),
+    subject("figure-2-16", (Call(closed_loop_gains),), _response),
 )

@@ -1,4 +1,4 @@
-"""Models of every order from one experiment, many times over: what chapter 2 is made of.
+"""Survey of models of every order from one experiment, many times over, for chapter 2.
 
 As in the thesis: outputs prepared as in section 2.5, with its low-pass filter on the outputs alone;
 its own ORSE on the first half of a record; data matching over the whole of it; set-point following
@@ -37,11 +37,11 @@ Compensation: TypeAlias = Literal["remove", "keep"]
 ORDERS = tuple(range(SMALLEST_ORDER, LARGEST_ORDER + 1))
 METHOD = "orse_thesis"
 CUTOFF_HZ = 50.0
-"""Of the filter of section 2.5, step 3."""
+"""Cut-off of the filter of section 2.5, step 3."""
 SET_POINT_GAINS = Gains(kp=0.5, kd=1.4)
 """The law of the set-point following (section 2.4)."""
 GAIN_HZ = 1.0
-"""Where gains are compared: within the rigid motion, and within what a square wave excites."""
+"""Frequency at which gains are compared: rigid motion, which a square wave excites."""
 SHOWN_SINGULAR_VALUES = 60
 TABLE_OF = {"O": "table_2_1", "B": "table_2_3", "C": "table_2_4"}
 """Tables by the first letter of their experiments."""
@@ -62,7 +62,7 @@ class OrderSurvey:
     record
         The experiment.
     stable : ndarray, (seeds, orders)
-        Whether the model is stable as it was identified.
+        True for a model that is stable as identified.
     chosen_orders : ndarray, (seeds,)
         The order with the least mean error by data matching among the `candidates`.
     chosen_dmv, chosen_sfv, chosen_gain : ndarray, (seeds, 4)
@@ -73,7 +73,7 @@ class OrderSurvey:
         The same errors of the model of the order that the thesis chose. Unstable eigenvalues are
         moved before.
     printed_loop_stable : ndarray, (seeds,)
-        Whether the loop of the set-point following is stable with that model.
+        True where the loop of set-point following is stable with that model.
     singular_values : ndarray, (seeds, values)
         The largest singular values of (2-21).
     """
@@ -91,7 +91,7 @@ class OrderSurvey:
 
     @property
     def stable_orders(self) -> NDArray[np.float64]:
-        """How many orders have a stable model, per seed."""
+        """Number of orders with a stable model, per seed."""
         return np.asarray(self.stable.sum(axis=1), dtype=float)
 
     @property
@@ -100,18 +100,12 @@ class OrderSurvey:
         return np.asarray(self.chosen_dmv.mean(axis=1))
 
     def stable_at(self, order: int) -> NDArray[np.bool_]:
-        """Whether the model of an order is stable, per seed."""
+        """Return whether the model of an order is stable, per seed."""
         return np.asarray(self.stable[:, ORDERS.index(order)])
 
 
 def candidates(stable: NDArray[np.bool_]) -> tuple[int, ...]:
-    """Return the orders that the thesis chooses among: the stable ones, or all if there are none.
-
-    Parameters
-    ----------
-    stable : ndarray, (orders,)
-        Whether the model of each of the `ORDERS` is stable.
-    """
+    """Return the orders that the thesis chooses among: the stable ones, or all without any."""
     return tuple(np.array(ORDERS)[stable if stable.any() else ~stable].tolist())
 
 
@@ -121,13 +115,7 @@ def printed_order(record: str) -> int:
 
 
 def survey(record: str) -> OrderSurvey:
-    """Identify models of all orders from an experiment, once per seed.
-
-    Parameters
-    ----------
-    record
-        The experiment.
-    """
+    """Identify models of all orders from an experiment, once per seed."""
     rows = [_one_seed(record, seed) for seed in SEEDS]
     return OrderSurvey(record, **{name: np.array([row[name] for row in rows]) for name in rows[0]})
 
@@ -146,15 +134,7 @@ def thesis_record(name: str, seed: int, compensation: Compensation = "remove") -
 
 @lru_cache(maxsize=4 * len(SEEDS))
 def set_point_record(rate_hz: float, payload_kg: float, seed: int) -> IoData:
-    """Return the prepared run that set-point following is compared with.
-
-    Parameters
-    ----------
-    rate_hz, payload_kg
-        Of the record that the model comes from.
-    seed
-        Of that record: the run has another noise.
-    """
+    """Return the prepared run of set-point following, with noise other than the record's."""
     run = replace(
         experiment(_SET_POINT_RECORD),
         rate_hz=rate_hz,
@@ -195,17 +175,7 @@ def identified(half: IoData) -> Identification:
 
 
 def best_error(record: IoData, judge: IoData, *, scaled: bool = True) -> float:
-    """Return the least mean error of the `candidates` from the first half of a record.
-
-    Parameters
-    ----------
-    record
-        The prepared record that the models, and the choice among them, come from.
-    judge
-        The record that the chosen model has to match.
-    scaled
-        Whether the outputs are scaled (section 2.5, step 4).
-    """
+    """Return the least mean error, on `judge`, of `candidates` from half a record."""
     found = identified(fitted_half(record))
     if not scaled:
         found = replace(found, subspace=plain(found.gram, np.ones(len(record.outputs))))
@@ -220,7 +190,7 @@ def stability(found: Identification) -> NDArray[np.bool_]:
 
 
 def loop_is_stable(model: control.StateSpace) -> bool:
-    """Whether the model is stable under the law of the set-point following (Figure 2-3)."""
+    """Return whether the model is stable under the law of set-point following (Figure 2-3)."""
     feedback = np.array([[SET_POINT_GAINS.kp, 0.0, 0.0, SET_POINT_GAINS.kd]])
     return is_stable(np.asarray(model.A - model.B @ feedback @ model.C))
 

@@ -26,11 +26,12 @@ from reproduction.framework.findings import (
     Finding,
     Judgement,
     SideBySide,
-    Subject,
     columns,
     judged,
     p_text,
+    prose,
     spread,
+    subject,
     thesis_table,
 )
 
@@ -49,37 +50,8 @@ PRINTED_TO = 0.001
 """Means that depart further from those of the printed errors are misprints, not rounded."""
 MANY = 0.5
 """Numbers of stable orders agree when those of more than this share of the experiments do."""
-METHOD_TEXT = (
-    "The simulated rig has sensor noise as strong as the thesis's. The records are prepared as in "
-    "section 2.5, and identified by the thesis's ORSE from their first half; the error is that of "
-    f"data matching over the whole. Of the orders {ORDERS[0]} to {ORDERS[-1]} the stable model "
-    f"with the least mean error is chosen. {len(SEEDS)} seeds: median, and range in brackets."
-)
-PAYLOAD_MODES = (
-    "many of the eigenvalues outside the unit circle then belong to the second flexible mode, "
-    "which is hardly damped in our beam"
-)
-_KINDS = {
-    "table-2-1": (
-        "open-loop experiments",
-        (
-            "The thesis's arm gave fewer stable models, with errors that its table does not "
-            "explain; ours has the same friction and noise in every record."
-        ),
-    ),
-    "table-2-3": (
-        "bounded position experiments",
-        "The errors follow another noise and friction than ours.",
-    ),
-    "table-2-4": (
-        "closed-loop experiments",
-        (
-            f"Ours has fewer stable orders with payloads: {PAYLOAD_MODES}. And the thesis's best, "
-            "C_dat7 and C_dat8, had a lower kp than the other records with 300 g; on our rig that "
-            "excites less, and the errors are larger."
-        ),
-    ),
-}
+METHOD_TEXT = prose("chapter-2.method", least=ORDERS[0], most=ORDERS[-1], seeds=len(SEEDS))
+PAYLOAD_MODES = prose("chapter-2.payload_modes")
 _SPECIAL = thesis_table("table_2_5")
 _TYPICAL = thesis_table("table_2_6")
 
@@ -120,17 +92,7 @@ def errors_judgement(
     stable: Mapping[str, tuple[float, float]] | None = None,
     reason: str,
 ) -> Judgement:
-    """Judge errors of many models, and where it matters how many orders are stable.
-
-    Parameters
-    ----------
-    printed, ours : mapping of str to float
-        Mean error of each model in the thesis, and the median of ours.
-    stable : mapping of str to (float, float), optional
-        Number of stable orders of each experiment, in the thesis and in the mean of ours.
-    reason : str
-        Why ours differs, if it does.
-    """
+    """Judge errors of many models, and the mean numbers of stable orders where they are given."""
     ratios = np.array([ours[name] / printed[name] for name in printed])
     close = np.abs(np.log(ratios)) <= np.log(CLOSE)
     ranks = stats.spearmanr(list(printed.values()), [ours[name] for name in printed])
@@ -164,10 +126,7 @@ def _misprints(printed: Mapping[str, Any]) -> Iterator[str]:
         if abs(mean - printed[record]["mean"]) > PRINTED_TO
     ]
     if wrong:
-        yield (
-            f"A mean of the thesis does not fit its four errors: {', '.join(wrong)}. The printed "
-            "one is compared."
-        )
+        yield prose("chapter-2.misprints", wrong=", ".join(wrong))
 
 
 def _errors_text(errors: Iterable[float]) -> str:
@@ -195,7 +154,7 @@ def _order_cells(row: Mapping[str, Any], ours: OrderSurvey) -> tuple[str, ...]:
     )
 
 
-def _table(name: str, reason: str, results: Results) -> Finding:
+def _table(key: str, name: str, results: Results) -> Finding:
     printed = thesis_table(name)
     found = {record: survey_of(results, record) for record in printed}
     judgement = errors_judgement(
@@ -205,7 +164,7 @@ def _table(name: str, reason: str, results: Results) -> Finding:
             record: (float(len(row["stable"])), float(found[record].stable_orders.mean()))
             for record, row in printed.items()
         },
-        reason=reason,
+        reason=prose(f"{key}.reason", payload_modes=PAYLOAD_MODES),
     )
     errors = SideBySide(
         "Errors of the chosen model: position, base gauge, middle gauge, speed; mean",
@@ -243,10 +202,7 @@ def _special(results: Results) -> Finding:
         for code, row in _SPECIAL.items()
     )
     headings = ("model", "record", "compensation", "order", "thesis", "ours")
-    text = (
-        "Whether one model is stable is a matter of the noise of one record: so ours are "
-        f"identified from {len(SEEDS)} records."
-    )
+    text = prose("table-2-5.text", seeds=len(SEEDS))
     table = SideBySide("Special models", headings, rows)
     return Finding(special_judgement(shares), (table,), text=(text,))
 
@@ -264,9 +220,7 @@ def special_judgement(shares: Mapping[str, float]) -> Judgement:
         evidence=f"Stable: {words} of the seeds. {len(as_printed)} of {len(shares)} are in most "
         "seeds what the thesis says."
         + ("" if not ranked else " The one it calls unstable is so more often than the others."),
-        reason="The eigenvalue that leaves the unit circle is the real one of the rigid motion, "
-        "which is next to 1 in all of these models: the noise of the one record decides on which "
-        "side of the circle it lies, and the thesis shows one record.",
+        reason=prose("table-2-5.reason"),
     )
 
 
@@ -290,46 +244,24 @@ def _typical(results: Results) -> Finding:
                 spread(means),
             )
         )
-    headings = columns(
-        "model | record | first samples, thesis | half of ours | stable, ours | "
-        "mean error, thesis | ours"
-    )
+    headings = columns(prose("table-2-6.columns"))
     widest = max(chosen, key=lambda record: int(np.ptp(chosen[record])))
-    reason = (
-        f"Which order is best is a chance of one record (ours range from {chosen[widest].min()} "
-        f"to {chosen[widest].max()} over the seeds of {widest}). At a printed order ours is often "
-        "unstable, and moving its eigenvalues costs accuracy; and the experiments differ less from "
-        "each other than the two rigs do."
+    reason = prose(
+        "table-2-6.text", least=chosen[widest].min(), most=chosen[widest].max(), widest=widest
     )
-    text = (
-        "Each model has the order that the thesis chose. Where ours is not stable at that order, "
-        "its eigenvalues are moved inside the unit circle. From Ao5_12 on the printed table names "
-        "wrong records: code and order belong to the records that are taken here, and the length "
-        "does but for Ao14_31."
-    )
+    text = prose("table-2-6.text2")
     table = SideBySide("Typical models, orders as printed", headings, tuple(rows))
     return Finding(errors_judgement(printed, ours, reason=reason), (table,), text=(text,))
 
 
 SUBJECTS = (
     *(
-        Subject(
-            key,
-            f"Stable orders and least errors of the {kind}, {len(SEEDS)} seeds",
-            survey_calls(*thesis_table(key.replace("-", "_"))),
-            partial(_table, key.replace("-", "_"), reason),
-        )
-        for key, (kind, reason) in _KINDS.items()
+        subject(key, survey_calls(*thesis_table(name)), partial(_table, key, name))
+        for key, name in ((name.replace("_", "-"), name) for name in TABLE_OF.values())
     ),
-    Subject(
-        "table-2-5",
-        "Special models: compensation left in, or unstable",
-        tuple(Call(special_stability, (code,)) for code in _SPECIAL),
-        _special,
-    ),
-    Subject(
+    subject("table-2-5", tuple(Call(special_stability, (code,)) for code in _SPECIAL), _special),
+    subject(
         "table-2-6",
-        "Typical models of the later chapters",
         survey_calls(*dict.fromkeys(row["record"] for row in _TYPICAL.values())),
         _typical,
     ),

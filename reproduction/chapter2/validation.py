@@ -36,7 +36,9 @@ from reproduction.framework.findings import (
     SideBySide,
     Subject,
     judged,
+    prose,
     spread,
+    subject,
     thesis_table,
 )
 
@@ -52,7 +54,7 @@ ORDER_RECORD = "O_dat2"
 """The thesis does not say whose singular values it shows; this is the record of its Ao2_19."""
 ORDER = 15
 SMALL = 0.01
-"""Of the largest singular value: what is below cannot be seen in a picture with a linear axis."""
+"""Share of the largest singular value below which a picture with a linear axis shows nothing."""
 _LISTED = (1, 2, 3, 5, 7, 10, 15, 16, 20, 30)
 
 
@@ -70,25 +72,12 @@ def _singular_values(results: Results) -> Finding:
                 singular_value_plot(found.singular_values[0], ORDER),
             ),
         ),
-        (
-            (
-                f"{ORDER_RECORD} with noise as strong as the thesis's. The thesis shows one "
-                f"sample, reads off the order {ORDER}, and warns that such a model may be unstable."
-            ),
-        ),
+        (prose("figure-2-6.text", order_record=ORDER_RECORD, order=ORDER),),
     )
 
 
 def order_judgement(shares: NDArray[np.float64], stable: float) -> Judgement:
-    """Judge what the thesis says of Figure 2-6.
-
-    Parameters
-    ----------
-    shares : ndarray, (values,)
-        Singular values over the largest, descending.
-    stable
-        Share of the seeds in which the model of order 15 is stable.
-    """
+    """Judge Figure 2-6 by the descending singular values and the share of stable models."""
     next_share = float(shares[ORDER])
     small, unstable = next_share <= SMALL, stable < 1.0
     first = int(np.argmax(shares <= SMALL)) if np.any(shares <= SMALL) else len(shares)
@@ -111,16 +100,10 @@ _POINTS = 600
 
 @dataclass(frozen=True, eq=False)
 class ValidatedModel:
-    """Signals of both validations of a model.
+    """Signals of both validations of a model, (samples, 4).
 
-    Attributes
-    ----------
-    dt_s
-        Sampling period.
-    record, dmv : ndarray, (samples, 4)
-        Prepared outputs of the experiment, and simulated from its input.
-    set_point, sfv : ndarray, (samples, 4)
-        Prepared outputs of the set-point run, and of the loop with the model.
+    Prepared outputs of the experiment and those simulated from its input; prepared outputs of the
+    set-point run and those of the loop with the model.
     """
 
     dt_s: float
@@ -195,15 +178,7 @@ def _with_mean(errors: NDArray[np.float64]) -> NDArray[np.float64]:
 def match_judgement(
     printed: Sequence[float], at_order: NDArray[np.float64], chosen: NDArray[np.float64]
 ) -> Judgement:
-    """Judge a validation by its errors: of the printed order's model, then of our best order's.
-
-    Parameters
-    ----------
-    printed
-        The four errors in the thesis.
-    at_order, chosen : ndarray, (seeds, 4)
-        Ours.
-    """
+    """Judge a validation by errors, (seeds, 4), at the printed order and at our best order."""
     thesis = (*printed, float(np.mean(printed)))
     ours, best = (np.median(_with_mean(each), axis=0) for each in (at_order, chosen))
 
@@ -221,26 +196,14 @@ def match_judgement(
 
 
 def loop_judgement(loop_stable: NDArray[np.bool_], errors: Sequence[float]) -> Judgement:
-    """Judge Figure 2-12: whether the loop runs away with the model.
-
-    Parameters
-    ----------
-    loop_stable
-        Whether it is stable, per seed.
-    errors
-        Medians of the errors of set-point following.
-    """
+    """Judge Figure 2-12 by the stability of the loop, per seed, and the median errors."""
     away = float(np.mean(~loop_stable))
     return judged(
         agrees=away > OFTEN,
         same_ranking=away > 0.0,
         evidence=f"The loop with the model runs away in {away:.0%} of the seeds; in the thesis it "
         f"does. The errors of the outputs are {', '.join(f'{each:.2f}' for each in errors)}.",
-        reason="We do not know what made the thesis's loop unstable. Tried on ours, in vain: more "
-        "and less noise, the orders that the thesis found stable, and leaving the unstable "
-        "eigenvalue of the model where it is. The thesis's conclusion, that such "
-        "a model does not reflect the rig, holds by the errors: data matching is good, and "
-        "the loop is not predicted.",
+        reason=prose("figure-2-12.reason"),
     )
 
 
@@ -254,12 +217,12 @@ def _dmv(results: Results, record: str) -> Finding:
         (_errors_table(printed, found.printed_dmv, found.chosen_dmv, "thesis"),),
         _plots(shown, "dmv", CODES[record]),
         (
-            (
-                f"Model {CODES[record]}: {order} states from the first half of {record}, with "
-                f"noise as strong as the thesis's. In ours it is stable in "
-                f"{found.stable_at(order).mean():.0%} of the seeds as it is identified. Unstable "
-                "eigenvalues are moved inside the unit circle, which costs accuracy, most of all "
-                "in the position: so the model of our own best order stands beside it."
+            prose(
+                "data-matching.text",
+                code=CODES[record],
+                order=order,
+                record=record,
+                stable=found.stable_at(order).mean(),
             ),
         ),
     )
@@ -276,10 +239,11 @@ def _sfv(results: Results, record: str) -> Finding:
     shown = results[Call(validated_model, (record,))]
     code = CODES[record]
     text = [
-        (
-            f"The set-point run is on the rig, with kp = {SET_POINT_GAINS.kp:g}, kd = "
-            f"{SET_POINT_GAINS.kd:g} and the compensation of {SET_POINT_COMPENSATION_V:g} V. The "
-            "loop of model and law has neither friction nor compensation."
+        prose(
+            "set-point-following.text",
+            kp=SET_POINT_GAINS.kp,
+            kd=SET_POINT_GAINS.kd,
+            set_point_compensation_v=SET_POINT_COMPENSATION_V,
         )
     ]
     if record[0] == "B":
@@ -315,9 +279,7 @@ def _subject(number: int, record: str, validation: Validation) -> Subject:
 
 
 SUBJECTS = (
-    Subject(
-        "figure-2-6", "Singular values of a record", survey_calls(ORDER_RECORD), _singular_values
-    ),
+    subject("figure-2-6", survey_calls(ORDER_RECORD), _singular_values),
     _subject(7, "O_dat2", "dmv"),
     _subject(8, "O_dat2", "sfv"),
     _subject(11, "B_dat9", "dmv"),

@@ -26,7 +26,9 @@ from reproduction.framework.findings import (
     judged,
     named,
     p_text,
+    prose,
     sign_test,
+    subject,
 )
 
 if TYPE_CHECKING:
@@ -44,19 +46,9 @@ Trials: TypeAlias = "Mapping[tuple[str, str], Sequence[ReductionTrial]]"
 
 
 def claim_subject(
-    number: int, title: str, claim: Callable[[Trials], Finding], codes: Sequence[str] = CODES
+    number: int, claim: Callable[[Trials], Finding], codes: Sequence[str] = CODES
 ) -> Subject:
-    """Return a claim of section 3.3 as a subject.
-
-    Parameters
-    ----------
-    number, title
-        Of the claim.
-    claim
-        Tests it on results of `codes`.
-    codes
-        Keys of `EXAMPLES`.
-    """
+    """Return a claim of section 3.3 as a subject; `claim` tests it on the results of `codes`."""
 
     def build(results: Results) -> Finding:
         return claim(
@@ -64,7 +56,7 @@ def claim_subject(
         )
 
     needs = tuple(call for code in codes for call in both_calls(code))
-    return Subject(f"claim-3-{number}", title, needs, build)
+    return subject(f"claim-3-{number}", needs, build)
 
 
 RIGID_STATES = 2
@@ -102,8 +94,7 @@ def claim_mrm(found: Trials) -> Finding:
             f"{len(held)} cases: {named(len({code for code, _ in found}), 'model')}, "
             f"{named(len(NOISES), 'kind')} of records."
             + (f" It does not hold for {', '.join(fails)}." if fails else ""),
-            reason="MSV measures the response to a pulse, in which slow modes hardly show; where "
-            "they do show, MSV keeps them and loses nothing.",
+            reason=prose("claim-3-1.reason"),
         ),
         tables=(
             SideBySide(
@@ -112,13 +103,7 @@ def claim_mrm(found: Trials) -> Finding:
                 tuple(rows),
             ),
         ),
-        text=(
-            (
-                "Each full model is reduced by both rankings to as many states as the thesis "
-                "keeps; none is updated. A model has one state more where a pair would have to be "
-                "split."
-            ),
-        ),
+        text=(prose("claim-3-1.text"),),
     )
 
 
@@ -145,30 +130,22 @@ def claim_mrmc(found: Trials) -> Finding:
         ),
         tables=(
             SideBySide(
-                "Reduced models that have all bending modes of their full model and at least "
-                f"{RIGID_STATES} states of the rigid motion",
+                prose("claim-3-4.table", rigid_states=RIGID_STATES),
                 ("model", "noise", *(way.upper() for way in totals)),
                 tuple(rows),
             ),
         ),
-        text=(
-            (
-                "A bending mode that the full model does not have cannot be kept: as many have to "
-                "be there as the full model has, looked for as in Table 3-1a. MRMC does so by its "
-                "construction, though it may take a stronger pair than the nearest; the other two "
-                "show what it is good for."
-            ),
-        ),
+        text=(prose("claim-3-4.text"),),
     )
 
 
 def has_bending(trial: ReductionTrial, way: str) -> bool:
-    """Whether a reduced model has as many bending modes as its full model."""
+    """Return whether a reduced model has as many bending modes as its full model."""
     return len(trial.stages[way].bending_hz) >= len(trial.bending)
 
 
 def keeps_both(trial: ReductionTrial, way: str) -> bool:
-    """Whether a reduced model has those and enough states of the rigid motion."""
+    """Return whether a reduced model has those and enough states of the rigid motion."""
     rigid = {*trial.stages[way].kept} & {*trial.rigid}
     states = sum(len(mode.states) for mode in trial.modes if mode.label in rigid)
     return has_bending(trial, way) and states >= RIGID_STATES
@@ -177,7 +154,7 @@ def keeps_both(trial: ReductionTrial, way: str) -> bool:
 STABLE, UNSTABLE = "Ac3_18", "Ac3_21u"
 KINDS: tuple[Validation, ...] = ("dmv", "sfv")
 UPDATES = {"updated": "mrmc", "updated_mrmc": "mrmc", "updated_msv": "msv"}
-"""What each update starts from; `updated` of Ac11_26 starts from MRM."""
+"""Stage that each update starts from; `updated` of Ac11_26 starts from MRM."""
 
 
 def claim_update(found: Trials) -> Finding:
@@ -228,27 +205,16 @@ def claim_update(found: Trials) -> Finding:
             f"{better['C']} times when C is, of {updates * records // len(found)}. "
             f"Updated, MSV's models have {np.median(ratios):.2f} times the error of the others "
             f"({p_text(condition)}).",
-            reason="An update by least squares cannot be worse on the samples that it is fitted "
-            "to, only on the others.",
+            reason=prose("claim-3-2.reason"),
         ),
         tables=(
             SideBySide(
                 "Mean error by data matching as part of the full model's, medians",
-                columns(
-                    "model | noise | modes by | reduced | B updated | sign test | C updated | "
-                    "better than full, B / C"
-                ),
+                columns(prose("claim-3-2.columns")),
                 tuple(rows),
             ),
         ),
-        text=(
-            (
-                "Updates are fitted to the first half of a record, the error is over the whole of "
-                "it. The sign test is of the update of B against the reduced model. Models by MSV "
-                "are updated too, to see whether the update needs the main modes: they do not "
-                "count in the verdict."
-            ),
-        ),
+        text=(prose("claim-3-2.text"),),
     )
 
 
@@ -260,13 +226,7 @@ def start_of(trial: ReductionTrial, stage: str) -> str:
 
 
 def claim_unstable(found: Trials) -> Finding:
-    """Tell whether an updated model from a stable one is better than one from an unstable one.
-
-    Parameters
-    ----------
-    found
-        Our results of `STABLE` and `UNSTABLE` by noise, of the same records.
-    """
+    """Compare updated models from a stable and an unstable full model of the same records."""
     rows, p_values, lower = [], {}, []
     for noise, words in NOISES.items():
         for kind in KINDS:
@@ -304,40 +264,31 @@ def claim_unstable(found: Trials) -> Finding:
                 for (noise, kind), value in p_values.items()
             )
             + ".",
-            reason="Moving the eigenvalue costs the position, which drifts when it is simulated on "
-            "its own: data matching with strong noise shows that. In the loop of set-point "
-            "following the law holds the position. That these models have a state more may be why "
-            "they come out ahead; it was not tested.",
+            reason=prose("claim-3-3.reason"),
         ),
         tables=(
             SideBySide(
                 "Mean errors of the updated models, of the same records",
-                columns(
-                    f"by | noise | from {STABLE} | from {UNSTABLE} | "
-                    "from the stable one is better in | sign test"
-                ),
+                columns(prose("claim-3-3.columns", stable=STABLE, unstable=UNSTABLE)),
                 tuple(rows),
             ),
         ),
         text=(
-            (
-                f"Both models come from {stable_one.experiment}: the stable one has "
-                f"{stable_one.order} states and {stable_one.reduced['updated'].order} when "
-                f"reduced, the unstable one {unstable_one.order}, or the nearest order with one "
-                f"slow unstable eigenvalue, and {unstable_one.reduced['updated'].order}."
+            prose(
+                "claim-3-3.text",
+                record=stable_one.experiment,
+                states=stable_one.order,
+                reduced=stable_one.reduced["updated"].order,
+                unstable_states=unstable_one.order,
+                unstable_reduced=unstable_one.reduced["updated"].order,
             ),
         ),
     )
 
 
 SUBJECTS = (
-    claim_subject(1, "MRM ranks modes more reliably than MSV", claim_mrm),
-    claim_subject(4, "MRMC keeps both rigid and flexible modes", claim_mrmc),
-    claim_subject(2, "Updating makes a reduced model accurate again", claim_update),
-    claim_subject(
-        3,
-        "The procedure takes unstable models too; stable ones come out better",
-        claim_unstable,
-        (STABLE, UNSTABLE),
-    ),
+    claim_subject(1, claim_mrm),
+    claim_subject(4, claim_mrmc),
+    claim_subject(2, claim_update),
+    claim_subject(3, claim_unstable, (STABLE, UNSTABLE)),
 )

@@ -45,6 +45,7 @@ from reproduction.framework.findings import (
     Subject,
     columns,
     judged,
+    prose,
     spread,
     thesis_table,
 )
@@ -76,17 +77,7 @@ _DRIFT_SEEDS = range(1, 11)
 
 
 def full_model_errors(code: str, rig: str, seed: int) -> tuple[float, ...]:
-    """Return the four errors by data matching of a full model from a rig that is easier to model.
-
-    Parameters
-    ----------
-    code
-        A key of `EXAMPLES`.
-    rig
-        A key of `RIGS`. Where there is no friction, none is compensated either.
-    seed
-        Of the record.
-    """
+    """Return the four errors by data matching of a full model from one of the easier `RIGS`."""
     example, changed = EXAMPLES[code], RIGS[rig]
     entry = experiment(example.experiment)
     if entry.law and "coulomb_friction_nm" in changed:
@@ -113,29 +104,18 @@ def drift_table(code: str, results: Results) -> SideBySide:
         errors = [results[Call(full_model_errors, (code, rig, seed))] for seed in _DRIFT_SEEDS]
         rows.append((rig, *map(error_text, np.median(errors, axis=0).tolist())))
     return SideBySide(
-        f"Errors of the full model by data matching when the rig is easier to model; medians of "
-        f"{len(_DRIFT_SEEDS)} records",
+        prose("table-3-xb.drift_title", seeds=len(_DRIFT_SEEDS)),
         ("rig", *SENSORS),
         tuple(rows),
     )
 
 
 RATIO_NEAR = 0.15
-"""What a step costs agrees within 15 %: our own records differ by as much among themselves."""
+"""Costs of a step agree within 15 %: our own records differ by as much among themselves."""
 
 
 def compare_errors(rows: Sequence[ThesisRow], found: Records, *, reason: str) -> Finding:
-    """Set the errors of a model and its reduced ones beside the thesis's.
-
-    Parameters
-    ----------
-    rows : sequence of ThesisRow
-        The thesis's errors.
-    found : Records
-        Ours; the verdict is on those with strong noise.
-    reason : str
-        Why the stages come in another order, if they do.
-    """
+    """Compare a model and its reduced ones with the thesis's; judge those with strong noise."""
     full = _full_means(rows)
     noisy = found.noisy
     theirs = {(row.stage, row.validation): row.mean for row in rows}
@@ -190,13 +170,8 @@ def _full_means(rows: Sequence[ThesisRow]) -> dict[Validation, float]:
 def _table(rows: Sequence[ThesisRow], found: Records) -> SideBySide:
     full = _full_means(rows)
     return SideBySide(
-        f"Errors of {found.example.code} and its reduced models: position, base gauge, middle "
-        f"gauge and speed, and their mean; ours are medians over {len(found.noisy)} records, with "
-        "the range",
-        columns(
-            "stage | by | thesis | thesis mean | ours | our mean | over full: thesis | ours | "
-            "ours, little noise"
-        ),
+        prose("table-3-xb.title", code=found.example.code, records=len(found.noisy)),
+        columns(prose("table-3-xb.columns")),
         tuple(
             (
                 STAGES[row.stage],
@@ -221,8 +196,7 @@ def _own_table(rows: Sequence[ThesisRow], found: Records) -> SideBySide:
             label += ", C instead of B"
         shown += [(label, name, "dmv"), (label, name, "sfv")]
     return SideBySide(
-        f"What the thesis does not show of {found.example.code}: other updates, and balanced "
-        "truncation to as many states as MRM keeps",
+        prose("table-3-xb.own_title", code=found.example.code),
         ("stage", "by", "ours", "our mean", "over full", "over full, little noise"),
         tuple(
             (
@@ -255,39 +229,16 @@ def _text(found: Records) -> tuple[str, ...]:
     moved = sum(bool(trial.moved) for trial in noisy)
     difference = max(trial.realisation_difference for trial in (*low, *noisy))
     lines = [
-        (
-            f"Full models have {example.order} states as the thesis's and come from the first half "
-            f"of {example.experiment}, prepared as in section 2.5, by the thesis's ORSE. The "
-            "verdict is on records with strong noise, because the thesis's errors of the gauges "
-            "are large; the last column has little noise, where leaving a mode out shows more. "
-            "Set-point following is under the law of section 2.4, against a run of the rig with "
-            "that law."
-        ),
-        (
-            f"Kept in the record that the figures show, seed {shown.seed}: {states}. A pair is "
-            "never split, so a model can have one state more than the thesis's."
-        ),
-        (
-            "The strongest mode by MRM that MRMC leaves out is number "
-            f"{_left_out(noisy)} with strong noise, {_left_out(low)} with little."
-        ),
-        (
-            "Updated models have B fitted anew (3-11). The real form of a reduced model is written "
-            "down directly; identified from its own simulated output (3-10) it has the same "
-            f"frequency response within {difference:.0e} of its largest gain."
-        ),
+        prose("table-3-xb.text", order=example.order, record=example.experiment),
+        prose("table-3-xb.text2", seed=shown.seed, states=states),
+        prose("table-3-xb.text3", strong=_left_out(noisy), little=_left_out(low)),
+        prose("table-3-xb.text4", difference=difference),
     ]
     runaways = int(np.sum(means(noisy, INITIAL, "sfv") > RUNS_AWAY))
     if runaways:
-        lines.append(
-            f"In {runaways} of {len(noisy)} records set-point following runs away with the full "
-            "model itself, for the reason at Table 3-6; the parts of its error are of the others."
-        )
+        lines.append(prose("table-3-xb.text5", runaways=runaways, records=len(noisy)))
     if moved and not example.unstable:
-        lines.append(
-            f"In {moved} of {len(noisy)} records the model of this order is unstable; its "
-            "eigenvalues were moved inside the unit circle before B was fitted."
-        )
+        lines.append(prose("table-3-xb.text6", moved=moved, records=len(noisy)))
     return tuple(lines)
 
 
@@ -297,26 +248,6 @@ def _left_out(found: Sequence[ReductionTrial]) -> str:
 
 _DRIFT = frozenset({"3-2", "3-4"})
 """Tables whose full model matches the position far less well than the thesis's."""
-_DRIFT_TEXT = (
-    "The position is matched less well than by the thesis's full model. The last table shows what "
-    "that rests on: without friction, which no linear model has, the error falls; without gear "
-    "play and with little noise as well it is no larger than the thesis's. Less noise alone does "
-    "not do it in every example."
-)
-_REASONS: Mapping[str, str] = {
-    "3-2": "The thesis's MRMC leaves out mode 21/22, second by MRM, for a pair at 10.9 Hz, "
-    "seventh, and its gauges come out wrong by more than their signal. Ours leaves out weaker "
-    "ones with strong noise, see the text; the weaker what it leaves out, the less it costs. "
-    "MRM's model before its update costs more in ours.",
-    "3-3": "The thesis's update takes the error of the position from 0.255 to 0.098. Updating B "
-    "cannot do that in ours, updating C goes that way, see the second table: with it the updated "
-    "model is as good as the full one. The thesis does not say which of the two it updates.",
-    "3-4": "In our models of this record the slowest eigenvalue comes out unstable and is moved, "
-    "which costs the position as much as MSV loses in the thesis. The last table shows what "
-    "friction has to do with it. The thesis's MRMC leaves out no mode before the sixth by MRM, "
-    "ours often does, see the text.",
-}
-"""Why stages come in another order, where they do; found by looking at what was kept."""
 
 
 def _subject(number: str, code: str) -> Subject:
@@ -324,14 +255,14 @@ def _subject(number: str, code: str) -> Subject:
         finding = compare_errors(
             thesis_rows(thesis_table(f"table_{number.replace('-', '_')}b")),
             records_of(results, code),
-            reason=_REASONS.get(number, "What is kept differs by record."),
+            reason=prose(f"table-{number}b.reason"),
         )
         if number not in _DRIFT:
             return finding
         return replace(
             finding,
             tables=(*finding.tables, drift_table(code, results)),
-            text=(*finding.text, _DRIFT_TEXT),
+            text=(*finding.text, prose("table-3-xb.drift")),
         )
 
     return Subject(
@@ -342,4 +273,4 @@ def _subject(number: str, code: str) -> Subject:
     )
 
 
-SUBJECTS = (*tuple(_subject(number, code) for number, code in TABLES.items()),)
+SUBJECTS = tuple(_subject(number, code) for number, code in TABLES.items())

@@ -51,9 +51,9 @@ class Example:
         The reduced models by the stage's name, as the thesis lists them: ``mrm``, ``msv`` and
         ``mrmc`` are not updated, all others are.
     compensation
-        What happens to the Coulomb compensation in the input.
+        Treatment of the Coulomb compensation in the input.
     unstable
-        Whether the order is searched for a model with one slow unstable real eigenvalue.
+        Search for an order whose model has one slow unstable real eigenvalue.
     shown_seed
         The record that the figures show: the first one, or the first whose model of `order` is
         unstable.
@@ -115,21 +115,10 @@ SLOW = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """One model on the way.
+    """One model on the way, with the labels of the modes that it has of the full model.
 
-    Attributes
-    ----------
-    order
-        Number of states.
-    kept
-        Labels of the modes that it has of the full model; empty when they are not modes.
-    bending_hz
-        Frequencies of the bending modes that it has.
-    dmv
-        Errors of the four outputs by data matching, over the whole record.
-    sfv
-        Errors by set-point following; empty where the thesis has none, infinite when the loop
-        with the model runs away.
+    Errors are of the four outputs; `sfv` is empty where the thesis has none, and infinite when the
+    loop with the model runs away.
     """
 
     order: int
@@ -151,17 +140,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What the figures of one trial draw.
-
-    Attributes
-    ----------
-    dt_s
-        Sampling period.
-    measured, dmv
-        The record's outputs, and each stage's by data matching, (samples, 4).
-    set_point, sfv
-        The same for set-point following.
-    """
+    """Curves in the figures of one trial: outputs, (samples, 4), measured and of each stage."""
 
     dt_s: float
     measured: NDArray[np.float32]
@@ -191,7 +170,7 @@ class ReductionTrial:
         one comes a second, ending in `C_UPDATED`; with an unstable one its state before, called
         ``unstable``.
     realisation_difference
-        How far the frequency response of the reduced model identified anew (3-10) is from its own.
+        Distance of the frequency response of its realisation (3-10) from the reduced model's.
     models
         A, B and C of each stage, for the seed that the figures show only. A `StateSpace` cannot be
         pickled.
@@ -222,15 +201,7 @@ class ReductionTrial:
 
 
 class Records(NamedTuple):
-    """Results of an example, one per record.
-
-    Attributes
-    ----------
-    example : Example
-        The model.
-    low, noisy : sequence of ReductionTrial
-        Its trials with little noise, and with noise as strong as the thesis's.
-    """
+    """Trials of an example, one per record, with little noise and as strong as the thesis's."""
 
     example: Example
     low: Sequence[ReductionTrial]
@@ -258,7 +229,7 @@ def bending_modes(modes: Sequence[Mode], known_hz: Sequence[float]) -> list[Mode
 
 
 def is_rigid(mode: Mode, known_hz: Sequence[float]) -> bool:
-    """Whether a mode belongs to the rigid motion: it is real, or slower than the beam bends."""
+    """Return whether a mode belongs to the rigid motion: real, or slower than the beam bends."""
     return mode.frequency_hz < SLOW * min(known_hz)
 
 
@@ -300,18 +271,7 @@ def thesis_rows(table: Sequence[Mapping[str, Any]]) -> tuple[ThesisRow, ...]:
 
 
 def reversed_pairs(theirs: Mapping[str, float], ours: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Return the pairs of which the first is better in one and the second in the other.
-
-    Parameters
-    ----------
-    theirs, ours
-        Errors by name. Those that are level in either, see `DISTINCT`, are no pair.
-
-    Returns
-    -------
-    list of (str, str)
-        The one that is better in `theirs` first.
-    """
+    """Return the pairs, distinct in both, with the first better in one, the second in the other."""
     pairs = []
     for one, other in combinations(theirs, 2):
         better, worse = sorted((one, other), key=lambda name: theirs[name])

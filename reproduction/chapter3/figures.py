@@ -34,6 +34,7 @@ from reproduction.framework.findings import (
     SideBySide,
     Subject,
     judged,
+    prose,
     thesis_table,
 )
 
@@ -83,19 +84,7 @@ FIGURES = tuple(
 
 
 def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) -> Finding:
-    """Draw a stage of an example and judge it by the errors that the thesis gives for its figure.
-
-    A full model is judged by its four errors, a reduced one by what it costs.
-
-    Parameters
-    ----------
-    figure : FigureOf
-        What is drawn.
-    rows : sequence of ThesisRow
-        The thesis's errors of the example.
-    found : Records
-        Our results; the verdict is on those with strong noise.
-    """
+    """Draw a stage and judge a full model by its four errors, a reduced one by its cost."""
     example, low, noisy = found
     stage, validation = figure.stage, figure.validation
     thesis = {(row.stage, row.validation): row for row in rows}
@@ -177,19 +166,19 @@ def _pairs(theirs: np.ndarray, ours: np.ndarray) -> str:
 
 def _other_cost(cost: float, our_cost: float, quiet_cost: float) -> str:
     if cost > our_cost:
-        return (
-            "The noise of the gauges hides what is left out: with little noise the error grows "
-            f"{_times(quiet_cost)}."
-        )
+        return prose("figure-3-x.reason", growth=_times(quiet_cost))
     return "Our records depend more on the modes that are left out; no two rigs have the same ones."
 
 
 def _caption(shown: ReductionTrial, code: str, stage: str) -> str:
     kept = shown.stages[stage].kept
     modes = f" and keeps modes {', '.join(kept)}" if kept else ""
-    return (
-        f"The model has {shown.stages[stage].order} states{modes}. It comes from the first half of "
-        f"our record of {EXAMPLES[code].experiment} with seed {shown.seed} and strong noise."
+    return prose(
+        "figure-3-x.caption",
+        states=shown.stages[stage].order,
+        modes=modes,
+        record=EXAMPLES[code].experiment,
+        seed=shown.seed,
     )
 
 
@@ -232,4 +221,4 @@ def _subject(figure: FigureOf) -> Subject:
     )
 
 
-SUBJECTS = (*tuple(map(_subject, FIGURES)),)
+SUBJECTS = tuple(map(_subject, FIGURES))

@@ -17,6 +17,7 @@ from reproduction.framework.findings import (
     Subject,
     judged,
     p_text,
+    prose,
     sign_test,
     thesis_table,
 )
@@ -101,10 +102,7 @@ def trial_modes(trial: ReductionTrial) -> tuple[RankedMode, ...]:
 
 
 def preference(modes: Sequence[RankedMode]) -> float:
-    """Return by how many ranks MSV prefers bending modes to the rigid motion more than MRM does.
-
-    Each kind's mean of its places lost from MRM to MSV; the difference of the two.
-    """
+    """Return the ranks by which MSV prefers bending to rigid modes more than MRM does."""
     lost = {
         kind: np.mean([mode.msv - mode.mrm for mode in modes if mode.kind == kind])
         for kind in ("rigid", "bending")
@@ -113,15 +111,7 @@ def preference(modes: Sequence[RankedMode]) -> float:
 
 
 def compare_ranks(table: Mapping[str, Any], found: Records) -> Finding:
-    """Set the modes of a model beside the thesis's.
-
-    Parameters
-    ----------
-    table : mapping
-        The thesis's modes.
-    found : Records
-        Ours; the verdict is on those with little noise.
-    """
+    """Set the modes of a model beside the thesis's; judge those with little noise."""
     example, low, noisy = found
     theirs = thesis_modes(table)
     by_label = {mode.label: mode for mode in theirs}
@@ -163,8 +153,12 @@ def _ranks_beside(
 ) -> SideBySide:
     empty = ("",) * len(_HEADINGS)
     return SideBySide(
-        f"Modes of {example.code}: the thesis's on the left, ours from {example.experiment} with "
-        f"little noise, seed {example.shown_seed}, on the right",
+        prose(
+            "table-3-xa.modes_title",
+            code=example.code,
+            record=example.experiment,
+            shown_seed=example.shown_seed,
+        ),
         (*_HEADINGS, *(f"our {heading}" for heading in _HEADINGS)),
         tuple(
             (*(left.cells if left else empty), *(right.cells if right else empty))
@@ -192,8 +186,7 @@ def _kind_table(
         for kind in ("rigid", "bending", "other")
     ]
     return SideBySide(
-        f"Mean rank by MRM / by MSV of each kind of mode of {example.code}; ours as the median "
-        f"over {len(low)} records",
+        prose("table-3-xa.kinds_title", code=example.code, records=len(low)),
         ("modes", "thesis", "ours, little noise", "ours, strong noise"),
         tuple(rows),
     )
@@ -207,16 +200,13 @@ def _text(found: Records) -> tuple[str, ...]:
         for each in (low, noisy)
     ]
     lines = [
-        (
-            f"The arm of the simulated rig bends at {beam_hz} Hz with this payload. A vibrating "
-            "mode of a model counts as one of these when its frequency is nearest to it and "
-            f"within a factor of {np.exp(BENDING_NEAR):.2f}, and a mode as rigid when it is real "
-            "or has less than half of the first one's frequency."
-        ),
-        (
-            "The modes are compared with little noise, where all three bending modes are found in "
-            f"{third[0]} of {len(low)} records; with strong noise, as in Table "
-            f"{_number(example.code)}b, in {third[1]}."
+        prose("table-3-xa.text", beam_hz=beam_hz, factor=np.exp(BENDING_NEAR)),
+        prose(
+            "table-3-xa.text2",
+            little=third[0],
+            records=len(low),
+            number=_number(example.code),
+            strong=third[1],
         ),
     ]
     if example.unstable:
@@ -224,13 +214,19 @@ def _text(found: Records) -> tuple[str, ...]:
         moved = [abs(trial.moved[0]) for trial in low]
         shown = found.shown(noisy=False)
         lines.append(
-            f"The unstable model was found by a search: of each record the order nearest to "
-            f"{example.order}, of {SEARCHED[0]} to {SEARCHED[-1]}, whose model has one real "
-            "eigenvalue outside the unit circle and no other. That is order "
-            f"{example.order} itself in {orders.count(example.order)} of {len(low)} "
-            f"records, orders {min(orders)} to {max(orders)} in all; the eigenvalue lies between "
-            f"{min(moved):.6f} and {max(moved):.6f}, in the record that is shown at "
-            f"{abs(shown.moved[0]):.6f} (thesis: 1.0000235). It is the slowest of the rigid motion."
+            prose(
+                "table-3-xa.text3",
+                order=example.order,
+                first=SEARCHED[0],
+                last=SEARCHED[-1],
+                same=orders.count(example.order),
+                records=len(low),
+                least=min(orders),
+                most=max(orders),
+                nearest=min(moved),
+                farthest=max(moved),
+                moved=abs(shown.moved[0]),
+            )
         )
     return tuple(lines)
 
@@ -255,4 +251,4 @@ def _subject(number: str, code: str) -> Subject:
     return Subject(f"table-{number}a", title, both_calls(code), build)
 
 
-SUBJECTS = (*tuple(_subject(number, code) for number, code in TABLES.items()),)
+SUBJECTS = tuple(_subject(number, code) for number, code in TABLES.items())

@@ -31,6 +31,8 @@ from reproduction.framework.findings import (
     SideBySide,
     Subject,
     judged,
+    prose,
+    subject,
     thesis_table,
 )
 
@@ -43,7 +45,7 @@ if TYPE_CHECKING:
 
 
 PEAK_DB = 3.0
-"""What stands out of a response by as much is a peak."""
+"""A local maximum of this prominence is a peak."""
 PEAK_NEAR = 0.1
 """A peak belongs to a bending mode within a tenth of its frequency."""
 UNCHANGED = 0.1
@@ -67,15 +69,7 @@ def gains_db(matrices: Matrices, frequencies_hz: NDArray[np.float64]) -> NDArray
 
 
 def peaks_hz(matrices: Matrices, known_hz: Sequence[float]) -> tuple[float, ...]:
-    """Return the frequencies of the peaks of either gauge that belong to known modes.
-
-    Parameters
-    ----------
-    matrices
-        The model.
-    known_hz
-        Frequencies of the modes, falling nowhere.
-    """
+    """Return the frequencies, Hz, of the peaks of either gauge that belong to known modes."""
     grid = frequency_grid(_model(matrices), _LOWEST_HZ)
     gauges = gains_db(matrices, grid)[:, 1:3]
     peaks = np.sort(
@@ -92,13 +86,7 @@ def peaks_hz(matrices: Matrices, known_hz: Sequence[float]) -> tuple[float, ...]
 
 
 def compare_responses(found: Records) -> Finding:
-    """Draw the responses of an updated model and look for its bending modes.
-
-    Parameters
-    ----------
-    found : Records
-        Results of the example; the verdict is on those with little noise.
-    """
+    """Draw the responses of an updated model and find its bending modes with little noise."""
     example, low, noisy = found
     shown = found.shown(noisy=False)
     matrices = shown.models["updated"]
@@ -126,24 +114,19 @@ def compare_responses(found: Records) -> Finding:
             ),
         ),
         text=(
-            (
-                f"The model comes from our record of {example.experiment} with seed {shown.seed} "
-                "and little noise; with strong noise it has all three modes in "
-                f"{whole_noisy} of {len(noisy)} records. Lines as in the thesis; the thin ones "
-                "mark the arm's own frequencies."
+            prose(
+                "figure-3-8.text",
+                record=example.experiment,
+                seed=shown.seed,
+                whole_noisy=whole_noisy,
+                records=len(noisy),
             ),
         ),
     )
 
 
 def compare_forced(found: Records) -> Finding:
-    """Draw the responses before and after an unstable eigenvalue was moved.
-
-    Parameters
-    ----------
-    found : Records
-        Results of the unstable example.
-    """
+    """Draw the responses of the unstable example before and after its eigenvalue was moved."""
     example, low, noisy = found
     shown = found.shown(noisy=True)
     known = example.known_modes_hz
@@ -176,13 +159,7 @@ def compare_forced(found: Records) -> Finding:
             )
             for name, stage in (("unstable", "unstable"), (_FORCED, INITIAL))
         ),
-        text=(
-            (
-                "The text announces Figures 3-18 to 3-27; the last one that is printed is 3-26. In "
-                "place of the other: what forcing the unstable eigenvalue does to the model. "
-                f"Ours moves from {abs(shown.moved[0]):.6f} to {moved_to:.6f}."
-            ),
-        ),
+        text=(prose("figure-3-27.text", moved=abs(shown.moved[0]), moved_to=moved_to),),
     )
 
 
@@ -217,19 +194,12 @@ def _plot(matrices: Matrices, known_hz: Sequence[float], description: str) -> st
         return inline_svg(figure, description)
 
 
-def _subject(key: str, code: str, title: str, compare: Callable[[Records], Finding]) -> Subject:
-    return Subject(
-        key, f"{code}{title}", both_calls(code), lambda results: compare(records_of(results, code))
-    )
+def _subject(key: str, code: str, compare: Callable[[Records], Finding]) -> Subject:
+    return subject(key, both_calls(code), lambda results: compare(records_of(results, code)))
 
 
 SUBJECTS = (
-    _subject("figure-3-8", "Ac3_18", ", updated: frequency responses", compare_responses),
-    _subject("figure-3-26", "Ac3_21u", ", updated: frequency responses", compare_responses),
-    _subject(
-        "figure-3-27",
-        "Ac3_21u",
-        " before and after its unstable eigenvalue was forced",
-        compare_forced,
-    ),
+    _subject("figure-3-8", "Ac3_18", compare_responses),
+    _subject("figure-3-26", "Ac3_21u", compare_responses),
+    _subject("figure-3-27", "Ac3_21u", compare_forced),
 )

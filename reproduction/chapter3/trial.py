@@ -62,17 +62,7 @@ SEARCHED = range(15, 37)
 
 
 def reduction_trial(code: str, noise: str, seed: int) -> ReductionTrial:
-    """Identify, reduce and update one example of chapter 3.
-
-    Parameters
-    ----------
-    code
-        A key of `EXAMPLES`.
-    noise
-        A key of `NOISE_V`.
-    seed
-        Of the record.
-    """
+    """Identify, reduce and update one of the `EXAMPLES`, with one of the `NOISE_V`."""
     example = EXAMPLES[code]
     record = _record(example, noise, seed)
     trained = fitted_half(record)
@@ -267,11 +257,7 @@ def means(
 def ratios(
     found: Sequence[ReductionTrial], stage: str, validation: Validation = "dmv"
 ) -> NDArray[np.float64]:
-    """Return the mean errors of a stage as parts of the full model's.
-
-    Records are left out in which the loop with the full model runs away; where that is all of
-    them, the part is infinite.
-    """
+    """Return the mean errors of a stage over the full model's, where that is stable."""
     full = means(found, INITIAL, validation)
     steady = full < RUNS_AWAY
     if not steady.any():

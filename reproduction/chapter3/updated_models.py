@@ -13,10 +13,11 @@ from reproduction.framework.findings import (
     LEVEL,
     Finding,
     SideBySide,
-    Subject,
     columns,
     judged,
     p_text,
+    prose,
+    subject,
     thesis_table,
 )
 
@@ -52,16 +53,7 @@ def compare_models(
     found: Mapping[str, Sequence[ReductionTrial]],
     filtered: Mapping[str, Sequence[ReductionTrial]],
 ) -> Finding:
-    """Set the errors of the updated models beside the thesis's.
-
-    Parameters
-    ----------
-    table
-        The thesis's models by name.
-    found, filtered
-        Our results by example, with strong noise; with the input filtered too. The verdict is on
-        the first.
-    """
+    """Set the updated models beside the thesis's; judge those without the filtered input."""
     kinds: tuple[Validation, ...] = ("dmv", "sfv")
     theirs = {kind: [table[name][f"{kind}_mean"] for name in MODEL_STAGES] for kind in kinds}
     ours = {kind: _medians(found, kind) for kind in kinds}
@@ -90,30 +82,22 @@ def compare_models(
             )
             + f". Set-point following runs away with {_names(runaways)}; with the input filtered "
             f"too with {_names(runaways_filtered)}.",
-            reason=f"By data matching {len(others)} of the thesis's {len(MODEL_STAGES)} models lie "
-            f"within {min(others):.2f} and {max(others):.2f}, less apart than our records of one "
-            "experiment, so their order says little; the two from O_dat2 suffer from friction, see "
-            "Table 3-4b. Set-point following runs away where the low-pass filter of section 2.5 is "
-            "on the outputs alone: the model then has the filter's delay, which the loop does not "
-            "have.",
+            reason=prose(
+                "table-3-6.reason",
+                others=len(others),
+                models=len(MODEL_STAGES),
+                low=min(others),
+                high=max(others),
+            ),
         ),
         tables=(
             SideBySide(
                 "Mean errors; ours as median and range over the records",
-                columns(
-                    "model | record | modes by | our states | DMV | ours | SFV | ours | "
-                    "ours, input filtered too"
-                ),
+                columns(prose("table-3-6.columns")),
                 tuple(_row(name, table[name], found, filtered) for name in MODEL_STAGES),
             ),
         ),
-        text=(
-            (
-                "All models are updated in B. Records have strong noise, full models the thesis's "
-                "orders. Table 2-6 lists O_dat6 for the model Ao10_12; by its name and Table 2-1 "
-                "it is O_dat10, which we take. Ac11r_8c is reduced from Ac11_18c at once."
-            ),
-        ),
+        text=(prose("table-3-6.text"),),
     )
 
 
@@ -160,9 +144,8 @@ def _build(results: Results) -> Finding:
 
 
 SUBJECTS = (
-    Subject(
+    subject(
         "table-3-6",
-        "Updated reduced models",
         tuple(
             call for code in CODES for noise in (THESIS, FILTERED) for call in calls(code, noise)
         ),

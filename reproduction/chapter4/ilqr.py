@@ -27,8 +27,10 @@ from reproduction.framework.findings import (
     columns,
     judged,
     p_text,
+    prose,
     sign_test,
     spread,
+    subject,
     thesis_table,
 )
 from reproduction.framework.plots import time_plot
@@ -50,30 +52,14 @@ HELD_V = 0.05
 OVERSHOOT = 0.06
 HUNTS = 0.2
 _FIGURES = (("4-15", 3.0, False), ("4-16", 3.0, True), ("4-17", 5.0, False), ("4-18", 5.0, True))
-TEXT = (
-    "The thesis prints the gains of its ILQR law, not the model that they belong to. Ours is "
-    "designed by the same four steps on a model of order 8 identified from our C_dat11 (300 g). "
-    "Simulated means Figure 4-14 without disturbance; implemented means on the simulated rig, "
-    "whose friction is not compensated here."
-)
+TEXT = prose("chapter-4.ilqr")
 
 
 @dataclass(frozen=True)
 class IlqrTrial:
     """Figures of one step under ILQR, and of the same step under PDPC.
 
-    Attributes
-    ----------
-    overshoot, swing_v
-        Under ILQR: overshoot, and position peak to peak from 10 s on, V.
-    last_swing_v
-        Position peak to peak over the last 2 s, V.
-    reversals
-        How often the arm turned round faster than its noise, from the first crossing on.
-    error_v, pdpc_error_v
-        Mean error over the last 2 s, V, of either law.
-    pdpc_overshoot
-        Overshoot of PDPC.
+    Swings are peak to peak, from 10 s on and over the last 2 s; errors are means over the last 2 s.
     """
 
     overshoot: float
@@ -180,9 +166,12 @@ def _figure(setpoint_v: float, effort: bool, results: Results) -> Finding:  # no
     )
     judge = held_judgement if setpoint_v == SETPOINTS_V[0] else hunting_judgement
     gains, design = thesis_table("section_4_4"), design_ilqr(identified_model())
-    note = (
-        f"K_P is {design.kp:.3f} here and {gains['kp']:.3f} in the thesis; K_I is {design.ki:g} "
-        f"here and {gains['ki']:g} there: each belongs to its own model."
+    note = prose(
+        "chapter-4.ilqr_gains",
+        kp=design.kp,
+        thesis_kp=gains["kp"],
+        ki=design.ki,
+        thesis_ki=gains["ki"],
     )
     return Finding(
         judge(trials),
@@ -331,16 +320,6 @@ SUBJECTS = (
         )
         for number, setpoint_v, effort in _FIGURES
     ),
-    Subject(
-        "claim-4-4",
-        "ILQR is not as good as PDPC, and needs one sensor",
-        (*needs_at(SETPOINTS_V[0]), *needs_at(SETPOINTS_V[1])),
-        _claim,
-    ),
-    Subject(
-        "claim-4-7",
-        "ILQR holds a constant disturbance, not friction that reverses (4.4)",
-        (*needs_at(SETPOINTS_V[0]), *needs_at(SETPOINTS_V[1])),
-        _disturbance,
-    ),
+    subject("claim-4-4", (*needs_at(SETPOINTS_V[0]), *needs_at(SETPOINTS_V[1])), _claim),
+    subject("claim-4-7", (*needs_at(SETPOINTS_V[0]), *needs_at(SETPOINTS_V[1])), _disturbance),
 )

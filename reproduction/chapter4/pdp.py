@@ -32,11 +32,12 @@ from reproduction.framework.findings import (
     Judgement,
     Plot,
     SideBySide,
-    Subject,
     columns,
     judged,
     p_text,
+    prose,
     sign_test,
+    subject,
     thesis_table,
 )
 from reproduction.framework.rig import STEP_S, step_to, step_trial
@@ -63,20 +64,10 @@ _LOOKS = (SOLID, DASHED, DOTTED)
 
 @dataclass(frozen=True)
 class Tuned:
-    """A tuned PDP law.
+    """Tuned PDP law: Kp, Kd, Ksg, its J of (4-3) and the sums of (4-4) and (4-5).
 
-    Attributes
-    ----------
-    gains
-        Kp, Kd, Ksg.
-    criterion, error_itae_sum, strain_itae_sum
-        J of (4-3) and the sums of (4-4) and (4-5).
-    gain_margins_db, phase_margins_deg
-        Margins on each model.
-    active
-        What holds the gains where they are.
-    criteria
-        J that each starting point led to.
+    Margins are on each model, `active` are the constraints at the optimum, `criteria` the J of each
+    starting point.
     """
 
     gains: tuple[float, float, float]
@@ -140,23 +131,19 @@ def _table(results: Results) -> Finding:
         )
         for each in found.values()
     ]
-    names = columns(
-        "Kp | Kd | Ksg | J | sum of E | sum of Y | least gain margin, dB | "
-        "least phase margin, deg | held by"
-    )
+    names = columns(prose("table-4-2.columns"))
     rows = tuple((name, *cells) for name, *cells in zip(names, thesis, *found_cells, strict=True))
     heading = ("", "thesis", *(f"ours, {words}" for words in SIGNS.values()))
     return Finding(
         tuning_judgement(found[False], found[True]),
         (SideBySide("Tuned gains, from three starting points", heading, rows),),
         text=(
-            (
-                "The models are those of Appendix B for 0, 200 and 400 g, W_E = W_sg = 0.5, 5 s of "
-                "a step. J is that of (4-3): 0.5 of each sum. The thesis's row does not fit it "
-                f"(0.5 · {error_sum} + 0.5 · {strain_sum} = {0.5 * (error_sum + strain_sum):.3f}, "
-                f"not {printed['criterion']:.3f}), so J is compared between our starting points "
-                "only. On the models as printed the thesis's gains do not keep its own gain margin "
-                "with the larger payloads: see Appendix B."
+            prose(
+                "table-4-2.text",
+                error_sum=error_sum,
+                strain_sum=strain_sum,
+                total=0.5 * (error_sum + strain_sum),
+                criterion=printed["criterion"],
             ),
         ),
     )
@@ -207,13 +194,7 @@ def _figure(results: Results) -> Finding:
             Plot("Gain of the loop (4-2) with the trial gains", _loop_plot(phase=False)),
             Plot("Its phase", _loop_plot(phase=True)),
         ),
-        (
-            (
-                f"Trial gains Kp = {TRIAL_GAINS.kp:g}, Kd = {TRIAL_GAINS.kd:g}, Ksg = "
-                f"{TRIAL_GAINS.ksg:g}, models of Appendix B. The thesis prints no margins; it says "
-                "what becomes of them with more payload."
-            ),
-        ),
+        (prose("figure-4-8.text", kp=TRIAL_GAINS.kp, kd=TRIAL_GAINS.kd, ksg=TRIAL_GAINS.ksg),),
     )
 
 
@@ -253,7 +234,7 @@ PAYLOADS_KG = (0.0, 0.1, 0.2, 0.3, 0.4)
 SETPOINT_V = 3.0
 BASE = PdpGains()
 LOUDER_DB = (0.0, 5.0, 15.0)
-"""How much Kp is raised: not, by half of the margin of 10 dB, and beyond it."""
+"""Increases of Kp: none, half of the margin of 10 dB, and beyond the margin."""
 WELL = 0.1
 """A step goes well when it overshoots by less than this share and settles."""
 
@@ -294,14 +275,7 @@ def _claim(results: Results) -> Finding:
                 rows,
             ),
         ),
-        text=(
-            (
-                "PDPC with the gains of Table 4-2, with all payloads. Then the margin on the "
-                "printed models, which Appendix B lists, is used up: Kp is raised. Friction brings "
-                "the arm to rest even beyond the margin, after many swings: so a step goes well "
-                f"when it overshoots by less than {WELL:.0%} and settles within {STEP_S:g} s."
-            ),
-        ),
+        text=(prose("claim-4-2.text", well=WELL, step_s=STEP_S),),
     )
 
 
@@ -321,21 +295,10 @@ def margin_judgement(shares: dict[float, list[float]]) -> Judgement:
 
 
 SUBJECTS = (
-    Subject(
-        "table-4-2",
-        "PDP law tuned for 0, 200 and 400 g from three starting points",
-        tuple(Call(tuned_pdp, (flipped,)) for flipped in SIGNS),
-        _table,
-    ),
-    Subject(
-        "figure-4-8",
-        "Open loop with the trial gains for three payloads",
-        (Call(loop_margins),),
-        _figure,
-    ),
-    Subject(
+    subject("table-4-2", tuple(Call(tuned_pdp, (flipped,)) for flipped in SIGNS), _table),
+    subject("figure-4-8", (Call(loop_margins),), _figure),
+    subject(
         "claim-4-2",
-        "Ample gain and phase margins make the loop robust",
         tuple(Call(louder_steps, (louder_db, seed)) for louder_db in LOUDER_DB for seed in SEEDS),
         _claim,
     ),

@@ -18,22 +18,16 @@ from reproduction.framework.findings import (
     Judgement,
     Plot,
     SideBySide,
-    Subject,
     columns,
     judged,
     p_text,
+    prose,
     sign_test,
     spread,
+    subject,
 )
 from reproduction.framework.plots import time_plot
-from reproduction.framework.rig import (
-    AT_REST_S,
-    RATE_HZ,
-    StepTrial,
-    run_law,
-    step_to,
-    step_trial,
-)
+from reproduction.framework.rig import AT_REST_S, RATE_HZ, StepTrial, run_law, step_to, step_trial
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,15 +48,8 @@ ZERO_ERROR_V = 0.05
 OVERSHOOT = 0.10
 _BASE, _MIDDLE = 1, 2
 _WORST_KG, _WORST_V, _PERIOD_S, _PERIODS = 0.4, 5.0, 20.0, 2
-GAUGE_TEXT = (
-    f"The simulated gauge has noise of {RigParameters().noise_v[1]:g} V, more than the vibration "
-    "that is left: so vibration is what the gauge would show without noise, and the measured "
-    "figure stands beside it."
-)
-SETTLING_TEXT = (
-    "The gains are those of Table 4-2 for every payload. When a step of 1 V settles is a matter of "
-    "luck: its band of 5 % is 0.05 V, which is the law's own threshold."
-)
+GAUGE_TEXT = prose("chapter-4.gauge", noise_v=RigParameters().noise_v[1])
+SETTLING_TEXT = prose("chapter-4.settling")
 
 
 @dataclass(frozen=True)
@@ -153,10 +140,7 @@ def vibration_table(trials: Sequence[Trials]) -> tuple[SideBySide, dict[float, f
     heading = columns(
         "step | conditional, mV | unconditional, mV | ratio as measured | conditional is calmer"
     )
-    title = (
-        f"Vibration at the base gauge from {AT_REST_S:g} s on (root mean square), {len(SEEDS)} "
-        "seeds"
-    )
+    title = prose("chapter-4.vibration", at_rest_s=AT_REST_S, seeds=len(SEEDS))
     return SideBySide(title, heading, tuple(rows)), calmer
 
 
@@ -311,38 +295,21 @@ def _conditional(results: Results) -> Finding:
 
 
 SUBJECTS = (
-    Subject(
+    subject(
         "figure-4-10",
-        "Strain gauges with conditional and unconditional compensation",
         (
             *TRIALS,
             *(Call(pdpc_step, (name, 0.0, 1.0, SHOWN)) for name in ("pdpc", "pdpc_unconditional")),
         ),
         _strain,
     ),
-    Subject(
+    subject(
         "figure-4-11",
-        "PDPC with three payloads and set-points",
         (*TRIALS, *(Call(pdpc_step, ("pdpc", kg, volts, SHOWN)) for kg, volts in CASES)),
         _payloads,
     ),
-    Subject(
-        "figure-4-12",
-        "Strain gauges with 400 g and a square wave of 5 V",
-        tuple(Call(pdpc_square, (seed,)) for seed in SEEDS[:5]),
-        _square,
-    ),
-    Subject(
-        "claim-4-3",
-        "Friction compensation is needed for zero tracking error",
-        TRIALS,
-        _compensation,
-    ),
-    Subject("claim-4-5", "One set of PDPC gains does for 0 to 400 g (4.3)", TRIALS, _robust),
-    Subject(
-        "claim-4-6",
-        "The compensation should be conditional: gear hitting makes the arm vibrate (4.5, 3)",
-        TRIALS,
-        _conditional,
-    ),
+    subject("figure-4-12", tuple(Call(pdpc_square, (seed,)) for seed in SEEDS[:5]), _square),
+    subject("claim-4-3", TRIALS, _compensation),
+    subject("claim-4-5", TRIALS, _robust),
+    subject("claim-4-6", TRIALS, _conditional),
 )

@@ -38,8 +38,10 @@ from reproduction.framework.findings import (
     Subject,
     judged,
     p_text,
+    prose,
     sign_test,
     spread,
+    subject,
     thesis_table,
 )
 from reproduction.framework.rig import RATE_HZ, STEP_S, simulated_record, step_to
@@ -79,18 +81,9 @@ class _Compensated:
 
 @dataclass(frozen=True)
 class PiCase:
-    """One model, its PI law, and the step that the law makes on the model and on the rig.
+    """One model, its PI law, and the step to 3 V that the law makes on the model and on the rig.
 
-    Attributes
-    ----------
-    order
-        States of the reduced model.
-    kp, ki, criterion
-        Gains and J of (4-1).
-    error_v, rise_s
-        Steady-state error for a step of 1 V and rise time, both on the model.
-    time_s, simulated_v, implemented_v : ndarray, (samples,)
-        A step to 3 V: position on the model and on the rig.
+    The criterion is J of (4-1); the error for a step of 1 V and the rise time are on the model.
     """
 
     order: int
@@ -117,15 +110,7 @@ class PiCase:
 
 
 def pi_case(code: str, seed: int) -> PiCase:
-    """Identify, reduce and update a model, tune the PI law on it, and step model and rig.
-
-    Parameters
-    ----------
-    code
-        A key of `CODES`.
-    seed
-        Of the record, and of the noise of the step.
-    """
+    """Identify, reduce and update one of the `CODES`, tune its PI law, step model and rig."""
     record, order, reduced_order, flexible_modes = CODES[code]["made"]
     entry = experiment(record)
     arm = RigParameters(payload_kg=entry.payload_kg)
@@ -174,17 +159,8 @@ FIGURE_MATCH = 0.06
 
 _OTHER = tuple(code for code in CODES if not _knows_no_friction(code))
 _BEST = "Ac3r_10"
-_TEXT = (
-    "Each model is identified from the first half of its record by the thesis's ORSE with the "
-    "thesis's order, reduced by MRMC with the known modes, and updated. The PI law is tuned on it "
-    "by (4-1), over 5 s of a step of 1 V. Figures of ours: median and range over "
-    f"{len(SEEDS)} seeds."
-)
-_IMPLEMENTED = (
-    "The thesis does not say what compensated the friction when the laws were implemented. A model "
-    "of type II knows of none, and its law alone stops where the drive no longer overcomes it; so "
-    "it is implemented with the compensation of its record "
-    f"({experiment(CODES[_BEST]['made'][0]).gains['compensation_v']:g} V), the others without."
+_IMPLEMENTED = prose(
+    "chapter-4.compensation", level_v=experiment(CODES[_BEST]["made"][0]).gains["compensation_v"]
 )
 
 
@@ -213,7 +189,7 @@ def _table(results: Results) -> Finding:
     return Finding(
         table_judgement({code: cases(results, code) for code in CODES}),
         (SideBySide("PI laws", ("model", "type", "figure", "thesis", "ours"), tuple(rows)),),
-        text=(_TEXT,),
+        text=(prose("table-4-1.text", seeds=len(SEEDS)),),
     )
 
 
@@ -269,8 +245,7 @@ def _figure(code: str, results: Results) -> Finding:
         figure_judgement(code, float(np.median(mismatches)), others),
         plots=(
             Plot(
-                f"PI law of {code}, step to {SETPOINT_V:g} V: on the rig (solid) and on its model "
-                f"(dotted), the seed of the median difference",
+                prose("pi-law.caption", code=code, setpoint_v=SETPOINT_V),
                 svg,
             ),
         ),
@@ -328,7 +303,7 @@ def claim_judgement(p_values: dict[str, float]) -> Judgement:
 
 
 SUBJECTS = (
-    Subject("table-4-1", "PI laws tuned on models of three types", _NEEDS, _table),
+    subject("table-4-1", _NEEDS, _table),
     *(
         Subject(
             f"figure-{number}",
@@ -338,10 +313,5 @@ SUBJECTS = (
         )
         for number, code in FIGURES.items()
     ),
-    Subject(
-        "claim-4-1",
-        "Models from closed-loop data without the compensation are closest to the arm",
-        _NEEDS,
-        _claim,
-    ),
+    subject("claim-4-1", _NEEDS, _claim),
 )

@@ -27,7 +27,7 @@ import flexarm_control
 import flexarm_core
 import flexarm_daq
 import flexarm_ident
-from reproduction.framework.findings import ReproductionError
+from reproduction.framework.findings import ReproductionError, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     Progress = Callable[[str, float], None]
 
 CONNECT_S = 10.0
-"""How long a scheduler may take to answer, and to have a worker."""
+"""Deadline of a scheduler to answer, and to have a worker."""
 SOURCES = (
     Path(__file__).parents[1],
     *(
@@ -53,15 +53,7 @@ _COMPRESSION = 3
 
 @dataclass(frozen=True)
 class Workers:
-    """The processes that compute.
-
-    Attributes
-    ----------
-    jobs : int
-        Processes on this machine; -1 is one per core. Each has one thread.
-    dask : str
-        Address of the scheduler of a Dask cluster that computes instead; empty for none.
-    """
+    """Processes that compute: `jobs` here, -1 for one per core, or those of a Dask cluster."""
 
     jobs: int = -1
     dask: str = ""
@@ -69,17 +61,7 @@ class Workers:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of one subject.
-
-    Attributes
-    ----------
-    subject : Subject
-        The subject.
-    finding : Finding or None
-        The finding; None when it failed.
-    failure : str
-        Why it failed, in one line; empty when it did not.
-    """
+    """Outcome of one subject: its finding, or None and the failure in one line."""
 
     subject: Subject
     finding: Finding | None
@@ -153,18 +135,18 @@ def reproduce(
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> tuple[Outcome, ...]:
-    """Compute what is missing in the store, and build the findings.
+    """Compute the results that the store lacks, and build the findings.
 
     Parameters
     ----------
     subjects : sequence of Subject
-        What is wanted.
+        Subjects to reproduce.
     store : Store
-        Where results are kept.
+        Store of the results.
     workers : Workers, optional
-        By default the cores of this machine.
+        Processes; by default the cores of this machine.
     progress : callable, optional
-        Called with a word and the part that is done.
+        Called with a word and the share that is done.
 
     Returns
     -------
@@ -174,7 +156,7 @@ def reproduce(
     Raises
     ------
     ReproductionError
-        When there is no cluster to compute on.
+        Without a cluster to compute on.
     """
     report = progress or (lambda _text, _part: None)
     calls = tuple(dict.fromkeys(call for subject in subjects for call in subject.needs))
@@ -209,21 +191,10 @@ def _outcome(subject: Subject, results: Results, failures: Mapping[Call, str]) -
 def computed(calls: Sequence[Call], workers: Workers) -> Iterator[tuple[Call, Any, str]]:
     """Compute calls, in the order in which they end.
 
-    Parameters
-    ----------
-    calls : sequence of Call
-        The computations.
-    workers : Workers
-        The processes.
-
     Yields
     ------
-    Call
-        One of them.
-    object
-        Its result; None when it failed.
-    str
-        Why it failed, in one line; empty when it did not.
+    tuple of Call, object and str
+        A call; its result, or None; the failure in one line, or an empty text.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The findings as pages of Markdown with pictures: an index, one page per chapter."""
+"""Pages of the findings: Markdown with pictures, an index and one page per chapter."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import html
 import re
 from typing import TYPE_CHECKING
 
-from reproduction.framework.findings import Verdict, count
+from reproduction.framework.findings import Subject, Verdict, count
 from reproduction.framework.selection import APPENDICES, page_of
 
 if TYPE_CHECKING:
@@ -34,19 +34,16 @@ _OURS = re.compile(r"(table|figure|claim|appendix)-[a-z0-9-]+-\d+\.svg")
 
 
 def write_document(outcomes: Sequence[Outcome], folder: Path, *, complete: bool) -> None:
-    """Write the pages and the pictures.
-
-    The same findings give the same bytes.
+    """Write the pages and the pictures; the same findings give the same bytes.
 
     Parameters
     ----------
-    outcomes
-        What came of the subjects, in the order of the thesis; those that failed are left out.
-    folder
-        Where ``index.md``, a page per chapter and the folder ``svg`` are written.
-    complete
-        Whether these are all subjects: then pictures of earlier runs that are no longer drawn are
-        removed.
+    outcomes : sequence of Outcome
+        Outcomes of the subjects, in the order of the thesis; failed ones are left out.
+    folder : Path
+        Folder of ``index.md``, a page per chapter and the folder ``svg``.
+    complete : bool
+        Remove pictures of earlier runs, as these are all subjects.
     """
     pictures = folder / PICTURES
     pictures.mkdir(parents=True, exist_ok=True)

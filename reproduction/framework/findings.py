@@ -29,10 +29,10 @@ SENSORS = ("position", "base gauge", "middle gauge", "speed")
 SEEDS = tuple(range(1, 21))
 """Seeds of the runs that a claim or a scatter rests on."""
 OFTEN = 0.5
-"""What happens in more than this share of the seeds happens in most of them."""
+"""An event in more than this share of the seeds occurs in most of them."""
 LEVEL = 0.05
 """A claim holds when chance alone would bear it out as often in fewer than 5 % of all cases."""
-_THESIS = Path(__file__).parents[1] / "thesis"
+_THESIS, _TEXTS = (Path(__file__).parents[1] / name for name in ("thesis", "texts"))
 
 
 class ReproductionError(FlexarmError):
@@ -49,20 +49,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict and its evidence.
-
-    Attributes
-    ----------
-    verdict : Verdict
-        Relation of our result to the thesis's.
-    because : str
-        The evidence in one or two sentences, with figures; where ours differs, why it does.
-
-    Raises
-    ------
-    ValueError
-        When there is no evidence.
-    """
+    """Verdict and its evidence: figures in one or two sentences, and the reason of a difference."""
 
     verdict: Verdict
     because: str
@@ -74,22 +61,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class SideBySide:
-    """A table with the thesis's figures beside ours.
-
-    Attributes
-    ----------
-    title : str
-        Its contents.
-    headings : tuple of str
-        One per column.
-    rows : tuple of tuple of str
-        Cells, as many in each row as there are headings.
-
-    Raises
-    ------
-    ValueError
-        When a row has another number of cells.
-    """
+    """Table with the thesis's figures beside ours; each row has a cell per heading."""
 
     title: str
     headings: tuple[str, ...]
@@ -168,7 +140,7 @@ class Subject:
     key : str
         Its name on the command line, such as ``table-2-4``, ``figure-4-11`` or ``claim-2-1``.
     title : str
-        What the thesis shows there, in our words.
+        The thesis's contents there, in our words.
     needs : tuple of Call
         Its computations. They run in parallel, are shared between subjects, and are kept.
     build : callable
@@ -198,12 +170,11 @@ def judged(*, agrees: bool, same_ranking: bool, evidence: str, reason: str) -> J
     Parameters
     ----------
     agrees, same_ranking : bool
-        Whether the figures agree within the subject's tolerance; whether at least the order of
-        the compared things is the thesis's.
+        The figures agree within the subject's tolerance; at least their order is the thesis's.
     evidence : str
-        What was found, with figures.
+        Our result, with figures.
     reason : str
-        Why ours differs; used only when it does.
+        Reason of a difference; used only for one.
     """
     if agrees:
         return Judgement(Verdict.AGREES, evidence)
@@ -223,8 +194,25 @@ def thesis_table(name: str) -> Any:  # noqa: ANN401 - each table has a shape of 
     return yaml.safe_load((_THESIS / f"{name}.yaml").read_text("utf-8"))
 
 
+@cache
+def _texts() -> dict[str, dict[str, str]]:
+    pages = (yaml.safe_load(path.read_text("utf-8")) for path in sorted(_TEXTS.glob("*.yaml")))
+    return {name: parts for page in pages for name, parts in page.items()}
+
+
+def prose(name: str, **values: object) -> str:
+    """Return a text of the folder `texts`, such as ``claim-2-6.reason``, with values put in."""
+    subject_key, part = name.split(".")
+    return _texts()[subject_key][part].format(**values)
+
+
+def subject(key: str, needs: tuple[Call, ...], build: Callable[[Results], Finding]) -> Subject:
+    """Return a subject with its title from the folder `texts`."""
+    return Subject(key, prose(f"{key}.title", seeds=len(SEEDS)), needs, build)
+
+
 def sign_test(smaller: Figures, larger: Figures) -> float:
-    """Return how probable it is that chance makes as many pairs come out in this order.
+    """Return the probability that chance makes as many pairs come out in this order.
 
     The exact one-sided sign test; ties count against the claim.
 
@@ -236,7 +224,7 @@ def sign_test(smaller: Figures, larger: Figures) -> float:
     Raises
     ------
     ValueError
-        When they are not equally many.
+        For sequences of different lengths.
     """
     wins = sum(bool(a < b) for a, b in zip(smaller, larger, strict=True))
     return float(stats.binomtest(wins, len(smaller), alternative="greater").pvalue)

@@ -32,7 +32,7 @@ _POINTS = 600
 def time_plot(
     time_s: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], axis: str, words: str
 ) -> str:
-    """Plot up to three signals over time.
+    """Plot up to three signals over time, as SVG.
 
     Parameters
     ----------
@@ -40,15 +40,10 @@ def time_plot(
         Time.
     signals : mapping of str to ndarray, (samples,)
         Signals by their names in the legend.
-    axis
+    axis : str
         Label of the axis, with its unit.
-    words
-        What the picture shows, for those who cannot see it.
-
-    Returns
-    -------
-    str
-        SVG.
+    words : str
+        Description of the picture for those who cannot see it.
     """
     every = max(1, len(time_s) // _POINTS)
     with mpl.rc_context(STYLE):
@@ -67,7 +62,7 @@ def range_plot(
     channel: str,
     printed: NDArray[np.floating] | None = None,
 ) -> str:
-    """Plot the median of the gains and their range, and the gain of the thesis's model.
+    """Plot median and range of gains, and the gain of the thesis's model, as SVG.
 
     Parameters
     ----------
@@ -75,15 +70,10 @@ def range_plot(
         Frequencies.
     gains : ndarray, (models, frequencies)
         Magnitudes.
-    channel
+    channel : str
         Name of the output.
     printed : ndarray, (frequencies,), optional
         Magnitude of the printed model.
-
-    Returns
-    -------
-    str
-        SVG.
     """
     gains_db = 20.0 * np.log10(np.asarray(gains, dtype=float))
     with mpl.rc_context(STYLE):

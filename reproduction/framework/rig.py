@@ -68,35 +68,24 @@ def simulated_record(
     name : str
         An experiment of Tables A-1 to A-4.
     seed : int
-        Seed of the sensor noise, and of what is random in the excitation or the reference.
+        Seed of the sensor noise and of a random excitation or reference.
     noise_v : tuple of float
         Standard deviation of the noise of each sensor, V.
 
     Raises
     ------
     CatalogueError
-        When there is no such experiment.
+        For an unknown experiment.
     """
     entry = experiment(name)
     return run_experiment(entry, RigParameters(payload_kg=entry.payload_kg, noise_v=noise_v), seed)
 
 
 def run_experiment(entry: Experiment, parameters: RigParameters, seed: int) -> IoData:
-    """Run an experiment, one of the catalogue or a changed one, on a rig of its own.
+    """Run an experiment, of the catalogue or changed, on a rig of its own.
 
-    Parameters
-    ----------
-    entry : Experiment
-        The experiment. Its payload says nothing here: the parameters do.
-    parameters : RigParameters
-        The rig.
-    seed : int
-        As in `simulated_record`.
-
-    Returns
-    -------
-    IoData
-        The record as it was sampled; with compensation and reference when a law made the commands.
+    The parameters determine the payload, not the experiment. The record has compensation and
+    reference when a law made the commands.
     """
     rig = SimulatedRig(parameters, rate_hz=entry.rate_hz, seed=seed)
     time_s = [k / entry.rate_hz for k in range(entry.samples)]
@@ -144,19 +133,7 @@ class _OpenLoop:
 def run_law(
     law: Law, reference_v: NDArray[np.float64], *, arm: RigParameters, seed: int
 ) -> LoopRun:
-    """Run a law on the rig from rest.
-
-    Parameters
-    ----------
-    law : Law
-        The law, as built.
-    reference_v : ndarray, (samples,)
-        Reference at every sample.
-    arm : RigParameters
-        The rig.
-    seed : int
-        Seed of the sensor noise.
-    """
+    """Run a law on the rig from rest along a reference, V, (samples,)."""
     rig = SimulatedRig(arm, rate_hz=RATE_HZ, seed=seed)
     return simulate(rig, law, reference_v, true_outputs=rig.outputs_v)
 

@@ -7,7 +7,7 @@ import re
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from reproduction.framework.findings import ReproductionError
+from reproduction.framework.findings import ReproductionError, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +27,7 @@ def in_order(subjects: Sequence[Subject]) -> tuple[Subject, ...]:
     Raises
     ------
     ReproductionError
-        When a key is none, or is there twice.
+        For a malformed or repeated key.
     """
     keys = [subject.key for subject in subjects]
     twice = sorted({key for key in keys if keys.count(key) > 1})
@@ -56,7 +56,7 @@ def select(subjects: Sequence[Subject], wanted: Sequence[str]) -> tuple[Subject,
     Raises
     ------
     ReproductionError
-        When one of them is nothing; the message names what is near.
+        For a word that means no subject; the message names similar ones.
     """
     chosen = set()
     for word in wanted:

@@ -221,7 +221,7 @@ def good_bag(folder: Path) -> Path:
         (
             bag_without_samples,
             {},
-            "references: neither ArmState nor IoSample in there; topics: /flexarm/reference",
+            "references: holds neither ArmState nor IoSample; topics: /flexarm/reference",
         ),
         (short_bag, {}, "30 samples are too few, 40 block rows need at least"),
         (constant_input, {}, "input command_v is constant, it excites nothing"),

@@ -1,7 +1,6 @@
-"""Bag integrity check.
+"""Bag integrity check of files, definitions, samples and clocks.
 
-Its files, definitions, samples and clocks are checked, to the last bit that a checksum or a second
-copy protects.
+It covers every bit that a checksum or a second copy protects.
 """
 
 from __future__ import annotations
@@ -35,20 +34,20 @@ _COPY_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class BagCheck:
-    """What a check found.
+    """Findings of a check.
 
     Attributes
     ----------
-    bag
+    bag : Path
         The bag.
-    messages
+    messages : int
         Messages that could be read.
-    samples
-        Those among them that are samples, or may be: in a damaged bag it is not known.
-    problems
+    samples : int
+        Messages that are samples, or may be: a damaged bag does not always tell.
+    problems : tuple of str
         What is wrong, one line each; empty for a good bag.
-    notes
-        What could not be checked, and where the sampling was started again, one line each.
+    notes : tuple of str
+        What could not be checked, and restarts of the sampling, one line each.
     """
 
     bag: Path
@@ -59,17 +58,12 @@ class BagCheck:
 
 
 def check_bag(uri: Path | str) -> BagCheck:
-    """Check everything about a bag that can be checked.
+    """Check everything about a bag that can be checked; damage is a problem, not an exception.
 
     Parameters
     ----------
-    uri
+    uri : Path or str
         rosbag2 folder (MCAP or SQLite, split or compressed) or a single ``.mcap`` or ``.db3`` file.
-
-    Returns
-    -------
-    BagCheck
-        Problems and notes; damage is a problem, not an exception.
 
     Raises
     ------
@@ -83,7 +77,7 @@ def check_bag(uri: Path | str) -> BagCheck:
 
 
 class _Check:
-    """One check: gathers problems while it goes through a bag."""
+    """One check: collects problems while it goes through a bag."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -184,13 +178,13 @@ class _Check:
                 self._problems.append(f"{file.name}: {channel.topic} has no definition")
         text = examination.metadata.get("rosbag2", {}).get("serialized_metadata")
         if information and examination.library.startswith(_OURS):
-            # Our writer says it twice in the same words: no other word may have come in.
+            # Our writer stores it twice in the same words.
             try:
                 said = yaml.safe_load(text or "")
             except yaml.YAMLError:
                 said = None
             if said != information:
-                self._problems.append("metadata.yaml: is not what the file says of itself")
+                self._problems.append("metadata.yaml: differs from its copy inside the file")
 
     def _sqlite(self, file: Path) -> None:
         self._notes.append(
@@ -217,15 +211,14 @@ class _Check:
                 self._problems.append(f"{connection.topic}: {one_line(error)}")
 
     def _compare(self, information: Mapping[str, Any]) -> None:
-        """Compare what metadata.yaml says with what was found."""
+        """Compare metadata.yaml with the messages."""
         content = self._content
         try:
             said = {
-                entry["topic_metadata"]["name"]: entry["message_count"]
-                for entry in information["topics_with_message_count"]
-            }
-            types = {
-                entry["topic_metadata"]["name"]: entry["topic_metadata"]["type"]
+                entry["topic_metadata"]["name"]: (
+                    entry["message_count"],
+                    entry["topic_metadata"]["type"],
+                )
                 for entry in information["topics_with_message_count"]
             }
             total = information["message_count"]
@@ -239,12 +232,13 @@ class _Check:
                 f"metadata.yaml: says {total} messages, there are {content.total}"
             )
         for name, topic in content.topics.items():
-            if said.get(name) != topic.count:
+            count, type_name = said.get(name, (None, None))
+            if count != topic.count:
                 self._problems.append(
-                    f"{name}: metadata.yaml says {said.get(name)} messages, there are {topic.count}"
+                    f"{name}: metadata.yaml says {count} messages, there are {topic.count}"
                 )
-            if types.get(name) != topic.type_name:
-                self._problems.append(f"{name}: metadata.yaml says type {types.get(name)}")
+            if type_name != topic.type_name:
+                self._problems.append(f"{name}: metadata.yaml says type {type_name}")
         times_ns = (content.first_ns, content.last_ns - content.first_ns)
         if content.total and (first_ns, duration_ns) != times_ns:
             self._problems.append("metadata.yaml: does not have the times of the messages")

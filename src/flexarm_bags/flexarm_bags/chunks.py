@@ -1,9 +1,9 @@
-"""Messages of one topic out of MCAP chunks, many at a time.
+"""Topic messages from MCAP chunks, many at a time.
 
 Reading message by message costs several microseconds each in Python. Here the index behind every
-chunk tells where its messages are, and numpy gathers them. Every checksum that the file carries is
-verified: of each chunk, and of the summary that says where the chunks are. An index carries none,
-so what it points at is compared with what it says.
+chunk gives the positions of its messages, and numpy gathers them. Every checksum in the file is
+verified: of each chunk, and of the summary that locates the chunks. An index has no checksum, so
+it is compared with the messages themselves.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class Messages:
 
     Attributes
     ----------
-    log_times_ns : (messages,)
-        When each was sent.
+    log_times_ns : ndarray of int, (messages,)
+        Instants of sending.
     groups : list
         Message numbers and bytes by size, as `columns.decode` takes them.
     """
@@ -69,7 +69,7 @@ class Messages:
 
     @classmethod
     def joined(cls, pieces: Iterable[Messages]) -> Messages:
-        """Return the messages of all pieces, numbered through."""
+        """Return the messages of all pieces, with consecutive numbers."""
         times_ns: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
         by_size: dict[int, list[tuple[NDArray[np.intp], ByteRows]]] = defaultdict(list)
         total = 0
@@ -89,18 +89,12 @@ class Messages:
 
 
 class NotIndexedError(FlexarmError):
-    """A file is not fully chunked and indexed: only a message by message reader can take it."""
+    """A file is not fully chunked and indexed: it can only be read message by message."""
 
 
 @dataclass(frozen=True)
 class IndexedFile:
-    """An open MCAP file with its summary, which is read when it is first asked for.
-
-    Attributes
-    ----------
-    stream : BinaryIO
-        The file.
-    """
+    """An open MCAP file with its summary, which is read on first use."""
 
     stream: BinaryIO
 
@@ -110,7 +104,7 @@ class IndexedFile:
 
     @cached_property
     def statistics(self) -> Statistics:
-        """What the file says it holds; NotIndexedError when it says nothing."""
+        """Statistics of the file; NotIndexedError when it has none."""
         for record in self._summary:
             if isinstance(record, Statistics):
                 return record
@@ -131,8 +125,8 @@ class IndexedFile:
 def read_topic(files: Iterable[IndexedFile], topic: str) -> Messages | None:
     """Read all messages of a topic, in the order of writing.
 
-    Returns None when a file is not fully chunked and indexed, so that a message by message reader
-    has to be used. Parameters and other errors are those of `topic_pieces`.
+    The result is None when a file is not fully chunked and indexed, and has to be read message by
+    message. Parameters and other errors are those of `topic_pieces`.
     """
     try:
         return Messages.joined(topic_pieces(files, topic))
@@ -141,19 +135,14 @@ def read_topic(files: Iterable[IndexedFile], topic: str) -> Messages | None:
 
 
 def topic_pieces(files: Iterable[IndexedFile], topic: str) -> Iterator[Messages]:
-    """Read the messages of a topic and hand them on chunk by chunk, so that memory stays small.
+    """Yield the messages of a topic chunk by chunk, each numbered from 0, to keep memory small.
 
     Parameters
     ----------
     files : iterable of IndexedFile
-        In the order in which a split bag was written.
+        Files of the bag, in the order in which they were written.
     topic : str
         Name of the topic.
-
-    Yields
-    ------
-    Messages
-        Those of one chunk, numbered from 0.
 
     Raises
     ------
@@ -182,14 +171,14 @@ def topic_pieces(files: Iterable[IndexedFile], topic: str) -> Iterator[Messages]
 def gathered(
     content: NDArray[np.uint8], heads: NDArray[np.void], offsets: NDArray[np.intp]
 ) -> Messages:
-    """Return messages out of a chunk, numbered from 0.
+    """Return messages from a chunk, numbered from 0.
 
     Parameters
     ----------
-    content : (bytes,)
-        From `layout.chunk_content`.
-    heads, offsets : (messages,)
-        Fixed parts and places of the messages' records; at least one.
+    content : ndarray of uint8, (bytes,)
+        Content of the chunk, from `layout.chunk_content`.
+    heads, offsets : ndarray, (messages,)
+        Fixed parts and positions of the messages' records; at least one.
     """
     sizes = (heads["length"] - MESSAGE_FIXED).astype(np.intp)
     starts = offsets + MESSAGE_HEAD.itemsize
@@ -202,14 +191,7 @@ def gathered(
 
 
 def heads_at(data: NDArray[np.uint8], offsets: NDArray[np.intp]) -> NDArray[np.void]:
-    """Return the fixed parts of the messages whose records begin at the offsets.
-
-    Parameters
-    ----------
-    data
-        From `layout.chunk_content`.
-    offsets
-        At least one.
+    """Return the fixed parts of the messages whose records begin at one or more offsets.
 
     Raises
     ------
@@ -238,7 +220,7 @@ def _rows(data: NDArray[np.uint8], starts: NDArray[np.intp], width: int) -> Byte
 def _index_entries(
     stream: BinaryIO, index: ChunkIndex, channels: Sequence[int]
 ) -> NDArray[np.void]:
-    """Return where a chunk has messages of the channels, in the order of writing."""
+    """Return the index entries of a chunk for the channels, in the order of writing."""
     found = [np.empty(0, _POINTER)]
     for channel in channels:
         if channel not in index.message_index_offsets:

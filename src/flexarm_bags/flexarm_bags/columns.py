@@ -1,7 +1,7 @@
-"""Many serialised messages of one type as columns: CDR (XCDR version 1, little endian) in numpy.
+"""Columns of serialised messages of one type: CDR (XCDR version 1, little endian) in numpy.
 
-The layout follows the definition that the bag carries, so nothing here knows a message type. Every
-member is aligned to its own size, counted from behind the 4 bytes of encapsulation.
+The layout follows the definition that the bag carries, so this module depends on no message type.
+Every member is aligned to its own size, counted from behind the 4 bytes of encapsulation.
 """
 
 from __future__ import annotations
@@ -59,17 +59,17 @@ class _DifferentLengths(Exception):  # noqa: N818 - a branch of the decoding, no
 
 @dataclass(frozen=True)
 class Member:
-    """One primitive member of a message, with the members of nested messages spread out.
+    """One primitive member of a message; nested messages are flattened.
 
     Attributes
     ----------
-    name
+    name : str
         Path with dots, ``header.stamp.sec``.
-    dtype
-        Of one element; None for a string, which has no column.
-    length
-        Elements of a fixed array; None when the data say it (strings, sequences); 1 for a scalar.
-    scalar
+    dtype : dtype or None
+        Type of one element; None for a string, which has no column.
+    length : int or None
+        Elements of a fixed array, 1 for a scalar; None when each message has its own length.
+    scalar : bool
         True when the column has no second axis.
     """
 
@@ -80,19 +80,7 @@ class Member:
 
 
 def members(type_name: str, definitions: Typesdict) -> tuple[Member, ...]:
-    """Return the members of a type in the order of their bytes.
-
-    Parameters
-    ----------
-    type_name
-        ``package/msg/Type``.
-    definitions
-        Parsed definitions of the type and all that it contains.
-
-    Returns
-    -------
-    tuple of Member
-        The flat layout.
+    """Return the members of a type, ``package/msg/Type``, in the order of their bytes.
 
     Raises
     ------
@@ -139,14 +127,14 @@ def decode(
 
     Parameters
     ----------
-    groups
-        Pairs of message numbers (n,) and bytes (n, size); together the numbers are 0 .. N-1.
-    layout
-        From :func:`members`.
+    groups : sequence of (ndarray of int, (n,), ndarray of uint8, (n, size))
+        Message numbers and bytes; together the numbers are 0 .. N-1.
+    layout : sequence of Member
+        Members of the type, from `members`.
 
     Returns
     -------
-    dict
+    dict of str to ndarray
         Member name -> (N,), or (N, length) for arrays and sequences. Strings are left out.
 
     Raises

@@ -1,4 +1,4 @@
-"""Check of a bag's messages: types, definitions, values, numbers and clocks."""
+"""Bag content check: types, definitions, values, numbers and clocks of the messages."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _NUMBERED = _SAMPLED | {MOTOR_COMMAND}
 
 @dataclass
 class TopicContent:
-    """What is kept of a topic's messages."""
+    """Columns of a topic's messages that the check keeps."""
 
     type_name: str
     layout: tuple[Member, ...] | None
@@ -57,19 +57,19 @@ class TopicContent:
 
 
 class ContentCheck:
-    """Goes through the messages of a bag, topic by topic in pieces.
+    """Content check of a bag that goes through its messages topic by topic, in pieces.
 
     Parameters
     ----------
     problems : list of str
-        Takes what is found, one line each.
+        Receives what is wrong, one line each.
     notes : list of str
-        Takes what is worth saying of a good bag, one line each.
+        Receives what is worth knowing of a good bag, one line each.
 
     Attributes
     ----------
-    topics : dict
-        What was seen of each topic.
+    topics : dict of str to TopicContent
+        Content of each topic.
     first_ns, last_ns : int
         Earliest and latest log time.
     """
@@ -89,7 +89,7 @@ class ContentCheck:
 
     @property
     def samples(self) -> int:
-        """Messages seen that are samples, or may be."""
+        """Messages seen that are samples, or may be samples."""
         sampled = (each.count for each in self.topics.values() if each.type_name in _SAMPLED)
         return self._loose + sum(sampled)
 
@@ -118,7 +118,7 @@ class ContentCheck:
                 self._problems.append(f"{name}: has type {topic.type_name}, not {expected}")
 
     def add(self, found: TopicMessages) -> None:
-        """Look at some messages of a topic."""
+        """Check some messages of a topic."""
         messages = found.messages
         count = len(messages.log_times_ns)
         self.first_ns = min(self.first_ns, int(messages.log_times_ns.min()))
@@ -154,13 +154,13 @@ class ContentCheck:
             topic.log_times_ns.append(messages.log_times_ns)
 
     def _complain(self, name: str, kind: str, text: str) -> None:
-        """Say of each kind of problem where it is first."""
+        """Report each kind of problem once, where it first occurs."""
         if kind not in self.topics[name].complained:
             self.topics[name].complained.add(kind)
             self._problems.append(f"{name}: {text}")
 
     def judge(self) -> None:
-        """Find, when all messages were added, what their numbers and times say."""
+        """Check numbers and times, when all messages were added."""
         for name, topic in self.topics.items():
             if not topic.numbers:
                 continue
@@ -173,8 +173,7 @@ class ContentCheck:
             runs = (np.split(column, begins) for column in (numbers, stamps_ns, log_times_ns))
             for run, columns in enumerate(zip(*runs, strict=True), start=1):
                 sampled = topic.type_name in _SAMPLED
-                what = "periods without a sample" if sampled else "commands missing"
-                problems = number_problems(columns[0], what)
+                problems = number_problems(columns[0], topic.type_name)
                 if sampled:
                     problems += clock_problems(*columns)
                 where = f"{name}, run {run}" if len(begins) else name
@@ -182,7 +181,7 @@ class ContentCheck:
 
 
 def _restarted(topic: TopicContent, last: Integers) -> str:
-    """Say which numbers were the last ones before a new start."""
+    """Return which numbers were the last ones before a new start."""
     work, each = ("sampling", "sample") if topic.type_name in _SAMPLED else ("control", "command")
     times = f" {len(last)} times, the first" if len(last) > 1 else ""
     return f"{work} was started again{times} after {each} {last[0]}"

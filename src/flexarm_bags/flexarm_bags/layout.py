@@ -72,14 +72,7 @@ class CutError(ValueError):
 
 
 def walk(data: bytes | mmap, position: int = 0) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, start of the content and end of each record.
-
-    Parameters
-    ----------
-    data : bytes or mmap
-        Records without a gap between them.
-    position : int
-        Start of the first record.
+    """Yield opcode, start of the content and end of each record, from a position on.
 
     Raises
     ------
@@ -119,7 +112,7 @@ def summary_of(stream: BinaryIO) -> list[records.McapRecord]:
     Raises
     ------
     ValueError
-        When the file does not end as it should, or the summary does not have its checksum.
+        When the end of the file is damaged, or the summary does not have its checksum.
     """
     size = stream.seek(0, SEEK_END)
     stream.seek(max(0, size - _FILE_END.size))
@@ -142,11 +135,6 @@ def summary_of(stream: BinaryIO) -> list[records.McapRecord]:
 
 def chunk_content(chunk: records.Chunk) -> NDArray[np.uint8]:
     """Return the checked and uncompressed bytes of a chunk.
-
-    Parameters
-    ----------
-    chunk : Chunk
-        As it stands in the file.
 
     Raises
     ------

@@ -1,10 +1,9 @@
 """MCAP file integrity check.
 
-Every record is visited, and everything that is said twice is compared: checksums, indexes, counts
-and times. A file of the project's own writer has three kinds of checksum that cover every byte
-between the magic numbers: one for each chunk, one over the data section and one over the summary.
-Other writers leave some out; then what is stored twice is compared, and a note says what nothing
-protects.
+Every record is visited, and everything that is stored twice is compared: checksums, indexes,
+counts and times. A file of the project's own writer has three kinds of checksum, which cover every
+byte between the magic numbers: of each chunk, of the data section and of the summary. Other
+writers leave some out; then a note names what nothing protects.
 """
 
 from __future__ import annotations
@@ -20,15 +19,7 @@ from mcap import records
 from mcap.opcode import Opcode
 
 from flexarm_bags.chunks import Messages, gathered, heads_at
-from flexarm_bags.layout import (
-    CHECKSUM,
-    MAGIC,
-    RECORD_START,
-    CutError,
-    chunk_content,
-    parse,
-    walk,
-)
+from flexarm_bags.layout import CHECKSUM, MAGIC, RECORD_START, CutError, chunk_content, parse, walk
 from flexarm_core.errors import one_line
 
 if TYPE_CHECKING:
@@ -46,7 +37,7 @@ class TopicMessages(NamedTuple):
 
 
 class _ChunkSeen(NamedTuple):
-    """What the index of a chunk has to say of it."""
+    """Facts of a chunk that its index repeats."""
 
     start: int
     length: int
@@ -58,20 +49,20 @@ class _ChunkSeen(NamedTuple):
 
 @dataclass
 class McapExamination:
-    """What was found in one file; filled while the messages are handed on.
+    """Findings of one file; filled while the messages are handed on.
 
     Attributes
     ----------
-    problems, notes
+    problems, notes : list of str
         What is wrong, and what could not be checked; one line each.
-    schemas, channels
-        By their numbers.
-    metadata
+    schemas, channels : dict
+        Records by their numbers.
+    metadata : dict
         Metadata records by name.
-    counts
+    counts : Counter
         Messages by channel.
-    library
-        Who wrote the file.
+    library : str
+        Writer of the file.
     """
 
     file: Path
@@ -90,13 +81,7 @@ class McapExamination:
     _summary_at: int = 0
 
     def messages(self) -> Iterator[TopicMessages]:
-        """Visit every record; yield the messages of each chunk, topic by topic.
-
-        Yields
-        ------
-        TopicMessages
-            Of chunks that are whole.
-        """
+        """Visit every record; yield the messages of each undamaged chunk, topic by topic."""
         if not self.file.stat().st_size:
             self._problem("is empty")
             return
@@ -194,7 +179,7 @@ class McapExamination:
 
     def _same(self, kind: str, number: int, first: object, second: object) -> None:
         if first != second:
-            self._problem(f"{kind} {number} stands in there in two versions")
+            self._problem(f"{kind} {number} is stored in two versions")
 
     def _counted(self, channel: int, messages: Messages) -> TopicMessages:
         if channel not in self.channels:
@@ -228,7 +213,7 @@ class McapExamination:
             yield self._counted(channel, gathered(content, *part))
 
     def _offsets(self, content: NDArray[np.uint8]) -> NDArray[np.intp]:
-        """Walk a chunk; return where its messages are."""
+        """Walk a chunk; return the positions of its messages."""
         data = content.tobytes()
         found = []
         for opcode, start, end in walk(data):
@@ -297,6 +282,6 @@ class McapExamination:
         if self._seen[Opcode.DATA_END] != 1:
             self._problem("has no end of its data section")
         if self._seen[Opcode.CHUNK_INDEX] and set(self._chunks) != self._chunk_indexes:
-            self._problem("chunks and their indexes are not as many")
+            self._problem("the numbers of chunks and of their indexes differ")
         if not self._seen[Opcode.STATISTICS]:
             self._note("has no statistics: a missing chunk can go unnoticed")

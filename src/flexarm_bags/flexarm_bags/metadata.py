@@ -61,13 +61,13 @@ class RecordedTopic:
 
 @dataclass
 class Tally:
-    """How many messages of each topic a bag holds, and from when to when.
+    """Number of messages of each topic, and the extent of their log times.
 
     Attributes
     ----------
-    counts
+    counts : dict of str to int
         Topic name -> messages.
-    first_ns, last_ns
+    first_ns, last_ns : int
         Earliest and latest log time.
     """
 
@@ -118,23 +118,18 @@ def read_information(bag: Path) -> dict[str, Any]:
 def bag_information(
     file_name: str, topics: Sequence[RecordedTopic], tally: Tally, ros_distro: str
 ) -> dict[str, object]:
-    """Return the content of ``metadata.yaml`` below ``rosbag2_bagfile_information``.
+    """Return the part of ``metadata.yaml`` below ``rosbag2_bagfile_information``, in plain types.
 
     Parameters
     ----------
-    file_name
+    file_name : str
         The one storage file, relative to the folder.
-    topics
-        What the bag records.
-    tally
-        What it holds so far.
-    ros_distro
+    topics : sequence of RecordedTopic
+        All recorded topics.
+    tally : Tally
+        Present content of the bag.
+    ros_distro : str
         Distribution that the messages come from.
-
-    Returns
-    -------
-    dict
-        Plain types.
     """
     extent = {
         "starting_time": {"nanoseconds_since_epoch": tally.first_ns},

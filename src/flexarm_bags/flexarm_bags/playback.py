@@ -1,8 +1,7 @@
-"""Replay of a bag as a plan: which raw message is due when.
+"""Bag playback: a plan of which raw message is due when.
 
-How times are chosen: a message is due at its log time, counted from the start of the bag or from
-the start offset, divided by the rate factor. A looped bag starts again when its last message is
-due. Messages of one instant keep the order in which the bag holds them.
+A message is due at its log time, counted from the start offset and divided by the rate factor. A
+looped bag starts again when its last message is due. Messages of one instant keep their order.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
 
 from flexarm_bags.metadata import TopicQos
-from flexarm_core.errors import FlexarmError
+from flexarm_core.errors import FlexarmError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,20 +50,20 @@ class PlayedTopic:
 
 @dataclass(frozen=True)
 class PlaybackPlan:
-    """How a bag is to be played.
+    """Plan of a bag's playback.
 
     Attributes
     ----------
-    bag
+    bag : Path
         rosbag2 folder of any storage, or a single ``.mcap`` or ``.db3`` file.
-    rate
-        2 plays twice as fast.
-    start_s
+    rate : float
+        Speed factor; 2 plays twice as fast.
+    start_s : float
         Skipped at the beginning, s of the bag's time.
-    duration_s
+    duration_s : float or None
         Played from there, s of the bag's time; None: to the end.
-    loop
-        Start again at the end, for ever.
+    loop : bool
+        Start again at the end, without end.
 
     Raises
     ------
@@ -91,12 +90,7 @@ class PlaybackPlan:
             raise PlaybackError(f"{self.bag}: no such bag")
 
     def topics(self) -> tuple[PlayedTopic, ...]:
-        """Return what the player has to advertise.
-
-        Returns
-        -------
-        tuple
-            One entry per topic, in the order of the bag.
+        """Return the topics that the player has to advertise, in the order of the bag.
 
         Raises
         ------
@@ -121,12 +115,7 @@ class PlaybackPlan:
         return tuple(topics.values())
 
     def messages(self) -> Iterator[DueMessage]:
-        """Yield the messages in the order in which they are due.
-
-        Yields
-        ------
-        DueMessage
-            Due times never decrease, over the seam of a loop neither.
+        """Yield the messages in the order in which they are due, also across the end of a loop.
 
         Raises
         ------
@@ -164,25 +153,22 @@ def _opened(bag: Path) -> Iterator[AnyReader]:
     except (PlaybackError, GeneratorExit):
         raise
     except Exception as error:
-        cause = " ".join(str(error).split()) or type(error).__name__
         raise PlaybackError(
-            f"{bag}: cannot read: {cause}; try `flexarm bag repair {bag} -o NEW`"
+            f"{bag}: cannot read: {one_line(error)}; try `flexarm bag repair {bag} -o NEW`"
         ) from error
 
 
 def _qos(connection: Connection) -> TopicQos:
     """Return reliability and durability as recorded; what rosbag2 did not know stays default."""
-    if not isinstance(connection.ext, ConnectionExtRosbag2):
-        return TopicQos()
-    profiles = connection.ext.offered_qos_profiles
-    if not profiles:
+    if not isinstance(connection.ext, ConnectionExtRosbag2) or not (
+        profiles := connection.ext.offered_qos_profiles
+    ):
         return TopicQos()
     first = profiles[0]
-    defaults = TopicQos()
     reliable = first.reliability is not QosReliability.BEST_EFFORT
     latched = first.durability is QosDurability.TRANSIENT_LOCAL
     return TopicQos(
         reliability="reliable" if reliable else "best_effort",
         durability="transient_local" if latched else "volatile",
-        depth=first.depth or defaults.depth,
+        depth=first.depth or TopicQos.depth,
     )

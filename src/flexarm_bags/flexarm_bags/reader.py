@@ -1,11 +1,11 @@
-"""Open bags: topics, and the messages of one topic as columns."""
+"""Open bags: their topics, and the messages of one topic as columns."""
 
 from __future__ import annotations
 
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rosbags.highlevel import AnyReader
@@ -42,9 +42,9 @@ class Recorded:
 
     Attributes
     ----------
-    log_times_ns : (messages,)
-        When each was sent.
-    columns
+    log_times_ns : ndarray of int, (messages,)
+        Instants of sending.
+    columns : mapping of str to ndarray
         Member name -> values, first axis messages.
     """
 
@@ -55,23 +55,11 @@ class Recorded:
         return len(self.log_times_ns)
 
     def real(self, name: str) -> FloatArray:
-        """Return a column as floating point.
-
-        Raises
-        ------
-        DataError
-            If the recorded message type has no such member.
-        """
+        """Return a column as floating point; DataError when the message type has no such member."""
         return np.asarray(self._column(name), dtype=np.float64)
 
     def integer(self, name: str) -> NDArray[np.int64]:
-        """Return a column as integers.
-
-        Raises
-        ------
-        DataError
-            If the recorded message type has no such member.
-        """
+        """Return a column as integers; DataError when the message type has no such member."""
         return np.asarray(self._column(name)).astype(np.int64)
 
     def stamps_ns(self) -> NDArray[np.int64]:
@@ -90,7 +78,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Channels:
-    """What the arrays of IoSample mean, from ChannelInfo."""
+    """Meaning of the arrays of IoSample, from ChannelInfo."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -101,22 +89,12 @@ class Channels:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Bag]:
-    """Open a bag; whatever the parsers raise on a damaged one becomes one line.
-
-    Parameters
-    ----------
-    path
-        rosbag2 folder or a single ``.mcap`` or ``.db3`` file.
-
-    Yields
-    ------
-    Bag
-        The open bag.
+    """Open a rosbag2 folder or a single ``.mcap`` or ``.db3`` file.
 
     Raises
     ------
     BagError
-        If the bag is missing or damaged.
+        If the bag is missing or damaged: one line for anything that the parsers raise.
     """
     _require_bag(path)
     try:
@@ -127,10 +105,7 @@ def opened(path: Path) -> Iterator[Bag]:
     except BagError:
         raise
     except DataError as error:
-        message = str(error)
-        raise BagError(
-            message if message.startswith(str(path)) else f"{path}: {message}"
-        ) from error
+        raise BagError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except Exception as error:
         raise BagError(
             f"{path}: truncated or damaged: {one_line(error)}; "
@@ -168,11 +143,11 @@ class Bag:
 
     Attributes
     ----------
-    path
-        Where it is.
-    reader
+    path : Path
+        Its folder or file.
+    reader : AnyReader
         Its messages one by one.
-    files
+    files : tuple of IndexedFile
         Its MCAP files, where their chunks can be read directly.
     """
 
@@ -186,11 +161,11 @@ class Bag:
         return {entry.topic: entry.msgtype for entry in self.reader.connections}
 
     def count(self, topic: str) -> int:
-        """Return how many messages a topic has, from the index."""
+        """Return the number of messages of a topic, from the index."""
         return sum(entry.msgcount for entry in self.reader.connections if entry.topic == topic)
 
     def has(self, topic: str, type_name: str) -> bool:
-        """Return whether a topic has messages, and of that type."""
+        """Return whether a topic has messages of a type."""
         return self.types.get(topic) == type_name and self.count(topic) > 0
 
     def choose(self, topic: str | None) -> str:
@@ -207,7 +182,7 @@ class Bag:
                 raise BagError(f"{self.path}: choose one topic of {', '.join(found)}")
             if found:
                 return found[0]
-        raise BagError(f"{self.path}: neither ArmState nor IoSample in there; topics: {listed}")
+        raise BagError(f"{self.path}: holds neither ArmState nor IoSample; topics: {listed}")
 
     def optional(self, topic: str, type_name: str) -> Recorded | None:
         """Return all messages of a topic as columns; None when there are none of that type."""
@@ -219,13 +194,15 @@ class Bag:
         return [] if found is None else [found]
 
     def declared_loops(self, topic: str) -> list[bool]:
-        """Return of everybody who commanded, and said so, whether the outputs were used."""
+        """Return for each declared commander whether it used the outputs."""
         commander = sibling(topic, "commander")
         if not self.has(commander, COMMANDER_INFO):
             return []
-        infos = (self.reader.deserialize(raw, COMMANDER_INFO) for _, _, raw in self._raw(commander))
-        # The member is generated from the bag's own definition.
-        return [bool(getattr(info, "uses_outputs")) for info in infos]  # noqa: B009
+        # The members are generated from the bag's own definition.
+        infos: Iterator[Any] = (
+            self.reader.deserialize(raw, COMMANDER_INFO) for _, _, raw in self._raw(commander)
+        )
+        return [bool(info.uses_outputs) for info in infos]
 
     def recorded(self, topic: str) -> Recorded:
         """Return all messages of a topic as columns."""
@@ -257,17 +234,17 @@ class Bag:
         """Return the last ChannelInfo of a topic, None when there is none."""
         if self.types.get(topic) != CHANNEL_INFO:
             return None
-        info = None
+        info: Any = None
         for _, _, raw in self._raw(topic):
             info = self.reader.deserialize(raw, CHANNEL_INFO)
         if info is None:
             return None
         return Channels(
-            tuple(getattr(info, "input_names")),  # noqa: B009 - generated from the bag's definition
-            tuple(getattr(info, "output_names")),  # noqa: B009
-            rate_hz=float(getattr(info, "sampling_rate_hz")),  # noqa: B009
-            closed_loop=bool(getattr(info, "closed_loop")),  # noqa: B009
-            source=str(getattr(info, "source")),  # noqa: B009
+            tuple(info.input_names),
+            tuple(info.output_names),
+            rate_hz=float(info.sampling_rate_hz),
+            closed_loop=bool(info.closed_loop),
+            source=str(info.source),
         )
 
     def _raw(self, topic: str) -> Iterator[tuple[Connection, int, bytes]]:

@@ -1,8 +1,8 @@
-"""Repair of a damaged bag: every whole message is copied into a new one.
+"""Bag repair: every undamaged message of a damaged bag is copied into a new one.
 
-What an MCAP file of ours holds is in chunks, each with a checksum. Where the index at the end of
-the file is whole, each chunk is read by itself, and a damaged one costs its own messages only. A
-file that was cut has no index; its chunks are read one after the other, past what is damaged.
+An MCAP file of ours holds its messages in chunks, each with a checksum. With an undamaged index at
+the end of the file each chunk is read by itself, and a damaged one costs its own messages only. A
+truncated file has no index; its chunks are read one after the other, past the damaged ones.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ _COMPRESSION_AT = RECORD_START.size + struct.calcsize("<QQQI")
 
 @dataclass(frozen=True)
 class RepairSummary:
-    """What a repair brought back.
+    """Result of a repair.
 
     Attributes
     ----------
-    bag
+    bag : Path
         The new bag.
-    messages
+    messages : int
         Messages in it.
-    damage
-        What could not be read; empty when every message was whole.
+    damage : str
+        What could not be read; empty when every message was undamaged.
     """
 
     bag: Path
@@ -55,24 +55,19 @@ class RepairSummary:
 
 
 def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
-    """Copy every whole message of a damaged MCAP bag into a new bag.
+    """Copy every undamaged message of a damaged MCAP bag into a new bag.
 
     Parameters
     ----------
-    damaged
+    damaged : Path
         rosbag2 folder or single `.mcap` file.
-    repaired
+    repaired : Path
         Folder to create.
-
-    Returns
-    -------
-    RepairSummary
-        How many messages there were and what the damage was.
 
     Raises
     ------
     RecordingError
-        When there is no MCAP file, nothing whole in it, or the new bag cannot be written.
+        When there is no MCAP file, no undamaged message, or the new bag cannot be written.
     """
     if not damaged.exists():
         raise RecordingError(f"{damaged}: no such bag")
@@ -95,13 +90,13 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
 def _whole(
     files: list[Path], damage: list[str] | None = None
 ) -> Iterator[tuple[RecordedTopic, Message]]:
-    """Yield the whole messages of each file; what is not whole is noted."""
+    """Yield the undamaged messages of each file, and note the damage."""
     for file in files:
         yield from _FileRepair(file, [] if damage is None else damage).messages()
 
 
 class _FileRepair:
-    """One file, and what is wrong with it."""
+    """One file and its damage."""
 
     def __init__(self, file: Path, damage: list[str]) -> None:
         self._file = file
@@ -135,10 +130,7 @@ class _FileRepair:
         if not self._file.stat().st_size:
             self._note("is empty")
             return
-        with (
-            self._file.open("rb") as stream,
-            mmap(stream.fileno(), 0, access=ACCESS_READ) as data,
-        ):
+        with self._file.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
             try:
                 summary = summary_of(stream)
             except Exception:  # noqa: BLE001 - parsers raise anything on damaged bytes
@@ -176,7 +168,7 @@ class _FileRepair:
                 yield from [record] if record else []
 
     def _all(self, data: mmap) -> Iterator[McapRecord]:
-        """Yield the records one after the other; behind damage, from the next chunk on."""
+        """Yield the records one after the other; after damage, from the next chunk on."""
         at, start, end = len(MAGIC), 0, 0
         while at >= 0:
             try:

@@ -9,12 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rosbags.typesys import (
-    Stores,
-    TypesysError,
-    get_types_from_msg,
-    get_typestore,
-)
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from flexarm_core.errors import FlexarmError
 
@@ -32,15 +27,15 @@ class DefinitionError(FlexarmError):
 
 @dataclass(frozen=True)
 class MessageDefinition:
-    """What a bag must embed so that its messages stay readable without our software.
+    """Definition that a bag embeds, so that its messages stay readable without our software.
 
     Attributes
     ----------
-    type_name
+    type_name : str
         Full name, ``package/msg/Type``.
-    text
+    text : str
         Complete ``ros2msg`` text: the type, then every nested type behind a separator.
-    type_hash
+    type_hash : str
         ``RIHS01_...`` as ROS 2 computes it (REP 2016).
     """
 
@@ -50,17 +45,12 @@ class MessageDefinition:
 
 
 def load_typestore(packages: Mapping[str, Path]) -> Typestore:
-    """Return the Jazzy types together with the messages of further packages.
+    """Return a store of the Jazzy types together with the messages of further packages.
 
     Parameters
     ----------
-    packages
+    packages : mapping of str to Path
         Package name -> its folder (source or share) that holds ``msg/*.msg``.
-
-    Returns
-    -------
-    Typestore
-        A store that serialises, deserialises, describes and hashes all these types.
 
     Raises
     ------
@@ -87,19 +77,7 @@ def _parse(file: Path, type_name: str) -> Typesdict:
 
 
 def describe(typestore: Typestore, type_name: str) -> MessageDefinition:
-    """Return the complete definition of one type.
-
-    Parameters
-    ----------
-    typestore
-        From :func:`load_typestore`.
-    type_name
-        Full name, ``package/msg/Type``.
-
-    Returns
-    -------
-    MessageDefinition
-        Text with all nested types, and the hash.
+    """Return the definition of one type, ``package/msg/Type``, with all nested types.
 
     Raises
     ------

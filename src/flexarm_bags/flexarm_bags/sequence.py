@@ -1,7 +1,7 @@
-"""Stamps and sequence numbers of serialised messages: read, replaced, and watched for gaps.
+"""Stamps and sequence numbers of serialised messages: reading, replacement, and gaps.
 
 The project's samples and commands begin with a ``std_msgs/Header`` and a ``uint64`` sequence
-number. In little-endian CDR that is, behind 4 bytes of encapsulation: seconds, nanoseconds, the
+number. Little-endian CDR has them behind 4 bytes of encapsulation: seconds, nanoseconds, the
 frame's name with its length, padding up to a multiple of 8, and the number.
 """
 
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flexarm_bags.columns import ENCAPSULATION
+from flexarm_core.labels import counted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,50 +30,38 @@ _NAME_AT = ENCAPSULATION + _STAMP.size
 _NS = 1_000_000_000
 
 
+def missing_text(missing: int, type_name: str, gaps: int) -> str:
+    """Return in words how many numbers of a type of `SEQUENCED` are missing, at how many places."""
+    lost = (
+        f"{counted(missing, 'command')} missing"
+        if type_name in COMMANDS
+        else f"{counted(missing, 'period')} without a sample"
+    )
+    return f"{lost} at {counted(gaps, 'place')}"
+
+
 def stamp_of(raw: bytes) -> int:
-    """Return the stamp of a message, nanoseconds since the epoch.
-
-    Parameters
-    ----------
-    raw : bytes
-        Serialised message of a type of `SEQUENCED`.
-
-    Raises
-    ------
-    struct.error
-        If the message is too short.
-    """
+    """Return the stamp, ns since the epoch, of a message of a type of `SEQUENCED`."""
     seconds, nanoseconds = _STAMP.unpack_from(raw, ENCAPSULATION)
     return int(seconds) * _NS + int(nanoseconds)
 
 
 def sequence_of(raw: bytes) -> int:
-    """Return the sequence number of a message.
-
-    Parameters
-    ----------
-    raw : bytes
-        Serialised message of a type of `SEQUENCED`.
-
-    Raises
-    ------
-    struct.error
-        If the message is too short.
-    """
+    """Return the sequence number of a message of a type of `SEQUENCED`."""
     return int(_SEQUENCE.unpack_from(raw, _sequence_at(raw))[0])
 
 
 def restamped(raw: bytes, stamp_ns: int, sequence: int) -> bytes:
-    """Return a message with another stamp and sequence number.
+    """Return a message of a type of `SEQUENCED` with another stamp and sequence number.
 
     Parameters
     ----------
     raw : bytes
-        Serialised message of a type of `SEQUENCED`.
+        Serialised message.
     stamp_ns : int
-        Nanoseconds since the epoch.
+        New stamp, nanoseconds since the epoch.
     sequence : int
-        Number.
+        New number.
 
     Raises
     ------
@@ -93,16 +82,16 @@ def _sequence_at(raw: bytes) -> int:
 
 @dataclass
 class Losses:
-    """What is missing on one topic.
+    """Losses on one topic.
 
     Attributes
     ----------
-    missing
+    missing : int
         Numbers that were left out.
-    gaps
+    gaps : int
         Places where numbers were left out.
-    restarts
-        Places where the numbering did not go up: its source started again.
+    restarts : int
+        Places where the numbering did not go up, because its source started again.
     """
 
     missing: int = 0
@@ -111,24 +100,21 @@ class Losses:
 
 
 class SequenceCheck:
-    """Watches the sequence numbers of messages as they are recorded.
+    """Sequence check of messages as they are recorded.
 
     Parameters
     ----------
-    types
-        Topic -> message type. Topics without a sequence number are let pass.
+    types : mapping of str to str
+        Topic -> message type. Topics without a sequence number are not checked.
     """
 
     def __init__(self, types: Mapping[str, str]) -> None:
         self.losses = {topic: Losses() for topic, name in types.items() if name in SEQUENCED}
-        self._what = {
-            topic: "commands missing" if name in COMMANDS else "periods without a sample"
-            for topic, name in types.items()
-        }
+        self._types = types
         self._last: dict[str, int] = {}
 
     def add(self, topic: str, raw: bytes) -> None:
-        """Look at the next message of a topic; one that cannot be read is somebody else's case."""
+        """Check the next message of a topic; one that cannot be read is left to other checks."""
         losses = self.losses.get(topic)
         if losses is None:
             return
@@ -147,11 +133,10 @@ class SequenceCheck:
     def complaints(self) -> list[str]:
         """Return one sentence per topic with missing messages.
 
-        The numbers of samples count periods: one that was skipped is missing like one that was
-        lost.
+        The numbers of samples count periods: a skipped period is missing like a lost sample.
         """
         return [
-            f"{topic}: {losses.missing} {self._what[topic]} at {losses.gaps} places"
+            f"{topic}: {missing_text(losses.missing, self._types[topic], losses.gaps)}"
             for topic, losses in self.losses.items()
             if losses.missing
         ]

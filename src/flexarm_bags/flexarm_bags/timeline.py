@@ -1,10 +1,13 @@
-"""Timeline of recorded samples: gaps by their numbers and times, and steps of the clocks."""
+"""Timeline of recorded samples: gaps by numbers and times, and steps of the clocks."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from flexarm_bags.sequence import missing_text
+from flexarm_core.labels import counted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,63 +34,54 @@ def restarts(sequences: Integers, log_times_ns: Integers) -> Integers:
 
     Parameters
     ----------
-    sequences, log_times_ns : (messages,)
+    sequences, log_times_ns : ndarray of int, (messages,)
         Sequence numbers and instants of sending, in the order of sending.
 
     Returns
     -------
-    (restarts,)
+    ndarray of int, (restarts,)
         Index of the first message of each new run.
     """
     begins = (sequences[1:] == 1) & (sequences[:-1] > 1) & (np.diff(log_times_ns) > 0)
     return np.flatnonzero(begins) + 1
 
 
-def number_problems(sequences: Integers, what: str) -> list[str]:
-    """Return what is wrong with sequence numbers.
+def number_problems(sequences: Integers, type_name: str) -> list[str]:
+    """Return gaps of sequence numbers, and places where they do not go up, one line each.
 
     Parameters
     ----------
-    sequences : (messages,)
-        In the order of sending.
-    what
-        What a number that is left out stands for, in the plural.
-
-    Returns
-    -------
-    list of str
-        One line each: numbers left out, and places where the numbering did not go up.
+    sequences : ndarray of int, (messages,)
+        Numbers in the order of sending.
+    type_name : str
+        Type of the messages: it gives the meaning of a number that is left out.
     """
     steps = np.diff(sequences)
     gaps, backward = np.flatnonzero(steps > 1), np.flatnonzero(steps < 1)
     problems = []
     if len(gaps):
         lost = int(np.sum(steps[gaps] - 1))
-        problems.append(
-            f"{lost} {what} at {len(gaps)} places, the first after number {sequences[gaps[0]]}"
-        )
+        text = missing_text(lost, type_name, len(gaps))
+        problems.append(f"{text}, the first after number {sequences[gaps[0]]}")
     if len(backward):
         at = backward[0]
         problems.append(
-            f"the numbering does not go up at {len(backward)} places, the first after number"
-            f" {sequences[at]}, where {sequences[at + 1]} follows"
+            f"the numbering does not go up at {counted(len(backward), 'place')}, the first after"
+            f" number {sequences[at]}, where {sequences[at + 1]} follows"
         )
     return problems
 
 
 def clock_problems(sequences: Integers, stamps_ns: Integers, log_times_ns: Integers) -> list[str]:
-    """Return what is wrong with the instants of sampling and of sending.
+    """Return what is wrong with the instants of sampling and of sending, one line each.
+
+    It finds stamps or times that do not advance, periods without a sample although the numbers
+    follow each other, and a clock that was set while recording.
 
     Parameters
     ----------
-    sequences, stamps_ns, log_times_ns : (messages,)
+    sequences, stamps_ns, log_times_ns : ndarray of int, (messages,)
         Sequence numbers, instants of sampling, and instants of sending.
-
-    Returns
-    -------
-    list of str
-        One line each: stamps or times that do not advance, periods without a sample although the
-        numbers follow each other, and a clock that was set while recording.
     """
     following = np.diff(sequences) == 1
     steps_ns, log_steps_ns = np.diff(stamps_ns), np.diff(log_times_ns)
@@ -97,8 +91,8 @@ def clock_problems(sequences: Integers, stamps_ns: Integers, log_times_ns: Integ
         standing = np.flatnonzero(following & (steps < (name == "the stamps do")))
         if len(standing):
             problems.append(
-                f"{name} not advance at {len(standing)} places, the first after number"
-                f" {sequences[standing[0]]}"
+                f"{name} not advance at {counted(len(standing), 'place')}, the first after"
+                f" number {sequences[standing[0]]}"
             )
     if not np.any(following & (steps_ns > 0)):
         return problems
@@ -119,7 +113,7 @@ def clock_problems(sequences: Integers, stamps_ns: Integers, log_times_ns: Integ
 
 
 def _skipped(sequences: Integers, stamps_ns: Integers, period_ns: float) -> list[str]:
-    """Find periods without a sample that the numbers do not tell."""
+    """Find periods without a sample that the numbers do not show."""
     found: list[tuple[int, int, int]] = []
     for run in np.split(np.arange(len(sequences)), np.flatnonzero(np.diff(sequences) < 1) + 1):
         stamps = stamps_ns[run]
@@ -129,8 +123,8 @@ def _skipped(sequences: Integers, stamps_ns: Integers, period_ns: float) -> list
         return []
     missing, places, first = zip(*found, strict=True)
     problem = (
-        f"{sum(missing)} periods of {period_ns / 1e6:.3f} ms without a sample at {sum(places)}"
-        f" places, the first after number {first[0]}"
+        f"{counted(sum(missing), 'period')} of {period_ns / 1e6:.3f} ms without a sample at"
+        f" {counted(sum(places), 'place')}, the first after number {first[0]}"
     )
     return [problem]
 
@@ -138,10 +132,10 @@ def _skipped(sequences: Integers, stamps_ns: Integers, period_ns: float) -> list
 def _left_out(
     sequences: Integers, stamps_ns: Integers, period_ns: float
 ) -> list[tuple[int, int, int]]:
-    """Return periods left out, at how many places, and the number before the first.
+    """Return periods left out, their number of places, and the number before the first.
 
-    A sample is late against the instant of its number, for once, or for good when periods were left
-    out before it. What stays of the lateness is that of the earliest sample among the next ones.
+    The lateness of a sample refers to the instant of its number. It lasts when periods were left
+    out before the sample. The lasting part is the lateness of the earliest of the next samples.
     """
     late = (stamps_ns - stamps_ns[0]) / period_ns - (sequences - sequences[0])
     rises = np.diff(_least_of_the_next(late))

@@ -1,13 +1,12 @@
-"""Crash-safe recording: topics as bytes into a rosbag2 folder with one MCAP file.
+"""Crash-safe bag writer: topics as bytes into a rosbag2 folder with one MCAP file.
 
-How times are chosen: log time and publish time of a message are both its source timestamp, the
-instant at which it was published, and not the instant at which the recorder got it. So messages
-of different topics stay in the order in which they were sent, and a reference can be aligned with
-the sample that it followed.
+Log time and publish time of a message are both its source timestamp: the instant of publication,
+not that of reception. So messages of different topics stay in the order of sending, and a
+reference can be aligned with the sample that it followed.
 
 Messages wait in memory for at most one flush period, of the clock or of their own times, whichever
 is over first. A flush completes a compressed chunk with its checksum and hands it to the operating
-system: a killed recorder loses what came since, no more. A last checksum covers the whole file.
+system: a killed recorder loses only later messages. A last checksum covers the whole file.
 """
 
 from __future__ import annotations
@@ -27,7 +26,6 @@ from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from types import TracebackType
 
 LATEST_TIME_NS = 2**63 - 1
 
@@ -40,24 +38,24 @@ class RecordingError(FlexarmError):
 
 
 class BagWriter:
-    """Writes raw CDR messages into a new rosbag2 folder.
+    """Writer of raw CDR messages into a new rosbag2 folder.
 
     Parameters
     ----------
-    path
-        Folder to create. An existing path is never touched.
-    topics
-        Everything that will be written; names are unique.
-    ros_distro
+    path : Path or str
+        Folder to create. An existing path is never changed.
+    topics : sequence of RecordedTopic
+        All topics; names are unique.
+    ros_distro : str
         Distribution named in the metadata.
-    flush_period_s
+    flush_period_s : float
         Longest time that messages stay in memory while others come in. A recorder whose topics
-        may fall silent calls :meth:`flush_if_due` from time to time.
+        may fall silent calls `flush_if_due` from time to time.
 
     Attributes
     ----------
     sequences : SequenceCheck
-        What is missing between the messages written so far.
+        Losses among the messages written so far.
 
     Raises
     ------
@@ -122,18 +120,18 @@ class BagWriter:
 
         Parameters
         ----------
-        topic
+        topic : str
             Name of one of the recorded topics.
-        raw
+        raw : bytes
             Serialised message with its 4 bytes of CDR encapsulation.
-        log_time_ns, publish_time_ns
-            Both the source timestamp, nanoseconds since the epoch (see the head of this module).
+        log_time_ns, publish_time_ns : int
+            Source timestamp, nanoseconds since the epoch (see the head of this module).
 
         Raises
         ------
         RecordingError
-            If the bag is closed, the topic unknown, a time outside of what a bag can hold, or the
-            disk refuses the data. In the last case the bag is closed and keeps what was flushed.
+            If the bag is closed, the topic unknown, a time outside of a bag's range, or the disk
+            refuses the data. In the last case the bag is closed and keeps what was flushed.
         """
         self._require_open()
         channel = self._channels.get(topic)
@@ -156,13 +154,7 @@ class BagWriter:
         self.flush_if_due()
 
     def flush_if_due(self) -> None:
-        """Flush when messages have waited for a flush period.
-
-        Raises
-        ------
-        RecordingError
-            If the bag is closed or the disk refuses the data.
-        """
+        """Flush when messages have waited for a flush period; errors as in `flush`."""
         if time.monotonic() - self._flushed_at_s >= self._flush_period_s:
             self.flush()
 
@@ -185,13 +177,7 @@ class BagWriter:
         self._waiting_since_ns = LATEST_TIME_NS
 
     def close(self) -> None:
-        """Write index and metadata and close; a closed bag stays as it is.
-
-        Raises
-        ------
-        RecordingError
-            If the disk refuses the data.
-        """
+        """Write index and metadata and close, once; RecordingError if the disk refuses the data."""
         if self._closed:
             return
         self.flush()
@@ -209,12 +195,7 @@ class BagWriter:
     def __enter__(self) -> BagWriter:  # noqa: PYI034 - Self needs Python 3.11
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc_value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _create_folder(self) -> None:
@@ -240,10 +221,7 @@ class BagWriter:
                 topic.name,
                 "cdr",
                 schemas[definition.type_name],
-                {
-                    "offered_qos_profiles": topic.qos_text(),
-                    "topic_type_hash": definition.type_hash,
-                },
+                {"offered_qos_profiles": topic.qos_text(), "topic_type_hash": definition.type_hash},
             )
         return channels
 

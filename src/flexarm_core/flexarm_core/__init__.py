@@ -1,1 +1,1 @@
-"""Ground that every package stands on: channels, errors, parameter tables, array types."""
+"""Base of every package: channels, errors, parameter tables, array types."""

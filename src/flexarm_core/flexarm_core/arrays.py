@@ -1,4 +1,4 @@
-"""Types that the signatures of several packages share: arrays, progress callbacks."""
+"""Types and array helpers that the packages share."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ FloatArray = NDArray[np.float64]
 RealArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
-# Real in one caller and complex in the other.
-AnyArray = NDArray[Any]
 # Called with the name of a stage and its completed part.
 Progress = Callable[[str, float], None]
 
@@ -22,7 +20,7 @@ _ROWS_TOGETHER = 64
 
 
 def runs(mask: BoolArray) -> NDArray[np.intp]:
-    """Return where a mask is true without a break, (runs, 2): first rows, and rows behind."""
+    """Return the runs of true values in a mask, (runs, 2): first rows, and rows behind."""
     edges = np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))
     return np.asarray(np.flatnonzero(edges).reshape(-1, 2))
 

@@ -1,7 +1,7 @@
 """Channels of the rig: one current command in, four sensor voltages out (section 2.3).
 
-Everything the rig exchanges is a voltage, as in the thesis; this module holds the one set of
-factors between those voltages and SI units.
+As in the thesis, every signal of the rig is a voltage; this module holds the one set of factors
+between those voltages and SI units.
 """
 
 from __future__ import annotations
@@ -60,33 +60,11 @@ class Channel:
     volts_per_si: float
 
     def to_si(self, volts: float) -> float:
-        """Turn a voltage into the physical quantity.
-
-        Parameters
-        ----------
-        volts : float
-            Voltage of the channel.
-
-        Returns
-        -------
-        float
-            The quantity, in SI units.
-        """
+        """Convert a voltage to the physical quantity, in SI units."""
         return volts / self.volts_per_si
 
     def to_volts(self, si: float) -> float:
-        """Turn the physical quantity into a voltage.
-
-        Parameters
-        ----------
-        si : float
-            The quantity, in SI units.
-
-        Returns
-        -------
-        float
-            Voltage of the channel.
-        """
+        """Convert the physical quantity, in SI units, to a voltage."""
         return si * self.volts_per_si
 
 

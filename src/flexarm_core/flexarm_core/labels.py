@@ -1,4 +1,4 @@
-"""Channel names as people read them: what is measured, and its unit."""
+"""Readable names and counts: quantity and unit of a channel, a number with its noun."""
 
 from __future__ import annotations
 
@@ -20,25 +20,20 @@ _UNITS = {
 
 
 def label_and_unit(name: str) -> tuple[str, str]:
-    """Return what a channel is in words, and its unit.
+    """Return the words and the unit of a channel: ``base strain`` and ``V`` of ``base_strain_v``.
 
-    Parameters
-    ----------
-    name : str
-        Name of a channel, such as ``base_strain_v``.
-
-    Returns
-    -------
-    str
-        Words, ``base strain``.
-    str
-        Unit, ``V``; empty when the name has none.
+    The unit is empty when the name has none.
     """
     for ending, unit in _UNITS.items():
         words = name.removesuffix(f"_{ending}")
         if words not in (name, ""):
             return words.replace("_", " "), unit
     return name.replace("_", " "), ""
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: ``1 record``, ``2 records``."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
 def axis_label(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Parameter tables: each documents, declares and checks a value."""
+"""Parameter tables, which document, declare and check values."""
 
 from __future__ import annotations
 
@@ -56,13 +56,7 @@ class ParameterSpec:
         return least, math.inf if self.maximum is None else self.maximum
 
     def complaint(self, value: object) -> str | None:
-        """Return why a value cannot be used, in one line; None when it can.
-
-        Parameters
-        ----------
-        value : object
-            The value to check; NaN is outside every range.
-        """
+        """Return in one line why a value cannot be used, NaN among others; None when it can."""
         if self.choices and value not in self.choices:
             return f"{self.name} = '{value}': must be one of {', '.join(self.choices)}"
         least, most = self.bounds
@@ -74,14 +68,7 @@ class ParameterSpec:
         return None
 
     def check(self, value: object, owner: str) -> None:
-        """Refuse a value that cannot be used.
-
-        Parameters
-        ----------
-        value : object
-            The value to check.
-        owner : str
-            What the parameter belongs to, for the message.
+        """Refuse a value that cannot be used, of a parameter that belongs to `owner`.
 
         Raises
         ------
@@ -138,7 +125,7 @@ def select(kind: type[_BoundedT], values: Mapping[str, float]) -> _BoundedT:
 def refuse_unknown(
     owner: str, specs: tuple[ParameterSpec, ...], values: Mapping[str, float]
 ) -> None:
-    """Refuse values that no parameter of the table asks for.
+    """Refuse values without a parameter in the table.
 
     Raises
     ------

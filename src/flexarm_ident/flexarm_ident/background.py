@@ -1,4 +1,4 @@
-"""One long piece of work in a thread of its own, that reports and can be cancelled."""
+"""Background work in a thread of its own, with progress and cancellation."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Background(Generic[Result]):
 
     Parameters
     ----------
-    work
-        Is called with a progress callback; that callback raises `Cancelled` when it is to stop.
-    cancelled
-        Asked in the thread, at every progress, whether to stop.
-    notify
+    work : callable
+        Called with a progress callback, which raises `Cancelled` when the work is to stop.
+    cancelled : callable
+        Called in the thread, at every progress; True stops the work.
+    notify : callable
         Called from the thread when there is progress, and when the work has ended.
     """
 
@@ -51,7 +51,7 @@ class Background(Generic[Result]):
 
     @property
     def ended(self) -> bool:
-        """Whether there is a result or an error, and no further progress."""
+        """True when there is a result or an error, and no further progress."""
         return self._ended.is_set()
 
     def progress(self) -> Iterator[tuple[str, float]]:
@@ -66,7 +66,7 @@ class Background(Generic[Result]):
         return self._result
 
     def join(self, timeout_s: float) -> None:
-        """Wait for the end, not longer than that."""
+        """Wait for the end, at most `timeout_s`."""
         self._thread.join(timeout_s)
 
     def _run(self) -> None:

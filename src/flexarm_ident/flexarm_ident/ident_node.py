@@ -1,7 +1,7 @@
-"""The identification as a service and as an action: bags in, a validated reduced model out.
+"""Identification node: a service and an action from bags to a validated reduced model.
 
 `identify` and the action `identify_bags` read the bags, and answer with the model as parameters;
-the action also tells how far it is, and can be cancelled. The node declares these parameters on
+the action also reports its progress, and can be cancelled. The node declares these parameters on
 itself and writes a folder with `model.yaml`, ready for `--params-file`, and `report.html`. It works
 on one job at a time, beside the executor, which stays free for parameters and for cancelling.
 """
@@ -57,7 +57,7 @@ PARAMETERS = (
 
 
 class IdentNode(Node):
-    """Wires the service and the action to `job.identify_bags`."""
+    """Node that wires the service and the action to `job.identify_bags`."""
 
     def __init__(self) -> None:
         super().__init__("ident", namespace="/flexarm")
@@ -155,7 +155,7 @@ class IdentNode(Node):
             self._job = None
 
     def _work(self, asked: Asked) -> Callable[[Progress], Results]:
-        """Return what is to be done; what is asked for is checked now."""
+        """Return the work of a request, which is checked now."""
         bags, request = as_bags(asked.bag_uris), as_request(asked)
         settings = self._settings.values()
         root = Path(settings["output_folder"]).expanduser().absolute()
@@ -173,25 +173,19 @@ class IdentNode(Node):
 
 
 def as_bags(uris: Sequence[str]) -> list[Path]:
-    """Turn the URIs of a request into paths.
-
-    Raises
-    ------
-    IdentificationError
-        When there is none.
-    """
+    """Convert the URIs of a request to paths; IdentificationError when there is none."""
     if not uris:
         raise IdentificationError("bag_uris is empty: name at least one bag")
     return [_path(uri) for uri in uris]
 
 
 def as_request(message: Asked) -> Request:
-    """Turn a service request or a goal into a `Request`; zero and empty fields take the defaults.
+    """Convert a service request or a goal to a `Request`; zero and empty fields take the defaults.
 
     Raises
     ------
     IdentificationError
-        When a field has no meaning.
+        When a field is invalid.
     """
     default = Request()
     return Request(

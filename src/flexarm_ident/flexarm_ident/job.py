@@ -49,7 +49,7 @@ _STARTS = dict(zip(_ENDS, (0.0, *_ENDS.values()), strict=False))
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """An identified model and where it was written.
+    """An identified model and its folder.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ def whole(progress: Progress) -> Progress:
 
 
 def model_name(bag: Path) -> str:
-    """Return the name of a bag, as far as a parameter's name can hold it."""
+    """Return the name of a bag with the characters that a parameter's name may have."""
     return re.sub(r"\W", "_", bag.resolve().stem) or "model"
 
 
@@ -102,7 +102,7 @@ def identify_bags(
     """Read bags, identify one model, and write it with its report.
 
     A bag of more than `LARGEST_IN_MEMORY` samples is read in pieces, so that memory does not grow
-    with its length; see `workflow.stages.run` for what that leaves out.
+    with its length; see `workflow.stages.run` for the restrictions.
 
     Parameters
     ----------
@@ -111,17 +111,12 @@ def identify_bags(
     folder : Path
         Folder of the results, see `write_results`.
     request : Request
-        What is to be done.
+        Options.
     exports : sequence of str
         Suffixes of further formats, see `models.files.parse_exports`.
     progress : callable
-        Called with the stage and the part of the whole that is done. What it raises ends the job
-        and leaves no file.
-
-    Returns
-    -------
-    Results
-        The model and its files.
+        Called with the stage and the part of the whole that is done. An exception from it ends the
+        job without a file.
 
     Raises
     ------
@@ -155,22 +150,8 @@ def report_bags(
 
     Parameters
     ----------
-    bags, request, progress
-        As in `identify_bags`.
     file : Path
-        HTML file.
-
-    Returns
-    -------
-    Results
-        The model and the folder of the file.
-
-    Raises
-    ------
-    IdentificationError
-        If the bags or the request do not allow an identification.
-    OSError
-        If the file cannot be written.
+        HTML file. The other parameters and the errors are those of `identify_bags`.
     """
     report = whole(progress)
     measured, outcome = _identified(bags, request, report)
@@ -193,7 +174,7 @@ def write_results(
     """Write `model.yaml`, ready for `--params-file`, `report.html`, and further formats.
 
     Everything is written beside the folder first. A new folder appears complete or not at all; in
-    one that is there, files of an earlier identification are replaced and others stay.
+    an existing one, files of an earlier identification are replaced and others stay.
 
     Parameters
     ----------
@@ -202,13 +183,13 @@ def write_results(
     outcome : Outcome
         The identification.
     measured : sequence of Source
-        The records as they were read; their hashes are written beside the model.
+        The records before any processing; their hashes are written beside the model.
     name : str
         Name of the model.
     exports : sequence of str
         Suffixes of `models.files.FORMATS` beside `.yaml`.
     before_commit : callable
-        Called when all is written but nothing is in its place; may raise to leave no trace.
+        Called when all is written but nothing is in its place; an exception leaves no trace.
 
     Returns
     -------
@@ -243,24 +224,12 @@ def write_report(
     name: str,
     before_commit: Callable[[], None] = lambda: None,
 ) -> dict[str, ParameterValue]:
-    """Write nothing but the report; the model is inside it.
+    """Write the report alone, with the model inside; its folder is created when it is missing.
 
     Parameters
     ----------
     file : Path
-        HTML file; its folder is created when it is missing.
-    outcome, measured, name, before_commit
-        As in `write_results`.
-
-    Returns
-    -------
-    dict
-        The model as flat parameters `models.<name>.*`.
-
-    Raises
-    ------
-    OSError
-        When the file cannot be written.
+        HTML file. The other parameters, the result and OSError are those of `write_results`.
     """
     subject, _ = _subject(name, outcome, measured)
     report = render_report(subject, title=_title(name))
@@ -275,7 +244,7 @@ def write_report(
 def _identified(
     bags: Sequence[Path], request: Request, report: Progress
 ) -> tuple[list[Source], Outcome]:
-    """Return the records as measured, and what was identified from them."""
+    """Return the records as measured, and the outcome of their identification."""
     measured: list[Source] = []
     for done, bag in enumerate(bags):
         report("reading", done / len(bags))
@@ -295,7 +264,7 @@ def _read(bag: Path, request: Request) -> Source:
 def _subject(
     name: str, outcome: Outcome, measured: Sequence[Source]
 ) -> tuple[Subject, dict[str, str | list[str] | list[float]]]:
-    """Return what the report is about, and what stands beside the model."""
+    """Return the subject of the report, and the provenance of the model."""
     provenance = model_provenance(outcome, measured) | friction_fields(outcome.friction)
     parameters = model_parameters(name, outcome.model, provenance=provenance)
     return Subject(outcome, name, parameters), provenance
@@ -307,7 +276,7 @@ def _title(name: str) -> str:
 
 @contextmanager
 def _staging(target: Path) -> Iterator[Path]:
-    """Give a folder beside the target, for what is moved to it when it is complete."""
+    """Yield a folder beside the target, for files that are moved when they are complete."""
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{target.name}.", dir=target.parent) as beside:
         # A folder inside has the usual permissions.

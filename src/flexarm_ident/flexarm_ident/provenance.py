@@ -1,6 +1,6 @@
-"""Provenance of a model: records with the hash of their content, method, request, versions.
+"""Model provenance: records with the hash of their content, method, request, versions.
 
-There is no date in it: the same records and request give the same files, byte by byte.
+It has no date: the same records and request give the same files, byte by byte.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _PACKAGES = ("flexarm_ident", "numpy", "scipy", "control")
 def model_provenance(
     outcome: Outcome, measured: Sequence[Source]
 ) -> dict[str, str | list[str] | list[float]]:
-    """Return what belongs beside an identified model.
+    """Return the provenance fields of an identified model.
 
     Parameters
     ----------
     outcome : Outcome
         The identification.
     measured : sequence of Source
-        The records as they were read, before any processing.
+        The records before any processing.
 
     Returns
     -------
@@ -59,16 +59,8 @@ def model_provenance(
 def record_hash(record: Source) -> str:
     """Return the SHA-256 of a record's period, channels and samples, as hexadecimal digits.
 
-    Parameters
-    ----------
-    record : Source
-        The record. Its name does not count: a copied or converted bag has the same hash. One that
-        is read in chunks has neither compensation nor reference.
-
-    Returns
-    -------
-    str
-        The same for the same bits on every machine.
+    The name of the record does not count: a copied or converted bag has the same hash on every
+    machine. A record that is read in chunks has neither compensation nor reference.
     """
     further = (record.compensation, record.reference) if isinstance(record, IoData) else (None,) * 2
     facts = [

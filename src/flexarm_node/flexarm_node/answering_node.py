@@ -1,4 +1,4 @@
-"""Managed node that answers every sample of `state` with one `command`."""
+"""Base of managed nodes that answer every sample of `state` with one `command`."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _STATISTICS_SAMPLES = 3000
 class AnsweringNode(LoopNode):
     """Base of the nodes that command the arm, by a law or by an excitation.
 
-    A subclass fills the commands in. This class takes the samples, numbers the commands, declares
-    who commands, and keeps the figures.
+    A subclass computes the commands. This class receives the samples, numbers the commands,
+    declares the commander, and collects the figures.
 
     Attributes
     ----------
@@ -44,15 +44,15 @@ class AnsweringNode(LoopNode):
 
     @abstractmethod
     def commander(self) -> tuple[str, bool]:
-        """Return the name of what makes the commands, and whether these use the outputs."""
+        """Return the name of the commander, and whether its commands use the outputs."""
 
     @abstractmethod
     def begin(self) -> None:
-        """Make ready for the first sample: a run of samples begins, or begins anew."""
+        """Prepare for the first sample of a run, or of a run that begins anew."""
 
     @abstractmethod
     def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
-        """Fill in effort and compensation of the command.
+        """Set effort and compensation of the command that answers a sample.
 
         Parameters
         ----------
@@ -61,14 +61,14 @@ class AnsweringNode(LoopNode):
         taken_ns : int
             Its stamp, ns.
         command : MotorCommand
-            The command; its effort and compensation are those of the sample before.
+            The command, still with effort and compensation of the sample before.
         """
 
     def answered(self, state: ArmState, taken_ns: int) -> None:
-        """Do what may follow the command; see `answer`."""
+        """Do what may wait until the command is sent; see `answer`."""
 
     def publishers(self) -> tuple[Publisher, ...]:
-        """Return what a recorder must have in full before a run counts as ended."""
+        """Return the publishers whose messages a recorder must have before a run has ended."""
         return (self._commands, self._commander_out)
 
     def make_topics(self) -> None:
@@ -85,13 +85,13 @@ class AnsweringNode(LoopNode):
         self.destroy_publisher(self._commander_out)
 
     def prepare(self) -> None:
-        """Wait for every reader of the commands, drop an old sample, tell what will command."""
+        """Wait for every reader of the commands, drop an old sample, declare the commander."""
         self.await_listeners(self._commands, least=1)
         self._states.wait_newest(0.0)
         self.declare_commander()
 
     def declare_commander(self) -> None:
-        """Tell recorders and people what makes the commands."""
+        """Tell recorders and users which commander is active."""
         name, uses_outputs = self.commander()
         info = CommanderInfo(
             node=self.get_fully_qualified_name(), law=name, uses_outputs=uses_outputs

@@ -1,4 +1,4 @@
-"""A managed node whose work is one loop in a thread of its own, beside the executor."""
+"""Base of managed nodes with one loop in a thread of its own, beside the executor."""
 
 from __future__ import annotations
 
@@ -50,25 +50,24 @@ _ACKNOWLEDGED_S = 5.0
 class LoopNode(LifecycleNode):
     """Base of the nodes that sample and control.
 
-    Configuring makes the topics, activating starts the thread, deactivating ends it, cleaning
-    up gives the topics back. Once a second the node reports on `/diagnostics`, after a run with its
-    last figures.
+    Configuring makes the topics, activating starts the thread, deactivating ends it, cleaning up
+    removes the topics. The node reports once a second on `/diagnostics`, after a run with its last
+    figures.
 
-    While the loop runs the report is its own, made in pieces in its `spare_time`: another thread
-    that made it would hold the interpreter when the next sample comes. The executor sleeps.
+    A running loop reports by itself, in pieces in its `spare_time`: a report from another thread
+    would hold the interpreter when the next sample comes. The executor sleeps.
 
     An error never leaves the node active without a loop: it is logged in one line, reported on
-    `/diagnostics`, and the node ends in the state it came from, inactive when it was the loop's.
+    `/diagnostics`, and the node returns to its previous state, inactive after an error of the loop.
 
     Parameters
     ----------
-    name
+    name : str
         Node name, in the namespace `/flexarm`.
     specs, accept, apply
         The node's parameters, see `Parameters`.
-    expected
-        Errors whose message says all there is to say. Others are named with the place they are
-        from.
+    expected : tuple of type
+        Errors with a complete message. Others are reported with their place in the code.
     """
 
     def __init__(
@@ -108,29 +107,26 @@ class LoopNode(LifecycleNode):
 
     @abstractmethod
     def release_topics(self) -> None:
-        """Give them back."""
+        """Remove the publishers and subscriptions."""
 
     @abstractmethod
     def prepare(self) -> None:
-        """Make ready for a run: called in the executor's thread before the loop starts."""
+        """Prepare a run: called in the executor's thread before the loop starts."""
 
     @abstractmethod
     def loop(self, stopping: threading.Event) -> None:
-        """Work until told to stop, or until there is nothing left to do."""
+        """Work until told to stop, or until nothing is left to do."""
 
     @abstractmethod
     def figures(self) -> Iterator[Figures]:
-        """Yield what diagnostics shall show of the loop that runs, a piece at a time.
-
-        Between two pieces the loop goes on.
-        """
+        """Yield the figures of the running loop for the diagnostics, a piece at a time."""
 
     def alarm(self) -> str:
-        """Return what the loop complains of, while it runs and when it has ended; else nothing."""
+        """Return the loop's complaint, while it runs and when it has ended; "" without one."""
         return ""
 
     def warning(self) -> str:
-        """Return what a person should know of a loop that runs as it should; else nothing."""
+        """Return what a user should know of a loop that runs as it should; "" without a warning."""
         return ""
 
     @property
@@ -141,23 +137,15 @@ class LoopNode(LifecycleNode):
     def spare_time(self) -> None:
         """Do a piece of the report, when one is due.
 
-        To be called by the loop, in its thread, whenever nothing is left to do until the next
-        sample.
+        The loop calls it in its own thread, whenever it waits for the next sample.
         """
         next(self._reports)
 
     def await_listeners(self, publisher: Publisher, least: int = 0) -> None:
-        """Wait until every reader will get the first message; complain when it takes long.
+        """Wait until every reader will get the first message; warn when it takes long.
 
-        There must be as many as the parameter `listeners` says, too: this node may not have heard
-        of all.
-
-        Parameters
-        ----------
-        publisher
-            Of what is listened to.
-        least
-            So many there must be.
+        At least `least` readers, and as many as the parameter `listeners` says, must be there: this
+        node may not have discovered all of them.
         """
         least = max(least, self.parameters.values()[_LISTENERS.name])
         if not wait_until(lambda: has_every_reader(self, [publisher], least)):
@@ -167,14 +155,9 @@ class LoopNode(LifecycleNode):
             )
 
     def await_acknowledged(self, *publishers: Publisher) -> None:
-        """Wait until every reader has every message, some seconds in all: one may be dead.
+        """Wait until every reader has every message, for some seconds in all: a reader may be dead.
 
-        A reader may have been held up, or hear late of the topic: then it gets them all at once.
-
-        Parameters
-        ----------
-        publishers
-            Of the messages.
+        A reader may have paused, or may discover the topic late: then it gets all messages at once.
         """
         deadline_s = time.monotonic() + _ACKNOWLEDGED_S
         for publisher in publishers:
@@ -226,7 +209,7 @@ class LoopNode(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
-        """Give the topics back."""
+        """Remove the topics."""
         self.release_topics()
         return TransitionCallbackReturn.SUCCESS
 
@@ -277,7 +260,7 @@ class LoopNode(LifecycleNode):
         self._report(DiagnosticStatus(message="not active", values=self._last_values))
 
     def _report_now_and_then(self) -> Iterator[None]:
-        """Report once a second, in short steps; one that is late shall not meet the next one."""
+        """Report once a second, in short steps; one that is late keeps its distance to the next."""
         due_s = time.monotonic()
         while True:
             due_s = max(due_s + _REPORT_S, time.monotonic())

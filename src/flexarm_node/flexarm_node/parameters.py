@@ -31,7 +31,7 @@ _MIDDLEWARE = "qos_overrides."
 
 
 def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
-    """Return what `ros2 param describe` shows of a parameter."""
+    """Return the text and range that `ros2 param describe` shows of a parameter."""
     text = spec.description + (f" [{spec.unit}]" if spec.unit else "")
     described = ParameterDescriptor(description=text, read_only=spec.read_only)
     if spec.choices:
@@ -54,17 +54,16 @@ class Parameters:
 
     Parameters
     ----------
-    node
+    node : Node
         The node that owns them.
-    specs
+    specs : sequence of ParameterSpec
         The table. Overrides from the command line or a parameter file are checked against it.
-    accept
-        Called with the complete set of values that a change would lead to. It raises a FlexarmError
-        with one line when the set does not fit together, and the whole change is refused with
-        that line. What it returns is ignored; it must not act on the values.
-    apply
+    accept : callable, optional
+        Called with the complete set of values after a change, before it is made. A FlexarmError
+        from it refuses the whole change with that line. It must not act on the values.
+    apply : callable, optional
         Called with the complete set after a change was accepted, and not at the start.
-    later
+    later : tuple of str
         Beginnings of names that the node may declare later on.
 
     Raises

@@ -1,4 +1,4 @@
-"""The life of a node's process: start, spin, stop cleanly however many signals come."""
+"""Process of a node: start, spinning, and a clean stop for any number of signals."""
 
 from __future__ import annotations
 
@@ -36,14 +36,13 @@ DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
 
 
 class StoppableNode(Protocol):
-    """An rclpy node that can be told to stop what it does.
+    """An rclpy node with an orderly stop.
 
-    One that can fail by itself says so in an attribute `failure`, a text that is empty when all is
-    well.
+    A node that can fail by itself has a text `failure`, empty while all is well.
     """
 
     def stop(self) -> None:
-        """Leave everything safe: called once, before the node is destroyed."""
+        """Leave everything safe; called once, before the node is destroyed."""
 
     def create_guard_condition(self, callback: Callable[[], None]) -> GuardCondition:
         """As rclpy's nodes do."""
@@ -65,12 +64,12 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
 
     Parameters
     ----------
-    make_node
+    make_node : callable
         Builds the node. A `SettingError` from it is printed as one line, exit code 2.
-    realtime
+    realtime : bool
         Ask for real-time priority and locked memory, so that the node's loop is on time on a busy
-        machine; where that is not permitted, one line says so. And set up the middleware so that
-        the loop waits neither for a node that joins nor long for a message that got lost.
+        machine; where that is not permitted, one line says so. The middleware is set up so that
+        the loop waits neither for a node that joins nor long for a lost message.
     """
     if realtime:
         prefer_realtime()
@@ -134,7 +133,7 @@ def _leave(code: int) -> None:
 
 
 def _follows_parent() -> bool:
-    """Have the kernel stop this process with the one that asked for it; tell if that one lives."""
+    """Have the kernel stop this process with its parent; return whether the parent still lives."""
     parent = os.environ.pop(DIE_WITH_PARENT, None)
     if parent is None:
         return True
@@ -144,7 +143,7 @@ def _follows_parent() -> bool:
 
 
 def prefer_realtime() -> None:
-    """Take real-time priority where that is permitted: before the middleware makes its threads."""
+    """Take real-time priority where permitted; call it before the middleware makes its threads."""
     priority = int(os.environ.get(PRIORITY, _DEFAULT_PRIORITY))
     if priority <= 0:
         return

@@ -1,4 +1,4 @@
-"""Quality of service of flexarm's topics, in one place so that publishers and subscribers match."""
+"""Quality of service of flexarm's topics, in one place, so that both ends match."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stamps of messages in whole nanoseconds: seconds since 1970 have no room for them in a float."""
+"""Message stamps in whole nanoseconds: a float cannot hold seconds since 1970 to the nanosecond."""
 
 from __future__ import annotations
 

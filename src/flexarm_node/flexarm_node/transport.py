@@ -1,17 +1,16 @@
-"""Transport of a node with a loop: UDP, with lost messages soon repeated.
+"""Transport of a node with a loop: UDP, with a prompt repetition of lost messages.
 
-Fast DDS over shared memory stops a whole participant for a third of a second when somebody joins
+Fast DDS over shared memory stops a whole participant for a third of a second when a node joins
 late: it opens the newcomer's channel, and sleeps in a health check while it holds the lock that
-every `publish` needs. A loop must not wait for that. Over UDP there is no channel to open; the
-other nodes keep their shared memory and are reached over UDP too.
+every `publish` needs. A loop must not wait for that. UDP has no channel to open; the other nodes
+keep their shared memory and are reached over UDP too.
 
-A datagram is lost when its reader is held up for so long that the buffer of its socket runs over.
-A reader only learns of it by the writer's heartbeat, by default every 3 s, and until the repetition
-all newer messages wait. A loop must not wait for that either: the heartbeat comes every 0.1 s.
+A datagram is lost when its reader pauses until the buffer of its socket overflows. The reader
+learns of it by the writer's heartbeat only, by default every 3 s, and all newer messages wait for
+the repetition. A loop must not wait for that either: the heartbeat comes every 0.1 s.
 
-Publishing in another thread would not help where shared memory is in force: the sample and its
-answer have to get through in time, and the lock keeps them back whoever sends them. There the node
-says at its start what may come.
+Publishing in another thread would not help where shared memory is in force: the lock delays the
+sample and its answer in every thread. There the node warns at its start.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ _PROFILES = Path(__file__).with_name("profiles")
 
 
 class _Version(NamedTuple):
-    """What differs between the versions of Fast DDS: so do the words in their profiles."""
+    """Differences between the versions of Fast DDS: also their profiles use different words."""
 
     name: str
     profile_variable: str
@@ -52,16 +51,15 @@ _OWN_TRANSPORTS = (_TRANSPORTS, "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
 def settings_for_a_loop(environment: Mapping[str, str], libraries: str) -> dict[str, str]:
     """Return the environment variables that set up the middleware of a process with a loop.
 
-    Nothing for another middleware than Fast DDS. What the user has set stands: an own profile says
-    all, own transports or peers leave only the heartbeat to be said.
+    There are none for a middleware other than Fast DDS. The user's settings stay: an own profile
+    replaces all, own transports or peers leave only the heartbeat to set.
 
     Parameters
     ----------
-    environment
-        Of the process.
-    libraries
-        Text with the names of the libraries that the process has loaded, the middleware's among
-        them.
+    environment : mapping of str to str
+        Environment of the process.
+    libraries : str
+        Names of the libraries that the process has loaded, the middleware's among them.
     """
     version = next((_VERSIONS[name] for name in _VERSIONS if name in libraries), None)
     if version is None or any(environment.get(key) for key in _OWN_PROFILES):
@@ -78,19 +76,14 @@ def settings_for_a_loop(environment: Mapping[str, str], libraries: str) -> dict[
 
 
 def shared_memory_warning(environment: Mapping[str, str], maps: str) -> str:
-    """Return what a person should know when Fast DDS uses shared memory in a process with a loop.
+    """Return a line of warning when a process with a loop uses shared memory, else an empty one.
 
     Parameters
     ----------
-    environment
-        Of the process.
-    maps
-        What the process has mapped into its memory, one line each, with a node in it.
-
-    Returns
-    -------
-    str
-        One line; empty where no shared memory is used.
+    environment : mapping of str to str
+        Environment of the process.
+    maps : str
+        Memory map of the process with a node in it, one line each.
     """
     if _SEGMENTS not in maps:
         return ""
@@ -103,14 +96,14 @@ def shared_memory_warning(environment: Mapping[str, str], maps: str) -> str:
 
 
 def set_up_for_a_loop() -> None:
-    """Set up the middleware of this process for a loop. Before `rclpy.init`."""
+    """Set up the middleware of this process for a loop; call it before `rclpy.init`."""
     get_rmw_implementation_identifier()  # loads it
     _GIVEN.update(os.environ)
     os.environ.update(settings_for_a_loop(_GIVEN, _mapped()))
 
 
 def complaint_about_transport() -> str:
-    """Return `shared_memory_warning` of this process. When it has a node."""
+    """Return `shared_memory_warning` of this process, which must have a node."""
     return shared_memory_warning(_GIVEN, _mapped())
 
 

@@ -33,11 +33,11 @@ def has_every_reader(node: Node, publishers: Sequence[Publisher], least: int = 0
     Parameters
     ----------
     node : Node
-        Its graph tells who reads.
+        Its graph knows the readers.
     publishers : sequence of Publisher
-        Of the topics.
+        Publishers of the topics.
     least : int
-        One of the topics must have so many readers: the graph may not know of all yet.
+        Readers that one of the topics must have: the graph may not know of all yet.
     """
     matched = [publisher.get_subscription_count() for publisher in publishers]
     known = [node.count_subscribers(publisher.topic_name) for publisher in publishers]
@@ -45,10 +45,7 @@ def has_every_reader(node: Node, publishers: Sequence[Publisher], least: int = 0
 
 
 def wait_until(condition: Callable[[], bool]) -> bool:
-    """Poll until the condition holds; return False when it does not within some seconds.
-
-    It is made for endpoints that shall find each other.
-    """
+    """Poll until endpoints have found each other; return False after some seconds without."""
     deadline_s = time.monotonic() + _MATCH_TIMEOUT_S
     while not condition():
         if time.monotonic() >= deadline_s:
@@ -71,7 +68,7 @@ class _OutsideExecutor(CallbackGroup):
 
 
 class RawMessage(NamedTuple):
-    """One message as it came over the wire."""
+    """One serialised message."""
 
     topic: int
     """Index into the topics that are waited on."""
@@ -82,15 +79,7 @@ class RawMessage(NamedTuple):
 
 
 class TopicWaiter(Generic[Message]):
-    """A subscription that one thread waits on.
-
-    Parameters
-    ----------
-    node
-        The node that the subscription belongs to.
-    message_type, topic, qos
-        As for `Node.create_subscription`.
-    """
+    """A subscription that one thread waits on; arguments as for `Node.create_subscription`."""
 
     def __init__(
         self, node: Node, message_type: type[Message], topic: str, qos: QoSProfile
@@ -123,7 +112,7 @@ class TopicWaiter(Generic[Message]):
         return newest
 
     def close(self) -> None:
-        """Give the subscription back. No thread may be waiting any more."""
+        """Remove the subscription. No thread may be waiting any more."""
         self._waiting.close()
 
     def _take(self) -> Message | None:
@@ -136,9 +125,9 @@ class RawTopicsWaiter:
 
     Parameters
     ----------
-    node
-        The node that the subscriptions belong to.
-    topics
+    node : Node
+        Owner of the subscriptions.
+    topics : sequence of (type, str, QoSProfile)
         Message type, topic and QoS of each.
     """
 
@@ -147,7 +136,7 @@ class RawTopicsWaiter:
         self._topics = range(len(topics))
 
     def wait(self, timeout_s: float) -> list[RawMessage]:
-        """Return everything that is there, or came within the time; may be nothing."""
+        """Return all waiting messages, or those that come within the time; possibly none."""
         messages = self._take_all()
         if not messages and timeout_s > 0.0:
             self._waiting.wait(timeout_s)
@@ -155,7 +144,7 @@ class RawTopicsWaiter:
         return messages
 
     def close(self) -> None:
-        """Give the subscriptions back. No thread may be waiting any more."""
+        """Remove the subscriptions. No thread may be waiting any more."""
         self._waiting.close()
 
     def _take_all(self) -> list[RawMessage]:

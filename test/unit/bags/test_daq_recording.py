@@ -436,7 +436,7 @@ def test_sequences___of_a_bag_with_a_gap___complain(tmp_path: Path) -> None:
             bag.write(message.topic, message.raw, message.time_ns, message.time_ns)
         assert bag.sequences.complaints() == [
             "/flexarm/state: 2 periods without a sample at 2 places",
-            "/flexarm/command: 1 commands missing at 1 places",
+            "/flexarm/command: 1 command missing at 1 place",
         ]
 
 

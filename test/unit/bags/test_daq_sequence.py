@@ -74,9 +74,7 @@ def test_check___numbers___counts_what_is_missing(
 
 def test_complaints___only_of_missing_messages() -> None:
     assert checked([1, 2, 1]).complaints() == []
-    assert checked([1, 4]).complaints() == [
-        "/flexarm/state: 2 periods without a sample at 1 places"
-    ]
+    assert checked([1, 4]).complaints() == ["/flexarm/state: 2 periods without a sample at 1 place"]
 
 
 def test_check___message_that_is_too_short___is_let_pass() -> None:

@@ -143,7 +143,7 @@ def test_check___another_bag_s_metadata___is_noticed(copy: Path, tmp_path: Path)
     text = (other / "metadata.yaml").read_text("utf-8").replace("other_0", "run_0")
     (copy / "metadata.yaml").write_text(text, "utf-8")
     found = problems(copy)
-    assert "metadata.yaml: is not what the file says of itself" in found
+    assert "metadata.yaml: differs from its copy inside the file" in found
     assert "/flexarm/state: metadata.yaml says 100 messages, there are 200" in found
     assert "metadata.yaml: does not have the times of the messages" in found
 
@@ -179,9 +179,9 @@ def test_check___missing_samples___are_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("numbers", "line"),
     [
-        ((1, 2, 2, 3), "the numbering does not go up at 1 places, the first after number 2"),
-        ((5, 6, 2, 3), "the numbering does not go up at 1 places, the first after number 6"),
-        ((1, 1, 2, 3), "the numbering does not go up at 1 places, the first after number 1"),
+        ((1, 2, 2, 3), "the numbering does not go up at 1 place, the first after number 2"),
+        ((5, 6, 2, 3), "the numbering does not go up at 1 place, the first after number 6"),
+        ((1, 1, 2, 3), "the numbering does not go up at 1 place, the first after number 1"),
         ((1, 2, 6, 9), "5 periods without a sample at 2 places, the first after number 2"),
     ],
 )
@@ -229,9 +229,9 @@ def test_check___damage_in_a_run_of_several___is_found_there(tmp_path: Path) -> 
     del second[40:43]
     messages = [*run_of(range(1, 51), START_NS), *second, *late]
     assert problems(write_bag(tmp_path / "run", messages)) == (
-        "/flexarm/state, run 2: 3 periods without a sample at 1 places, the first after number 40",
+        "/flexarm/state, run 2: 3 periods without a sample at 1 place, the first after number 40",
         (
-            "/flexarm/state, run 3: 2 periods of 2.000 ms without a sample at 1 places,"
+            "/flexarm/state, run 3: 2 periods of 2.000 ms without a sample at 1 place,"
             " the first after number 30"
         ),
     )
@@ -273,7 +273,7 @@ def test_clock___late_sample_that_is_made_up_for___has_no_problem() -> None:
 
 def test_clock___periods_left_out___are_counted() -> None:
     assert timed([*EVEN_MS[:7], *EVEN_MS[9:]]) == [
-        "2 periods of 2.000 ms without a sample at 1 places, the first after number 7"
+        "2 periods of 2.000 ms without a sample at 1 place, the first after number 7"
     ]
 
 
@@ -288,7 +288,7 @@ def test_clock___two_long_steps_in_a_row___are_counted_once() -> None:
 def test_clock___late_sample_after_periods_left_out___counts_only_whole_ones(late: float) -> None:
     stamps_ms = [*EVEN_MS[:7], EVEN_MS[9] + 2.0 * late, *EVEN_MS[10:], *(40.0, 42.0, 44.0)]
     assert timed(stamps_ms) == [
-        "2 periods of 2.000 ms without a sample at 1 places, the first after number 7"
+        "2 periods of 2.000 ms without a sample at 1 place, the first after number 7"
     ]
 
 
@@ -302,7 +302,7 @@ def test_clock___numbers_that_tell_what_was_left_out___are_not_counted_again() -
     late = np.isin(numbers, (9, 17)) * 0.8
     stamps_ns = np.rint((numbers + late) * 2e6).astype(np.int64)
     assert clock_problems(numbers, stamps_ns, stamps_ns) == []
-    assert number_problems(numbers, "periods without a sample") == [
+    assert number_problems(numbers, "flexarm_msgs/msg/ArmState") == [
         "5 periods without a sample at 2 places, the first after number 6"
     ]
 
@@ -337,7 +337,7 @@ def test_clock___stalls_late_samples_and_jitter___every_period_left_out_is_count
 
 def test_clock___stamps_that_stand_or_go_back___are_named() -> None:
     (standing,) = timed([*EVEN_MS[:5], EVEN_MS[4], *EVEN_MS[6:]], EVEN_MS)
-    assert standing == "the stamps do not advance at 1 places, the first after number 5"
+    assert standing == "the stamps do not advance at 1 place, the first after number 5"
     assert timed([*EVEN_MS[:5], 0.5, *EVEN_MS[6:]])[0].startswith("the stamps do not advance")
 
 
@@ -347,7 +347,7 @@ def test_clock___wall_clock_set_while_recording___is_named() -> None:
     assert timed(stamps_ms, ahead) == ["the clock was set by +5.000 s after number 12"]
     back = [5000.0 + ms - 5000.0 * (k >= 12) for k, ms in enumerate(EVEN_MS)]
     assert timed(EVEN_MS, back) == [
-        "the clock does not advance at 1 places, the first after number 12",
+        "the clock does not advance at 1 place, the first after number 12",
         "the clock was set by -5.000 s after number 12",
     ]
 
@@ -525,7 +525,7 @@ def tampered(name: str, **values: object) -> Callable[[Writer], None]:
         (tampered("statistics", message_start_time=7), "first time: the statistics say 7"),
         (tampered("chunk_indices", message_end_time=7), "the index of the chunk at byte"),
         (tampered("chunk_indices", message_index_offsets={}), "the index of the chunk at byte"),
-        (lambda writer: writer._Writer__chunk_indices.pop(), "chunks and their indexes are not"),
+        (lambda writer: writer._Writer__chunk_indices.pop(), "the numbers of chunks and of"),
     ],
 )
 def test_file___that_contradicts_itself___is_noticed(

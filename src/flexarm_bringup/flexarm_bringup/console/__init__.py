@@ -1,1 +1,1 @@
-"""The user's terminal."""
+"""Terminal of the user, and the command's groups of verbs."""

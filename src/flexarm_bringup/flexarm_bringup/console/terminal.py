@@ -27,18 +27,8 @@ _LEVEL = ".friction_level"
 class ShownModel(NamedTuple):
     """Facts of an identified model that the user sees.
 
-    Attributes
-    ----------
-    modes : iterable of Mode
-        Modes of the full model.
-    outputs : sequence of str
-        Names of the outputs.
-    dmv, sfv : sequence of float
-        Errors (2-25), one per output and the mean; `sfv` may be empty.
-    parameters : mapping
-        The model as parameters `models.<name>.*`, of which the friction is shown.
-    warnings : sequence of str
-        Facts to know before trusting the model.
+    Errors are those of (2-25), one per output and the mean; `sfv` may be empty. Of the parameters
+    `models.<name>.*` the friction is shown.
     """
 
     modes: Iterable[ModeSummary | Mode]

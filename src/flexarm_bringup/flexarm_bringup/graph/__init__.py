@@ -1,1 +1,1 @@
-"""The node graph as processes, and its operator."""
+"""Node graph as processes, and its operator."""

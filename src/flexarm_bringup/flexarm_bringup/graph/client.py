@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 NAMESPACE = "/flexarm"
 SERVICE_S = 30.0
-"""Deadline of everything that usually takes a moment."""
+"""Deadline of operations that usually take a moment."""
 _UNHEARD_S = 3.0
 _READ_UNHEARD_S = 0.5
-"""For questions that change nothing: they may be put again soon."""
+"""Patience with questions that change nothing: they may soon be put again."""
 _READS = (GetState, GetParameters)
 _ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
 """Long work and its node: a second question would be refused while the first is at work."""
@@ -72,13 +72,7 @@ class GraphClient:
         self._executor.spin_once(timeout_sec=_POLL_S)
 
     def wait(self, condition: Callable[[], bool], what: str, timeout_s: float = SERVICE_S) -> None:
-        """Spin until the condition holds.
-
-        Raises
-        ------
-        LaunchError
-            When it does not within the time.
-        """
+        """Spin until the condition holds; raise a `LaunchError` after the time."""
         deadline_s = time.monotonic() + timeout_s
         while not condition():
             if time.monotonic() > deadline_s:
@@ -90,11 +84,6 @@ class GraphClient:
 
         Discovery announces them in the order in which they were made. So a node that answers the
         newest client knows all of them, and none of its later answers is dropped.
-
-        Raises
-        ------
-        LaunchError
-            When the node does not answer in time.
         """
         parameters = f"{NAMESPACE}/{name}/get_parameters"
         client = self.node.create_client(GetParameters, parameters)
@@ -114,20 +103,7 @@ class GraphClient:
         """Call a service below the namespace and return its response.
 
         A server that has not yet discovered the client's reader drops its answer. So the
-        question is put again when no answer comes for a while.
-
-        Parameters
-        ----------
-        service : type
-            Type of the service.
-        name : str
-            Its name below the namespace.
-        request : object
-            The question.
-        timeout_s : float
-            Deadline of the answer, s.
-        unheard : callable
-            Called when no answer came: what the answer must have been, or None to ask again.
+        question is put again when no answer comes for a while, unless `unheard` infers the answer.
 
         Raises
         ------

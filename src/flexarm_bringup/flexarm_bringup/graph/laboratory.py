@@ -45,28 +45,23 @@ def running_graph(
     nodes: Sequence[str] = LABORATORY,
     files: tuple[Path, ...] = (),
 ) -> Iterator[tuple[Operator, NodeProcesses]]:
-    """Start nodes, configure the managed ones, and stop all of them at the end.
+    """Start nodes in this order, configure the managed ones, and stop all of them at the end.
 
     Parameters
     ----------
-    parameters : mapping
-        Parameters to start with, by node name.
+    parameters : mapping of str to mapping
+        Initial parameters by node name.
     log : Path
-        File that gets what the nodes print.
+        File of what the nodes print.
     nodes : sequence of str
-        Which ones, in this order.
+        Names of the nodes.
     files : tuple of Path
-        Parameter files for all of them; a node takes what is under its name.
-
-    Yields
-    ------
-    tuple of Operator and NodeProcesses
-        The graph's operator and its processes.
+        Parameter files for all of them; a node takes its own section.
 
     Raises
     ------
     LaunchError
-        When another flexarm graph is running in this domain, or a node does not start.
+        When another flexarm graph runs in this domain, or a node does not start.
     """
     for file in files:
         for name in unknown_nodes(file, _KNOWN):
@@ -86,15 +81,7 @@ def running_graph(
 
 
 def unknown_nodes(file: Path, known: Collection[str]) -> list[str]:
-    """Return the nodes that a parameter file names and nobody has.
-
-    Parameters
-    ----------
-    file : Path
-        As for `--params-file` of ROS 2. One that cannot be read is left to the nodes.
-    known : collection of str
-        Full names of nodes.
-    """
+    """Return the unknown nodes in a parameter file of ROS 2; none if it cannot be read."""
     try:
         content = yaml.safe_load(file.read_text("utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError):

@@ -65,10 +65,7 @@ class Operator(GraphClient):
             raise LaunchError(f"{name} refused to configure{self._why(name)}")
 
     def activate(self, name: str) -> None:
-        """Take a managed node from inactive to active, such that everybody hears its first message.
-
-        It may not have heard of all the readers that are known here.
-        """
+        """Take a managed node to active; it waits for all readers that are known here."""
         if name in _SENDS:
             listeners = self.node.count_subscribers(_SENDS[name])
             self.set_parameters(name, {"listeners": listeners})
@@ -128,10 +125,7 @@ class Operator(GraphClient):
         return dict(zip(parameters, values, strict=True))
 
     def await_recorder(self) -> None:
-        """Wait until the recorder and its readers are known here.
-
-        Its service is the last that it announces.
-        """
+        """Wait for the last service that the recorder announces: then its readers are known too."""
         self.wait(self.client(SetBool, _RECORD).service_is_ready, "the recorder")
 
     def record(self, bag: str | None) -> str:
@@ -153,24 +147,18 @@ class Operator(GraphClient):
         return response
 
     def start_sampling(self, samples: int = 0) -> None:
-        """Activate the DAQ node, such that it waits for who commands.
-
-        Parameters
-        ----------
-        samples
-            Have it stop by itself after that many periods; 0: never.
-        """
+        """Activate the DAQ node, which waits for a commander; 0 samples are an endless run."""
         self.set_parameters("daq", {"samples": samples, "await_commander": True})
         self.activate("daq")
 
     def sample(self, samples: int, progress: Callable[[int], None]) -> Run:
-        """Let the DAQ node sample for so many periods and wait until it has stopped by itself.
+        """Sample a number of periods and wait until the DAQ node has stopped by itself.
 
         Raises
         ------
         LaunchError
-            When hardly a new sample comes for a long time, the DAQ node ends too early, which is
-            noticed within seconds, or the recorder has failed.
+            When hardly a new sample comes for a long time, the DAQ node ends too early, or the
+            recorder has failed.
         """
         with self._watch as watch:
             self.start_sampling(samples)
@@ -191,17 +179,9 @@ class Operator(GraphClient):
     def recorded_run(
         self, commander: str, bag: str, samples: int, progress: Callable[[int], None]
     ) -> Run:
-        """Record one run of the loop.
+        """Record one run of the loop into a new bag.
 
-        Parameters
-        ----------
-        commander
-            The node that commands; active for this run alone, since what it sent is complete when
-            it has been deactivated.
-        bag
-            To be created.
-        samples, progress
-            As for `sample`.
+        The commander is active for this run alone: deactivated, it has sent everything.
 
         Raises
         ------

@@ -31,17 +31,7 @@ class LaunchError(FlexarmError):
 
 @dataclass(frozen=True)
 class NodeProgram:
-    """A node to start.
-
-    Attributes
-    ----------
-    package, executable : str
-        As for `ros2 run`.
-    parameters : mapping
-        Values to start with.
-    files : tuple of Path
-        Parameter files to start with; `parameters` come after them.
-    """
+    """Node to start, named as for `ros2 run`; its parameters come after those of its files."""
 
     package: str
     executable: str
@@ -61,13 +51,7 @@ class NodeProgram:
 
 
 def find_executable(package: str, executable: str) -> Path:
-    """Return the path of a node's executable.
-
-    Raises
-    ------
-    LaunchError
-        When there is no such package or executable; the message lists what there is.
-    """
+    """Return the path of a node's executable; raise a `LaunchError` that lists those there are."""
     try:
         folder = Path(get_package_prefix(package), "lib", package)
     except PackageNotFoundError:
@@ -132,14 +116,7 @@ class NodeProcesses:
             signal.signal(signal.SIGINT, previous)
 
     def check(self) -> None:
-        """Complain when one of them has ended, unless another may take its place.
-
-        Raises
-        ------
-        LaunchError
-            With the last line that was printed, unless another node logged it or a signal was the
-            reason.
-        """
+        """Raise a `LaunchError` with the last line printed for a lost irreplaceable process."""
         for name, ending in self.endings().items():
             if name not in self._replaceable:
                 raise LaunchError(ending)

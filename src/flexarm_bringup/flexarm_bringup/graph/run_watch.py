@@ -24,19 +24,7 @@ not come may take a third of it."""
 
 
 class Run(NamedTuple):
-    """Figures of a run that has ended, as the DAQ node reports them.
-
-    Attributes
-    ----------
-    taken : int
-        Samples taken.
-    missed : int
-        Periods without a sample.
-    real_time_factor : float
-        Pace of the arm's time beside that of the wall clock.
-    recorded : str
-        Report of the recorder; empty when nothing was recorded.
-    """
+    """Figures of a run that has ended, as the DAQ node reports them, and the recorder's report."""
 
     taken: int
     missed: int

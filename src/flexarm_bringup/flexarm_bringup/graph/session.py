@@ -1,4 +1,4 @@
-"""Session of this process on the graph: ROS for a while, an operator, and Ctrl-C."""
+"""Session of this process on the graph: ROS context, operator and Ctrl-C."""
 
 from __future__ import annotations
 
@@ -26,15 +26,7 @@ def session(
     check: Callable[[], None] = lambda: None,
     complaint: Callable[[str], str] = lambda _: "",
 ) -> Iterator[Operator]:
-    """Join the graph as a node and give an operator.
-
-    Parameters
-    ----------
-    name : str
-        Name of the node below the namespace.
-    check, complaint : callable
-        As for `Operator`.
-    """
+    """Join the graph as a node of this name and yield its operator; see `Operator`."""
     with interruptible():
         # Signals stay Python's.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -1,1 +1,1 @@
-"""Runs on the graph: demo, experiments, the kept laboratory."""
+"""Runs on the graph and their records."""

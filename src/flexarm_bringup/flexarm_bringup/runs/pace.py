@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Pace(Enum):
-    """Pace that a user can choose; nothing else differs between the first two."""
+    """Pace that a user can choose; the first two differ in nothing else."""
 
     WALL_CLOCK = "wall clock"
     """The simulated rig in virtual time that waits for the wall clock; a board in real time."""
@@ -43,6 +43,6 @@ def in_lockstep(operator: Operator) -> bool:
 
 
 def pace_text(run: Run) -> str:
-    """Say at which pace a run has gone, and what it has missed."""
+    """Return the pace of a run and its missed periods as text."""
     missed = f", {run.missed} periods without a sample" if run.missed else ""
     return f"ran at {run.real_time_factor:.2f} of real time{missed}"

@@ -23,27 +23,17 @@ def workplace(bag: Path) -> Path:
 
 @contextmanager
 def new_record(bag: Path) -> Iterator[Path]:
-    """Give the path to record a bag at; afterwards keep a record that was not put in place.
+    """Yield the path to record a bag at; afterwards keep a record that was not put in place.
 
     A record that was not completed, or refused, is kept as `BAG.partial`, or `BAG.partial2` and so
     on beside older ones.
-
-    Parameters
-    ----------
-    bag : Path
-        Where the complete record belongs.
-
-    Yields
-    ------
-    Path
-        Where to record.
 
     Raises
     ------
     FileExistsError
         When its workplace is there already.
     LaunchError
-        What was raised where the record was made; it names the place in which it is kept.
+        As raised by the block, with the place in which the record is kept.
     """
     # The name of a bag is also that of the file in it.
     record = workplace(bag) / bag.name
@@ -69,15 +59,7 @@ def _partials(bag: Path) -> Iterator[Path]:
 
 
 def put_in_place(record: Path, bag: Path) -> None:
-    """Put a complete record where it belongs; a bag that was there is removed after that.
-
-    Parameters
-    ----------
-    record : Path
-        From `new_record`.
-    bag : Path
-        Where it belongs.
-    """
+    """Put a record from `new_record` in the bag's place; an older bag is removed after that."""
     if bag.exists():
         bag.rename(_replaced(record))
     record.rename(bag)

@@ -19,17 +19,7 @@ if TYPE_CHECKING:
 
 
 class RecordedRun(NamedTuple):
-    """Run of the loop and its record.
-
-    Attributes
-    ----------
-    run : Run
-        Figures of the run.
-    reading : BagReading
-        Samples of the bag.
-    lockstep : bool
-        Whether it was sampled in virtual time.
-    """
+    """Run of the loop, its record, and whether it was sampled in virtual time."""
 
     run: Run
     reading: BagReading
@@ -45,14 +35,14 @@ def record_run(
     text: str,
     bag: Path | None = None,
 ) -> RecordedRun:
-    """Record one run with its progress on the terminal, and refuse a record that is not whole.
+    """Record one run with its progress on the terminal, and refuse an incomplete record.
 
     Parameters
     ----------
     operator : Operator
         Operator of the graph.
     commander : str
-        The node that commands.
+        Name of the node that commands.
     record : Path
         Bag to create.
     samples : int
@@ -60,12 +50,12 @@ def record_run(
     text : str
         Words beside the progress.
     bag : Path, optional
-        Place for a whole record, as in `record_place`; by default it stays where it is.
+        Place of a complete record, as in `record_place`; by default it stays where it is.
 
     Raises
     ------
     LaunchError
-        When a node does not do its part, or the record is not whole.
+        When a node does not do its part, or the record is incomplete.
     """
     with terminal.progress_bar(text, samples) as progress:
         run = operator.recorded_run(commander, str(record), samples, progress)
@@ -81,22 +71,10 @@ def record_run(
 
 
 def require_whole(reading: BagReading, taken: int, *, lockstep: bool) -> None:
-    """Refuse a record that is not what was sampled.
+    """Raise a `LaunchError` when a record lacks samples, or a command in virtual time.
 
-    Parameters
-    ----------
-    reading : BagReading
-        The record.
-    taken : int
-        How many samples were taken: in real time, periods may have been skipped beside them.
-    lockstep : bool
-        Taken in virtual time, where every sample waits for its answer and for nothing else: with
-        one that is missing the numbers are not those of the seed.
-
-    Raises
-    ------
-    LaunchError
-        When the record lacks samples, or a command in virtual time.
+    In real time, periods may have been skipped. In virtual time every sample waits for its answer:
+    without one, the figures are not those of the seed.
     """
     missing = taken - reading.samples
     if missing > 0:

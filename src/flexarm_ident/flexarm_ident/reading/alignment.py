@@ -1,6 +1,6 @@
 """Alignment of recorded messages: which input acts on which sample of a record, and when.
 
-The messages come as a whole or in pieces; the rows are the same.
+The rows are the same for messages as a whole and in pieces.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class BagReading:
-    """A record and how it was obtained.
+    """A record with the counts of its messages.
 
     Attributes
     ----------
-    data
-        The record; its `notices` are what the user should know.
-    samples
+    data : IoData
+        The record; its `notices` report defects.
+    samples : int
         Samples on the topic, used or not.
-    lost
-        So many fewer samples than periods there are in the used run.
-    duration_s
+    lost : int
+        Difference of periods and samples in the used run, at least 0.
+    duration_s : float
         From the first to the last stamp on the topic.
-    unanswered
-        Samples whose own command was not in force at the next one; 0 for ``IoSample``, which
-        tells nothing of commands.
+    unanswered : int
+        Samples whose own command was not in force at the next one; 0 for ``IoSample``, which has
+        no commands.
     """
 
     data: IoData
@@ -63,7 +63,7 @@ class BagReading:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know, one line each."""
+        """Defects of the record, one line each."""
         return tuple(notice.text for notice in self.data.notices)
 
 
@@ -74,11 +74,11 @@ class Alignment:
     Attributes
     ----------
     header : Header
-        Facts of the record; of our own rig without the kind of its loop.
+        Facts of the record; for our own rig without the kind of its loop.
     marks : Marks
         Numbers and stamps of the messages.
     table : Timetable
-        Where the samples stand.
+        Places of the samples.
     is_arm : bool
         The messages are ``ArmState``, else ``IoSample``.
     """
@@ -100,14 +100,14 @@ class Alignment:
         return ((u[:, :1] - u[:, 1:], y) for u, y in self._rows(pieces))
 
     def loop_kind(self, declared: Sequence[bool], pieces: Pieces) -> bool | None:
-        """Return whether the inputs were computed from the outputs; None when it is not known.
+        """Return True when the inputs were computed from the outputs; None when it is not known.
 
         Parameters
         ----------
         declared : sequence of bool
-            Of everybody who commanded, whether the outputs were used; empty when nobody told.
+            Use of the outputs by each declared commander; empty without a declaration.
         pieces : callable
-            Starts to read the messages, to judge by where nobody told.
+            Starts to read the messages, for a test where nothing is declared.
         """
         if not self.is_arm:
             return self.header.closed_loop
@@ -116,27 +116,19 @@ class Alignment:
         )
 
     def reading(
-        self,
-        samples: Recorded,
-        *,
-        reference: Recorded | None = None,
-        declared: Sequence[bool] = (),
+        self, samples: Recorded, *, reference: Recorded | None = None, declared: Sequence[bool] = ()
     ) -> BagReading:
-        """Return the whole record in memory.
+        """Return the whole record in memory; for our own rig with compensation and reference.
 
         Parameters
         ----------
         samples : Recorded
             All messages of the topic.
         reference : Recorded, optional
-            ``Float64`` messages, sent before the command that answers a sample, when it changes.
+            ``Float64`` messages, sent when the reference changes, before the command that answers a
+            sample.
         declared : sequence of bool
             As in `loop_kind`.
-
-        Returns
-        -------
-        BagReading
-            Of our own rig with compensation, and with reference when there is one.
 
         Raises
         ------
@@ -179,15 +171,10 @@ def arm_alignment(states: Pieces, commands: Pieces, *, source: str) -> Alignment
     states : callable
         Starts to read the ``ArmState`` messages.
     commands : callable
-        Starts to read the ``MotorCommand`` messages, for what the drive did while samples are
-        missing; called where there are holes.
+        Starts to read the ``MotorCommand`` messages, for the drive's inputs in holes; called only
+        where there are holes.
     source : str
         Name of the record.
-
-    Returns
-    -------
-    Alignment
-        With header and timetable.
 
     Raises
     ------
@@ -214,11 +201,6 @@ def io_alignment(samples: Pieces, channels: Channels | None, *, source: str) -> 
     source : str
         Name of the record.
 
-    Returns
-    -------
-    Alignment
-        With header and timetable.
-
     Raises
     ------
     DataError
@@ -232,7 +214,7 @@ def io_alignment(samples: Pieces, channels: Channels | None, *, source: str) -> 
 
 
 def _arm_columns(piece: Recorded) -> Rows:
-    """Return command and compensation beside each other, and the outputs."""
+    """Return command and compensation as two columns, and the outputs."""
     return (
         np.column_stack([piece.real("command_v"), piece.real("compensation_v")]),
         np.column_stack([piece.real(name) for name in ARM_OUTPUTS]),
@@ -273,7 +255,7 @@ def _io_header(
 
 
 def _marks(pieces: Iterable[Recorded]) -> Marks:
-    """Return numbers and stamps of messages that pass by in pieces."""
+    """Return numbers and stamps of messages that come in pieces."""
     columns = [
         (
             piece.integer("sequence"),
@@ -307,7 +289,7 @@ def _answers(pieces: Iterable[Recorded], numbers: NDArray[np.int64]) -> Answers:
 
 
 def _loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> bool | None:
-    """Return whether somebody closed the loop: as declared, else judged by the first samples."""
+    """Return True for a closed loop: as declared, else by a test of the first samples."""
     if declared:
         return any(declared)
     record = judged(BACKGROUND_SAMPLES)

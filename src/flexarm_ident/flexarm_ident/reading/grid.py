@@ -1,12 +1,12 @@
-"""Instants of samples: from their stamps and numbers to places on an even grid.
+"""Instants of samples on an even grid, from stamps and numbers.
 
 The model is one of even samples. A rig that stalls, a recorder that loses messages and a clock that
 jitters give uneven ones. Here each sample gets its instant in periods, and each instant of the grid
-the samples around it, so that holes are holes in time whatever the numbers say.
+the samples around it, so that holes are holes in time for any numbers.
 
-A steady clock is followed by the phase of its stamps, slowly, as it drifts against the nominal
-period. Where stamps jitter so much that the phase is not sure, numbers that count periods place the
-samples, and the stamps say how far each is off.
+The phase of a steady clock's stamps is tracked slowly, as it drifts against the nominal period.
+Where stamps jitter too much for a reliable phase, numbers that count periods place the samples, and
+the stamps give the distance of each from its place.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ class Grid:
     period_s : float
         Period of the grid: of a whole number of hertz when within 0.1 % of it.
     kept : ndarray of bool, (samples,)
-        Samples that stand behind those before them in time; the others are left out.
+        Samples that are later than all before them; the others are left out.
     instants : ndarray, (kept samples,)
-        When they were taken, in periods from row 0, rising; whole numbers for those on time.
+        Rising instants, in periods from row 0; whole numbers for punctual samples.
     samples : int
-        Samples that were recorded, kept or not.
+        Recorded samples, kept or not.
     """
 
     period_s: float
@@ -73,31 +73,26 @@ class Grid:
 
     @property
     def lost(self) -> int:
-        """So many fewer samples than periods there are."""
+        """Difference of periods and samples, at least 0."""
         return max(0, self.rows - self.samples)
 
     @property
     def missing(self) -> NDArray[np.bool_]:
-        """Rows that no sample is nearest to, (rows,)."""
+        """Rows without a nearest sample, (rows,)."""
         missing = np.ones(self.rows, dtype=np.bool_)
         missing[np.rint(self.instants).astype(np.int64)] = False
         return missing
 
 
 def place(sequence: Integers, stamps_ns: Integers) -> Grid:
-    """Find the grid on which samples were taken.
+    """Find the grid of samples; one without jitter and holes has the row numbers as instants.
 
     Parameters
     ----------
-    sequence : (samples,)
-        Their numbers, rising.
-    stamps_ns : (samples,)
-        Their instants.
-
-    Returns
-    -------
-    Grid
-        The grid; a rig without jitter and holes gives the row numbers themselves.
+    sequence : ndarray of int, (samples,)
+        Numbers, rising.
+    stamps_ns : ndarray of int, (samples,)
+        Instants.
 
     Raises
     ------
@@ -132,7 +127,7 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
 
 
 def _rising(values: FloatArray) -> NDArray[np.bool_]:
-    """Return which values are above all before them."""
+    """Mark the values that are above all before them."""
     return np.asarray(values > np.concatenate([[-np.inf], np.maximum.accumulate(values)[:-1]]))
 
 
@@ -148,7 +143,7 @@ def _whole_rate(period_s: float) -> float:
 
 
 def _without_jumps(times_s: FloatArray, numbers: FloatArray, usual_s: float) -> FloatArray:
-    """Take out steps of a clock that was set forward while the numbers went on."""
+    """Remove steps of a clock that was set forward while the numbers went on."""
     excess_s = np.diff(times_s) - np.diff(numbers) * usual_s
     jumps_s = np.where(excess_s > _LONGEST_HOLE_S, excess_s, 0.0)
     if not jumps_s.any():
@@ -159,8 +154,8 @@ def _without_jumps(times_s: FloatArray, numbers: FloatArray, usual_s: float) -> 
 def _by_phase(instants: FloatArray) -> FloatArray:
     """Subtract the phase of the stamps, which drifts slowly.
 
-    Stamps that are late now and then do not move the phase: it is the direction of the mean of the
-    stamps as points of a circle, over blocks, and a line between their middles.
+    The phase is the direction of the mean of the stamps as points of a circle, over blocks, with a
+    line between their middles. Occasional late stamps do not move it.
     """
     angles = np.exp(2j * np.pi * (instants - instants[0]))
     starts = np.arange(0, len(angles), _PHASE_BLOCK)
@@ -187,22 +182,22 @@ def on_grid(instants: FloatArray, values: FloatArray, rows: NDArray[np.int64]) -
     """Return samples at the grid's own instants.
 
     A sample that is off its instant is referred to it by the parabola through it and its
-    neighbours, which stand where they were taken.
+    neighbours, at their own instants.
 
     Parameters
     ----------
     instants : ndarray, (samples,)
-        When samples were taken, in periods, rising.
+        Instants of the samples, in periods, rising.
     values : ndarray, (samples, channels)
         The samples; NaN for a channel that was not measured.
     rows : ndarray, (rows,)
-        Instants that are wanted.
+        Wanted instants.
 
     Returns
     -------
     ndarray, (rows, channels)
-        Values; NaN where there is no sample within half a period, or one too far off its instant
-        without neighbours.
+        Values; NaN without a sample within half a period, or with one too far off its instant and
+        no neighbours.
     """
     nearest = _nearest(instants, rows)
     off = rows - instants[nearest]
@@ -258,16 +253,16 @@ def held(instants: FloatArray, values: FloatArray, rows: NDArray[np.int64]) -> F
     Parameters
     ----------
     instants : ndarray, (changes,)
-        When the input took each value, in periods, rising.
+        Instants of the changes, in periods, rising.
     values : ndarray, (changes, inputs)
-        The values.
+        Values from then on.
     rows : ndarray, (rows,)
-        Periods that are wanted, each by its start.
+        Wanted periods, each by its start.
 
     Returns
     -------
     ndarray, (rows, inputs)
-        Means; before the first change its value, behind the last one its own.
+        Means; the first value before the first change, the last value behind the last one.
     """
     latest = np.searchsorted(instants, rows, side="right") - 1
     found: FloatArray = values[latest.clip(min=0)]

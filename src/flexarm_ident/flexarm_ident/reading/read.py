@@ -1,8 +1,8 @@
-"""Bags as records of experiments: the only file of this package that opens a bag.
+"""Bag reading: the only module of this package that opens a bag.
 
-How times are chosen: the sampling period comes from the header stamps, the instants of sampling.
-References have no header: they are ordered by log time, which our recorder sets to the instant of
-sending. Which input acts on which sample is decided in :mod:`flexarm_ident.reading.alignment`.
+The sampling period comes from the header stamps, the instants of sampling. References have no
+header: they are ordered by log time, which our recorder sets to the instant of sending.
+:mod:`flexarm_ident.reading.alignment` decides which input acts on which sample.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ def read_bag(uri: Path | str, *, topic: str | None = None) -> IoData:
 
     Parameters
     ----------
-    uri
+    uri : Path or str
         rosbag2 folder (MCAP or SQLite, split or compressed) or a single ``.mcap`` or ``.db3`` file.
-    topic
+    topic : str, optional
         Topic of ArmState or IoSample messages; None takes the only one, ArmState first.
 
     Returns
     -------
     IoData
-        The samples on the grid of their period, in the longest run of numbers that go up. Its
-        `missing` tells of holes, its `notices` what there is to know of them.
+        The samples on the grid of their period, in the longest run of rising numbers. Its `missing`
+        marks holes, its `notices` report defects.
 
     Raises
     ------
@@ -49,25 +49,7 @@ def read_bag(uri: Path | str, *, topic: str | None = None) -> IoData:
 
 
 def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
-    """Read the record of an experiment from a bag, with everything worth knowing about it.
-
-    Parameters
-    ----------
-    uri
-        rosbag2 folder (MCAP or SQLite, split or compressed) or a single ``.mcap`` or ``.db3`` file.
-    topic
-        Topic of ArmState or IoSample messages; None takes the only one, ArmState first.
-
-    Returns
-    -------
-    BagReading
-        The record, warnings, and the counts of samples and of lost samples.
-
-    Raises
-    ------
-    BagError
-        If the bag is missing, damaged, or holds no usable samples.
-    """
+    """Read a record as `read_bag` does, with the counts of its samples and its warnings."""
     with opened(Path(uri)) as bag:
         chosen = bag.choose(topic)
         samples = bag.recorded(chosen)
@@ -82,20 +64,15 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
 def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
     """Open a bag as a source for the identification that is never in memory as a whole.
 
-    It is the record that `read_bag` returns, without the Coulomb compensation (section 2.4.3) and
-    otherwise unprocessed. Sixteen bytes a sample stay in memory.
+    It is the record of `read_bag` without the Coulomb compensation (section 2.4.3), otherwise
+    unprocessed. Sixteen bytes a sample stay in memory. Every pass over it reads the bag again.
 
     Parameters
     ----------
-    uri
+    uri : Path or str
         rosbag2 folder (MCAP, not compressed by file or message) or a single ``.mcap`` file.
-    topic
-        Topic of ArmState or IoSample messages; None takes the only one, ArmState first.
-
-    Returns
-    -------
-    BagStream
-        The record; every pass over it reads the bag again.
+    topic : str, optional
+        As in `read_bag`.
 
     Raises
     ------
@@ -120,19 +97,7 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
 
 
 def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
-    """Return how many messages with samples a bag has, from its index.
-
-    Parameters
-    ----------
-    uri
-        As in :func:`read_bag`.
-    topic
-        As in :func:`read_bag`.
-
-    Returns
-    -------
-    int
-        Messages on the topic.
+    """Return the number of messages with samples, from a bag's index; arguments as in `read_bag`.
 
     Raises
     ------
@@ -144,10 +109,10 @@ def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
 
 
 def _aligned(bag: Bag, topic: str, samples: Pieces, commands: Pieces) -> Alignment:
-    source = str(bag.path)
     if bag.types[topic] == ARM_STATE:
-        return arm_alignment(samples, commands, source=source)
-    return io_alignment(samples, bag.channels(sibling(topic, "io_channels")), source=source)
+        return arm_alignment(samples, commands, source=str(bag.path))
+    channels = bag.channels(sibling(topic, "io_channels"))
+    return io_alignment(samples, channels, source=str(bag.path))
 
 
 def _command_pieces(bag: Bag, topic: str) -> Iterable[Recorded]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.arrays import runs
+from flexarm_core.labels import counted
 from flexarm_ident.reading.grid import LATEST
 from flexarm_ident.records.holes import LONGEST_FILLED, unusable_rows
 from flexarm_ident.records.iodata import DataWarning
@@ -23,14 +24,14 @@ JITTER_TOLERANCE = 0.1
 
 @dataclass(frozen=True)
 class Run:
-    """The longest run of samples whose numbers go up.
+    """The longest run of samples with rising numbers.
 
     Attributes
     ----------
-    messages
+    messages : slice
         Its messages.
-    restarts
-        How often the numbering started again.
+    restarts : int
+        Restarts of the numbering on the topic.
     """
 
     messages: slice
@@ -38,18 +39,7 @@ class Run:
 
 
 def longest_run(sequence: NDArray[np.int64]) -> Run:
-    """Find the longest run in which the numbers go up; of equal ones the first.
-
-    Parameters
-    ----------
-    sequence : (samples,)
-        Numbers; one that is not larger than the one before it starts a new run.
-
-    Returns
-    -------
-    Run
-        Where it is.
-    """
+    """Return the longest run in which the numbers, (samples,), go up; of equal ones the first."""
     cuts = np.flatnonzero(np.diff(sequence) < 1) + 1
     edges = np.concatenate(([0], cuts, [len(sequence)]))
     longest = int(np.argmax(np.diff(edges)))
@@ -57,7 +47,7 @@ def longest_run(sequence: NDArray[np.int64]) -> Run:
 
 
 def notices(run: Run, grid: Grid, messages: int) -> tuple[DataWarning, ...]:
-    """Return what a user should know of when the samples were taken; nothing of an even record.
+    """Return ``restarted``, ``lost_samples`` and ``clock_jitter``, each where it applies.
 
     Parameters
     ----------
@@ -67,11 +57,6 @@ def notices(run: Run, grid: Grid, messages: int) -> tuple[DataWarning, ...]:
         Its samples on the grid.
     messages : int
         Messages on the topic.
-
-    Returns
-    -------
-    tuple of DataWarning
-        ``restarted``, ``lost_samples`` and ``clock_jitter``, each where there is something to say.
     """
     return (*_restarted(run, messages), *_lost_samples(grid), *_clock_jitter(grid))
 
@@ -81,8 +66,8 @@ def _restarted(run: Run, messages: int) -> tuple[DataWarning, ...]:
         return ()
     first, last = run.messages.start, run.messages.stop - 1
     text = (
-        f"the numbering starts again at {run.restarts} places: used messages {first} to {last} of "
-        f"{messages}, the longest run"
+        f"the numbering starts again at {counted(run.restarts, 'place')}: used messages {first} "
+        f"to {last} of {messages}, the longest run"
     )
     figures = {
         "places": float(run.restarts),
@@ -100,14 +85,14 @@ def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
     lengths = np.diff(runs(missing), axis=1)
     unusable = int(unusable_rows(missing[:, np.newaxis]).sum())
     missed = int(missing.sum())
-    text = f"{missed} of {grid.rows} samples are missing, in {len(lengths)} holes"
+    text = f"{missed} of {grid.rows} samples are missing, in {counted(len(lengths), 'hole')}"
     if missed > unusable:
         text += f": those of up to {LONGEST_FILLED} samples were filled"
     if unusable:
         longer = int(np.count_nonzero(lengths > LONGEST_FILLED))
         text += (
-            f"; the {longer} longer ones, {unusable} samples and at most {lengths.max()}, were "
-            "left out and the parts between them are used"
+            f"; {counted(longer, 'longer hole')} of {counted(unusable, 'sample')} in all, at most "
+            f"{lengths.max()} each, cannot be filled: the parts between are used"
         )
     figures = {
         "missing": float(missed),

@@ -1,6 +1,6 @@
-"""Record of a bag that is read piece by piece, for records larger than memory.
+"""Bag record that is read piece by piece, for records larger than memory.
 
-What is kept in memory of a whole record are the instants of its samples.
+Only the instants of its samples stay in memory.
 """
 
 from __future__ import annotations
@@ -26,13 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Header:
-    """Facts of a record beside its rows.
-
-    Attributes
-    ----------
-    inputs, outputs, dt_s, closed_loop, source, notices
-        As in `IoData`.
-    """
+    """Facts of a record beside its rows, as in `IoData`."""
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -56,13 +50,7 @@ class Header:
         return IoData(u, y, **{**self.facts, **others})
 
     def leading(self, pieces: Iterable[Rows], samples: int) -> IoData:
-        """Return the first rows of a record that passes by in pieces, without compensation.
-
-        Raises
-        ------
-        DataError
-            If names do not fit, or a value is not finite.
-        """
+        """Return the first rows of a record in pieces, without compensation."""
         # Rows behind the last one tell how a hole before it is filled.
         taken, left = [], samples + CONTEXT
         for u, y in pieces:
@@ -73,7 +61,7 @@ class Header:
         return self.record(*joined(taken)).head(samples)
 
     def check(self, pieces: Iterable[Rows]) -> None:
-        """Go through a record once, to see that it can be used.
+        """Go through a record once, to make sure that it is usable.
 
         Parameters
         ----------
@@ -110,7 +98,7 @@ class Header:
 
 @dataclass(frozen=True, eq=False)
 class BagStream(Header):
-    """The record of a bag as a `Source`: what `read_bag` gives, without the compensation."""
+    """Record of a bag as a `Source`, equal to that of `read_bag` without the compensation."""
 
     _rows: int = field(repr=False)
     _open: Callable[[], Iterator[Rows]] = field(repr=False)

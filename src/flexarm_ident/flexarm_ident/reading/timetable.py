@@ -1,8 +1,7 @@
-"""From messages to rows: which sample stands where, and which input acts there.
+"""Timetable of a record: rows of its samples, and the inputs that act there.
 
-One rule for records that are read as a whole and for those that pass by in pieces. A first pass
-takes the messages' numbers and stamps, from which the timetable follows; a second one turns the
-messages into rows.
+One rule serves records that are read as a whole and in pieces. A first pass takes the messages'
+numbers and stamps, which give the timetable; a second one turns the messages into rows.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ _NS = 1_000_000_000
 class Marks(NamedTuple):
     """Numbers and stamps of the messages of a topic, in the order of sending, (messages,) each.
 
-    `command_sequence` is that of the command in force, zero where there is none to tell.
+    `command_sequence` is that of the command in force, zero without one.
     """
 
     sequence: Integers
@@ -66,7 +65,7 @@ class Answers(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """Inputs that no recorded sample tells of: from when on, and what, (changes, inputs)."""
+    """Inputs without a recorded sample: instants of change and values, (changes, inputs)."""
 
     instants: FloatArray
     values: FloatArray
@@ -74,7 +73,7 @@ class Changes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Timetable:
-    """Where the samples of a record stand.
+    """Places of the samples of a record.
 
     Attributes
     ----------
@@ -91,9 +90,9 @@ class Timetable:
     unheeded : ndarray of bool, (kept samples,)
         Samples whose answer did not act before the next one was taken: the input before goes on.
     underway : ndarray of bool, (kept samples,)
-        Samples before a hole in which inputs went on changing; `changes` tells of some.
+        Samples before a hole in which inputs went on changing; `changes` has some of them.
     notices : tuple of DataWarning
-        What the user should know.
+        Defects of the record.
     """
 
     run: Run
@@ -107,27 +106,19 @@ class Timetable:
 
 
 def timetable(
-    marks: Marks,
-    *,
-    answers: Callable[[Integers], Answers] | None = None,
-    input_behind: bool,
+    marks: Marks, *, answers: Callable[[Integers], Answers] | None = None, input_behind: bool
 ) -> Timetable:
-    """Return the timetable of a record.
+    """Return the timetable of the longest run of rising numbers.
 
     Parameters
     ----------
     marks : Marks
-        Of all its messages.
+        Marks of all messages.
     answers : callable or None
-        Gives the recorded commands that answer samples from one number up to another, exclusive;
-        asked with the numbers before and behind all holes, (holes, 2), where there are any.
+        Returns the recorded commands that answer samples from one number up to another, exclusive;
+        called with the numbers before and behind all holes, (holes, 2), where there are any.
     input_behind : bool
         The input of a sample stands in the message behind it, so that the last one has none.
-
-    Returns
-    -------
-    Timetable
-        The longest run of numbers that go up, on its grid.
 
     Raises
     ------
@@ -150,19 +141,14 @@ def timetable(
 
 
 def record_rows(table: Timetable, pieces: Iterable[Rows]) -> Iterator[Rows]:
-    """Turn messages into rows of the grid.
+    """Yield the rows of the grid, u and y, from messages; y is NaN where nothing was measured.
 
     Parameters
     ----------
     table : Timetable
-        Where they stand.
+        Places of the messages.
     pieces : iterable of (inputs, outputs)
         Columns of all messages of the topic, in the order of sending and in pieces of any length.
-
-    Yields
-    ------
-    tuple of ndarray
-        u and y of the next rows; y is NaN where nothing was measured.
     """
     context: Rows | None = None
     # Kept samples that have left the context, and rows that were given out.
@@ -219,7 +205,7 @@ def _section(table: Timetable, samples: Rows, left: int, rows: range) -> Rows:
 
 
 def _bridge(known: Changes, edges: FloatArray, in_force: FloatArray) -> Changes:
-    """Return inputs inside a hole in which they went on changing: known ones, lines between them.
+    """Return inputs inside a hole in which they went on changing: known ones, with lines between.
 
     The first edge's input in force acted until it, the second one's in the period before it.
     """
@@ -234,12 +220,11 @@ def _bridge(known: Changes, edges: FloatArray, in_force: FloatArray) -> Changes:
 def _inside_holes(
     grid: Grid, marks: Marks, answers: Callable[[Integers], Answers] | None
 ) -> tuple[Changes, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell what the drive did while no sample was recorded.
+    """Reconstruct the drive's inputs while no sample was recorded.
 
-    When samples were taken and lost, as the count of the commands tells, their commands may be
-    there; what is not was on its way from one to the next. When no samples were taken, a command
-    that was sent more than a period after its own found the sampling stopped, and acted only when
-    it went on.
+    When samples were taken and lost, as the count of the commands shows, their commands may be
+    recorded; inputs between known ones are interpolated. When no samples were taken, a command that
+    was sent more than a period after its own sample acted only when the sampling went on.
     """
     unheeded, underway = np.zeros((2, len(grid.instants)), dtype=np.bool_)
     instants: list[FloatArray] = []
@@ -266,7 +251,6 @@ def _inside_holes(
             acted = told.sequence[own[-1]] == marks.command_sequence[at + 1]
             unheeded[at] = acted and late_s > _PROMPT * grid.period_s
     changes = Changes(
-        np.concatenate([np.empty(0), *instants]),
-        np.concatenate([told.values_v[:0], *values]),
+        np.concatenate([np.empty(0), *instants]), np.concatenate([told.values_v[:0], *values])
     )
     return changes, unheeded, underway

@@ -1,1 +1,1 @@
-"""The record of an experiment: inputs and outputs on an even grid, holes, preparation."""
+"""Records of experiments: inputs and outputs on an even grid, holes, preparation."""

@@ -1,8 +1,8 @@
 """Holes of a record: rows of the grid at which an output was not measured.
 
-A short hole is filled with the cubic through the two measured samples on either side of it. What
-is in a longer one cannot be known from its edges: it is bridged by a straight line, to be looked at
-and filtered, but its rows are not to be used.
+A short hole is filled with the cubic through the two measured samples on either side of it. The
+content of a longer one cannot be known from its edges: a straight line bridges it for plots and
+filters, and its rows are not used.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ CONTEXT = 2 * _REACH + 1
 
 
 def filled(y: FloatArray, missing: BoolArray) -> FloatArray:
-    """Fill what is missing of each channel.
+    """Fill the missing samples of each channel.
 
     Parameters
     ----------
     y : ndarray, (samples, channels)
-        Values; those that are missing do not count.
+        Values; missing ones may be anything.
     missing : ndarray of bool, (samples, channels)
-        What is missing, not all of a channel.
+        Missing samples, not all of a channel.
 
     Returns
     -------
@@ -56,18 +56,10 @@ def filled(y: FloatArray, missing: BoolArray) -> FloatArray:
 
 
 def unusable_rows(missing: BoolArray) -> BoolArray:
-    """Return the rows in which the fill of a channel is not to be trusted.
+    """Return the rows, (samples,), in which the fill of a channel is not reliable.
 
-    Parameters
-    ----------
-    missing : ndarray of bool, (samples, channels)
-        What is missing.
-
-    Returns
-    -------
-    ndarray of bool, (samples,)
-        True in holes of more than `LONGEST_FILLED` samples of any channel, and before the first
-        and behind the last sample of a channel.
+    They are those in holes of more than `LONGEST_FILLED` samples of any channel, and before the
+    first and behind the last sample of a channel. `missing` has the shape (samples, channels).
     """
     unusable = np.zeros(len(missing), dtype=np.bool_)
     for column in missing[:, missing.any(axis=0)].T:
@@ -78,17 +70,12 @@ def unusable_rows(missing: BoolArray) -> BoolArray:
 
 
 def filled_pieces(pieces: Iterable[Rows]) -> Iterator[Rows]:
-    """Fill the short holes of inputs and outputs that come in pieces.
+    """Fill the short holes of inputs and outputs that come in pieces, as `filled` does.
 
     Parameters
     ----------
     pieces : iterable of (u, y)
-        Rows that follow each other; NaN in `y` is missing.
-
-    Yields
-    ------
-    tuple of ndarray
-        u and y, filled as by `filled`; rows that are not to be used are NaN throughout.
+        Consecutive rows; NaN in `y` is missing. Unusable rows become NaN throughout.
     """
     context: Rows | None = None
     new = 0
@@ -127,29 +114,27 @@ def _between(known: NDArray[np.intp], values: FloatArray, rows: NDArray[np.intp]
     is_short = np.all(np.diff(nodes, axis=1) <= _REACH, axis=1)
     at = np.flatnonzero(inside)[is_short]
     found[at] = lagrange(
-        nodes[is_short].astype(np.float64),
-        values[places[is_short]],
-        rows[at].astype(np.float64),
+        nodes[is_short].astype(np.float64), values[places[is_short]], rows[at].astype(np.float64)
     )
     return found
 
 
 def lagrange(nodes: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:
-    """Evaluate the polynomials through given points.
+    """Evaluate polynomials, each at one point, by the values at their nodes.
 
     Parameters
     ----------
     nodes : ndarray, (polynomials, points)
-        Where the values are, all different in a row.
+        Places of the values, all different in a row.
     values : ndarray, (polynomials, points) or (polynomials, points, channels)
-        The values.
+        Values at the nodes.
     at : ndarray, (polynomials,)
-        Where to evaluate each polynomial.
+        Places of the evaluation.
 
     Returns
     -------
     ndarray, (polynomials,) or (polynomials, channels)
-        The polynomials' values.
+        Values of the polynomials.
     """
     points = nodes.shape[1]
     weights = np.ones(nodes.shape)

@@ -1,4 +1,4 @@
-"""The record of an experiment: inputs, outputs and what belongs to them."""
+"""Record of an experiment: inputs, outputs and their facts."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ ARM_OUTPUTS = CHANNEL_NAMES
 
 @dataclass(frozen=True)
 class DataWarning:
-    """One thing to know before trusting a model.
+    """Fact that matters before a model is trusted.
 
     Attributes
     ----------
     name : str
-        What it is, the same for all data: ``saturation``.
+        Kind of the warning, the same for all data: ``saturation``.
     text : str
-        One line that says where, how much, and what to do.
+        One line with place, extent and remedy.
     figures : mapping of str to float
         The figures in the text.
     """
@@ -52,9 +52,9 @@ class IoData:
     Input ``u[k]`` acts between ``y[k]`` and ``y[k + 1]``: a controller's answer to sample `k`
     stands in row `k`.
 
-    An output that was not measured in a row is missing there: NaN in the array that is given. Here
-    `y` is filled in, and `missing` tells where; `y_measured` has the NaN. Inputs have to be known
-    in all rows, also in a hole: what was commanded before it is held.
+    An output that was not measured in a row is missing there: NaN in the given array. The
+    attribute `y` is filled in, `missing` marks these places, and `y_measured` has the NaN. Inputs
+    must be known in all rows; in a hole, the command before it is held.
 
     Parameters
     ----------
@@ -65,17 +65,15 @@ class IoData:
     inputs, outputs : sequence of str
         Channel names.
     closed_loop : bool, optional
-        Whether a controller made the input. None when unknown.
+        True when a controller made the input. None when unknown.
     source : str
-        Where the record came from, for messages and reports.
+        Origin of the record, for messages and reports.
     compensation : array_like, (samples, inputs), optional
-        The part of `u` that compensated Coulomb friction (section 2.4.3). None: `u` has no such
-        part.
+        The part of `u` that compensated Coulomb friction (section 2.4.3). None: no such part.
     reference : array_like, (samples,), optional
         Set-point of the first output.
     notices : tuple of DataWarning
-        What is known to be wrong with how the record was taken, such as lost samples. An
-        identification from it says so too.
+        Known defects of the recording, such as lost samples. An identification repeats them.
     missing : array_like of bool, (samples, outputs), optional
         Outputs that were not measured, beside those that are NaN. None: all were.
 
@@ -167,22 +165,17 @@ class IoData:
 
     def head(self, samples: int) -> IoData:
         """Return the first `samples` samples (all of them if there are fewer)."""
-        return self._rows(slice(0, samples))
+        return self.rows(slice(0, samples))
 
     def split(self, fraction: float) -> tuple[IoData, IoData]:
-        """Return the leading `fraction` of the record and the rest.
-
-        Raises
-        ------
-        DataError
-            If `fraction` leaves one of the two parts empty.
-        """
+        """Return the leading `fraction` of the record and the rest; DataError when one is empty."""
         samples = round(fraction * len(self)) if math.isfinite(fraction) else 0
         if not 0 < samples < len(self):
             raise DataError(f"{self.label}: fraction must lie between 0 and 1: {fraction}")
-        return self._rows(slice(0, samples)), self._rows(slice(samples, None))
+        return self.rows(slice(0, samples)), self.rows(slice(samples, None))
 
-    def _rows(self, rows: slice) -> IoData:
+    def rows(self, rows: slice) -> IoData:
+        """Return some rows of the record."""
         return replace(
             self,
             u=self.u[rows],
@@ -193,7 +186,7 @@ class IoData:
         )
 
     def _filled(self) -> FloatArray:
-        """Return the outputs with what is missing filled in, and keep where that is."""
+        """Return the outputs with missing samples filled in, and store the places of these."""
         y = self._shaped(self.y, "y", self.outputs)
         unknown = np.isnan(y)
         missing = unknown

@@ -42,8 +42,8 @@ def preprocess(
     The mean of a position is legitimate signal (a square wave between 0 and 3 V has one), so the
     default bias of an output is its mean over the rest at the start: the samples before the input
     first changes, at most 1 s. A record that starts with fewer than 30 such samples keeps its
-    offsets; the initial state that is estimated with the model takes most of them up. A bare beam
-    at rest is not bent, so the gauges can be forced to zero mean always.
+    offsets; the initial state of the estimated model absorbs most of them. A bare beam at rest is
+    not bent, so the gauges can always be forced to zero mean.
 
     The thesis filters the outputs only, at 50 Hz. That adds the filter's poles to the model and
     colours the noise, so the default is no filter; a `cutoff_hz` filters inputs and outputs
@@ -54,12 +54,12 @@ def preprocess(
     data : IoData
         Record of one experiment.
     compensation : {'remove', 'keep'}
-        What happens to the Coulomb compensation in the input.
+        Treatment of the Coulomb compensation in the input.
     bias : {'rest', 'first', 'mean', 'none'}
         Level subtracted from each output: mean of the rest at the start, first sample (step 2 of
         section 2.5), mean of the record, or nothing.
     zero_mean : sequence of str
-        Outputs whose mean is subtracted whatever `bias` says; those the record lacks are skipped.
+        Outputs whose mean is always subtracted; those that the record lacks are skipped.
     cutoff_hz : float, optional
         Cut-off of the second-order Butterworth low-pass filter; the thesis has 50 Hz.
     filter_input : bool
@@ -83,7 +83,9 @@ def preprocess(
     _check_cutoff(prepared, cutoff_hz, decimation)
     if cutoff_hz is not None:
         prepared = low_pass(prepared, cutoff_hz, filter_input=filter_input)
-    return prepared if decimation == 1 else _decimate(prepared, decimation)
+    if decimation == 1:
+        return prepared
+    return replace(prepared.rows(slice(None, None, decimation)), dt_s=prepared.dt_s * decimation)
 
 
 def remove_compensation(data: IoData) -> IoData:
@@ -102,11 +104,6 @@ def low_pass(data: IoData, cutoff_hz: float, *, filter_input: bool = True) -> Io
         Frequency of -3 dB.
     filter_input : bool
         Filter input, compensation and reference too, so that the input-output relation stays.
-
-    Returns
-    -------
-    IoData
-        The filtered record.
     """
     b, a = scipy.signal.butter(2, cutoff_hz, fs=1.0 / data.dt_s)
     steady = scipy.signal.lfilter_zi(b, a)
@@ -127,19 +124,10 @@ def low_pass(data: IoData, cutoff_hz: float, *, filter_input: bool = True) -> Io
 
 
 def output_scale(data: IoData | Sequence[IoData]) -> FloatArray:
-    """Return the factors that bring each output's maximum to the input's (section 2.5, step 4).
+    """Return the factors, (outputs,), that bring each output's maximum to the input's.
 
-    The method 'orse_thesis' scales the products of the data by them, and C back.
-
-    Parameters
-    ----------
-    data : IoData or sequence of IoData
-        One or several records.
-
-    Returns
-    -------
-    ndarray, (outputs,)
-        Factors; 1 for an output that is zero throughout.
+    That is step 4 of section 2.5. The method 'orse_thesis' scales the products of the data by them,
+    and C back. An output that is zero throughout has the factor 1.
     """
     records = as_records(data)
     largest_u = max(float(np.abs(column_range(record.u)).max()) for record in records)
@@ -192,16 +180,3 @@ def _check_cutoff(data: IoData, cutoff_hz: float | None, decimation: int) -> Non
             f"{data.label}: cutoff_hz must lie between 0 and the Nyquist frequency "
             f"{nyquist_hz:g} Hz: {cutoff_hz:g}"
         )
-
-
-def _decimate(data: IoData, decimation: int) -> IoData:
-    rows = slice(None, None, decimation)
-    return replace(
-        data,
-        u=data.u[rows],
-        y=data.y[rows],
-        dt_s=data.dt_s * decimation,
-        compensation=None if data.compensation is None else data.compensation[rows],
-        reference=None if data.reference is None else data.reference[rows],
-        missing=None if data.missing is None else data.missing[rows],
-    )

@@ -1,4 +1,4 @@
-"""Signals of a record: their bandwidth, smoothing, and stretches of a dead sensor."""
+"""Signal properties: bandwidth, smoothing, and stretches of a dead sensor."""
 
 from __future__ import annotations
 
@@ -34,21 +34,16 @@ def bandwidth_hz(records: Sequence[IoData]) -> float:
 
 
 def smoothed(x: FloatArray, cutoff_hz: float, dt_s: float) -> FloatArray:
-    """Return signals low-passed forwards and backwards, which costs no phase.
+    """Return signals low-passed forwards and backwards, without a phase lag.
 
     Parameters
     ----------
     x : ndarray, (samples, channels)
         Signals.
     cutoff_hz : float
-        Cut-off; signals pass as they are when it reaches 0.45 of the sampling rate.
+        Cut-off; signals are unchanged when it reaches 0.45 of the sampling rate.
     dt_s : float
         Sampling period.
-
-    Returns
-    -------
-    ndarray, (samples, channels)
-        Smoothed signals.
     """
     if cutoff_hz * dt_s >= 0.45:  # noqa: PLR2004 (of the sampling rate: nothing left to remove)
         return x
@@ -57,20 +52,11 @@ def smoothed(x: FloatArray, cutoff_hz: float, dt_s: float) -> FloatArray:
 
 
 def live_samples(record: IoData) -> FloatArray:
-    """Return 1.0 where an output was measured and 0.0 in holes and where its sensor was dead.
+    """Return weights: 1.0 where an output was measured, 0.0 in holes and where its sensor was dead.
 
     An output that changes from sample to sample, as a gauge does and an encoder does not, is dead
-    where it keeps exactly one value for more than 20 samples.
-
-    Parameters
-    ----------
-    record : IoData
-        Record as measured; filtering hides dead sensors.
-
-    Returns
-    -------
-    ndarray, (samples, outputs)
-        Weights.
+    where it keeps exactly one value for more than 20 samples. Filtering hides dead sensors, so the
+    record has to be as measured. The weights have the shape (samples, outputs).
     """
     live = np.where(np.isnan(record.y_measured), 0.0, 1.0)
     for channel, y in enumerate(record.y.T):
@@ -80,22 +66,10 @@ def live_samples(record: IoData) -> FloatArray:
 
 
 def dead_stretches(record: IoData, channel: int) -> tuple[range, ...]:
-    """Return the rows in which one output was dead while the rig moved.
+    """Return the rows in which one output of a record as measured was dead while the rig moved.
 
-    A simulated rig without noise rests with all outputs constant: nothing is wrong with them.
-
-    Parameters
-    ----------
-    record : IoData
-        Record as measured.
-    channel : int
-        Number of the output.
-
-    Returns
-    -------
-    tuple of range
-        Stretches in which the output is dead as in `live_samples`, and another one or an input
-        changes in most of the samples.
+    The output is dead as in `live_samples`, and another one or an input changes in most of the
+    samples. A simulated rig without noise rests with all outputs constant: that is no defect.
     """
     holds = _holds(record.y[:, channel])
     if not holds:
@@ -106,7 +80,7 @@ def dead_stretches(record: IoData, channel: int) -> tuple[range, ...]:
 
 
 def _holds(y: FloatArray) -> list[range]:
-    """Return where a continuous signal keeps one value; nothing for one that is not continuous."""
+    """Return the long runs of one value in a signal that otherwise changes from row to row."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(y) != 0.0) + 1, [len(y)]])
     lengths = np.diff(edges)
     holds = np.flatnonzero(lengths > _LONGEST_HOLD)

@@ -1,4 +1,4 @@
-"""Source of the samples of an estimator: a record in memory, or a bag read piece by piece."""
+"""Sources of samples for an estimator: a record in memory, or a bag read piece by piece."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Samples(Protocol):
-    """Inputs and outputs that can be gone through any number of times."""
+    """Inputs and outputs that can be read any number of times."""
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -22,12 +22,12 @@ class Samples(Protocol):
     def chunks(self, samples: int) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Return u and y from the start, `samples` rows each, the last pair with the rest.
 
-        Rows of y that are not to be used, in holes too long to be filled, are NaN.
+        Unusable rows of y, in holes too long to be filled, are NaN.
         """
 
 
 class Source(Samples, Protocol):
-    """Samples of one record with what belongs to them."""
+    """Samples of one record with its facts."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -47,11 +47,11 @@ class Source(Samples, Protocol):
 
     @property
     def closed_loop(self) -> bool | None:
-        """Whether the inputs were computed from the outputs; None when it is not known."""
+        """True when the inputs were computed from the outputs; None when it is not known."""
 
     @property
     def notices(self) -> tuple[DataWarning, ...]:
-        """What is known to be wrong with how the samples were taken."""
+        """Known defects of the recording."""
 
     def head(self, samples: int) -> IoData:
         """Return the first `samples` samples as a record in memory (all if there are fewer)."""
@@ -60,20 +60,7 @@ class Source(Samples, Protocol):
 def even_chunks(
     pieces: Iterable[tuple[FloatArray, FloatArray]], samples: int
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Cut and join pieces of u and y of any length into chunks as `Source.chunks` gives them.
-
-    Parameters
-    ----------
-    pieces : iterable of (u, y)
-        Rows that follow each other.
-    samples : int
-        Rows of a chunk.
-
-    Yields
-    ------
-    tuple of ndarray
-        u and y, `samples` rows each; the last pair has the rest.
-    """
+    """Cut and join consecutive pieces of u and y into chunks, as `Samples.chunks` yields them."""
     waiting: list[tuple[FloatArray, FloatArray]] = []
     count = 0
     for piece in pieces:

@@ -1,4 +1,4 @@
-"""Report of an identification: one HTML file that needs nothing else."""
+"""Self-contained HTML report of an identification."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _EXTRA = '<section id="more-'
 
 
 def render_report(subject: Subject, *, title: str) -> str:
-    """Render what was identified, from which data, how well it fits, and the model itself.
+    """Render the data, the model, its fit and its cautions as a report.
 
     Parameters
     ----------
@@ -34,8 +34,7 @@ def render_report(subject: Subject, *, title: str) -> str:
     Returns
     -------
     str
-        A HTML document with its style, its plots and the model inside; it loads nothing and runs
-        nothing.
+        A HTML document with its style, plots and model inside; it loads and runs nothing.
     """
     shown = [section for section in sections() if section.applies(subject)]
     return _template("report.html.j2").render(
@@ -47,21 +46,16 @@ def render_report(subject: Subject, *, title: str) -> str:
 
 
 def append_section(text: str, title: str, blocks: Iterable[Block]) -> str:
-    """Add a section at the end of a report.
+    """Add a section at the end of a report from `render_report`.
 
     Parameters
     ----------
     text : str
-        A report, from `render_report`.
+        The report.
     title : str
         Heading of the section.
     blocks : iterable of Block
         Its content.
-
-    Returns
-    -------
-    str
-        The longer report.
 
     Raises
     ------

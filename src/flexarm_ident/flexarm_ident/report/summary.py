@@ -1,11 +1,12 @@
-"""Summary at the top of a report: the model in a few sentences, and cautions."""
+"""Report summary: the model in a few sentences, and cautions."""
 
 from __future__ import annotations
 
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from flexarm_ident.report.content.wording import counted, listed, percent, shortened
+from flexarm_core.labels import counted
+from flexarm_ident.report.content.wording import listed, percent, shortened
 from flexarm_ident.report.sections.data import check_title
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def summary(outcome: Outcome) -> list[str]:
 
 
 def cautions(outcome: Outcome) -> list[str]:
-    """Return what to know before using the model: the checks that found something, and warnings."""
+    """Return the cautions before the model is used: checks with findings, and warnings."""
     warnings = outcome.identification.data_warnings
     found = ", ".join(
         check_title(name).lower() + (f" ({count} times)" if count > 1 else "")

@@ -1,1 +1,1 @@
-"""The whole way from records to a validated, reduced model."""
+"""Workflow from records to a validated, reduced model."""

@@ -1,4 +1,4 @@
-"""Outcome of an identification: the validated model and everything that led to it."""
+"""Outcome of an identification: the validated model and all results on the way to it."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A validated model and everything that led to it.
+    """A validated model with all results on the way to it.
 
     Attributes
     ----------
     request : Request
-        What was asked for.
+        The request.
     records : tuple of IoData
         The preprocessed records; of streamed ones a leading part.
     samples : tuple of int
@@ -35,9 +35,9 @@ class Outcome:
     identification : Identification
         The full model.
     reduction : Reduction or None
-        The reduced model, when one was asked for.
+        The reduced model, when one was requested.
     friction : DryFriction or None
-        Dry friction at the inputs of `model`, which then is one from the net input.
+        Dry friction at the inputs of `model`, which is then driven by the net input.
     full_dmv, dmv : tuple of Dmv
         Data matching of the full model and of `model`, one per record.
     full_dmv_errors, dmv_errors : ndarray, (outputs,)
@@ -45,7 +45,7 @@ class Outcome:
     sfv : Sfv or None
         Set-point following of `model` on the first record; None without a recorded reference.
     warnings : tuple of str
-        What a user should know before trusting the model.
+        Facts that a user should know before using the model.
     """
 
     request: Request

@@ -1,4 +1,4 @@
-"""Request of an identification: what is to be done with the records."""
+"""Request of an identification."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ UPDATES = ("none", "b", "c")
 
 @dataclass(frozen=True)
 class Request:
-    """What is to be done with the records; the fields of the service `Identify`.
+    """Options of an identification; the fields of the service `Identify`.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Request:
     order : int, optional
         Order of the full model; None: chosen.
     reduction : {'none', 'mrm', 'msv', 'mrmc'}
-        Ranking by which modes are kept.
+        Ranking that selects the kept modes.
     reduced_order : int, optional
         States to keep; None: the fewest that cost at most 4 % of the fit. More than a chosen order
         gives the whole model and a note.
@@ -38,8 +38,8 @@ class Request:
     stabilise : bool
         Move unstable eigenvalues inside the unit circle.
     friction : bool
-        Look for dry friction where no compensation was recorded, and model it where `identify`
-        finds that the data call for it.
+        Search for dry friction where no compensation was recorded, and model it where `identify`
+        finds it significant.
     refine : bool
         Refine the model by its simulation error; it never gets worse.
     """
@@ -69,7 +69,7 @@ class Request:
         self._check_reduction()
 
     def _check_reduction(self) -> None:
-        """Refuse what would be ignored, before the fit takes its time."""
+        """Refuse options that would be ignored, before the fit takes its time."""
         if self.reduction == "none":
             for field, value in (("reduced_order", self.reduced_order), ("update", self.update)):
                 if value not in (None, "none"):

@@ -14,12 +14,7 @@ import numpy as np
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.estimation.simulation_fit import is_compensated
-from flexarm_ident.estimation.streaming import (
-    excerpt,
-    leading,
-    validate_stream,
-    without_bias,
-)
+from flexarm_ident.estimation.streaming import excerpt, leading, validate_stream, without_bias
 from flexarm_ident.fitting.validation import validate_dmv, validate_sfv
 from flexarm_ident.friction.dry_friction import refer_friction, validate_with_friction
 from flexarm_ident.records.iodata import IoData, as_records
@@ -74,14 +69,9 @@ def run(
         their lengths; a reduction then uses the leading parts, and there is neither set-point
         following nor friction nor refinement.
     request : Request
-        What is to be done.
+        Options.
     progress : callable, optional
         Called with the name of the stage and the part of it that is done.
-
-    Returns
-    -------
-    Outcome
-        The model with its validation.
 
     Raises
     ------
@@ -130,11 +120,7 @@ def run(
         full_dmv_errors=_joined_errors(full_dmv, powers),
         dmv_errors=_joined_errors(dmv, powers),
         sfv=sfv,
-        warnings=(
-            *identification.warnings,
-            *(reduction.warnings if reduction else ()),
-            *notes,
-        ),
+        warnings=(*identification.warnings, *(reduction.warnings if reduction else ()), *notes),
     )
 
 

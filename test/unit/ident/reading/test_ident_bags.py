@@ -296,7 +296,7 @@ def test_period___one_period_without_sample___does_not_move_it_and_is_reported(
 
     assert reading.data.dt_s == pytest.approx(0.002, rel=1e-9)
     (warning,) = reading.warnings
-    assert warning.startswith("1 of 9 samples are missing, in 1 holes")
+    assert warning.startswith("1 of 9 samples are missing, in 1 hole")
 
 
 def test_read___other_rig___takes_names_rate_and_loop_from_its_channel_info(
@@ -363,7 +363,7 @@ def test_read___bag_of_something_else___lists_its_topics(tmp_path: Path) -> None
     bag = write_bag(tmp_path / "run", [reference(START_NS, 1.0)])
 
     with pytest.raises(
-        BagError, match=r"run: neither .* topics: /flexarm/reference \(std_msgs/msg/Float64\)"
+        BagError, match=r"run: holds neither .* topics: /flexarm/reference \(std_msgs/msg/Float64\)"
     ):
         read_bag(bag)
 

@@ -41,7 +41,7 @@ def test_notices___short_and_long_holes___are_told_apart() -> None:
         "longest": 7.0,
         "left_out": 7.0,
     }
-    assert "the 1 longer ones, 7 samples" in found.text
+    assert "1 longer hole of 7 samples" in found.text
 
 
 def test_notices___jittering_clock___is_named_with_its_deviation() -> None:

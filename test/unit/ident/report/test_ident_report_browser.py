@@ -192,7 +192,7 @@ def test_report___in_a_browser___shows_every_part(seen: Visit) -> None:
     assert figures["headers"]["ranks"][1::3] == ["By MRM: states", "By MSV: states"]
     assert figures["headers"]["errors"] == ["Output", "Full, DMV", "Reduced, DMV", "Reduced, SFV"]
     assert figures["downloads"] == [f"c_dat3_0g{each}" for each in (".yaml", ".json", ".mat", ".h")]
-    for words in ("Closed loop", "chi-square", "What was checked", "SHA-256 of its samples"):
+    for words in ("Closed loop", "chi-square", "Data checks", "SHA-256 of its samples"):
         assert words in figures["words"]
 
 

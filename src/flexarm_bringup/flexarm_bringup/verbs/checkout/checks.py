@@ -65,17 +65,7 @@ def test(arguments: tuple[str, ...], *, quick: bool) -> None:
 
 
 def passes(name: str, command: tuple[str, ...], root: Path) -> bool:
-    """Run a Python tool in the checkout and return whether it succeeded.
-
-    Parameters
-    ----------
-    name : str
-        Step that is announced.
-    command : tuple of str
-        Tool and its arguments.
-    root : Path
-        Folder of the checkout.
-    """
+    """Announce and run a Python tool in the checkout; return whether it succeeded."""
     terminal.step(f"{name}: {' '.join(command)}")
     started_s = time.monotonic()
     line = [sys.executable, "-m", *command]

@@ -1,4 +1,4 @@
-"""Verb docs: the pages as a site that works offline, and their examples run."""
+"""Verb docs: site of the pages that works offline, and a run of their examples."""
 
 from __future__ import annotations
 
@@ -49,19 +49,7 @@ def docs(out: Path) -> None:
 
 
 def build_site(root: Path, out: Path) -> str:
-    """Build the site from the pages and the sources of a checkout; return what Sphinx warns of.
-
-    Parameters
-    ----------
-    root : Path
-        Folder of the checkout.
-    out : Path
-        Folder of the site; what stands there is replaced.
-
-    Returns
-    -------
-    str
-        Warnings, a line each; empty when there is none.
+    """Build the site from a checkout, in place of an older one; return the warnings, a line each.
 
     Raises
     ------

@@ -9,18 +9,7 @@ from flexarm_bringup.graph.processes import LaunchError
 
 
 def checkout(what: str) -> Path:
-    """Return the folder of the checkout.
-
-    Parameters
-    ----------
-    what : str
-        Thing that is looked for there, for the message.
-
-    Raises
-    ------
-    LaunchError
-        Outside a checkout.
-    """
+    """Return the folder of the checkout; outside one, raise a `LaunchError` that names `what`."""
     root = os.environ.get("FLEXARM_ROOT")
     if root is None or not Path(root, "pyproject.toml").is_file():
         raise LaunchError(f"the {what} live in the checkout: run ./flexarm there")

@@ -199,19 +199,14 @@ class _Examination:
 
 
 def examine_hardware(settings: NidaqSettings, nidaqmx: Nidaqmx | None = None) -> int:
-    """Examine one thing after the other, say what remains; return 1 when one is wrong.
+    """Examine a rig step by step and print what remains to do; return 0 if all is right, else 1.
 
     Parameters
     ----------
     settings : NidaqSettings
-        Where the rig is connected.
+        Connections of the rig.
     nidaqmx : Nidaqmx, optional
-        The package, imported if it is not given.
-
-    Returns
-    -------
-    int
-        0 if everything is as it must be before the motor gets power, else 1.
+        The package; imported by default.
     """
     steps = _Examination(settings, nidaqmx).steps()
     for number, (name, examine) in enumerate(steps):

@@ -40,21 +40,7 @@ VERSIONED = ("flexarm_bringup", "numpy", "scipy", "control", "numba", "rosbags",
 
 @dataclass(frozen=True)
 class DemoSettings:
-    """Choices of the user.
-
-    Attributes
-    ----------
-    out : Path
-        Folder of the results.
-    payload_kg : float
-        Mass at the tip of the simulated arm.
-    seed : int
-        Seed of the sensor noise and of the reference's half-periods.
-    pace : Pace
-        Wall clock, fast or hard real time.
-    keep_bag : bool
-        Keep the two bags in the folder of the results.
-    """
+    """Choices of the user; `keep_bag` keeps the two bags in the folder of the results."""
 
     out: Path
     payload_kg: float
@@ -65,17 +51,7 @@ class DemoSettings:
 
 @dataclass(frozen=True)
 class DemoResults:
-    """Records and model of a demo.
-
-    Attributes
-    ----------
-    experiment, step : RecordedRun
-        Closed-loop experiment and controlled step.
-    response : Identify.Response
-        Answer of the identification.
-    true_modes_hz : sequence of float
-        Natural frequencies of the simulated arm.
-    """
+    """Records and model of a demo: the closed-loop experiment and the controlled step."""
 
     experiment: RecordedRun
     response: Identify.Response

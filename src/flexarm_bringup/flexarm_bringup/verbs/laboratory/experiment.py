@@ -131,14 +131,12 @@ def catalogue(*, everything: bool, **settings: Any) -> None:  # noqa: ANN401
 def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings) -> None:
     """Run experiments one after the other and describe the bags in a manifest.
 
-    The record of an experiment that does not come to its end, or of one that is refused, is kept
-    as `NAME.partial`.
+    An incomplete or refused record is kept as `NAME.partial`.
 
     Raises
     ------
     LaunchError
-        When an experiment is named twice, a bag is there already, the manifest cannot be read, a
-        node does not do its part, or a record is not whole.
+        For a repeated name, an existing bag, an unreadable manifest or an incomplete record.
     """
     folder = settings.folder.absolute()
     _make_room(folder, entries, overwrite=settings.overwrite)

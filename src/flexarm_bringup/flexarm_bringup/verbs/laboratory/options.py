@@ -48,13 +48,7 @@ def paced(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def chosen_pace(*, fast: bool = False, real_time: bool = False) -> Pace:
-    """Return the pace that two flags choose.
-
-    Raises
-    ------
-    click.UsageError
-        When both are set.
-    """
+    """Return the pace that two flags choose; a `click.UsageError` when both are set."""
     if fast and real_time:
         raise click.UsageError("--fast and --real-time exclude each other: give one of them.")
     if fast:

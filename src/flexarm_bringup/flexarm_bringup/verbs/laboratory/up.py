@@ -1,4 +1,4 @@
-"""Verb up: the graph, kept until Ctrl-C."""
+"""Verb up: operation of the graph until Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verbs import, bag check and bag repair: files to bags, and bags looked after."""
+"""Verbs import, bag check and bag repair: conversion, checks and repair of bags."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # n
     Raises
     ------
     OSError
-        When the gains could not be written; that is tried before the search.
+        When the gains cannot be written; tried before the search.
     """
     _make_writable(out)
     with terminal.busy(f"tuning on {len(names)} model{'s' * (len(names) != 1)}"):

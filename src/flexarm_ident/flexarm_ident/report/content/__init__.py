@@ -1,1 +1,1 @@
-"""The parts that sections of the report are made of."""
+"""Building parts of the report's sections."""

@@ -1,4 +1,4 @@
-"""Blocks of a report: paragraphs, tables, plots and lists, and the row that makes a section.
+"""Report blocks: paragraphs, tables, plots and lists, and the row that makes a section.
 
 Each block names the macro of `templates/blocks.html.j2` that renders it.
 """
@@ -47,13 +47,13 @@ class Table:
     name : str
         Class of the table in the page.
     about : str
-        Description for those who cannot see it.
+        Description for screen readers.
     header : tuple of str
         Column titles.
     rows : tuple of tuple of str
         Cells.
     marked : tuple of bool
-        Rows that stand out; empty when none does.
+        Highlighted rows; empty for none.
     """
 
     macro: ClassVar[str] = "table"
@@ -122,12 +122,12 @@ class Code:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """The identification that a report is about.
+    """The identification that a report presents.
 
     Attributes
     ----------
     outcome : Outcome
-        The validated model and how it came about.
+        The validated model with its results.
     name : str
         Name of the model.
     parameters : mapping
@@ -153,9 +153,9 @@ class Section:
     title : str
         Heading, and entry of the navigation.
     build : callable
-        Gives the blocks.
+        Yields the blocks.
     applies : callable
-        Tells whether a report has the section.
+        Returns True when a report has the section.
     """
 
     place: int

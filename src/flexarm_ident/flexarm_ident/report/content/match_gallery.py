@@ -32,11 +32,6 @@ def match_gallery(outcome: Outcome, number: int, simulated: FloatArray, delta: F
         Simulated outputs.
     delta : ndarray, (outputs,)
         Their errors (2-25).
-
-    Returns
-    -------
-    Plots
-        A plot of each output.
     """
     record = outcome.records[number]
     fitted = min(outcome.fitted[number], len(record))

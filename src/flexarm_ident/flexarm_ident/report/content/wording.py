@@ -1,4 +1,4 @@
-"""Wording of a report: figures, lists and labels as text."""
+"""Report wording: figures, lists and labels as text."""
 
 from __future__ import annotations
 
@@ -25,18 +25,13 @@ def percent(error: float) -> str:
     return f"{100.0 * error:.1f} %" if math.isfinite(error) else "more than can be told"
 
 
-def counted(number: int, noun: str) -> str:
-    """Return a number with its noun: ``1 record``, ``2 records``."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
-
-
 def listed(words: Sequence[str]) -> str:
     """Return one or more words as a list: ``a, b and c``."""
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def ranges(numbers: Iterable[int]) -> str:
-    """Return rising numbers with runs drawn together: ``7 to 12, 14``."""
+    """Return rising numbers with runs joined: ``7 to 12, 14``."""
     runs = (
         [number for _, number in run]
         for _, run in groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0])
@@ -59,21 +54,21 @@ def figures_text(figures: Mapping[str, float]) -> str:
 
 
 def short_labels(records: Sequence[IoData]) -> dict[str, str]:
-    """Return the labels of records without the remarks in brackets that bags add to them."""
+    """Return the labels of records without the bracketed remarks that bags add to them."""
     labels = [record.label for record in records]
     short = [label.partition(" (")[0] for label in labels]
     return dict(zip(labels, short if len(set(short)) == len(set(labels)) else labels, strict=True))
 
 
 def shortened(outcome: Outcome, text: str) -> str:
-    """Return a text with the records' labels made short."""
+    """Return a text with shortened labels of the records."""
     for label, short in short_labels(outcome.records).items():
         text = text.replace(label, short)
     return text
 
 
 def deviation_words(outcome: Outcome) -> str:
-    """Return where the standard deviations come from, or why there are none."""
+    """Return the origin of the standard deviations, or the reason for their absence."""
     found = outcome.identification
     if found.mode_uncertainty:
         return "± is the standard deviation, from leaving out one tenth of the data at a time."

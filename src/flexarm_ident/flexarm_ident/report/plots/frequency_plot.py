@@ -1,4 +1,4 @@
-"""Plot of a frequency response, with its standard deviation."""
+"""Frequency response plot, with a band of standard deviations."""
 
 from __future__ import annotations
 
@@ -46,27 +46,20 @@ def frequency_plot(
     deviation: FloatArray | None = None,
     known_modes_hz: Sequence[float] = (),
 ) -> str:
-    """Plot the frequency response (2-4) from one input to one output.
+    """Plot magnitude and phase of the response (2-4) from one input to one output.
 
     Parameters
     ----------
     full, reduced : control.StateSpace
-        Discrete models; there may be no reduced one.
-    output : int
-        Number of the output, from 0.
-    source : int
-        Number of the input, from 0.
+        Discrete models; the reduced one may be None.
+    output, source : int
+        Numbers of the output and of the input, from 0.
     frequencies_hz : ndarray, (frequencies,)
         Frequencies, see `frequency_grid`.
     deviation : ndarray, (frequencies,), optional
-        Standard deviation of the full model's complex gain; twice of it is a band.
+        Standard deviation of the full model's complex gain; the band is twice as wide.
     known_modes_hz : sequence of float
-        Frequencies that are marked by thin lines.
-
-    Returns
-    -------
-    str
-        SVG with magnitude and phase.
+        Frequencies marked by thin lines.
     """
     names = full.input_labels[source], full.output_labels[output]
     curves = [("full", full, SOLID)]
@@ -116,19 +109,9 @@ def frequency_plot(
 
 
 def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
-    """Return a logarithmic grid, refined around each mode by its own width.
+    """Return a logarithmic grid of frequencies in Hz, refined around each mode by its own width.
 
-    Parameters
-    ----------
-    model : control.StateSpace
-        Discrete model.
-    lowest_hz : float
-        Lowest frequency; the highest is the Nyquist frequency.
-
-    Returns
-    -------
-    ndarray, (frequencies,)
-        Frequencies.
+    It goes from `lowest_hz` to the Nyquist frequency of the discrete model.
     """
     nyquist_hz = 0.5 / model.dt
     grid = [np.geomspace(min(lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _GRID_POINTS)]

@@ -41,20 +41,7 @@ _HIGHEST = 1.5
 
 
 def singular_value_plot(singular_values: FloatArray, order: int) -> str:
-    """Plot the singular values of (2-21) with the chosen order marked.
-
-    Parameters
-    ----------
-    singular_values : ndarray
-        Singular values, descending.
-    order : int
-        Chosen order.
-
-    Returns
-    -------
-    str
-        SVG.
-    """
+    """Plot the descending singular values of (2-21) with the chosen order marked."""
     shown = singular_values[: max(_SHOWN_SINGULAR_VALUES, order + _SHOWN_SINGULAR_VALUES // 4)]
     positive = np.flatnonzero(shown > 0.0)
     kept, rest = positive[positive < order], positive[positive >= order]
@@ -86,19 +73,16 @@ def stabilisation_plot(
 ) -> str:
     """Plot the modes of all orders over their frequency.
 
+    The axis ends a little above the highest mode that is stable over the orders or known.
+
     Parameters
     ----------
     diagram : Stabilisation
         Modes per order and the physical ones.
     known_modes_hz : sequence of float
-        Frequencies that are marked by thin lines.
+        Frequencies marked by thin lines.
     order : int, optional
-        Order of the model that was chosen, marked by a line.
-
-    Returns
-    -------
-    str
-        SVG. The axis ends a little above the highest mode that is stable over the orders or known.
+        Order of the chosen model, marked by a line.
     """
     shaded = [(mode.frequency_hz, mode.frequency_std_hz) for mode in diagram.modes]
     highest_hz = max([frequency_hz for frequency_hz, _ in shaded] + list(known_modes_hz), default=0)
@@ -144,6 +128,8 @@ def _places(poles: Sequence[Pole]) -> tuple[list[float], list[int]]:
 def cost_plot(curves: Mapping[str, Sequence[tuple[int, float]]], *, full: float, order: int) -> str:
     """Plot the mean error of data matching over the order of the reduced model.
 
+    Errors of more than 1.5 are drawn at 1.5; 1 is that of a line at zero.
+
     Parameters
     ----------
     curves : mapping of str to sequence of (int, float)
@@ -151,12 +137,7 @@ def cost_plot(curves: Mapping[str, Sequence[tuple[int, float]]], *, full: float,
     full : float
         Mean error of the full model, marked by a line.
     order : int
-        Order of the model that was chosen, marked by a line.
-
-    Returns
-    -------
-    str
-        SVG. Errors of more than 1.5 are drawn at 1.5; 1 is that of a line at zero.
+        Order of the chosen model, marked by a line.
     """
     with mpl.rc_context(STYLE):
         figure = figure_of(3.0)

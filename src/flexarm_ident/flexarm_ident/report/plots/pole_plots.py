@@ -1,4 +1,4 @@
-"""Pole plots: the plane of z with the unit circle, and damping over frequency."""
+"""Pole plots: the z plane with the unit circle, and damping over frequency."""
 
 from __future__ import annotations
 
@@ -34,19 +34,14 @@ _TICKED_SHARES = (0.1, 0.25, 0.5, 0.75)
 
 
 def pole_plot(modes: Sequence[Mode], dt_s: float) -> str:
-    """Plot the eigenvalues of a model in the plane of z, with the unit circle.
+    """Plot the eigenvalues of a model in the z plane, with the unit circle.
 
     Parameters
     ----------
     modes : sequence of Mode
-        All modes; those that are kept stand out.
+        All modes; the kept ones are highlighted.
     dt_s : float
         Sampling period, for the frequencies along the circle.
-
-    Returns
-    -------
-    str
-        SVG.
     """
     with mpl.rc_context(STYLE):
         figure = figure_of(3.6)
@@ -87,12 +82,7 @@ def damping_plot(modes: Sequence[Mode], deviations: Sequence[ModeUncertainty] = 
     modes : sequence of Mode
         All modes; only those with a frequency are drawn.
     deviations : sequence of ModeUncertainty
-        Scatter of each mode, or none.
-
-    Returns
-    -------
-    str
-        SVG. Bars end at the edge of the plot.
+        Scatter of each mode, or none. Bars end at the edge of the plot.
     """
     pairs = [(i, mode) for i, mode in enumerate(modes) if mode.frequency_hz > 0.0]
     with mpl.rc_context(STYLE):

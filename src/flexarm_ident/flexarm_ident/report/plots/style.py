@@ -63,19 +63,14 @@ def plain_numbers() -> FuncFormatter:
 def inline_svg(figure: Figure, description: str) -> str:
     """Return a figure as an SVG element that can stand in a page beside others.
 
-    The same figure gives the same text: there is no date in it.
+    The same figure gives the same text: it holds no date.
 
     Parameters
     ----------
     figure : Figure
         Figure, drawn with DejaVu Sans.
     description : str
-        What it shows, for those who cannot see it.
-
-    Returns
-    -------
-    str
-        The element, as wide as the page lets it be.
+        Description for screen readers.
     """
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})

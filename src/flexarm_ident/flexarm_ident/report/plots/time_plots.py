@@ -1,9 +1,4 @@
-"""Time plots: an output as measured and as simulated, an input, and a controlled motion.
-
-Every plot of this folder is a pure function from numbers to SVG text. It is narrow, so that a page
-can set two side by side and a phone one below the other. Colours are distinct to the colour-blind,
-and in black and white the line styles tell curves apart.
-"""
+"""Time plots: an output as measured and as simulated, an input, and a controlled motion."""
 
 from __future__ import annotations
 
@@ -51,18 +46,14 @@ def match_plot(
     ----------
     time_s, measured, simulated : ndarray, (samples,)
         Time and one output: solid as measured, dotted as simulated. Where the measured one is NaN
-        it breaks off, and a bar at the bottom marks the hole.
+        it breaks off, and a bar at the bottom marks the hole. An unstable simulation is cut off
+        one range beyond the measured signal.
     name : str
         Name of the output, with its unit at the end.
     fitted_s : float
-        End of the part that was fitted, which is shaded.
+        End of the fitted part, which is shaded.
     points : int
         Most points of a curve; a longer record is drawn by its extremes.
-
-    Returns
-    -------
-    str
-        SVG. A simulation that runs away is cut off one range beyond the measured signal.
     """
     low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
     span = (high - low) or 1.0
@@ -84,7 +75,7 @@ def match_plot(
 
 
 def _mark_holes(axes: Axes, time_s: FloatArray, missing: BoolArray) -> None:
-    """Draw a bar along the bottom where nothing was measured, the longest holes only of many."""
+    """Draw a bar along the bottom where nothing was measured, of many holes the longest only."""
     holes = runs(missing)
     if not len(holes):
         return
@@ -103,22 +94,7 @@ def _mark_holes(axes: Axes, time_s: FloatArray, missing: BoolArray) -> None:
 def input_plot(
     time_s: FloatArray, values: FloatArray, name: str, *, points: int = CURVE_POINTS
 ) -> str:
-    """Plot an input over time.
-
-    Parameters
-    ----------
-    time_s, values : ndarray, (samples,)
-        Time and the input.
-    name : str
-        Name of the input, with its unit at the end.
-    points : int
-        Most points of the curve; a longer record is drawn by its extremes.
-
-    Returns
-    -------
-    str
-        SVG.
-    """
+    """Plot an input, (samples,), over time; a long record is drawn by its extremes."""
     with mpl.rc_context(STYLE):
         figure = figure_of(1.9)
         axes = figure.subplots()
@@ -132,7 +108,7 @@ def input_plot(
 def step_plot(
     time_s: FloatArray, volts: FloatArray, reference_v: FloatArray, command_v: FloatArray
 ) -> str:
-    """Plot a controlled motion of the arm.
+    """Plot position, strain gauges, speed and command of a controlled motion of the arm.
 
     Parameters
     ----------
@@ -140,15 +116,8 @@ def step_plot(
         Time.
     volts : ndarray, (samples, 4)
         Position, base strain, middle strain and speed.
-    reference_v : ndarray, (samples,)
-        Set-point of the position.
-    command_v : ndarray, (samples,)
-        Command of the drive.
-
-    Returns
-    -------
-    str
-        SVG with position, strain gauges, speed and command above each other.
+    reference_v, command_v : ndarray, (samples,)
+        Set-point of the position, and command of the drive.
     """
     position_v, base_v, middle_v, speed_v = volts.T
     panels = (

@@ -1,4 +1,4 @@
-"""Section on the data: records, channels, and what was checked."""
+"""Data section: records, channels, and checks."""
 
 from __future__ import annotations
 
@@ -8,21 +8,8 @@ import numpy as np
 
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.diagnostics.quality import excited_band_hz
-from flexarm_ident.report.content.blocks import (
-    Check,
-    Checks,
-    Heading,
-    Plots,
-    Section,
-    Table,
-    Words,
-)
-from flexarm_ident.report.content.wording import (
-    error_text,
-    figures_text,
-    short_labels,
-    shortened,
-)
+from flexarm_ident.report.content.blocks import Check, Checks, Heading, Plots, Section, Table, Words
+from flexarm_ident.report.content.wording import error_text, figures_text, short_labels, shortened
 from flexarm_ident.report.plots.time_plots import input_plot
 
 if TYPE_CHECKING:
@@ -62,7 +49,7 @@ def _build(subject: Subject) -> Iterator[Block]:
         "errors and plots are of the whole record."
     )
     yield _channels(outcome)
-    yield Heading("What was checked")
+    yield Heading("Data checks")
     yield _checks(outcome)
     yield Heading("Inputs of the first record")
     yield _inputs(outcome)
@@ -108,7 +95,7 @@ def _channels(outcome: Outcome) -> Table:
         for name, x in zip(names, values.T, strict=True):
             words, unit = label_and_unit(name)
             low_hz, high_hz, share = excited_band_hz(x, first.dt_s)
-            # Only of an input a band says what a model can be trusted in.
+            # The band of an input is the range in which a model is reliable.
             band = f"{low_hz:.3g} to {high_hz:.3g} ({100.0 * share:.0f} %)"
             figures = (x.min(), x.max(), np.sqrt(np.mean(x**2)))
             rows.append(

@@ -1,4 +1,4 @@
-"""Section on the errors of the model."""
+"""Errors section: errors of the model by output."""
 
 from __future__ import annotations
 

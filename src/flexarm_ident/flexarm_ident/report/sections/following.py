@@ -1,4 +1,4 @@
-"""Section on set-point following: the outputs of the model under the law of the experiment."""
+"""Set-point following section: outputs of the model under the control law of the experiment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Section on the frequency response of the model."""
+"""Frequency response section."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Section on dry friction: its levels, with how they were found."""
+"""Dry friction section: Coulomb friction levels and their origin."""
 
 from __future__ import annotations
 

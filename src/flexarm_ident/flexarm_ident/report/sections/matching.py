@@ -1,4 +1,4 @@
-"""Section on data matching: the outputs of the model under the measured input."""
+"""Data matching section: outputs of the model under the measured input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Section on the model itself: how it was made, files to take out, and where it came from."""
+"""Model section: method, downloads, and provenance."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ _MEDIA = {
 
 def _build(subject: Subject) -> Iterator[Block]:
     yield _making(subject.outcome)
-    yield Heading("Take it out of this file")
+    yield Heading("Downloads")
     yield _downloads(subject)
     if subject.files:
         yield Words(f"Beside this file: {', '.join(subject.files)}.")
     file = f"{subject.name}.yaml"
     yield Code(f'from flexarm_ident import load_model; model = load_model("{file}")')
     yield Code(f"ros2 run flexarm_ident ident_node --ros-args --params-file {file}")
-    yield Heading("Where it came from")
+    yield Heading("Provenance")
     yield _origin(subject)
 
 
@@ -62,7 +62,7 @@ SECTION = Section(110, "The model", _build)
 
 
 def _making(outcome: Outcome) -> Facts:
-    """Return how the model was made."""
+    """Return the method and the choices that made the model."""
     identification = outcome.identification
     facts = {
         "method": identification.title,
@@ -72,7 +72,7 @@ def _making(outcome: Outcome) -> Facts:
         "eigenvalues moved into the unit circle": str(identification.moved_eigenvalues),
     }
     if identification.choice:
-        facts["why this method"] = identification.choice
+        facts["reason for the method"] = identification.choice
     if identification.start_error is not None:
         facts["fitted by simulation"] = (
             f"mean δ of the fitted part {error_text(float(identification.fit_error.mean()))}, "

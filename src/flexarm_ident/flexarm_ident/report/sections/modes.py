@@ -1,4 +1,4 @@
-"""Section on the modes of the full model."""
+"""Modes section: modes of the full model."""
 
 from __future__ import annotations
 

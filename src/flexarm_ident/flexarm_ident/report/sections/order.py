@@ -1,4 +1,4 @@
-"""Section on the order of the full model."""
+"""Order section: order of the full model and its reasons."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def _build(subject: Subject) -> Iterator[Block]:
         )
     )
     if not found.diagram.modes:
-        yield Words("No mode comes back over enough of the orders to count as one of the plant.")
+        yield Words("No mode recurs at enough orders to count as a mode of the plant.")
         return
     yield Words(
-        "These modes come back over the orders: they are of the plant, or of a steady disturbance "
-        "such as the mains, and not of noise. ± says how far the choice of the order moves them."
+        "These modes recur over the orders: they belong to the plant, or to a steady disturbance "
+        "such as the mains, and not to noise. ± is their scatter over the orders."
     )
     yield _clusters(subject.outcome)
 
@@ -41,7 +41,7 @@ SECTION = Section(20, "Order", _build)
 
 
 def _why(outcome: Outcome) -> list[str]:
-    """Return why the full model has its order."""
+    """Return the reasons for the order of the full model."""
     identification = outcome.identification
     how = "as asked for" if outcome.request.order else "chosen by its fit"
     if identification.friction is not None:
@@ -57,7 +57,7 @@ def _why(outcome: Outcome) -> list[str]:
 
 
 def _clusters(outcome: Outcome) -> Table:
-    """Return the modes that come back over the orders, with their scatter."""
+    """Return the modes that recur over the orders, with their scatter."""
     rows = tuple(
         (
             f"{mode.frequency_hz:.3f}{plus_minus(mode.frequency_std_hz)}",
@@ -68,4 +68,4 @@ def _clusters(outcome: Outcome) -> Table:
         for mode in outcome.identification.diagram.modes
     )
     header = ("Frequency, Hz", "Damping", "Found at", "Orders")
-    return Table("clusters", "Modes that come back over the orders", header, rows)
+    return Table("clusters", "Modes that recur over the orders", header, rows)

@@ -1,4 +1,4 @@
-"""Section on the poles of the model."""
+"""Poles section: poles of the model."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def _build(subject: Subject) -> Iterator[Block]:
     damping = damping_plot(outcome.modes, outcome.identification.mode_uncertainty)
     yield Plots(
         (
-            ("Plane of z, with the unit circle", pole_plot(outcome.modes, outcome.model.dt)),
+            ("z plane with the unit circle", pole_plot(outcome.modes, outcome.model.dt)),
             ("Damping over frequency", damping),
         )
     )
     yield Words(
-        "A pole outside the circle grows. Slow motion lies near 1, the fastest that the sampling "
-        "can show near -1."
+        "A motion with a pole outside the unit circle grows. Slow poles lie near 1, the fastest "
+        "that the sampling can show near -1."
     )
 
 

@@ -1,4 +1,4 @@
-"""Section on the reduction: the cost of each step, and the ranks of the modes."""
+"""Reduction section: cost of each step, and ranks of the modes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ SECTION = Section(50, "Reduction", _build)
 
 
 def _costs(outcome: Outcome, order: int) -> Iterator[Block]:
-    """Tell what the reduction cost, step by step."""
+    """Yield the cost of the reduction, step by step."""
     found, request, records = outcome.identification, outcome.request, _judged(outcome)
     known_hz = request.known_modes_hz
     steps = step_costs(found, records, order=order, known_modes_hz=known_hz)
@@ -63,12 +63,7 @@ def _costs(outcome: Outcome, order: int) -> Iterator[Block]:
     wanted = [(request.reduction, request.update), ("mrm", "none"), ("msv", "none")]
     curves = {
         _name(ranking, update): cost_over_orders(
-            found,
-            records,
-            orders.tolist(),
-            ranking=ranking,
-            update=update,
-            known_modes_hz=known_hz,
+            found, records, orders.tolist(), ranking=ranking, update=update, known_modes_hz=known_hz
         )
         for ranking, update in wanted
     }
