@@ -106,8 +106,12 @@ def test_wrong_sign___is_not_activated_and_the_reason_is_one_line(
     assert not graph.transition("daq", "activate")
     assert graph.state_of("daq") == "inactive"
     daq.wait_for("not activated")
-    (line,) = (line for line in daq.printed.splitlines() if "not activated" in line)
-    assert "middle_strain_v (ACH2) answers the current with the wrong sign" in line
+    # The operator may ask twice on a busy machine: each refusal is one line.
+    lines = [line for line in daq.printed.splitlines() if "not activated" in line]
+    assert lines
+    assert all(
+        "middle_strain_v (ACH2) answers the current with the wrong sign" in line for line in lines
+    )
     assert writes(tmp_path)[-1] == ("Dev1/ao0", 0.0)
 
     assert "needs rig = 'simulated'" in graph.refusal("daq", {"time": "virtual"})

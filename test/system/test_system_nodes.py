@@ -146,6 +146,8 @@ def test_node_with_a_loop___says_when_a_late_node_could_stop_it(
     process = graph.start("daq", {"nonsense": 1})
     process.wait_for("nonsense")
     graph.wait(lambda: "/flexarm/daq" in graph.operator.nodes(), "the node")
+    if cause is not None:
+        process.wait_for("uses shared memory")
     lines = [line for line in process.printed.splitlines() if "uses shared memory" in line]
     assert len(lines) == (cause is not None)
     assert all(f"{cause}this node uses shared memory" in line for line in lines)
