@@ -2,9 +2,9 @@
 
 - **Not a number**: the reading is NaN or infinite.
 - **Out of its travel**: the stops hold the arm, so such a position is that of an open
-potentiometer.
+  potentiometer.
 - **Saturated**: speed and gauges stay at the end of the input range for longer than the arm can
-keep them there.
+  keep them there.
 - **Stuck**: the same code repeats although every channel has noise.
 - **Disagreement**: position and integrated speed drift apart, so one of the two is wrong.
 
