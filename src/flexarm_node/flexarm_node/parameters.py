@@ -134,7 +134,7 @@ class Parameters:
         if self._accept is not None:
             try:
                 self._accept(values)
-            except FlexarmError as error:
+            except (FlexarmError, ValueError) as error:
                 return str(error)
         return None
 

@@ -35,7 +35,8 @@ class VerbGroup(click.Group):
             sys.exit(130)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
-        except (FlexarmError, OSError) as error:
+        # Libraries raise errors of their own, such as rclpy for a wrong ROS_DOMAIN_ID.
+        except (FlexarmError, ValueError, RuntimeError, OSError) as error:
             if os.environ.get("FLEXARM_DEBUG"):
                 raise
             click.echo(f"flexarm: {one_line(error)}", err=True)
