@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from flexarm_core.labels import counted
 from reproduction.chapter3.examples import (
     C_UPDATED,
     EXAMPLES,
@@ -24,7 +25,6 @@ from reproduction.framework.findings import (
     Subject,
     columns,
     judged,
-    named,
     p_text,
     prose,
     sign_test,
@@ -91,8 +91,8 @@ def claim_mrm(found: Trials) -> Finding:
             agrees=all(held),
             same_ranking=all(ordered),
             evidence=f"MRM's model is better than MSV's at p < {LEVEL:g} in {sum(held)} of "
-            f"{len(held)} cases: {named(len({code for code, _ in found}), 'model')}, "
-            f"{named(len(NOISES), 'kind')} of records."
+            f"{len(held)} cases: {counted(len({code for code, _ in found}), 'model')}, "
+            f"{counted(len(NOISES), 'kind')} of records."
             + (f" It does not hold for {', '.join(fails)}." if fails else ""),
             reason=prose("claim-3-1.reason"),
         ),

@@ -244,8 +244,3 @@ def spread(values: Figures, form: str = ".3f") -> str:
 def percent(shares: Sequence[float] | NDArray[np.float64], separator: str = ", ") -> str:
     """Return shares as text."""
     return separator.join(f"{share:.0%}" for share in shares)
-
-
-def named(count: int, noun: str, plural: str = "") -> str:
-    """Return a number with its noun in the singular or the plural."""
-    return f"{count} {noun if count == 1 else plural or f'{noun}s'}"

@@ -31,9 +31,9 @@ def label_and_unit(name: str) -> tuple[str, str]:
     return name.replace("_", " "), ""
 
 
-def counted(number: int, noun: str) -> str:
-    """Return a number with its noun: ``1 record``, ``2 records``."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """Return a number with its noun: ``1 record``, ``2 records``, ``3 stretches``."""
+    return f"{number} {noun if number == 1 else plural or f'{noun}s'}"
 
 
 def axis_label(name: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from flexarm_core.arrays import runs
+from flexarm_core.labels import counted
 from flexarm_ident.records.iodata import DataWarning
 from flexarm_ident.records.signals import dead_stretches
 from flexarm_ident.subspace.feedback import feedback_test
@@ -219,7 +220,7 @@ def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator
         return
     samples = sum(map(len, dead))
     longest = max(dead, key=len)
-    stretches = "1 stretch" if len(dead) == 1 else f"{len(dead)} stretches"
+    stretches = counted(len(dead), "stretch", "stretches")
     yield DataWarning(
         "dead_sensor",
         f"{record.label}: {name} is dead in {_percent(samples / len(record))} of the samples, "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from flexarm_core.labels import counted
 from flexarm_ident.estimation.identification import Identification
 from flexarm_ident.estimation.simulation_fit import refined, with_friction
 from flexarm_ident.estimation.streaming import excerpt
@@ -138,8 +139,8 @@ def _linear_model(
     )
     notes = []
     if moved:
-        subject = "1 unstable eigenvalue" if moved == 1 else f"{moved} unstable eigenvalues"
         verb = "was" if moved == 1 else "were"
+        subject = counted(moved, "unstable eigenvalue")
         notes.append(f"{subject} of order {order} {verb} moved into the unit circle")
     elif not is_stable(A):
         notes.append(f"the model of order {order} is unstable")
