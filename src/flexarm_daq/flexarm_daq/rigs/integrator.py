@@ -15,20 +15,16 @@ The functions write arrays in place and check nothing; `flexarm_daq.rigs.plant.P
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from flexarm_core.channels import CHANNELS, MAX_COMMAND_V
+from flexarm_core.compilation import compiled
 from flexarm_daq.rigs.beam import FLEXIBLE_MODES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
-
-    Function = TypeVar("Function", bound=Callable[..., object])
 
 SUBSTEP_RATE_HZ = 10_000.0
 """Least rate of sub-steps: over 30 of them in the shortest period, that of the gear at 306 Hz."""
@@ -82,14 +78,6 @@ _REST = 1e-100
 
 _ROUNDS = 2
 _STRIBECK_END = 6.5
-
-
-def compiled(function: Function) -> Function:
-    """Compile a function; keep the result on disk where the folder is writable."""
-    try:
-        return cast("Function", njit(cache=True)(function))
-    except RuntimeError:
-        return cast("Function", njit(function))
 
 
 @compiled

@@ -10,28 +10,17 @@ The functions check nothing; `dry_friction` and `refinement` use them.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from flexarm_core.compilation import compiled
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from flexarm_core.arrays import FloatArray
-
-    Function = TypeVar("Function", bound=Callable[..., object])
 
 _SWEEPS = 50
 _SETTLED = 1e-12
-
-
-def compiled(function: Function) -> Function:
-    """Compile a function, keeping the result on disk where there is a place to write."""
-    try:
-        return cast("Function", njit(cache=True)(function))
-    except RuntimeError:
-        return cast("Function", njit(function))
 
 
 @compiled

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numba.core.caching import CacheImpl
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -18,7 +17,7 @@ from scipy.linalg import expm
 from flexarm_core.errors import SettingError
 from flexarm_daq.rigs import plant as plant_module
 from flexarm_daq.rigs.beam import arm_modes
-from flexarm_daq.rigs.integrator import ARM, MOTOR, POSITION, VELOCITY, compiled
+from flexarm_daq.rigs.integrator import ARM, MOTOR, POSITION, VELOCITY
 from flexarm_daq.rigs.plant import Plant, simulate
 from flexarm_daq.rigs.rig_parameters import RigParameters
 
@@ -465,17 +464,6 @@ def test_simulate___bad_argument___is_refused(
 ) -> None:
     with pytest.raises(SettingError, match=message):
         simulate(Plant(replace(RIG, loop_delay_s=delay_s)), command_v, rate_hz)
-
-
-def test_compiling___with_no_place_for_a_cache___goes_without(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(CacheImpl, "_locator_classes", [])
-
-    def double(value: float) -> float:
-        return 2.0 * value
-
-    assert compiled(double)(2.5) == 5.0
 
 
 def test_package___with_ros_blocked___imports() -> None:
