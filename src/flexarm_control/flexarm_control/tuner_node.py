@@ -6,7 +6,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from flexarm_control.design.tuning_job import TuneRequest, load_models, tune
-from flexarm_core.errors import SettingError
+from flexarm_core.errors import SettingError, one_line
 from flexarm_msgs.srv import Tune
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
@@ -37,7 +37,7 @@ class TunerNode(Node):
                 ),
             )
         except (SettingError, OSError) as error:
-            response.message = " ".join(str(error).split())
+            response.message = one_line(error)
             self.get_logger().error(response.message)
             return response
         response.success = True

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from flexarm_core.errors import IdentificationError
+from flexarm_core.errors import IdentificationError, one_line
 from flexarm_core.specs import ParameterSpec
 from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.job import Results, identify_bags, model_name
@@ -121,7 +121,7 @@ class IdentNode(Node):
             answer.message = f"{stopped}: nothing was written"
             self.get_logger().info(answer.message)
         except (IdentificationError, OSError) as error:
-            answer.message = " ".join(str(error).split())
+            answer.message = one_line(error)
             self.get_logger().error(answer.message)
         except Exception as error:  # noqa: BLE001 - a defect in one job does not end the node
             answer.message = f"internal error, see the log of the node: {error!r}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import os
 import sys
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -93,10 +94,15 @@ def examples(*lines: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 def _docstring(place: str) -> str:
     """Return the docstring of the function at a place."""
     module, _, function = place.partition(":")
+    return _docstrings(module)[function]
+
+
+@cache
+def _docstrings(module: str) -> dict[str, str]:
+    """Return the docstrings of a module's functions; several verbs share a module."""
     source = (_FOLDER / f"{module.replace('.', '/')}.py").read_text("utf-8")
-    (verb,) = (
-        each
+    return {
+        each.name: ast.get_docstring(each) or ""
         for each in ast.parse(source).body
-        if isinstance(each, ast.FunctionDef) and each.name == function
-    )
-    return ast.get_docstring(verb) or ""
+        if isinstance(each, ast.FunctionDef)
+    }
