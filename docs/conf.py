@@ -30,6 +30,8 @@ myst_heading_anchors = 3
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
+# Nobody here writes types as comments, and the search for them takes long.
+autodoc_use_type_comments = False
 add_module_names = False
 napoleon_google_docstring = False
 # Words such as "inputs" would be linked to whatever has that name.

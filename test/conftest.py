@@ -1,7 +1,24 @@
 from __future__ import annotations
 
+import os
+from typing import TYPE_CHECKING
+
+import pytest
 from hypothesis import HealthCheck, settings
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+# As in the command: the matrices are small, and the threads of BLAS would wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # An example that takes long says that the machine is busy, and nothing about flexarm.
 settings.register_profile("flexarm", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("flexarm")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that hold slow tests, so that no worker ends with one alone."""
+    slow: set[Path] = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)

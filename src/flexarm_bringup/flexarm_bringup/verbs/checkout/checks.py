@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 DOCTEST = ("pytest", "--doctest-modules", "--doctest-glob", "*.md")
 """Pytest on the examples of docstrings and pages; the blocks of a page go on from one another."""
 EXAMPLES = (*DOCTEST, "--doctest-ignore-import-errors", "src", "reproduction", "docs")
+BY_FILE = ("--dist", "loadfile", "--no-loadscope-reorder")
+"""Spread of the tests over workers: files in their order, which begins with the slow ones."""
+_QUICK_FOLDERS = ("test/unit", "test/architecture")
 _READ = (
     ("lint", ("ruff", "check")),
     ("format", ("ruff", "format", "--check")),
@@ -27,11 +30,12 @@ _READ = (
 )
 _QUICK = (
     *_READ,
-    ("unit tests", ("pytest", "-n", "auto", "-m", "not slow", "test/unit", "test/architecture")),
+    ("unit tests", ("pytest", "-n", "auto", *BY_FILE, "-m", "not slow", *_QUICK_FOLDERS)),
 )
 _ALL = (
     *_READ,
-    ("unit tests", ("pytest", "--numprocesses", "auto", "--ignore", "test/system")),
+    # What the tests of a file share is computed once: a file stays with one worker.
+    ("unit tests", ("pytest", "-n", "auto", *BY_FILE, "--ignore", "test/system")),
     # Their nodes wait more than they work, and some keep the time: two at once, on any machine.
     ("system tests", ("pytest", "--numprocesses", "2", "--dist", "worksteal", "test/system")),
 )

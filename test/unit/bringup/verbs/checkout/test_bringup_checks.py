@@ -40,6 +40,8 @@ def test_all___runs_unit_and_system_tests(commands: list[list[str]]) -> None:
     CliRunner().invoke(verb, [])
     assert [command[-1] for command in commands[-2:]] == ["test/system", "test/system"]
     assert "--ignore" in commands[-2]
+    # What the tests of a file share is computed once.
+    assert "loadfile" in commands[-2]
 
 
 def test_all___runs_the_examples_of_docstrings_and_pages(commands: list[list[str]]) -> None:

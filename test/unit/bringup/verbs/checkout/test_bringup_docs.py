@@ -43,7 +43,7 @@ def run_examples(*places: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_examples___of_docstrings_and_pages___are_collected() -> None:
-    found = run_examples("src/flexarm_daq", "docs", "--collect-only", "-q").stdout
+    found = run_examples("src/flexarm_daq/flexarm_daq/loop", "docs", "--collect-only", "-q").stdout
     for place in ("flexarm_daq/loop/limiter.py", "docs/units.md", "docs/howto/own_rig.md"):
         assert place in found
 
