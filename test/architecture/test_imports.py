@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 
+import pytest
+
 from support.import_graph import (
     circle,
     folder_arrows,
@@ -13,7 +15,6 @@ from support.import_graph import (
 )
 
 MODULES = project_modules()
-ARROWS = module_arrows(MODULES)
 
 # Bottom first. A package imports from the rows below its own, and from no other.
 STOREYS = (
@@ -43,9 +44,14 @@ def test_longest_chain___of_a_folder___counts_its_members_only() -> None:
     assert longest_chain(arrows, frozenset("acd")) == ["a", "c", "d"]
 
 
-def test_modules___import___without_a_circle() -> None:
+@pytest.fixture(scope="module")
+def arrows() -> dict[str, frozenset[str]]:
+    return module_arrows(MODULES)
+
+
+def test_modules___import___without_a_circle(arrows: dict[str, frozenset[str]]) -> None:
     assert len(MODULES) > 100
-    assert circle(ARROWS) == []
+    assert circle(arrows) == []
 
 
 def test_folders___import___without_a_circle() -> None:
@@ -74,10 +80,10 @@ def test_rig___is_imported___by_the_command_and_the_loop_in_memory_only() -> Non
     assert users <= USERS_OF_THE_RIG
 
 
-def test_folders___have___few_floors() -> None:
+def test_folders___have___few_floors(arrows: dict[str, frozenset[str]]) -> None:
     folders = defaultdict(set)
     for module in MODULES:
         if not module.is_init:
             folders[module.folder].add(module.name)
-    chains = [longest_chain(ARROWS, frozenset(members)) for members in folders.values()]
+    chains = [longest_chain(arrows, frozenset(members)) for members in folders.values()]
     assert [chain for chain in chains if len(chain) > MOST_FLOORS] == []

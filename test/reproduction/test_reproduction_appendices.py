@@ -154,16 +154,17 @@ def test_waveforms___as_section_2_4_1_says___agree() -> None:
 
 
 @pytest.mark.parametrize(
-    ("finding", "words"),
+    ("changed", "words"),
     [
-        (waveforms(square_hz=0.6), "a: square"),
-        (waveforms(periodic=1.0), "b: periodic random"),
-        (waveforms(varying_hz=4.0), "c: varying square"),
+        ({"square_hz": 0.6}, "a: square"),
+        ({"periodic": 1.0}, "b: periodic random"),
+        ({"varying_hz": 4.0}, "c: varying square"),
     ],
 )
 def test_waveforms___one_of_another_kind___differs_and_is_named(
-    finding: Finding, words: str
+    changed: dict[str, float], words: str
 ) -> None:
+    finding = waveforms(**changed)
     assert finding.judgement.verdict is Verdict.DIFFERS
     assert f"Not so: {words}." in finding.judgement.because
 

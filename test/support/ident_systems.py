@@ -43,12 +43,13 @@ def named(A: Array, B: Array, C: Array, D: Array) -> control.StateSpace:
 
 def step_by_step(model: control.StateSpace, u: Array, x0: Array | None = None) -> Array:
     """Simulate (2-3) as it is written."""
-    x = np.zeros(model.nstates) if x0 is None else np.array(x0)
-    y = np.empty((len(u), model.noutputs))
+    A, B, C, D = (np.asarray(M) for M in (model.A, model.B, model.C, model.D))
+    x = np.empty((len(u) + 1, len(A)))
+    x[0] = 0.0 if x0 is None else x0
+    driven = u @ B.T
     for k in range(len(u)):
-        y[k] = model.C @ x + model.D @ u[k]
-        x = model.A @ x + model.B @ u[k]
-    return y
+        x[k + 1] = A @ x[k] + driven[k]
+    return np.asarray(x[:-1] @ C.T + u @ D.T)
 
 
 def record(

@@ -2,11 +2,14 @@ from __future__ import annotations
 
 import shutil
 import struct
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
 
@@ -100,6 +103,29 @@ def content(bag: Path) -> list[Sent]:
     return found
 
 
+def content_of_file(bag: Path) -> list[Sent]:
+    """Return the content as the mcap library reads it, which is faster, beside the metadata."""
+    file = mcap_file(bag)
+    with file.open("rb") as stream:
+        found = [
+            Sent(channel.topic, schema.name, message.log_time, message.data)
+            for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages()
+            if schema is not None
+        ]
+    metadata = yaml.load((bag / "metadata.yaml").read_bytes(), yaml.CSafeLoader)
+    information = metadata["rosbag2_bagfile_information"]
+    counts = {
+        each["topic_metadata"]["name"]: each["message_count"]
+        for each in information["topics_with_message_count"]
+    }
+    assert {topic: each for topic, each in counts.items() if each} == Counter(
+        message.topic for message in found
+    )
+    assert information["message_count"] == len(found)
+    assert information["relative_file_paths"] == [file.name]
+    return found
+
+
 def damaged_copy(recording: Recording, folder: Path, raw: bytes) -> Path:
     folder.mkdir()
     shutil.copy(recording.bag / "metadata.yaml", folder)
@@ -114,7 +140,7 @@ def repaired(damaged: Path, copy: Path) -> tuple[list[Sent], str]:
     except RecordingError as error:
         assert not copy.exists()
         return [], str(error)
-    return content(copy), summary.damage
+    return content_of_file(copy), summary.damage
 
 
 def test_undamaged_bag___copy_is_identical(recording: Recording, tmp_path: Path) -> None:
@@ -170,7 +196,7 @@ def test_file_cut_anywhere___every_whole_chunk_is_saved(
         assert summary.messages == whole
         assert summary.damage
         assert "\n" not in summary.damage
-        assert content(folder / "copy") == recording.messages[:whole]
+        assert content_of_file(folder / "copy") == recording.messages[:whole]
 
 
 @pytest.mark.slow

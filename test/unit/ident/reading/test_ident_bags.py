@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
+    from flexarm_ident import IoData
+
 STEP_NS = 2_000_000
 FOREIGN = [
     (StoragePlugin.MCAP, CompressionMode.NONE),
@@ -503,15 +505,21 @@ def test_read___unusable_bag___is_one_line_that_names_it(
     assert "\n" not in str(caught.value)
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes, IoData]:
+    """Return a bag, the content of its file and what is read from it."""
+    bag = write_bag(tmp_path_factory.mktemp("bag") / "run", open_loop(range(1, 40)))
+    return bag, mcap_file(bag).read_bytes(), read_bag(bag)
+
+
 @pytest.mark.slow
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150)
 @given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
 def test_read___one_flipped_bit___never_changes_a_value_unnoticed(
-    tmp_path_factory: pytest.TempPathFactory, place: float, bit: int
+    whole: tuple[Path, bytes, IoData], place: float, bit: int
 ) -> None:
-    bag = write_bag(tmp_path_factory.mktemp("bag") / "run", open_loop(range(1, 40)))
-    good = read_bag(bag)
-    content = bytearray(mcap_file(bag).read_bytes())
+    bag, raw, good = whole
+    content = bytearray(raw)
     content[int(place * len(content))] ^= 1 << bit
     mcap_file(bag).write_bytes(content)
 

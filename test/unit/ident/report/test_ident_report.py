@@ -30,7 +30,7 @@ from flexarm_ident.workflow.stages import run
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -128,6 +128,11 @@ def small() -> Outcome:
     return run(data, request)
 
 
+@pytest.fixture(scope="module")
+def small_text(small: Outcome) -> str:
+    return rendered(small)
+
+
 def test_render_report___outcome___is_one_file_that_loads_nothing(text: str) -> None:
     page = Page(text)
     assert text.startswith("<!DOCTYPE html>")
@@ -149,8 +154,8 @@ def test_render_report___outcome___is_small(text: str) -> None:
 
 
 @pytest.mark.slow
-def test_render_report___twice___is_the_same_text(small: Outcome) -> None:
-    assert rendered(small) == rendered(small)
+def test_render_report___twice___is_the_same_text(small: Outcome, small_text: str) -> None:
+    assert rendered(small) == small_text
 
 
 def test_render_report___outcome___has_no_name_twice(text: str) -> None:
@@ -243,20 +248,20 @@ def test_render_report___several_inputs_outputs_and_records___shows_three_record
 
 
 @pytest.mark.slow
-def test_render_report___simulation_that_runs_away___is_still_drawn(outcome: Outcome) -> None:
-    wild = np.full_like(outcome.dmv[0].y, np.nan)
+def test_render_report___simulation_that_runs_away___is_still_drawn(small: Outcome) -> None:
+    wild = np.full_like(small.dmv[0].y, np.nan)
     wild[:100], wild[100:200], wild[200:300] = 0.0, 1e300, -np.inf
-    delta = np.full(4, np.inf)
-    dmv = replace(outcome.dmv[0], y=wild, delta=delta, mean=np.inf)
-    text = rendered(replace(outcome, dmv=(dmv,), dmv_errors=delta))
+    delta = np.full(1, np.inf)
+    dmv = replace(small.dmv[0], y=wild, delta=delta, mean=np.inf)
+    text = rendered(replace(small, dmv=(dmv,), dmv_errors=delta))
     page = Page(text)
     assert "δ = ∞" in page.text
     assert "it misses the outputs by more than can be told" in page.text
     assert not re.search(r' d="[^"]*(nan|inf|e\+)', text)
 
 
-def test_append_section___two___stand_at_the_end_in_order(small: Outcome) -> None:
-    text = append_section(rendered(small), "First <b>", [Words("5 < 6 & more")])
+def test_append_section___two___stand_at_the_end_in_order(small_text: str) -> None:
+    text = append_section(small_text, "First <b>", [Words("5 < 6 & more")])
     text = append_section(text, "Second", [Words("with a plot"), Plots((("", a_step()),))])
     headings = [unescape(heading) for heading in re.findall("<h2>(.*?)</h2>", text)]
     assert headings[-3:] == ["The model", "First <b>", "Second"]
@@ -324,11 +329,13 @@ def test_render_report___outcome___ranks_the_modes_by_both_indices(
         assert [row[column] for row in rows] == marked
 
 
-def test_render_report___all_modes_kept___says_so(small: Outcome) -> None:
-    text = rendered(small)
-    assert "all are kept" in text
-    assert "reduced from" not in text
-    assert 'class="marked"' not in text.split("<h2>Modes</h2>")[1].split("</table>", maxsplit=1)[0]
+def test_render_report___all_modes_kept___says_so(small_text: str) -> None:
+    assert "all are kept" in small_text
+    assert "reduced from" not in small_text
+    assert (
+        'class="marked"'
+        not in small_text.split("<h2>Modes</h2>")[1].split("</table>", maxsplit=1)[0]
+    )
 
 
 def test_render_report___flawed_data___lists_checks_with_figures() -> None:
@@ -401,23 +408,32 @@ def curve_points(svg: str) -> int:
 
 
 @pytest.mark.parametrize(
-    ("svg", "expected"),
+    ("draw", "expected"),
     [
-        (a_step(), {"position", "set-point", "base", "middle", "strain, V", "command, V"}),
-        (input_plot(times(300), np.sin(times(300)), "current_a"), {"current, A", "time, s"}),
+        (a_step, {"position", "set-point", "base", "middle", "strain, V", "command, V"}),
         (
-            pole_plot(mode_list(), DT_S),
+            lambda: input_plot(times(300), np.sin(times(300)), "current_a"),
+            {"current, A", "time, s"},
+        ),
+        (
+            lambda: pole_plot(mode_list(), DT_S),
             {"real part of z", "in the model", "left out", "75 Hz", "112.5 Hz"},
         ),
-        (damping_plot(mode_list()), {"damping ratio", "frequency, Hz", "in the model"}),
+        (lambda: damping_plot(mode_list()), {"damping ratio", "frequency, Hz", "in the model"}),
         (
-            cost_plot({"MRM, cut": [(2, 9.0), (4, 0.2)]}, full=0.1, order=4),
+            lambda: cost_plot({"MRM, cut": [(2, 9.0), (4, 0.2)]}, full=0.1, order=4),
             {"MRM, cut", "full model", "order 4", "states kept"},
         ),
-        (singular_value_plot(np.geomspace(1e3, 1e-9, 60), 12), {"order 12", "singular value"}),
-        (singular_value_plot(np.array([2.0, 1.0, 0.0]), 2), {"order 2", "used", "left out"}),
         (
-            frequency_plot(
+            lambda: singular_value_plot(np.geomspace(1e3, 1e-9, 60), 12),
+            {"order 12", "singular value"},
+        ),
+        (
+            lambda: singular_value_plot(np.array([2.0, 1.0, 0.0]), 2),
+            {"order 2", "used", "left out"},
+        ),
+        (
+            lambda: frequency_plot(
                 arm_model(),
                 arm_model(),
                 3,
@@ -427,7 +443,7 @@ def curve_points(svg: str) -> int:
             {"full, 9 states", "reduced, 9 states", "known modes", "gain, dB (V/V)", "10"},
         ),
         (
-            frequency_plot(
+            lambda: frequency_plot(
                 random_model(1),
                 None,
                 0,
@@ -437,7 +453,10 @@ def curve_points(svg: str) -> int:
         ),
     ],
 )
-def test_plot___any___is_an_element_with_labels(svg: str, expected: set[str]) -> None:
+def test_plot___any___is_an_element_with_labels(
+    draw: Callable[[], str], expected: set[str]
+) -> None:
+    svg = draw()
     root = ET.fromstring(svg)  # noqa: S314 (own text)
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
     assert root.attrib["role"] == "img"

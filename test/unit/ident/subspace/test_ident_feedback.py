@@ -159,7 +159,7 @@ def closed_loop(seed: int, law: str, *, noise: float, delay: int = 0, held: int 
     circle = np.exp(1j * np.linspace(0.0, np.pi, 400))
     peak = max(abs(C[0] @ np.linalg.solve(z * np.eye(len(A)) - 0.999 * A, B)) for z in circle)
     kp, ki = 0.3 / peak, min(1.0 / abs(gain), 30.0 / peak)
-    K, L = lqg(model, 5.0)
+    K, L = lqg(model, 5.0) if law == "lqg" else (np.zeros((1, len(A))), np.zeros((len(A), len(C))))
     x, estimate, sum_, command = np.zeros(len(A)), np.zeros(len(A)), 0.0, 0.0
     waiting = deque([0.0] * delay)
     u, y = np.empty((SAMPLES, 1)), np.empty((SAMPLES, len(C)))

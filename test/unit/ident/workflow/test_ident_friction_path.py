@@ -132,9 +132,18 @@ def test_real_two_link_arm___files_and_report___hold_the_levels(
         assert f"{float(level)!r}" in (tmp_path / "out" / "model.yaml").read_text("utf-8")
 
 
-def test_friction___known_level___is_found_with_its_drive() -> None:
-    data = controlled(0.5)
-    found = identify(data, method="auto", block_rows=15, friction=True)
+@pytest.fixture(scope="module")
+def reduced() -> Outcome:
+    """Return what a record of an arm with a friction level of 0.5 A gives, reduced."""
+    return run(
+        controlled(0.5),
+        Request(block_rows=15, train_fraction=1.0, reduction="mrm", reduced_order=4, update="b"),
+    )
+
+
+@pytest.mark.slow
+def test_friction___known_level___is_found_with_its_drive(reduced: Outcome) -> None:
+    found = reduced.identification
     assert found.method == "arm"
     assert found.friction is not None
     assert found.friction.levels == pytest.approx([0.5], rel=0.1)
@@ -174,16 +183,12 @@ def test_workflow___compensation_recorded___keeps_the_way_of_the_thesis() -> Non
 
 
 @pytest.mark.slow
-def test_reduced_model___of_an_arm_with_friction___has_friction_too() -> None:
-    outcome = run(
-        controlled(0.5),
-        Request(block_rows=15, train_fraction=1.0, reduction="mrm", reduced_order=4, update="b"),
-    )
-    assert outcome.friction is not None
-    assert outcome.reduction is not None
-    assert outcome.friction.speed.shape == (1, 4)
-    assert outcome.friction.levels == pytest.approx(outcome.identification.friction.levels)  # type: ignore[union-attr]
-    assert np.all(outcome.dmv_errors < 0.2)
+def test_reduced_model___of_an_arm_with_friction___has_friction_too(reduced: Outcome) -> None:
+    assert reduced.friction is not None
+    assert reduced.reduction is not None
+    assert reduced.friction.speed.shape == (1, 4)
+    assert reduced.friction.levels == pytest.approx(reduced.identification.friction.levels)  # type: ignore[union-attr]
+    assert np.all(reduced.dmv_errors < 0.2)
 
 
 def test_refer_friction___same_model_in_other_coordinates___same_simulation() -> None:
