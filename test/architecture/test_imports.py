@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -13,6 +14,9 @@ from support.import_graph import (
     module_arrows,
     project_modules,
 )
+
+if TYPE_CHECKING:
+    from support.import_graph import Arrows
 
 MODULES = project_modules()
 
@@ -45,11 +49,11 @@ def test_longest_chain___of_a_folder___counts_its_members_only() -> None:
 
 
 @pytest.fixture(scope="module")
-def arrows() -> dict[str, frozenset[str]]:
+def arrows() -> Arrows:
     return module_arrows(MODULES)
 
 
-def test_modules___import___without_a_circle(arrows: dict[str, frozenset[str]]) -> None:
+def test_modules___import___without_a_circle(arrows: Arrows) -> None:
     assert len(MODULES) > 100
     assert circle(arrows) == []
 
@@ -80,7 +84,7 @@ def test_rig___is_imported___by_the_command_and_the_loop_in_memory_only() -> Non
     assert users <= USERS_OF_THE_RIG
 
 
-def test_folders___have___few_floors(arrows: dict[str, frozenset[str]]) -> None:
+def test_folders___have___few_floors(arrows: Arrows) -> None:
     folders = defaultdict(set)
     for module in MODULES:
         if not module.is_init:

@@ -22,7 +22,7 @@ BESIDE = {"bench"}
 def test_files___are___at_most_350_lines_long() -> None:
     lengths = {
         str(file.relative_to(PROJECT)): len(file.read_text("utf-8").splitlines())
-        for folder in ("src", "reproduction", "bench", "examples")
+        for folder in ("src", "reproduction", "bench", "examples", "test")
         for file in (PROJECT / folder).rglob("*.py")
     }
     assert {file: lines for file, lines in lengths.items() if lines > MOST_LINES} == {}

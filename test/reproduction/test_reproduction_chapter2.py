@@ -2,12 +2,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 import pytest
 
 from flexarm_daq.experiments.catalogue import catalogue, experiment
-from flexarm_ident.fitting.validation import validate_dmv
 from reproduction.chapter2 import (
     claims,
     imperfections,
@@ -150,17 +148,6 @@ def test_tables___name_the_misprinted_means() -> None:
     assert "O_dat5 (printed 0.4254, its errors make 0.4277)" in built("table-2-1").text[1]
     assert len(built("table-2-3").text) == 1
     assert "C_dat2" in built("table-2-4").text[1]
-
-
-def test_orders_text___joins_neighbours() -> None:
-    assert tables.orders_text([8, 11, 14, 30, 33, 34]) == "8, 11, 14, 30, 33-34"
-    assert tables.orders_text([]) == "none"
-
-
-def test_candidates___are_the_stable_orders___or_all() -> None:
-    stable = np.isin(ORDERS, [10, 12])
-    assert order_survey.candidates(stable) == (10, 12)
-    assert order_survey.candidates(np.zeros(len(ORDERS), dtype=bool)) == ORDERS
 
 
 def test_errors_judgement___needs_errors_and_numbers_of_stable_orders() -> None:
@@ -307,49 +294,3 @@ def test_claim_2_7___300_hz_has_to_be_better() -> None:
     assert judge(LOW, HIGH, won, won).verdict is AGREES
     assert judge(HIGH, LOW, won, lost).verdict is RANKING
     assert judge(HIGH, LOW, lost, lost).verdict is DIFFERS
-
-
-def test_pairs___differ_in_the_rate_alone() -> None:
-    for name, other in imperfections.PAIRS.items():
-        low, high = experiment(name), experiment(other)
-        assert (low.rate_hz, high.rate_hz) == (300.0, 500.0)
-        assert (low.waveform, low.magnitude_v) == (high.waveform, high.magnitude_v)
-
-
-def test_least_error___of_a_linear_rig_without_noise___is_next_to_none() -> None:
-    def error(*, friction: bool) -> float:
-        return imperfections.least_error("O_dat2", 1, noise=False, friction=friction)
-
-    assert error(friction=False) < 0.01
-    assert error(friction=True) > 0.05
-
-
-def test_validated_model___of_the_closed_loop___follows_the_set_point() -> None:
-    found = validation.validated_model("C_dat2")
-    position, simulated = found.set_point[:, 0], found.sfv[:, 0]
-    assert np.sqrt(np.mean((position - simulated) ** 2) / np.mean(position**2)) < 0.1
-
-
-def test_survey___row_of_one_seed___is_that_of_its_models() -> None:
-    row = order_survey._one_seed("O_dat1", 1)
-    whole = order_survey.thesis_record("O_dat1", 1)
-    found = order_survey.identified(order_survey.fitted_half(whole))
-    order = int(row["chosen_orders"])
-    assert row["stable"][ORDERS.index(order)]
-    A = found.subspace.matrices(order).A
-    assert np.abs(np.linalg.eigvals(A)).max() < 1.0
-    model, _ = order_survey.model_of(found, order)
-    simulated = validate_dmv(model, whole).y
-    rms = np.sqrt(np.mean((whole.y - simulated) ** 2, axis=0) / np.mean(whole.y**2, axis=0))
-    assert row["chosen_dmv"] == pytest.approx(rms)
-    assert order_survey.best_error(whole, whole) == pytest.approx(rms.mean())
-
-
-def test_loop_is_stable___of_a_lag___until_the_gain_is_too_high() -> None:
-    def lag(gain: float) -> control.StateSpace:
-        C = [[1.0], [0.0], [0.0], [0.0]]
-        return control.ss([[0.9]], [[gain]], C, np.zeros((4, 1)), 1.0 / 300.0)
-
-    # The pole of the loop is at 0.9 - 0.5 gain.
-    assert order_survey.loop_is_stable(lag(3.7))
-    assert not order_survey.loop_is_stable(lag(3.9))

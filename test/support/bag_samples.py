@@ -6,6 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import yaml
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from flexarm_bags.metadata import RecordedTopic
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 MESSAGE_PACKAGES = {"flexarm_msgs": PROJECT / "src" / "flexarm_msgs"}
 START_NS = 1_700_000_000_000_000_000
+STEP_NS = 2_000_000
 
 
 class Sent(NamedTuple):
@@ -142,9 +144,34 @@ def channel_info(
     return Sent("/flexarm/io_channels", type_name, time_ns, raw)
 
 
+def experiment(samples: int) -> list[Sent]:
+    """Return a reference, and states and commands at 500 Hz."""
+    messages = [reference(START_NS, 0.5)]
+    for k in range(samples):
+        stamp_ns = START_NS + k * STEP_NS
+        messages += [
+            arm_state(k + 1, stamp_ns, (0.1 * k, 1.0, 2.0, -0.1 * k), command_v=0.01 * k),
+            motor_command(k + 1, stamp_ns + 400_000, 0.01 * (k + 1)),
+        ]
+    return messages
+
+
 def topics_of(messages: Iterable[Sent]) -> dict[str, str]:
     """Return topic -> type in the order of appearance."""
     return {message.topic: message.type_name for message in messages}
+
+
+def mcap_file(bag: Path) -> Path:
+    """Return the only file of a bag."""
+    (file,) = bag.glob("*.mcap")
+    return file
+
+
+def information(bag: Path) -> dict[str, object]:
+    """Return what the metadata of a bag says."""
+    content = yaml.safe_load((bag / "metadata.yaml").read_text())
+    found: dict[str, object] = content["rosbag2_bagfile_information"]
+    return found
 
 
 def recorded_topics(messages: Iterable[Sent]) -> list[RecordedTopic]:

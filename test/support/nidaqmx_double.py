@@ -8,105 +8,40 @@ buffer is full, an output keeps its voltage when its task ends. Every call can b
 from __future__ import annotations
 
 from collections import Counter, deque
-from enum import Enum
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from support.nidaqmx_system import Device, System
+from support.nidaqmx_values import (
+    NOT_SUPPORTED,
+    OUT_OF_RANGE,
+    OVERRUN,
+    REMOVED,
+    RESERVED,
+    TASK_GONE,
+    TIMEOUT,
+    UNKNOWN_CHANNEL,
+    UNKNOWN_DEVICE,
+    AcquisitionType,
+    DaqError,
+    DaqNotFoundError,
+    DaqNotSupportedError,
+    Edge,
+    Error,
+    Fault,
+    TerminalConfiguration,
+    VoltageUnits,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from support.nidaq_board import Board
 
-OVERRUN = -200279
-TIMEOUT = -200284
-REMOVED = -201003
-RESERVED = -50103
-UNKNOWN_DEVICE = -200220
-UNKNOWN_CHANNEL = -200170
-NOT_SUPPORTED = -200077
-OUT_OF_RANGE = -200561
-TASK_GONE = -200088
-
-CALL_SITES = (
-    "Task",
-    "ai.add_ai_voltage_chan",
-    "ai.cfg_samp_clk_timing",
-    "ai.samp_clk_rate",
-    "ai.start",
-    "ai.avail_samp_per_chan",
-    "ai.read_one_sample",
-    "ai.close",
-    "ao.add_ao_voltage_chan",
-    "ao.start",
-    "ao.write_one_sample",
-    "ao.close",
-)
-"""Where a session of the rig calls the driver."""
-
 _SENSORS = 4
-
-
-class Error(Exception):
-    """Base of the package's errors."""
-
-
-class DaqNotFoundError(Error):
-    """Missing driver."""
-
-
-class DaqNotSupportedError(Error):
-    """Platform without a driver."""
-
-
-class DaqError(Error):
-    """Error of the driver, by its number."""
-
-    def __init__(self, message: str, error_code: int, task_name: str = "") -> None:
-        self.error_code = error_code
-        name = f"\n\nTask Name: {task_name}" if task_name else ""
-        super().__init__(f"{message}{name}\n\nStatus Code: {error_code}")
-
-
-class TerminalConfiguration(Enum):
-    """Wiring of an input."""
-
-    RSE = 10083
-    NRSE = 10078
-    DIFF = 10106
-    PSEUDO_DIFF = 12529
-    DEFAULT = -1
-
-
-class AcquisitionType(Enum):
-    """Number of samples that a task takes."""
-
-    FINITE = 10178
-    CONTINUOUS = 10123
-
-
-class Edge(Enum):
-    """Edge of a clock."""
-
-    RISING = 10280
-    FALLING = 10171
-
-
-class VoltageUnits(Enum):
-    """Unit of a voltage channel."""
-
-    VOLTS = 10348
-
-
-class Fault(NamedTuple):
-    """Call site that fails: from its n-th call on, a number of times."""
-
-    site: str
-    code: int
-    at: int = 1
-    times: float = 1
 
 
 class NidaqmxDouble:
@@ -132,8 +67,8 @@ class NidaqmxDouble:
         self.stream_readers = SimpleNamespace(AnalogMultiChannelReader=AnalogMultiChannelReader)
         self.stream_writers = SimpleNamespace(AnalogSingleChannelWriter=AnalogSingleChannelWriter)
         self.system = SimpleNamespace(
-            System=SimpleNamespace(local=lambda: _System(self)),
-            Device=lambda name: _Device(self, name),
+            System=SimpleNamespace(local=lambda: System(self)),
+            Device=lambda name: Device(self, name),
         )
 
     def board_of(self, path: str, channels: list[str] | None = None) -> Board:
@@ -387,71 +322,3 @@ class AnalogSingleChannelWriter:
                 other.in_stream.sample_until_now()
         (channel,) = task.channels
         task.board.put(channel, float(data))
-
-
-class _System:
-    def __init__(self, double: NidaqmxDouble) -> None:
-        self._double = double
-
-    @property
-    def driver_version(self) -> Any:  # noqa: ANN401 - a named tuple of the package
-        self._double.call("system.driver_version")
-        return SimpleNamespace(major_version=25, minor_version=3, update_version=0)
-
-    @property
-    def devices(self) -> list[_Device]:
-        self._double.call("system.devices")
-        return [_Device(self._double, name) for name in self._double.boards]
-
-
-class _Device:
-    """As `nidaqmx.system.Device`."""
-
-    def __init__(self, double: NidaqmxDouble, name: str) -> None:
-        self._double = double
-        self.name = name
-
-    @property
-    def _board(self) -> Board:
-        self._double.call("system.device")
-        return self._double.board_of(self.name)
-
-    @property
-    def product_type(self) -> str:
-        assert self._board
-        return "PCIe-6321"
-
-    @property
-    def is_simulated(self) -> bool:
-        return self._board.name.startswith("Sim")
-
-    @property
-    def ai_physical_chans(self) -> list[Any]:
-        board = self._board
-        terminals = [TerminalConfiguration[name] for name in board.terminals]
-        return [SimpleNamespace(name=name, ai_term_cfgs=terminals) for name in board.inputs]
-
-    @property
-    def ao_physical_chans(self) -> list[Any]:
-        return [SimpleNamespace(name=name) for name in self._board.outputs_v]
-
-    @property
-    def ai_voltage_rngs(self) -> list[float]:
-        return [-1.0, 1.0, -self._board.input_range_v, self._board.input_range_v]
-
-    @property
-    def ao_voltage_rngs(self) -> list[float]:
-        return list(self._board.output_range_v)
-
-    @property
-    def ai_max_multi_chan_rate(self) -> float:
-        return self._board.fastest_hz
-
-    def reset_device(self) -> None:
-        """Abort what runs and take every output to zero."""
-        self._double.call("system.reset_device")
-        board = self._board
-        board.resets += 1
-        board.holders.clear()
-        for channel in board.outputs_v:
-            board.put(channel, 0.0)

@@ -4,73 +4,31 @@ import base64
 import re
 from dataclasses import replace
 from html import unescape
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
-from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident import IdentificationError, IoData
 from flexarm_ident.models.files import load_model
 from flexarm_ident.models.model_parameters import model_parameters
-from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.provenance import model_provenance, record_hash
 from flexarm_ident.report import sections as registry
 from flexarm_ident.report.content.blocks import Plots, Subject, Words
 from flexarm_ident.report.page import append_section, render_report
-from flexarm_ident.report.plots.frequency_plot import frequency_grid, frequency_plot
-from flexarm_ident.report.plots.order_plots import cost_plot, singular_value_plot
-from flexarm_ident.report.plots.pole_plots import damping_plot, pole_plot
-from flexarm_ident.report.plots.time_plots import input_plot, match_plot, step_plot
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
-from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
+from support.html_page import Page
+from support.ident_systems import DT_S, arm_model, random_model, record, square_wave
+from support.step_plots import a_step
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from flexarm_ident.models.modes import Mode
     from flexarm_ident.workflow.outcome import Outcome
-
-VOID = {"meta", "br", "hr", "img", "link", "input"}
 KNOWN_HZ = (9.4, 24.1, 45.6)
 HOSTILE = '<script>alert("1")</script> & </main> $x_1$'
-
-
-class Page(HTMLParser):
-    """Checks that tags nest, and keeps what a test asks for."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.text = ""
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if "style" not in self.open:
-            self.text += data
-
-    def count(self, tag: str) -> int:
-        return sum(name == tag for name, _ in self.tags)
 
 
 def closed_loop(source: str = "arm_bag", samples: int = 3000) -> IoData:
@@ -369,151 +327,3 @@ def test_sections___registry___has_every_module_once_in_the_order_of_the_report(
 def test_append_section___text_of_something_else___is_refused() -> None:
     with pytest.raises(IdentificationError, match="cannot add 'Step': the text is no report"):
         append_section("<html></html>", "Step", [Words("words")])
-
-
-def times(samples: int) -> NDArray[np.float64]:
-    return np.linspace(0.0, (samples - 1) * DT_S, samples)
-
-
-def a_step() -> str:
-    time_s = times(300)
-    volts = np.outer(1.0 - np.exp(-5.0 * time_s), [3.0, 0.5, 0.2, 0.1])
-    return step_plot(time_s, volts, np.full(300, 3.0), 3.0 - volts[:, 0])
-
-
-def mode_list() -> list[Mode]:
-    """Return the modes of the arm model, every other one left out."""
-    found = ranked_modes(arm_model(), [record(arm_model(), 300, 1)], np.ones(4))
-    return [replace(mode, kept=i % 2 == 0) for i, mode in enumerate(found)]
-
-
-def test_pole_plot___one_mode_more___has_its_mark_above_and_below_the_axis() -> None:
-    modes = mode_list()
-    assert pole_plot(modes, DT_S).count("<use") == pole_plot(modes[1:], DT_S).count("<use") + 2
-
-
-def test_pole_plot___mode_that_grows___counts_it() -> None:
-    outside = replace(mode_list()[0], eigenvalue=1.3 + 0.2j)
-    assert "0 not inside the unit circle" in pole_plot(mode_list(), DT_S)
-    assert "1 not inside the unit circle" in pole_plot([outside, *mode_list()[1:]], DT_S)
-
-
-def texts(svg: str) -> Sequence[str]:
-    return ["".join(node.itertext()) for node in ET.fromstring(svg).iter() if "text" in node.tag]  # noqa: S314 (own text)
-
-
-def curve_points(svg: str) -> int:
-    paths: list[str] = re.findall(r' d="([^"]*)"', svg)
-    return max(path.count("L") + path.count("M") for path in paths)
-
-
-@pytest.mark.parametrize(
-    ("draw", "expected"),
-    [
-        (a_step, {"position", "set-point", "base", "middle", "strain, V", "command, V"}),
-        (
-            lambda: input_plot(times(300), np.sin(times(300)), "current_a"),
-            {"current, A", "time, s"},
-        ),
-        (
-            lambda: pole_plot(mode_list(), DT_S),
-            {"real part of z", "in the model", "left out", "75 Hz", "112.5 Hz"},
-        ),
-        (lambda: damping_plot(mode_list()), {"damping ratio", "frequency, Hz", "in the model"}),
-        (
-            lambda: cost_plot({"MRM, cut": [(2, 9.0), (4, 0.2)]}, full=0.1, order=4),
-            {"MRM, cut", "full model", "order 4", "states kept"},
-        ),
-        (
-            lambda: singular_value_plot(np.geomspace(1e3, 1e-9, 60), 12),
-            {"order 12", "singular value"},
-        ),
-        (
-            lambda: singular_value_plot(np.array([2.0, 1.0, 0.0]), 2),
-            {"order 2", "used", "left out"},
-        ),
-        (
-            lambda: frequency_plot(
-                arm_model(),
-                arm_model(),
-                3,
-                frequencies_hz=frequency_grid(arm_model(), 0.1),
-                known_modes_hz=KNOWN_HZ,
-            ),
-            {"full, 9 states", "reduced, 9 states", "known modes", "gain, dB (V/V)", "10"},
-        ),
-        (
-            lambda: frequency_plot(
-                random_model(1),
-                None,
-                0,
-                frequencies_hz=frequency_grid(random_model(1), 0.1),
-            ),
-            {"full, 5 states", "gain, dB", "phase, deg", "frequency, Hz"},
-        ),
-    ],
-)
-def test_plot___any___is_an_element_with_labels(
-    draw: Callable[[], str], expected: set[str]
-) -> None:
-    svg = draw()
-    root = ET.fromstring(svg)  # noqa: S314 (own text)
-    assert root.tag == "{http://www.w3.org/2000/svg}svg"
-    assert root.attrib["role"] == "img"
-    assert root.attrib["aria-label"]
-    assert "width" not in root.attrib
-    assert expected <= set(texts(svg))
-
-
-def test_match_plot___long_record___keeps_every_peak_with_few_points() -> None:
-    time_s = times(100_000)
-    measured = np.zeros(100_000)
-    measured[77_777] = 1.0
-    svg = match_plot(time_s, measured, 0.0 * measured, "speed_v", fitted_s=10.0)
-    assert curve_points(svg) <= 2000
-    whole = match_plot(time_s[:3], measured[77_776:77_779], np.zeros(3), "speed_v", fitted_s=0.0)
-    assert peak(svg) == pytest.approx(peak(whole), abs=0.02)
-
-
-def peak(svg: str) -> float:
-    """Return the height of the first clipped line, the measured one."""
-    lines = re.findall(r'<path d="([^"]*)" clip-path[^>]*stroke: #56b4e9', svg)
-    return min(float(y) for y in re.findall(r"[ML] [\d.-]+ ([\d.-]+)", lines[0]))
-
-
-@pytest.mark.parametrize(
-    ("name", "words", "unit"),
-    [
-        ("position_v", "position", "V"),
-        ("base_strain_v", "base strain", "V"),
-        ("elbow_deg", "elbow", "deg"),
-        ("elbow_deg_s", "elbow", "deg/s"),
-        ("motor_current_a", "motor current", "A"),
-        ("torque_nm", "torque", "N m"),
-        ("u0", "u0", ""),
-        ("v", "v", ""),
-        ("_v", "v", ""),
-        ("plan_b", "plan b", ""),
-    ],
-)
-def test_label_and_unit___name___is_split(name: str, words: str, unit: str) -> None:
-    assert (label_and_unit(name)[0].strip(), label_and_unit(name)[1]) == (words, unit)
-    assert axis_label(name).strip() == (f"{words}, {unit}" if unit else words)
-
-
-def test_match_plot___holes___break_the_curve_and_are_marked() -> None:
-    y = np.sin(np.arange(5000) / 50.0)
-    whole = match_plot(times(5000), y, y, "position_v", fitted_s=0.5, points=400)
-    y = y.copy()
-    y[1000:1400] = y[3000:3010] = np.nan
-    svg = match_plot(times(5000), y, np.zeros(5000), "position_v", fitted_s=0.5, points=400)
-    assert "holes" in svg
-    assert "holes" not in whole
-    assert "nan" not in svg
-
-
-def test_match_plot___one_output___names_channel_and_unit() -> None:
-    u = square_wave(400, 1)
-    y = step_by_step(arm_model(), u)[:, 0]
-    svg = match_plot(times(400), y, y, "position_v", fitted_s=0.5)
-    assert {"position, V", "time, s", "measured", "simulated", "fitted part"} <= set(texts(svg))

@@ -11,7 +11,8 @@ from flexarm_bringup.cli import main
 from flexarm_bringup.verbs.health.hardware import examine_hardware
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from support.nidaq_board import Board
-from support.nidaqmx_double import CALL_SITES, REMOVED, Fault, NidaqmxDouble
+from support.nidaqmx_double import NidaqmxDouble
+from support.nidaqmx_values import CALL_SITES, REMOVED, Fault
 
 if TYPE_CHECKING:
     from collections.abc import Callable
