@@ -4,9 +4,9 @@ import threading
 
 import pytest
 
-from flexarm_bags.sequence import sequence_of, stamp_of
+from flexarm_bags.sequence import sequence_of
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
-from support.bag_samples import START_NS, arm_state
+from support.bag_samples import START_NS, arm_state, stamp_of
 
 PATIENCE_S = 30.0
 
