@@ -17,7 +17,7 @@ from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_msgs.srv import Identify
 from support.bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
-from support.project import PROJECT, SHARED
+from support.project import BAGS, PROJECT, SHARED
 from support.system_graph import ROOT, Graph, ros_arguments
 
 if TYPE_CHECKING:
@@ -28,24 +28,18 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 STEP_NS = 2_000_000
+BAG = BAGS / "c_dat3_0g"
+"""A closed-loop experiment of the simulated arm."""
 QUANSER = SHARED / "data" / "quanser_2dsfl_fsf.csv"
 ARM_OUTPUTS = ["position_v", "base_strain_v", "middle_strain_v", "speed_v"]
 
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-    """Return a graph with an ident node, and with a bag `run` of a closed-loop experiment."""
+    """Return a graph with an ident node."""
     folder = tmp_path_factory.mktemp("laboratory")
     with Graph(folder) as graph:
         graph.start("ident", {"output_folder": str(folder / "models")})
-        graph.start("recorder")
-        graph.start(
-            "controller",
-            {"law": "pd", "pd.compensation_v": 0.7, "reference": "varying_square"},
-        )
-        graph.start("daq", {"real_time_factor": 0.0, "seed": 1})
-        graph.configure_loop()
-        graph.operator.recorded_run("controller", str(folder / "run"), 9000, lambda _: None)
         yield graph
 
 
@@ -96,18 +90,18 @@ def got_from(graph: Graph, node: str, names: list[str]) -> dict[str, Any]:
 def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
     laboratory: Graph, order: int, largest_dmv: float
 ) -> None:
-    response = reduced(laboratory, laboratory.folder / "run", order)
+    response = reduced(laboratory, BAG, order)
 
     assert response.success, response.message
-    assert response.message.startswith("run: order ")
+    assert response.message.startswith(f"{BAG.name}: order ")
     assert "\n" not in response.message
     parameters = answered(response)
-    sizes = {key: len(parameters[f"models.run.{key}"]) for key in "abcd"}
+    sizes = {key: len(parameters[f"models.c_dat3_0g.{key}"]) for key in "abcd"}
     assert sizes == {"a": order * order, "b": order, "c": 4 * order, "d": 4}
-    assert parameters["models.run.states"] == order
-    assert parameters["models.run.dt_s"] == pytest.approx(1.0 / 300.0)
-    assert parameters["models.run.input_names"] == ["command_v"]
-    assert parameters["models.run.output_names"] == ARM_OUTPUTS
+    assert parameters["models.c_dat3_0g.states"] == order
+    assert parameters["models.c_dat3_0g.dt_s"] == pytest.approx(1.0 / 300.0)
+    assert parameters["models.c_dat3_0g.input_names"] == ["command_v"]
+    assert parameters["models.c_dat3_0g.output_names"] == ARM_OUTPUTS
     assert got_from(laboratory, "ident", list(parameters)) == parameters
     kept = [mode for mode in response.modes if mode.kept]
     assert sum(1 + (mode.eigenvalue_imaginary > 0.0) for mode in kept) == order
@@ -121,7 +115,7 @@ def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
 
 
 def test_results___are_files_that_ros_reads_back(laboratory: Graph) -> None:
-    response = reduced(laboratory, laboratory.folder / "run", 10)
+    response = reduced(laboratory, BAG, 10)
     folder = Path(response.report_path)
     parameters = answered(response)
     assert "<html" in (folder / "report.html").read_text().lower()

@@ -213,7 +213,7 @@ def test_emergency_stop___holds_zero_until_the_node_is_activated_again(graph: Gr
     graph.wait(lambda: any(state.command_v != 0.0 for state in states), "a driven arm again")
 
 
-def test_real_time___500_hz_for_20_s_while_a_model_is_identified___records_every_sample(
+def test_real_time___500_hz_while_a_model_is_identified___records_every_sample(
     graph: Graph, tmp_path: Path
 ) -> None:
     """A busy machine may skip periods: then their numbers are missing, and no others."""
@@ -234,12 +234,12 @@ def test_real_time___500_hz_for_20_s_while_a_model_is_identified___records_every
             answers.append(identify.call_async(request))
 
     graph.operator.record(str(tmp_path / "run"))
-    sampled = graph.operator.sample(10_000, keep_identifying)
+    sampled = graph.operator.sample(4000, keep_identifying)
     graph.operator.record(None)
 
     run = States(tmp_path / "run")
     assert len(run.sequence) == sampled.taken
-    assert run.sequence[-1] == sampled.taken + sampled.missed >= 10_000
+    assert run.sequence[-1] == sampled.taken + sampled.missed >= 4000
     late = (run.stamp_s - run.stamp_s[0]) * 500.0 - (run.sequence - 1)
     # Each sample was taken in the period of its number, but for an interruption on the way to it.
     assert np.mean((late > -0.1) & (late < 1.1)) > 0.99
