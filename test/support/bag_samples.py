@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -31,12 +30,6 @@ class Sent(NamedTuple):
     type_name: str
     time_ns: int
     raw: bytes
-
-
-def stamp_of(raw: bytes) -> int:
-    """Return the stamp of a message that begins with a header, ns since the epoch."""
-    seconds, nanoseconds = struct.unpack_from("<iI", raw, 4)
-    return int(seconds) * 10**9 + int(nanoseconds)
 
 
 @cache

@@ -14,9 +14,9 @@ from support.bag_samples import (
     arm_state,
     io_sample,
     motor_command,
-    stamp_of,
     typestore,
 )
+from support.serialised import stamp_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
