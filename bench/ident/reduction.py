@@ -33,9 +33,10 @@ from flexarm_ident import reduce_model, validate_dmv
 from flexarm_ident.models.modes import rank_table
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.reduction.balanced import balanced_truncation
-from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
+from flexarm_ident.reduction.realisation import thesis_realisation
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
+from reproduction.framework.realisations import realisation_difference
 from reproduction.framework.rig import simulated_record
 
 if TYPE_CHECKING:

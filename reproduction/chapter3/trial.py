@@ -15,7 +15,7 @@ from flexarm_ident import IdentificationError, identify, reduce_model, validate_
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import output_scale, preprocess
 from flexarm_ident.reduction.balanced import balanced_truncation
-from flexarm_ident.reduction.realisation import realisation_difference, thesis_realisation
+from flexarm_ident.reduction.realisation import thesis_realisation
 from reproduction.chapter2.order_survey import (
     CUTOFF_HZ,
     METHOD,
@@ -40,6 +40,7 @@ from reproduction.chapter3.examples import (
     is_rigid,
 )
 from reproduction.framework.findings import SEEDS, Call
+from reproduction.framework.realisations import realisation_difference
 from reproduction.framework.rig import simulated_record
 
 if TYPE_CHECKING:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 MESSAGE_PACKAGES = {"flexarm_msgs": PROJECT / "src" / "flexarm_msgs"}
 START_NS = 1_700_000_000_000_000_000
 STEP_NS = 2_000_000
+PLAYED_STEP_NS = STEP_NS
+"""Period of `played_bag`."""
 
 
 class Sent(NamedTuple):
@@ -217,3 +219,16 @@ def write_foreign_bag(
         for message in messages:
             writer.write(connections[message.topic], message.time_ns, message.raw)
     return path
+
+
+def played_bag(path: Path, samples: int) -> list[Sent]:
+    """Write a bag at 500 Hz and return its messages."""
+    messages = [reference(START_NS, 3.0)]
+    for k in range(samples):
+        time_ns = START_NS + k * PLAYED_STEP_NS
+        messages += [
+            arm_state(k + 1, time_ns, (0.01 * k, 1.0, 2.0, 3.0), command_v=0.02 * k),
+            motor_command(k + 1, time_ns + 500_000, 0.02 * (k + 1)),
+        ]
+    write_bag(path, messages)
+    return messages

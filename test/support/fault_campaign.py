@@ -19,7 +19,8 @@ from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns
-from support.system_graph import Graph, States, eventually
+from support.recorded_samples import States
+from support.system_graph import Graph, eventually
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -15,9 +15,7 @@ from pathlib import Path
 from tempfile import gettempdir
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
 
 try:
     import rclpy
@@ -43,8 +41,6 @@ except (ImportError, KeyError) as problem:
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from types import TracebackType
-
-    from numpy.typing import NDArray
 
 
 PACKAGES = {
@@ -315,46 +311,3 @@ class Graph:
             self.operator.await_recorder()
         self.configure_loop()
         self.operator.activate("controller")
-
-
-def declarations(bag: Path) -> list[tuple[str, str, bool]]:
-    """Return who commanded, by which law, and whether that uses the outputs, as recorded."""
-    with AnyReader([bag]) as reader:
-        connections = [each for each in reader.connections if each.topic == "/flexarm/commander"]
-        messages: list[Any] = [
-            reader.deserialize(raw, connection.msgtype)
-            for connection, _, raw in reader.messages(connections)
-        ]
-    return [(message.node, message.law, message.uses_outputs) for message in messages]
-
-
-class States:
-    """Samples of a bag, as recorded."""
-
-    def __init__(self, bag: Path, topic: str = "/flexarm/state") -> None:
-        with AnyReader([bag]) as reader:
-            connections = [each for each in reader.connections if each.topic == topic]
-            messages: list[Any] = [
-                reader.deserialize(raw, connection.msgtype)
-                for connection, _, raw in reader.messages(connections)
-            ]
-        self.sequence = np.array([message.sequence for message in messages], dtype=np.int64)
-        self.command_sequence = np.array([m.command_sequence for m in messages], dtype=np.int64)
-        stamps = [message.header.stamp for message in messages]
-        self.stamp_s = np.array([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
-        names = (
-            "position_v",
-            "base_strain_v",
-            "middle_strain_v",
-            "speed_v",
-            "command_v",
-            "compensation_v",
-        )
-        self.volts: NDArray[np.float64] = np.array(
-            [[getattr(message, name) for name in names] for message in messages]
-        )
-
-    @property
-    def command_v(self) -> NDArray[np.float64]:
-        """Command in force at each sample, V."""
-        return self.volts[:, 4]

@@ -15,3 +15,12 @@ if TYPE_CHECKING:
 def graph(tmp_path: Path) -> Iterator[Graph]:
     with Graph(tmp_path) as made:
         yield made
+
+
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """Return a graph with an ident node."""
+    folder = tmp_path_factory.mktemp("laboratory")
+    with Graph(folder) as graph:
+        graph.start("ident", {"output_folder": str(folder / "models")})
+        yield graph

@@ -17,7 +17,8 @@ from flexarm_core.channels import BOUND_V
 from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
-from support.system_graph import ROOT, States, declarations, fill_disk
+from support.recorded_samples import States, declarations
+from support.system_graph import ROOT, fill_disk
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,7 +12,8 @@ from rosgraph_msgs.msg import Clock  # type: ignore[import-untyped,unused-ignore
 from flexarm_msgs.msg import MotorCommand
 from flexarm_node import qos
 from support.fault_campaign import MAX_AGE_PERIODS, Campaign, random_moments_s
-from support.system_graph import Graph, States, eventually
+from support.recorded_samples import States
+from support.system_graph import Graph, eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 import rclpy
 from rcl_interfaces.srv import GetParameters
-from rclpy.parameter import Parameter, parameter_value_to_python
-from scipy.signal import cont2discrete
+from rclpy.parameter import parameter_value_to_python
 
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from flexarm_msgs.srv import Identify
 from support.bag_samples import START_NS, Sent, arm_state, motor_command, reference, write_bag
-from support.project import BAGS, PROJECT, SHARED
-from support.system_graph import ROOT, Graph, ros_arguments
+from support.identification_service import answered, as_plain, identify
+from support.project import BAGS, SHARED
+from support.system_graph import Graph, ros_arguments
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from flexarm_msgs.srv import Identify
+
 
 pytestmark = pytest.mark.system
 
@@ -32,21 +32,6 @@ BAG = BAGS / "c_dat3_0g"
 """A closed-loop experiment of the simulated arm."""
 QUANSER = SHARED / "data" / "quanser_2dsfl_fsf.csv"
 ARM_OUTPUTS = ["position_v", "base_strain_v", "middle_strain_v", "speed_v"]
-
-
-@pytest.fixture(scope="module")
-def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
-    """Return a graph with an ident node."""
-    folder = tmp_path_factory.mktemp("laboratory")
-    with Graph(folder) as graph:
-        graph.start("ident", {"output_folder": str(folder / "models")})
-        yield graph
-
-
-def identify(graph: Graph, *bags: Path | str, **fields: Any) -> Identify.Response:  # noqa: ANN401
-    request = Identify.Request(bag_uris=[str(bag) for bag in bags], **fields)
-    response: Identify.Response = graph.call(Identify, "identify", request, 120.0)
-    return response
 
 
 def reduced(graph: Graph, bag: Path, order: int) -> Identify.Response:
@@ -61,19 +46,6 @@ def reduced(graph: Graph, bag: Path, order: int) -> Identify.Response:
         remove_compensation=True,
         stabilise=True,
     )
-
-
-def answered(response: Identify.Response) -> dict[str, Any]:
-    """Return the parameters in a response by name."""
-    return {
-        message.name: as_plain(Parameter.from_parameter_msg(message).value)
-        for message in response.parameters
-    }
-
-
-def as_plain(value: Any) -> Any:  # noqa: ANN401 - any parameter
-    """Return arrays as lists."""
-    return value if isinstance(value, (str, bool, int, float)) else list(value)
 
 
 def got_from(graph: Graph, node: str, names: list[str]) -> dict[str, Any]:
@@ -273,91 +245,6 @@ def test_good_bag___is_what_the_wrong_ones_are_compared_with(
 ) -> None:
     response = identify(laboratory, good_bag(tmp_path), order=4, block_rows=20)
     assert response.success, response.message
-
-
-def two_oscillators(samples: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return random inputs and the outputs of two coupled oscillators of 3 and 7 Hz, at 100 Hz."""
-    pulsations = 2.0 * np.pi * np.array([3.0, 7.0])
-    a = np.zeros((4, 4))
-    a[:2, 2:] = np.eye(2)
-    a[2:, :2] = -np.diag(pulsations**2)
-    a[2:, 2:] = -2.0 * 0.05 * np.diag(pulsations)
-    b = np.vstack([np.zeros((2, 2)), [[1.0, 0.2], [-0.3, 1.0]]])
-    c = np.block([[np.diag(pulsations**2), np.zeros((2, 2))], [np.zeros((2, 2)), np.eye(2)]])
-    ad, bd, cd, _, _ = cont2discrete((a, b, c, np.zeros((4, 2))), 0.01)
-    u = np.random.default_rng(5).standard_normal((samples, 2))
-    x = np.zeros(4)
-    y = np.zeros((samples, 4))
-    for k in range(samples):
-        y[k] = cd @ x
-        x = ad @ x + bd @ u[k]
-    return u, y
-
-
-def import_csv(graph: Graph, csv: Path, map_file: Path, bag: Path) -> None:
-    process = graph.run(
-        [str(ROOT / "flexarm"), "import", str(csv), "--map", str(map_file), "-o", str(bag)]
-    )
-    assert process.exit_code() == 0, process.printed
-
-
-def test_csv_of_another_rig___is_imported_and_identified(laboratory: Graph, tmp_path: Path) -> None:
-    u, y = two_oscillators(1500)
-    time_s = 0.01 * np.arange(1500)
-    columns = ["t", "left", "right", "q1", "q2", "v1", "v2"]
-    np.savetxt(
-        tmp_path / "rig.csv",
-        np.column_stack([time_s, u, y]),
-        delimiter=",",
-        header=",".join(columns),
-        comments="",
-    )
-    channels = {
-        "inputs": [{"column": name, "unit": "N"} for name in columns[1:3]],
-        "outputs": [{"column": name, "unit": "m"} for name in columns[3:]],
-    }
-    (tmp_path / "map.yaml").write_text(
-        "time: t\n" + "".join(f"{key}: {value}\n" for key, value in channels.items())
-    )
-
-    import_csv(laboratory, tmp_path / "rig.csv", tmp_path / "map.yaml", tmp_path / "rig")
-    response = identify(laboratory, tmp_path / "rig", order=4, block_rows=15)
-
-    assert response.success, response.message
-    parameters = answered(response)
-    assert parameters["models.rig.input_names"] == columns[1:3]
-    assert parameters["models.rig.output_names"] == columns[3:]
-    assert len(parameters["models.rig.b"]) == 4 * 2
-    assert len(parameters["models.rig.c"]) == 4 * 4
-    frequencies = sorted(mode.frequency_hz for mode in response.modes)
-    assert frequencies == pytest.approx([3.0, 7.0], rel=0.02)
-    assert response.dmv[-1] < 0.05
-
-
-@pytest.mark.skipif(not QUANSER.is_file(), reason=f"the measurements are not there: {QUANSER}")
-def test_quanser_measurements___give_a_model_with_2_inputs_and_4_outputs(
-    laboratory: Graph, tmp_path: Path
-) -> None:
-    map_file = PROJECT / "src" / "flexarm_bringup" / "config" / "quanser_2dsfl.yaml"
-    import_csv(laboratory, QUANSER, map_file, tmp_path / "quanser")
-
-    response = identify(laboratory, tmp_path / "quanser", friction=True, refine=True)
-
-    assert response.success, response.message
-    assert "with dry friction" in response.message
-    hub1, deflection1, hub2, deflection2, _ = response.dmv
-    assert (hub1 + hub2) / 2.0 <= 0.20
-    assert (deflection1 + deflection2) / 2.0 <= 0.50
-    parameters = answered(response)
-    states = parameters["models.quanser.states"]
-    assert len(parameters["models.quanser.b"]) == states * 2
-    assert len(parameters["models.quanser.c"]) == 4 * states
-    levels, scatter = (
-        np.array(parameters[f"models.quanser.friction_{field}"]) for field in ("level", "level_std")
-    )
-    assert levels.shape == (2,)
-    assert np.all(levels > 3.0 * scatter)
-    assert response.warnings
 
 
 def test_bag_named_by_uri_and_as_single_file___is_the_same_bag(

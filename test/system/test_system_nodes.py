@@ -4,41 +4,25 @@ import os
 import re
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.parameter import Parameter
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from support.bag_samples import START_NS, reference, write_bag
-from support.system_graph import PACKAGES, executable
+from support.system_graph import PACKAGES, Graph, executable
 
 if TYPE_CHECKING:
-    from support.system_graph import Graph, Process
+    from support.system_graph import Process
 
 pytestmark = pytest.mark.system
-
-
-def values_of(graph: Graph, name: str, *parameters: str) -> list[object]:
-    """Return parameters of a node."""
-    response = graph.call(
-        GetParameters, f"{name}/get_parameters", GetParameters.Request(names=parameters)
-    )
-    return [Parameter.from_parameter_msg(_named(value)).value for value in response.values]
-
-
-def _named(value: Any) -> Any:  # noqa: ANN401 - messages
-    message = Parameter("any", value=0).to_parameter_msg()
-    message.value = value
-    return message
 
 
 @pytest.mark.parametrize("name", PACKAGES)
@@ -178,116 +162,6 @@ def test_controller_on_the_topic___tells_its_set_point_and_that_samples_have_sto
     samples.publish(ArmState(sequence=1))
     graph.wait(lambda: bool(reports), "a warning")
     assert reports[0] == "active: no samples any more: is the DAQ node active?"
-
-
-@pytest.mark.parametrize(
-    ("name", "parameters", "complaint"),
-    [
-        ("daq", {"rate_hz": 5000.0}, "parameter rate_hz is out of its range, 10 to 2000 Hz"),
-        ("daq", {"rate_hz": 300}, "parameter rate_hz must be a float, such as 300.0"),
-        ("daq", {"max_age_periods": 0}, "parameter max_age_periods is out of its range, 1 to 1000"),
-        ("daq", {"rig": "other"}, "parameter rig = 'other': must be one of simulated"),
-        (
-            "daq",
-            {"time": "virtual", "rate_hz": 1000.0, "reply_delay_s": 0.002},
-            "reply_delay_s must be from 0 to less than the period 0.001 s, got 0.002",
-        ),
-        ("controller", {"pdp.kp": -0.5}, "parameter pdp.kp is out of its range, 0 to 5 V/V"),
-        ("controller", {"law": "lqr"}, "parameter law = 'lqr': must be one of pd, pi, pdp"),
-        (
-            "controller",
-            {"reference": "varying_square", "varying_square.shortest_s": 7.0},
-            "shortest_s = 7 .*longest_s = 5",
-        ),
-        ("recorder", {"topics": ["state", "sound"]}, "parameter topics: no sound; choose from"),
-        ("recorder", {"bag": "/dev/null"}, "parameter bag: /dev/null: exists already"),
-        ("player", {}, "parameter bag is empty: name the bag, -p bag:=FOLDER"),
-        ("player", {"bag": "/nowhere/bag"}, "parameter bag: /nowhere/bag: no such bag"),
-        ("player", {"rate": 0.0}, "parameter rate is out of its range, 0.01 to 1000"),
-        ("ident", {"output_folder": 3}, "parameter output_folder must be a str"),
-    ],
-)
-def test_start___with_a_value_that_does_not_do___ends_with_one_line(
-    graph: Graph, name: str, parameters: dict[str, object], complaint: str
-) -> None:
-    process = graph.start(name, parameters)
-    code = process.popen.wait(60.0)
-    (line,) = process.printed.splitlines()
-    assert re.search(complaint, line)
-    assert code == 2
-
-
-@pytest.mark.parametrize("name", PACKAGES)
-def test_parameter_that_a_node_does_not_have___is_the_only_one_named(
-    graph: Graph, name: str, tmp_path: Path
-) -> None:
-    own: dict[str, dict[str, object]] = {
-        "player": {
-            "bag": str(write_bag(tmp_path / "played", [reference(START_NS, 1.0)])),
-            "stopped": True,
-        },
-        # As in the file of an identified model.
-        "ident": {"models.arm.a": [0.5]},
-    }
-    given = own.get(name, {}) | {"use_sim_time": False, "nonsense": 1}
-    process = graph.start(name, given)
-    process.wait_for("nonsense")
-    graph.stop(process)
-
-    (line,) = [line for line in process.printed.splitlines() if "unknown" in line]
-    assert "WARN" in line
-    assert "parameter nonsense is unknown and has no effect" in line
-
-
-def test_misspelt_parameter___is_named_with_the_nearest(graph: Graph) -> None:
-    process = graph.start("daq", {"payload": 0.2})
-    process.wait_for("parameter payload is unknown and has no effect; did you mean payload_kg?")
-
-
-@pytest.mark.parametrize(
-    ("name", "parameter", "value", "complaint"),
-    [
-        ("daq", "payload_kg", 1.5, "Min: 0.0, Max: 1.0"),
-        ("daq", "seed", -1, "Min: 0, Max: 2147483647"),
-        ("daq", "noise", "loud", "noise = 'loud': must be one of low, thesis, none"),
-        ("daq", "rate_hz", 100, "Wrong parameter type"),
-        ("daq", "autostart", True, "read.only"),
-        ("controller", "step.amplitude_v", 9.0, r"6\.857"),
-        ("controller", "reference", "sine", "must be one of topic, constant"),
-        ("recorder", "topics", ["sound"], "no sound; choose from commander"),
-    ],
-)
-def test_running_node___refuses_a_value_with_what_it_may_be(
-    graph: Graph, name: str, parameter: str, value: object, complaint: str
-) -> None:
-    graph.start(name)
-    (before,) = values_of(graph, name, parameter)
-    request = SetParameters.Request(
-        parameters=[Parameter(parameter, value=value).to_parameter_msg()]
-    )
-
-    (result,) = graph.call(SetParameters, f"{name}/set_parameters", request).results
-
-    assert not result.successful
-    assert re.search(complaint, result.reason)
-    assert values_of(graph, name, parameter) == [before]
-
-
-def test_parameters_that_belong_together___are_taken_or_refused_as_one_set(graph: Graph) -> None:
-    graph.start("controller", {"reference": "varying_square"})
-    names = ("law", "pdp.kp", "varying_square.shortest_s", "varying_square.longest_s")
-    before = ["pd", pytest.approx(0.5935), 2.5, 5.0]
-
-    assert "pdp.kp" in graph.refusal("controller", {"law": "pdp", "pdp.kp": 99.0})
-    assert values_of(graph, "controller", *names) == before
-
-    lonely = graph.refusal("controller", {"varying_square.shortest_s": 6.0})
-    assert re.search("shortest_s = 6 .*longest_s = 5", lonely)
-    assert values_of(graph, "controller", *names) == before
-
-    pair = {"varying_square.shortest_s": 6.0, "varying_square.longest_s": 7.0}
-    assert graph.refusal("controller", pair | {"law": "pdp"}) == ""
-    assert values_of(graph, "controller", *names) == ["pdp", before[1], 6.0, 7.0]
 
 
 @pytest.mark.parametrize("name", ["daq", "controller"])

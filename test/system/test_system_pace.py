@@ -17,7 +17,8 @@ from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns
-from support.system_graph import ROOT, Graph, States, declarations
+from support.recorded_samples import States, declarations
+from support.system_graph import ROOT, Graph
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

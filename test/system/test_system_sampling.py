@@ -14,7 +14,8 @@ from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import Identify
 from flexarm_node import qos
 from support.project import BAGS
-from support.system_graph import Graph, States
+from support.recorded_samples import States
+from support.system_graph import Graph
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

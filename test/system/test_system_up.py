@@ -14,7 +14,8 @@ from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from support.fault_campaign import MAX_AGE_PERIODS, RESTLESS
-from support.system_graph import ROOT, States
+from support.recorded_samples import States
+from support.system_graph import ROOT
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -40,12 +40,6 @@ def missing_text(missing: int, type_name: str, gaps: int) -> str:
     return f"{lost} at {counted(gaps, 'place')}"
 
 
-def stamp_of(raw: bytes) -> int:
-    """Return the stamp, ns since the epoch, of a message of a type of `SEQUENCED`."""
-    seconds, nanoseconds = _STAMP.unpack_from(raw, ENCAPSULATION)
-    return int(seconds) * _NS + int(nanoseconds)
-
-
 def sequence_of(raw: bytes) -> int:
     """Return the sequence number of a message of a type of `SEQUENCED`."""
     return int(_SEQUENCE.unpack_from(raw, _sequence_at(raw))[0])

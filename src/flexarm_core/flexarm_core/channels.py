@@ -63,10 +63,6 @@ class Channel:
         """Convert a voltage to the physical quantity, in SI units."""
         return volts / self.volts_per_si
 
-    def to_volts(self, si: float) -> float:
-        """Convert the physical quantity, in SI units, to a voltage."""
-        return si * self.volts_per_si
-
 
 CHANNELS: Final = (
     Channel("position_v", "position_rad", POSITION_V_PER_RAD),

@@ -11,6 +11,7 @@ from __future__ import annotations
 import threading
 import time
 import traceback
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 from urllib.parse import unquote, urlsplit
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import Progress
     from flexarm_ident.models.modes import Mode
-    from flexarm_ident.workflow.outcome import Outcome
 
     Asked: TypeAlias = "Identify.Request | IdentifyBags.Goal"
     Answer: TypeAlias = "Identify.Response | IdentifyBags.Result"
@@ -187,21 +187,10 @@ def as_request(message: Asked) -> Request:
     IdentificationError
         When a field is invalid.
     """
-    default = Request()
-    return Request(
-        train_fraction=message.train_fraction or default.train_fraction,
-        method=message.method or default.method,
-        block_rows=message.block_rows or default.block_rows,
-        order=message.order or None,
-        reduction=message.reduction or default.reduction,
-        reduced_order=message.reduced_order or None,
-        known_modes_hz=tuple(message.known_modes_hz),
-        update=message.update or default.update,
-        remove_compensation=message.remove_compensation,
-        stabilise=message.stabilise,
-        friction=message.friction,
-        refine=message.refine,
-    )
+    asked = {each.name: getattr(message, each.name) for each in fields(Request)}
+    asked["known_modes_hz"] = tuple(message.known_modes_hz)
+    given: dict[str, Any] = {key: value for key, value in asked.items() if value or value is False}
+    return Request(**given)
 
 
 def _accept(values: Mapping[str, Any]) -> None:
@@ -223,7 +212,7 @@ def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
     ]
     answer.warnings = list(outcome.warnings)
     answer.modes = [_summary(mode) for mode in outcome.modes]
-    answer.dmv = _with_mean(outcome)
+    answer.dmv = [*outcome.dmv_errors.tolist(), float(outcome.dmv_errors.mean())]
     if outcome.sfv is not None:
         answer.sfv = [*outcome.sfv.delta.tolist(), outcome.sfv.mean]
     answer.report_path = str(results.folder)
@@ -251,10 +240,6 @@ def _summary(mode: Mode) -> ModeSummary:
         mrm_rank=mode.mrm_rank,
         kept=mode.kept,
     )
-
-
-def _with_mean(outcome: Outcome) -> list[float]:
-    return [*outcome.dmv_errors.tolist(), float(outcome.dmv_errors.mean())]
 
 
 def main() -> int:

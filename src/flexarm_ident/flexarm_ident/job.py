@@ -156,10 +156,14 @@ def report_bags(
     report = whole(progress)
     measured, outcome = _identified(bags, request, report)
     name = model_name(bags[0])
-    parameters = write_report(
-        file, outcome, measured, name=name, before_commit=lambda: report("writing", 1.0)
-    )
-    return Results(name, file.parent, outcome, parameters)
+    subject, _ = _subject(name, outcome, measured)
+    page = render_report(subject, title=_title(name))
+    with _staging(file) as staging:
+        staged = staging / REPORT_FILE
+        staged.write_text(page, encoding="utf-8")
+        report("writing", 1.0)
+        staged.replace(file)
+    return Results(name, file.parent, outcome, dict(subject.parameters))
 
 
 def write_results(
@@ -213,31 +217,6 @@ def write_results(
         (staging / REPORT_FILE).write_text(report, encoding="utf-8")
         before_commit()
         _commit(staging, folder)
-    return dict(subject.parameters)
-
-
-def write_report(
-    file: Path,
-    outcome: Outcome,
-    measured: Sequence[Source],
-    *,
-    name: str,
-    before_commit: Callable[[], None] = lambda: None,
-) -> dict[str, ParameterValue]:
-    """Write the report alone, with the model inside; its folder is created when it is missing.
-
-    Parameters
-    ----------
-    file : Path
-        HTML file. The other parameters, the result and OSError are those of `write_results`.
-    """
-    subject, _ = _subject(name, outcome, measured)
-    report = render_report(subject, title=_title(name))
-    with _staging(file) as staging:
-        staged = staging / REPORT_FILE
-        staged.write_text(report, encoding="utf-8")
-        before_commit()
-        staged.replace(file)
     return dict(subject.parameters)
 
 

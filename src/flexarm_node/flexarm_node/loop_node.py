@@ -14,6 +14,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
+from flexarm_core.errors import one_line
 from flexarm_core.specs import ParameterSpec
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
@@ -240,7 +241,7 @@ class LoopNode(LifecycleNode):
             self._ended.trigger()
 
     def _reason(self, error: Exception) -> str:
-        text = " ".join(str(error).split())
+        text = one_line(error)
         if isinstance(error, self._expected):
             return text
         place = traceback.extract_tb(error.__traceback__)[-1]

@@ -7,8 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_bags.sequence import SequenceCheck, restamped, sequence_of, stamp_of
-from support.bag_samples import START_NS, Sent, arm_state, io_sample, motor_command, typestore
+from flexarm_bags.sequence import SequenceCheck, restamped, sequence_of
+from support.bag_samples import (
+    START_NS,
+    Sent,
+    arm_state,
+    io_sample,
+    motor_command,
+    typestore,
+)
+from support.serialised import stamp_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

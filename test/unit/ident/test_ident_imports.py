@@ -1,11 +1,11 @@
-"""Test that importing the package loads nothing that takes long and may never be needed."""
+"""Test that the package, and the job of its node, load nothing that takes long."""
 
 import subprocess
 import sys
 
 _LOADED = """
 import sys
-import flexarm_ident
+import flexarm_ident, flexarm_ident.job
 slow = "control matplotlib numba scipy.linalg scipy.optimize scipy.signal scipy.stats".split()
 print(*(name for name in slow if name in sys.modules))
 """

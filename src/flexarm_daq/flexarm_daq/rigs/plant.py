@@ -25,11 +25,9 @@ from flexarm_daq.rigs.beam import BeamModes, arm_modes, carried_over
 from flexarm_daq.rigs.integrator import (
     ARM,
     COLUMNS,
-    MOTOR,
     POSITION,
     RECORD,
     TACHO,
-    VELOCITY,
     Equations,
 )
 
@@ -62,11 +60,6 @@ class Plant:
         self.command_v = 0.0
         self.state = np.zeros((2, COLUMNS))
         self._load(parameters)
-
-    @property
-    def motor_angle_rad(self) -> float:
-        """Angle of the motor, referred to the arm's axis."""
-        return float(self.state[POSITION, MOTOR])
 
     @property
     def arm_angle_rad(self) -> float:
@@ -121,23 +114,6 @@ class Plant:
         """Return the four sensor voltages without noise or quantisation, V."""
         volts: NDArray[np.float64] = self._equations.output_rows @ self.state[POSITION]
         return volts
-
-    def energy_j(self) -> float:
-        """Return the kinetic and elastic energy of motor, arm, gear and stops; zero at rest, J."""
-        rig = self.parameters
-        speed = self.state[VELOCITY]
-        modal = self.state[POSITION, ARM:]
-        windup_rad = abs(self.motor_angle_rad - self.arm_angle_rad)
-        tooth_rad = max(0.0, windup_rad - math.radians(rig.backlash_deg) / 2.0)
-        stop_rad = max(0.0, abs(self.arm_angle_rad) - math.radians(rig.stop_angle_deg))
-        doubled = (
-            rig.motor_inertia_kg_m2 * speed[MOTOR] ** 2
-            + speed[ARM:] @ speed[ARM:]
-            + modal @ (self._equations.stiffness[ARM:] * modal)
-            + rig.gear_stiffness_nm_per_rad * tooth_rad**2
-            + rig.stop_stiffness_nm_per_rad * stop_rad**2
-        )
-        return float(doubled) / 2.0
 
     def run(self, command_v: NDArray[np.float64], period_s: float) -> NDArray[np.float64]:
         """Sample and move on, one period per command; `simulate` checks and describes them."""

@@ -168,14 +168,6 @@ class RigParameters:
         """Mass of the beam per unit of length."""
         return self.density_kg_per_m3 * self.width_m * self.thickness_m
 
-    @property
-    def inertia_kg_m2(self) -> float:
-        """Inertia of motor, hub, beam, tip mass and payload about the axis, as one rigid body."""
-        beam = self.mass_per_length_kg_per_m * self.length_m**3 / 3.0
-        tip = (self.tip_mass_kg + self.payload_kg) * self.length_m**2
-        hub = self.motor_inertia_kg_m2 + self.load_inertia_kg_m2
-        return hub + beam + tip + self.tip_inertia_kg_m2
-
 
 def _check_scalar(name: str, value: float) -> None:
     if not math.isfinite(value):

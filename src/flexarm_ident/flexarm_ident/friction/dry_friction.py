@@ -15,19 +15,13 @@ import numpy as np
 
 from flexarm_ident.fitting.validation import Dmv, relative_errors
 from flexarm_ident.models.free_run import simulate_states
-from flexarm_ident.models.model_parameters import (
-    ModelFileError,
-    model_fields,
-    model_from_parameters,
-)
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     import control
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.models.model_parameters import ParameterValue
     from flexarm_ident.records.iodata import IoData
 
 # Their order is that of `DryFriction`.
@@ -155,31 +149,3 @@ def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:
         return {}
     values = (getattr(friction, each.name) for each in fields(friction))
     return {field: np.ravel(value).tolist() for field, value in zip(_FIELDS, values, strict=True)}
-
-
-def friction_from_parameters(
-    name: str, parameters: Mapping[str, ParameterValue]
-) -> DryFriction | None:
-    """Return the friction among the flat parameters of a model, None without friction.
-
-    Raises
-    ------
-    ModelFileError
-        If a field is missing, has the wrong size or type, or the model is damaged.
-    """
-    given = model_fields(name, parameters)
-    if not any(field in given for field in _FIELDS):
-        return None
-    model = model_from_parameters(name, parameters)
-    sizes = (*(model.ninputs for _ in _FIELDS[:-1]), model.ninputs * model.nstates)
-    columns = []
-    for field, size in zip(_FIELDS, sizes, strict=True):
-        try:
-            values = np.array(given.get(field), dtype=np.float64)
-        except (TypeError, ValueError):
-            values = np.array(np.nan)
-        if values.shape != (size,) or not np.isfinite(values).all():
-            raise ModelFileError(f"models.{name}.{field} must be a list of {size} finite numbers")
-        columns.append(values)
-    columns[-1] = columns[-1].reshape(model.ninputs, model.nstates)
-    return DryFriction(*columns)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
+from flexarm_core.errors import one_line
 from flexarm_ident.models.model_parameters import (
     FIELDS,
     ModelFileError,
@@ -83,7 +84,7 @@ def models_in_mat(content: bytes) -> dict[str, control.StateSpace]:
         variables = scipy.io.loadmat(stream)
     except Exception as error:
         # A damaged file makes scipy raise almost anything.
-        raise ModelFileError(f"no MAT-file of version 5: {' '.join(str(error).split())}") from error
+        raise ModelFileError(f"no MAT-file of version 5: {one_line(error)}") from error
     for variable in _VARIABLES:
         if variable not in variables:
             raise ModelFileError(f"variable {variable} is missing")

@@ -6,8 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
-from flexarm_ident.report.content.wording import listed, percent, shortened
-from flexarm_ident.report.sections.data import check_title
+from flexarm_ident.report.content.wording import check_title, listed, percent, shortened
 
 if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome

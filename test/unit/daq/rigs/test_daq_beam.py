@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 from flexarm_core.errors import SettingError
 from flexarm_daq.rigs.beam import arm_modes, carried_over, hub_beam_modes, natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
+from support.rig_physics import arm_inertia_kg_m2
 
 BARE = RigParameters(tip_mass_kg=0.0)
 
@@ -87,7 +88,7 @@ def test_arm___rigid_mode___carries_the_inertia_of_the_load_side() -> None:
     modes = arm_modes(rig)
     assert len(modes.omega_rad_per_s) == 7
     assert modes.omega_rad_per_s[0] == 0.0
-    inertia = rig.inertia_kg_m2 - rig.motor_inertia_kg_m2
+    inertia = arm_inertia_kg_m2(rig)
     assert modes.hub_angle[0] == pytest.approx(inertia**-0.5)
     assert (modes.hub_angle > 0.0).all()
 
@@ -98,7 +99,7 @@ def test_gauges___under_a_steady_torque___read_the_moment_of_the_inertia_beyond(
 ) -> None:
     rig = RigParameters(payload_kg=payload_kg)
     modes = hub_beam_modes(rig, rig.load_inertia_kg_m2, flexible=40)
-    acceleration = 1.0 / (rig.inertia_kg_m2 - rig.motor_inertia_kg_m2)
+    acceleration = 1.0 / arm_inertia_kg_m2(rig)
     static = modes.hub_angle[1:] / modes.omega_rad_per_s[1:] ** 2
     for at_m, curvature in (
         (rig.base_gauge_at_m, modes.base_curvature),
@@ -114,7 +115,7 @@ def test_gauges___under_a_steady_torque___read_the_moment_of_the_inertia_beyond(
 def test_modes___with_inertia_at_the_tip___keep_the_rigid_body_and_lower_the_others() -> None:
     rig = RigParameters(tip_inertia_kg_m2=1e-3)
     modes = arm_modes(rig)
-    inertia = rig.inertia_kg_m2 - rig.motor_inertia_kg_m2
+    inertia = arm_inertia_kg_m2(rig)
     assert modes.hub_angle[0] == pytest.approx(inertia**-0.5)
     assert (natural_frequencies_hz(rig) < natural_frequencies_hz(RigParameters())).all()
 

@@ -24,11 +24,6 @@ def test_defaults___section_of_the_beam___gives_its_stiffness_and_mass() -> None
     assert rig.noise_v == LOW_NOISE_V
 
 
-def test_inertia___with_payload___adds_its_mass_at_the_tip() -> None:
-    grown = RigParameters(payload_kg=0.3).inertia_kg_m2 - RigParameters().inertia_kg_m2
-    assert grown == pytest.approx(0.3)
-
-
 @pytest.mark.parametrize("name", SCALARS)
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 def test_scalar___not_a_magnitude___is_refused_by_name(name: str, value: float) -> None:

@@ -14,8 +14,6 @@ from hypothesis import strategies as st
 from flexarm_ident import IoData, identify, load_model, read_bag, validate_dmv
 from flexarm_ident.friction.dry_friction import (
     DryFriction,
-    friction_fields,
-    friction_from_parameters,
     net_records,
     refer_friction,
     simulate_with_friction,
@@ -24,7 +22,7 @@ from flexarm_ident.friction.layout import Drive, arm_layout
 from flexarm_ident.job import write_results
 from flexarm_ident.models.files import EXPORTS
 from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.model_parameters import ModelFileError, flat_parameters, model_parameters
+from flexarm_ident.models.model_parameters import flat_parameters
 from flexarm_ident.reduction.modal import truncate
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
@@ -118,11 +116,10 @@ def test_real_two_link_arm___files_and_report___hold_the_levels(
     )
     content = json.loads((tmp_path / "out" / "model.json").read_text("utf-8"))
     for found in (parameters, flat_parameters(content)):
-        friction = friction_from_parameters("real", found)  # type: ignore[arg-type]
-        assert friction is not None
-        assert friction.levels.tolist() == real.friction.levels.tolist()
-        assert friction.level_deviations.tolist() == real.friction.level_deviations.tolist()
-        assert friction.speed.tolist() == real.friction.speed.tolist()
+        assert found["models.real.friction_level"] == real.friction.levels.tolist()
+        deviations = real.friction.level_deviations.tolist()
+        assert found["models.real.friction_level_std"] == deviations
+        assert found["models.real.friction_speed"] == real.friction.speed.ravel().tolist()
     for suffix in ("yaml", "json", "mat"):
         assert load_model(tmp_path / "out" / f"model.{suffix}").A.tolist() == real.model.A.tolist()
     report = (tmp_path / "out" / "report.html").read_text("utf-8")
@@ -256,18 +253,3 @@ REAL_HEAD = read_bag(BAG).head(4000)
 @pytest.mark.parametrize("seed", range(5))
 def test_arm_layout___any_linear_system_under_noise___is_no_arm(seed: int) -> None:
     assert arm_layout([record(random_model(seed), 1000, seed=seed)]) is None
-
-
-def test_friction_parameters___field_missing_or_damaged___is_named() -> None:
-    one = np.ones(1)
-    fields = friction_fields(DryFriction(one, one, one, one, np.ones((1, 9))))
-    whole = model_parameters("arm", arm_model(), provenance=fields)
-    assert friction_from_parameters("arm", whole) is not None
-    for damage in ({"models.arm.friction_level": [1.0, 2.0]}, {"models.arm.friction_speed": "x"}):
-        with pytest.raises(ModelFileError, match=next(iter(damage))):
-            friction_from_parameters("arm", whole | damage)
-    del whole["models.arm.friction_offset_std"]
-    with pytest.raises(ModelFileError, match=r"friction_offset_std must be a list of 1 finite"):
-        friction_from_parameters("arm", whole)
-    plain = model_parameters("arm", arm_model(), provenance={})
-    assert friction_from_parameters("arm", plain) is None

@@ -14,7 +14,7 @@ from flexarm_bringup.console.verb_group import examples
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.subspace.methods import AUTO, METHODS
-from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.request import REDUCTIONS, UPDATES, Request
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,7 +50,7 @@ _REQUEST_OPTIONS = (
     click.option("--order", type=click.IntRange(1), help="Order of the full model; else chosen."),
     click.option(
         "--reduction",
-        type=click.Choice(["none", "mrm", "msv", "mrmc"]),
+        type=click.Choice(REDUCTIONS),
         default="none",
         show_default=True,
         help="Ranking by which modes are kept.",
@@ -61,7 +61,7 @@ _REQUEST_OPTIONS = (
     ),
     click.option(
         "--update",
-        type=click.Choice(["none", "b", "c"]),
+        type=click.Choice(UPDATES),
         default="none",
         show_default=True,
         help="Matrix that is fitted again after the reduction.",

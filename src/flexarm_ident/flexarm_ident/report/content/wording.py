@@ -14,6 +14,22 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.workflow.outcome import Outcome
 
+CHECKS = {
+    "lost_samples": "Lost samples",
+    "restarted": "Restarts",
+    "clock_jitter": "Clock jitter",
+    "feedback": "Closed loop",
+    "saturation": "Saturation",
+    "dead_sensor": "Dead sensor",
+    "constant_channel": "Constant channel",
+    "duplicated_channel": "Duplicated channel",
+    "offset": "Offset",
+    "excitation_band": "Excited band",
+    "input_condition": "Richness of the input",
+    "too_short": "Length",
+}
+"""Titles of the checks of the data, by the names of their warnings."""
+
 
 def error_text(delta: float) -> str:
     """Return an error (2-25) with four decimals."""
@@ -58,6 +74,11 @@ def short_labels(records: Sequence[IoData]) -> dict[str, str]:
     labels = [record.label for record in records]
     short = [label.partition(" (")[0] for label in labels]
     return dict(zip(labels, short if len(set(short)) == len(set(labels)) else labels, strict=True))
+
+
+def check_title(name: str) -> str:
+    """Return a data warning's name in words."""
+    return CHECKS.get(name, name.replace("_", " ").capitalize())
 
 
 def shortened(outcome: Outcome, text: str) -> str:

@@ -9,7 +9,14 @@ import numpy as np
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.diagnostics.quality import excited_band_hz
 from flexarm_ident.report.content.blocks import Check, Checks, Heading, Plots, Section, Table, Words
-from flexarm_ident.report.content.wording import error_text, figures_text, short_labels, shortened
+from flexarm_ident.report.content.wording import (
+    CHECKS,
+    check_title,
+    error_text,
+    figures_text,
+    short_labels,
+    shortened,
+)
 from flexarm_ident.report.plots.time_plots import input_plot
 
 if TYPE_CHECKING:
@@ -20,20 +27,6 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
 
 _LOOPS = {True: "closed", False: "open", None: "unknown"}
-_CHECKS = {
-    "lost_samples": "Lost samples",
-    "restarted": "Restarts",
-    "clock_jitter": "Clock jitter",
-    "feedback": "Closed loop",
-    "saturation": "Saturation",
-    "dead_sensor": "Dead sensor",
-    "constant_channel": "Constant channel",
-    "duplicated_channel": "Duplicated channel",
-    "offset": "Offset",
-    "excitation_band": "Excited band",
-    "input_condition": "Richness of the input",
-    "too_short": "Length",
-}
 
 
 def _build(subject: Subject) -> Iterator[Block]:
@@ -56,11 +49,6 @@ def _build(subject: Subject) -> Iterator[Block]:
 
 
 SECTION = Section(10, "Data", _build)
-
-
-def check_title(name: str) -> str:
-    """Return a data warning's name in words."""
-    return _CHECKS.get(name, name.replace("_", " ").capitalize())
 
 
 def record_table(outcome: Outcome) -> Table:
@@ -121,7 +109,7 @@ def _checks(outcome: Outcome) -> Checks:
                 for each in found.get(name, [])
             ),
         )
-        for name in {**_CHECKS, **found}
+        for name in {**CHECKS, **found}
     )
     return Checks(tuple(checks))
 
