@@ -4,7 +4,9 @@ import json
 from typing import TYPE_CHECKING
 
 import pytest
+from click.testing import CliRunner
 
+from bench.ident.ident import main
 from support.benchmarks import run_bench
 
 if TYPE_CHECKING:
@@ -55,5 +57,7 @@ def test_bench_ident___stability___no_model_of_any_noise_is_unstable(tmp_path: P
     assert {each["after_policy"] for each in counts} == {0}
 
 
-def test_bench_ident___unknown_option___fails(tmp_path: Path) -> None:
-    assert run_ident(tmp_path, "--fast").returncode == 2
+def test_bench_ident___unknown_option___fails() -> None:
+    result = CliRunner().invoke(main, ["--fast"])
+    assert result.exit_code == 2
+    assert "No such option" in result.output
