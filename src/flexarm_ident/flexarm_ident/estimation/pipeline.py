@@ -9,11 +9,11 @@ from flexarm_core.labels import counted
 from flexarm_ident.estimation.identification import Identification
 from flexarm_ident.estimation.simulation_fit import refined, with_friction
 from flexarm_ident.estimation.streaming import excerpt
-from flexarm_ident.fitting.output_fit import fit_inputs
-from flexarm_ident.models.state_space import is_stable, stabilise, state_space
+from flexarm_ident.estimation.weighing import Choice, fitted, weigh
+from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.subspace.choice import estimate, select_method
-from flexarm_ident.subspace.methods import AUTO, METHODS
+from flexarm_ident.subspace.methods import AUTO
 from flexarm_ident.subspace.order import choose_order
 from flexarm_ident.subspace.request_check import check_request
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import Progress
     from flexarm_ident.records.source import Source
-    from flexarm_ident.subspace.choice import Selection
 
 
 def identify(
@@ -51,11 +50,12 @@ def identify(
         one model, each with its own initial state.
     order : int, optional
         Number of states, less than `block_rows`. By default one of 7 to 36 by an information
-        criterion, see `choose_order`.
+        criterion, see `choose_order`; with 'auto' one of 1 to 36 where free simulation calls for
+        another, see `weighing`.
     block_rows : int
         Block rows of the Hankel matrices, q of (2-18).
     method : str
-        A name in `METHODS`, or 'auto' for a choice from the data, see `choice`.
+        A name in `METHODS`, or 'auto' for a choice from the data, see `choice` and `weighing`.
     stable : bool
         Move unstable eigenvalues into the unit circle before B is fitted (section 3.2).
     feedthrough : bool
@@ -83,24 +83,18 @@ def identify(
     report = progress or _silent
     check_request(records, order, block_rows, method)
     report("gram", 0.0)
-    if method == AUTO:
-        closed_loop = any(record.closed_loop for record in excerpts)
-        chosen = select_method(
-            records, block_rows, closed_loop=closed_loop, order=order, feedthrough=feedthrough
-        )
-    else:
-        chosen = estimate(records, excerpts, method, block_rows, feedthrough=feedthrough)
-    report("range space", 1.0)
-    states = order or choose_order(
-        chosen.gram.leading(block_rows),
-        chosen.space,
+    chosen = _choice(
+        records,
         excerpts,
+        method=method,
+        order=order,
+        block_rows=block_rows,
         stable=stable,
         feedthrough=feedthrough,
-        progress=progress,
+        progress=report,
     )
     linear = _linear_model(
-        chosen, states, records, block_rows=block_rows, stable=stable, feedthrough=feedthrough
+        chosen, records, block_rows=block_rows, stable=stable, feedthrough=feedthrough
     )
     report("fit", 1.0)
     found = replace(linear, records=excerpts)
@@ -114,54 +108,80 @@ def identify(
     return found
 
 
+def _choice(
+    records: Sequence[Source],
+    excerpts: Sequence[IoData],
+    *,
+    method: str,
+    order: int | None,
+    block_rows: int,
+    stable: bool,
+    feedthrough: bool,
+    progress: Progress,
+) -> Choice:
+    """Return estimator and order; what is left open is chosen."""
+    known = any(record.closed_loop for record in excerpts)
+    selection = (
+        select_method(records, block_rows, closed_loop=known, order=order, feedthrough=feedthrough)
+        if method == AUTO
+        else estimate(records, excerpts, method, block_rows, feedthrough=feedthrough)
+    )
+    progress("range space", 1.0)
+    if order is not None:
+        return Choice(selection, order, selection.reason)
+    gram, space = selection.gram.leading(block_rows), selection.space
+    states = choose_order(gram, space, excerpts, stable=stable, feedthrough=feedthrough)
+    if method != AUTO:
+        progress("order", 1.0)
+        return Choice(selection, states, "")
+    reason = f"{selection.reason}; order {states} by the one-step errors"
+    return weigh(
+        Choice(selection, states, reason),
+        records,
+        excerpts,
+        block_rows=block_rows,
+        stable=stable,
+        feedthrough=feedthrough,
+        progress=progress,
+    )
+
+
 def _linear_model(
-    chosen: Selection,
-    order: int,
+    chosen: Choice,
     records: Sequence[Source],
     *,
     block_rows: int,
     stable: bool,
     feedthrough: bool,
 ) -> Identification:
-    """Return the model of one order, without the records."""
-    raw = chosen.space.matrices(order)
-    A, moved = stabilise(raw.A) if stable else (raw.A, 0)
-    fit = fit_inputs(
-        A,
-        raw.C,
-        records,
-        feedthrough=feedthrough,
-        noise_weighted=METHODS[chosen.method].noise_weighted,
-    )
-    first = records[0]
-    model = state_space(
-        A, fit.B, raw.C, fit.D, first.dt_s, inputs=first.inputs, outputs=first.outputs
-    )
+    """Return the model of the chosen order, without the records."""
+    selection, order, reason = chosen
+    model, fit, moved = fitted(selection, order, records, stable=stable, feedthrough=feedthrough)
     notes = []
     if moved:
         verb = "was" if moved == 1 else "were"
         subject = counted(moved, "unstable eigenvalue")
         notes.append(f"{subject} of order {order} {verb} moved into the unit circle")
-    elif not is_stable(A):
+    elif not is_stable(model.A):
         notes.append(f"the model of order {order} is unstable")
     return Identification(
         model=model,
         x0=fit.x0,
         order=order,
-        method=chosen.method,
+        method=selection.method,
         block_rows=block_rows,
-        singular_values=chosen.space.singular_values,
+        singular_values=selection.space.singular_values,
         fit_error=fit.error,
-        input_condition=chosen.space.condition,
+        input_condition=selection.space.condition,
         fit_rank=fit.rank,
         fit_condition=fit.condition,
         moved_eigenvalues=moved,
         notes=tuple(notes),
-        gram=chosen.gram,
-        subspace=chosen.space,
+        gram=selection.gram,
+        subspace=selection.space,
         records=(),
         samples=tuple(len(record) for record in records),
-        choice=chosen.reason,
+        choice=reason,
     )
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.orse import Subspace
 
 AUTO = "auto"
-"""Name of the choice from the data, see `choice`."""
+"""Name of the choice from the data, see `choice` and `estimation.weighing`."""
 
 
 class Data(NamedTuple):
@@ -51,6 +51,10 @@ class Method:
         Field of use, in a few words.
     noise_weighted : bool
         Whether the fit of B weights the outputs by their noise.
+    weighed : bool
+        Whether 'auto' weighs it.
+    bears_feedback : bool
+        Whether it is unbiased where inputs were computed from the outputs.
     """
 
     name: str
@@ -59,6 +63,8 @@ class Method:
     title: str
     help: str
     noise_weighted: bool = True
+    weighed: bool = True
+    bears_feedback: bool = False
 
     def shifts(self, block_rows: int) -> int:
         """Return the block rows of the Gram for `block_rows` block rows of the future."""
@@ -86,6 +92,7 @@ _ROWS = (
         looks_back=True,
         title="PBSID-opt",
         help="closed loop, friction",
+        bears_feedback=True,
     ),
     Method(
         name="orse_thesis",
@@ -94,6 +101,7 @@ _ROWS = (
         title="ORSE, outputs scaled by their maxima",
         help="the thesis's own scaling, to reproduce it",
         noise_weighted=False,
+        weighed=False,
     ),
 )
 METHODS = {row.name: row for row in _ROWS}

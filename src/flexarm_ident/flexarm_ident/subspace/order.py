@@ -14,7 +14,7 @@ from flexarm_ident.subspace.segments import cut, segment_grams
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from flexarm_core.arrays import FloatArray, Progress
+    from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.orse import Subspace
@@ -35,11 +35,16 @@ def suggest_order(singular_values: FloatArray, largest: int) -> int:
     return int(np.argmax(values[:-1] / values[1:])) + 1
 
 
-def candidate_orders(space: Subspace) -> range:
-    """Return the orders to try: 7 to 36 as in the thesis, fewer where the data limit them."""
+def largest_order(space: Subspace) -> int:
+    """Return the largest order to try: 36 as in the thesis, less where the data limit it."""
     allowed = min(LARGEST_ORDER, space.block_rows - 1, space.largest_order)
     rank = int(np.sum(space.singular_values > _NUMERICAL_RANK * space.singular_values[0]))
-    largest = max(1, min(allowed, rank))
+    return max(1, min(allowed, rank))
+
+
+def candidate_orders(space: Subspace) -> range:
+    """Return the orders to try: 7 to 36 as in the thesis, fewer where the data limit them."""
+    largest = largest_order(space)
     return range(min(SMALLEST_ORDER, largest), largest + 1)
 
 
@@ -55,7 +60,6 @@ def choose_order(
     *,
     stable: bool = True,
     feedthrough: bool = False,
-    progress: Progress | None = None,
 ) -> int:
     """Return the order of the one-step predictor by an information criterion.
 
@@ -83,8 +87,6 @@ def choose_order(
         precedence.
     feedthrough : bool
         Whether D is fitted.
-    progress : callable, optional
-        Called with the stage "order" and the completed part.
     """
     orders = candidate_orders(space)
     past = past_length(gram, feedthrough=feedthrough)
@@ -96,13 +98,11 @@ def choose_order(
         return candidates[0]
     scatter = overdispersion(predictor, known[-1], window, records)
     penalty = scatter * (2 * gram.outputs + gram.inputs) * np.log(gram.columns)
-    report = progress or (lambda _stage, _fraction: None)
     criteria = []
-    for done, order in enumerate(known):
+    for order in known:
         covariance = predictor.innovation_covariance(order, window)
         likelihood = gram.columns * float(np.linalg.slogdet(covariance)[1])
         criteria.append(likelihood + penalty * order)
-        report("order", (done + 1) / len(known))
     return known[int(np.argmin(criteria))]
 
 

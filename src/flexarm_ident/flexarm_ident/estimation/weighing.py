@@ -1,0 +1,318 @@
+"""Second opinion on method and order: models weighed by free simulation, with parsimony.
+
+The one-step errors, by which `order.choose_order` goes, say little about the simulation where the
+noise is coloured by friction: the order is too small then. Models of every estimator that the data
+allow and of several orders are therefore fitted and simulated freely, and judged by their mean
+relative error (2-25). The first choice stays when its error exceeds the smallest by at most 3 %.
+Otherwise the smallest order is taken that is as good as the best model: its error exceeds the
+smallest by at most 3 %, and its squared error that of the best model by at most two standard
+errors. These are taken over parts of the records, both models compared part by part. The second
+condition decides for records with much noise, where 3 % of the error would hide a mode, the first
+for records whose errors come in bursts.
+
+Free simulation does not show the bias of a model that was identified under feedback: it fits the
+noise that the controller has brought into the input. And it rewards a model of high order that
+imitates friction, at the cost of its modes. Where the first choice is for feedback or friction,
+only such estimators are weighed, and it stays up to 35 %.
+
+Breiman, Friedman, Olshen, Stone, "Classification and Regression Trees", Wadsworth (1984), for the
+rule of one standard error.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import stabilise, state_space
+from flexarm_ident.subspace.choice import estimate
+from flexarm_ident.subspace.methods import METHODS
+from flexarm_ident.subspace.order import largest_order
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from flexarm_core.arrays import FloatArray, Progress
+    from flexarm_ident.fitting.output_fit import OutputFit
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.source import Source
+    from flexarm_ident.subspace.choice import Selection
+    from flexarm_ident.subspace.methods import Method
+
+LADDER = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 21, 24, 28, 32, 36)
+"""Orders to weigh. Few models of high order differ by one state."""
+COARSE = (6, 10, 14, 18, 24, 32)
+"""Orders to begin with: the others are weighed only if the first choice is not as good."""
+WEIGHED_SAMPLES = 20_000
+"""Samples of all records together that models are weighed by."""
+# Of a longer record several pieces: a sweep reaches its resonances late.
+_PIECES = 4
+_PARTS = 8
+# Errors in units of the smallest.
+_TOLERANCE = 1.03
+_TOLERANCE_IN_FEEDBACK = 1.35
+_STANDARD_ERRORS = 2.0
+# A smaller relative error is rounding.
+_SMALLEST_ERROR = 1e-6
+
+
+class Choice(NamedTuple):
+    """Estimator with its result, and the order of the model.
+
+    `reason` says in one sentence why; it is empty when both were given.
+    """
+
+    selection: Selection
+    order: int
+    reason: str
+
+
+class Fitted(NamedTuple):
+    """Model of one order with its fit, and the number of eigenvalues that were moved."""
+
+    model: control.StateSpace
+    fit: OutputFit
+    moved: int
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Model of one estimator and order, fitted to some records.
+
+    Attributes
+    ----------
+    selection : Selection
+        Estimator and its result.
+    fitted : Fitted
+        Model and fit.
+    records : sequence of IoData
+        The records.
+    """
+
+    selection: Selection
+    fitted: Fitted
+    records: Sequence[IoData]
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.fitted.model.nstates)
+
+    @property
+    def name(self) -> str:
+        """Estimator and order in messages."""
+        return f"{self.selection.method} of order {self.order}"
+
+    @property
+    def error(self) -> float:
+        """Mean of the outputs' relative errors (2-25)."""
+        return float(np.mean(self.fitted.fit.error))
+
+    @cached_property
+    def parts(self) -> FloatArray:
+        """Squared relative errors over parts of the records, (parts, outputs)."""
+        model, starts = self.fitted.model, self.fitted.fit.x0
+        missed = [
+            (record.y - simulate(model, record.u, start))[record.usable]
+            for record, start in zip(self.records, starts, strict=True)
+        ]
+        power = np.sum([np.sum(record.y[record.usable] ** 2, axis=0) for record in self.records], 0)
+        parts = [np.sum(part**2, axis=0) for part in np.array_split(np.vstack(missed), _PARTS)]
+        return np.asarray(parts / np.where(power > 0.0, power, 1.0))
+
+
+def weigh(
+    first: Choice,
+    records: Sequence[Source],
+    excerpts: Sequence[IoData],
+    *,
+    block_rows: int,
+    stable: bool,
+    feedthrough: bool,
+    progress: Progress,
+) -> Choice:
+    """Return the first choice, or another one whose model simulates better.
+
+    Parameters
+    ----------
+    first : Choice
+        Choice by one-step errors.
+    records : sequence of Source
+        Records of one rig.
+    excerpts : sequence of IoData
+        The records themselves, or leading parts that fit into memory.
+    block_rows : int
+        Block rows q of (2-18).
+    stable : bool
+        Whether unstable eigenvalues are moved; otherwise models that cannot be simulated are not
+        weighed.
+    feedthrough : bool
+        Whether D is fitted.
+    progress : callable
+        Called with the stage "order" and its completed part.
+    """
+    weighed = Weighed(first, spread(excerpts), stable=stable, feedthrough=feedthrough)
+    selections = [first.selection]
+    selections += [
+        estimate(records, excerpts, row.name, block_rows, feedthrough=feedthrough)
+        for row in _others(METHODS[first.selection.method])
+    ]
+    weighed.add(first.selection, first.order)
+    rungs = [
+        (order, each) for orders in (COARSE, LADDER) for order in orders for each in selections
+    ]
+    for done, (order, selection) in enumerate(rungs):
+        if done == len(COARSE) * len(selections) and weighed.first_stays:
+            break
+        if order <= largest_order(selection.space):
+            weighed.add(selection, order)
+        progress("order", (done + 1) / len(rungs))
+    progress("order", 1.0)
+    return weighed.choice()
+
+
+def _others(row: Method) -> list[Method]:
+    """Return the estimators to weigh beside one."""
+    return [
+        each
+        for each in METHODS.values()
+        if each is not row and each.weighed and (each.bears_feedback or not row.bears_feedback)
+    ]
+
+
+class Weighed:
+    """Models that have been fitted so far, the first choice among them, and the choice from them.
+
+    Parameters
+    ----------
+    first : Choice
+        Choice by one-step errors.
+    records : sequence of IoData
+        Records to fit and to simulate.
+    stable : bool
+        Whether unstable eigenvalues are moved.
+    feedthrough : bool
+        Whether D is fitted.
+    """
+
+    def __init__(
+        self, first: Choice, records: Sequence[IoData], *, stable: bool, feedthrough: bool
+    ) -> None:
+        self._first, self._records = first, records
+        self._stable, self._feedthrough = stable, feedthrough
+        self._candidates: dict[tuple[str, int], Candidate] = {}
+
+    def add(self, selection: Selection, order: int) -> None:
+        """Fit a model, unless that has been done; one that cannot be simulated is left out."""
+        if (selection.method, order) in self._candidates:
+            return
+        with suppress(IdentificationError):  # too unstable to simulate
+            model = fitted(
+                selection,
+                order,
+                self._records,
+                stable=self._stable,
+                feedthrough=self._feedthrough,
+            )
+            made = Candidate(selection, model, self._records)
+            if np.isfinite(made.error):
+                self._candidates[selection.method, order] = made
+
+    @property
+    def first_stays(self) -> bool:
+        """Whether the first choice is as good as the best of the others, or nearly so."""
+        row = METHODS[self._first.selection.method]
+        tolerance = _TOLERANCE_IN_FEEDBACK if row.bears_feedback else _TOLERANCE
+        smallest = self._best.error if self._candidates else 0.0
+        return bool(self._first_error <= tolerance * max(smallest, _SMALLEST_ERROR))
+
+    def choice(self) -> Choice:
+        """Return the first choice where it stays, else the most parsimonious model."""
+        if not self._candidates:
+            return self._first
+        first, best = self._first, self._best
+        smallest = f"the best of {len(self._candidates)} models {best.error:.3g} ({best.name})"
+        if self.first_stays:
+            error = f"{self._first_error:.3g} in free simulation"
+            return first._replace(reason=f"{first.reason}: {error}, {smallest}")
+        chosen = most_parsimonious(list(self._candidates.values()), best)
+        reason = (
+            f"{chosen.name} was chosen: {chosen.error:.3g} in free simulation, "
+            f"{self._first_error:.3g} by {first.selection.method} of order {first.order}, which "
+            f"the one-step errors call for, {smallest}"
+        )
+        return Choice(chosen.selection, chosen.order, reason)
+
+    @property
+    def _first_error(self) -> float:
+        found = self._candidates.get((self._first.selection.method, self._first.order))
+        return found.error if found else np.inf
+
+    @property
+    def _best(self) -> Candidate:
+        return min(self._candidates.values(), key=lambda each: each.error)
+
+
+def spread(records: Sequence[IoData]) -> list[IoData]:
+    """Return the records, of long ones pieces over their whole length as records of their own."""
+    total = sum(len(record) for record in records)
+    if total <= WEIGHED_SAMPLES:
+        return list(records)
+    pieces: list[IoData] = []
+    for record in records:
+        count = max(1, round(_PIECES * len(record) / total))
+        samples = WEIGHED_SAMPLES * len(record) // (total * count)
+        starts = np.linspace(0, len(record) - samples, count).astype(int).tolist()
+        pieces += [record.rows(slice(first, first + samples)) for first in starts]
+    return pieces
+
+
+def fitted(
+    found: Selection,
+    order: int,
+    records: Sequence[Source],
+    *,
+    stable: bool,
+    feedthrough: bool,
+) -> Fitted:
+    """Return the model of one order, with B, D and the initial states fitted to records.
+
+    Raises
+    ------
+    IdentificationError
+        If the model is so unstable that its response overflows.
+    """
+    raw = found.space.matrices(order)
+    A, moved = stabilise(raw.A) if stable else (raw.A, 0)
+    weighted = METHODS[found.method].noise_weighted
+    fit = fit_inputs(A, raw.C, records, feedthrough=feedthrough, noise_weighted=weighted)
+    first = records[0]
+    model = state_space(
+        A, fit.B, raw.C, fit.D, first.dt_s, inputs=first.inputs, outputs=first.outputs
+    )
+    return Fitted(model, fit, moved)
+
+
+def most_parsimonious(candidates: Sequence[Candidate], best: Candidate) -> Candidate:
+    """Return the candidate of the smallest order that is as good as the best one."""
+    limit = _TOLERANCE * max(best.error, _SMALLEST_ERROR)
+    by_order = sorted(candidates, key=lambda each: (each.order, each.error))
+    return next(each for each in by_order if each.error <= limit and _is_as_good(each, best))
+
+
+def _is_as_good(one: Candidate, best: Candidate) -> bool:
+    """Return whether a squared error exceeds the best's by at most two standard errors."""
+    floor = _SMALLEST_ERROR**2
+    weight = 1.0 / np.maximum(best.parts.sum(axis=0), floor)
+    excess = np.sum(weight * (one.parts - best.parts), axis=1)
+    scatter = np.sqrt(len(excess)) * np.std(excess, ddof=1)
+    return bool(excess.sum() <= _STANDARD_ERRORS * scatter + floor * weight.sum())
