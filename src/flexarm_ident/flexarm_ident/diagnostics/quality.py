@@ -14,7 +14,6 @@ from flexarm_core.labels import counted
 from flexarm_ident.records.iodata import DataWarning
 from flexarm_ident.records.signals import dead_stretches
 from flexarm_ident.subspace.feedback import feedback_test
-from flexarm_ident.subspace.orse import SINGULAR_CONDITION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,6 +22,8 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
 
+# Condition of the inputs' product matrix, which is that of the inputs squared.
+_SINGULAR_CONDITION = 1e12
 # 40 dB below the maximum, more than the leakage of the window.
 _EXCITED = 1e-4
 _PARTS = 16
@@ -152,7 +153,7 @@ def _conditions(gram: BlockGram, records: Sequence[IoData]) -> Iterator[DataWarn
     scale[scale == 0.0] = 1.0
     values = scipy.linalg.eigvalsh(inputs / np.outer(scale, scale))
     condition = float(values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
-    if condition >= SINGULAR_CONDITION:
+    if condition >= _SINGULAR_CONDITION:
         yield DataWarning(
             "input_condition",
             f"the input excites few frequencies: U U' has the condition number {condition:.0e}, a "

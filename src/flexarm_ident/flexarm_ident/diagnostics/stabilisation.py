@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from flexarm_core.arrays import ComplexArray, FloatArray
-    from flexarm_ident.subspace.orse import StateMatrices, Subspace
+    from flexarm_ident.subspace.subspace_protocol import StateMatrices, Subspace
 
 
 class Criteria(NamedTuple):

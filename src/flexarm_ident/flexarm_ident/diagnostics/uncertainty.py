@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
-    from flexarm_ident.subspace.orse import StateMatrices
     from flexarm_ident.subspace.segments import Segment
+    from flexarm_ident.subspace.subspace_protocol import StateMatrices
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from flexarm_ident.models.modes import Mode
     from flexarm_ident.records.iodata import DataWarning, IoData
     from flexarm_ident.subspace.gram import BlockGram
-    from flexarm_ident.subspace.orse import StateMatrices, Subspace
+    from flexarm_ident.subspace.subspace_protocol import StateMatrices, Subspace
 
 
 @dataclass(frozen=True, eq=False)

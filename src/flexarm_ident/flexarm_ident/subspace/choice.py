@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
     from flexarm_ident.subspace.gram import BlockGram
-    from flexarm_ident.subspace.orse import Subspace
+    from flexarm_ident.subspace.subspace_protocol import Subspace
 
 
 class Selection(NamedTuple):

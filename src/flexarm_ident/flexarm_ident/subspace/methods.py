@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
-    from flexarm_ident.subspace.orse import Subspace
+    from flexarm_ident.subspace.subspace_protocol import Subspace
 
 AUTO = "auto"
 """Name of the choice from the data, see `choice` and `estimation.weighing`."""

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
-    from flexarm_ident.subspace.orse import Subspace
     from flexarm_ident.subspace.pbsid import PredictorSpace
+    from flexarm_ident.subspace.subspace_protocol import Subspace
 
 # The orders of Tables 2-1 to 2-4.
 SMALLEST_ORDER = 7

@@ -9,7 +9,7 @@ Cholesky factor of the same matrix, so that the noise of all channels has the sa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -18,57 +18,17 @@ from flexarm_core.errors import IdentificationError
 from flexarm_ident.subspace.feedback import reaches_inputs
 from flexarm_ident.subspace.gram import equilibrated
 from flexarm_ident.subspace.inverse import truncated_inverse
+from flexarm_ident.subspace.subspace_protocol import StateMatrices, normalised
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.subspace.gram import BlockGram
 
-# Condition of a product matrix, which is that of the data squared.
-SINGULAR_CONDITION = 1e12
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
 _CLEAN = 1e-5
 # Noise power in one direction, in units of the one-step innovation's; less is rounding.
 _SMALLEST_NOISE = 1e-4
-
-
-class StateMatrices(NamedTuple):
-    """A and C of one realisation."""
-
-    A: FloatArray
-    C: FloatArray
-
-
-class Subspace(Protocol):
-    """Result of an estimator: models of every order, from one decomposition."""
-
-    @property
-    def singular_values(self) -> FloatArray:
-        """Singular values, descending."""
-
-    @property
-    def output_scale(self) -> FloatArray:
-        """Factors the outputs were multiplied by."""
-
-    @property
-    def condition(self) -> float:
-        """Condition number of the inverted matrix."""
-
-    @property
-    def block_rows(self) -> int:
-        """Block rows that were used."""
-
-    @property
-    def largest_order(self) -> int:
-        """Largest order that the data determine."""
-
-    def matrices(self, order: int) -> StateMatrices:
-        """Return A and C of one order."""
-
-
-def normalised(C: FloatArray) -> FloatArray:
-    """Return C with unit norm, which fixes the free unit of the states."""
-    return np.asarray(C / np.linalg.norm(C))
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import scipy
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.subspace.gram import equilibrated
 from flexarm_ident.subspace.inverse import truncated_inverse
-from flexarm_ident.subspace.orse import StateMatrices, normalised
+from flexarm_ident.subspace.subspace_protocol import StateMatrices, normalised
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray

@@ -11,7 +11,8 @@ from flexarm_ident import IoData, preprocess, read_bag
 from flexarm_ident.diagnostics.stabilisation import Criteria, mac, stabilisation, subspace_matrices
 from flexarm_ident.report.plots.order_plots import stabilisation_plot
 from flexarm_ident.subspace.gram import block_gram
-from flexarm_ident.subspace.orse import StateMatrices, innovation_scaled, past_instruments
+from flexarm_ident.subspace.orse import innovation_scaled, past_instruments
+from flexarm_ident.subspace.subspace_protocol import StateMatrices
 from support.ident_systems import DT_S, arm_model, square_wave, step_by_step
 from support.project import BAGS
 

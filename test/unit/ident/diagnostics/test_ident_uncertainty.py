@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import control
 import numpy as np
@@ -19,7 +20,7 @@ from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.gram import BlockGram, block_gram
-from flexarm_ident.subspace.orse import StateMatrices, innovation_scaled, past_instruments
+from flexarm_ident.subspace.orse import innovation_scaled, past_instruments
 from support.ident_systems import (
     DT_S,
     arm_model,
@@ -29,6 +30,9 @@ from support.ident_systems import (
     square_wave,
     step_by_step,
 )
+
+if TYPE_CHECKING:
+    from flexarm_ident.subspace.subspace_protocol import StateMatrices
 
 PAST = 12
 FREQUENCIES_HZ = np.array([2.0, 5.0, 9.4, 15.0, 24.1, 40.0, 70.0])
