@@ -1,15 +1,23 @@
 """Observability range space from the block Gram, and A, C from its shift (2-18 .. 2-23).
 
-Plain ORSE takes the dominant eigenvectors of the outputs' Gram matrix after removal of the inputs'
-part (2-20). They are biased when the channels differ in noise, for records of any length. Here each
-output is divided by the standard deviation of its one-step innovation, from the last block of a
-Cholesky factor of the same matrix, so that the noise of all channels has the same weight.
+With the outputs Y and the inputs U in block Hankel matrices (2-19), the part of the outputs'
+products that the inputs do not explain is the remainder (2-20)
+
+    R = Y Y' - Y U' (U U')^-1 U Y'
+
+Its dominant eigenvectors span the range of the observability matrix (2-21), (2-23), whose shift
+structure gives A and C (2-9), (2-10). All products are blocks of one Gram matrix.
+
+Plain ORSE takes R as it is. Its eigenvectors are biased when the channels differ in noise, for
+records of any length. Here each output is divided by the standard deviation of its one-step
+innovation, from the last block of a Cholesky factor of R, so that the noise of all channels has
+the same weight.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy
@@ -26,6 +34,7 @@ if TYPE_CHECKING:
 
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
+# An innovation below this part of it is mostly rounding: the data have no noise to weight by.
 _CLEAN = 1e-5
 # Noise power in one direction, in units of the one-step innovation's; less is rounding.
 _SMALLEST_NOISE = 1e-4
@@ -82,11 +91,53 @@ class RangeSpace:
         return StateMatrices(np.asarray(A, dtype=np.float64), normalised(C))
 
 
+class _Remainder(NamedTuple):
+    """Products of the outputs without the inputs' part, R of (2-20).
+
+    Attributes
+    ----------
+    products : ndarray, (block_rows * outputs,) * 2
+        The remainder, of outputs with unit RMS.
+    rms : ndarray, (outputs,)
+        RMS of the outputs.
+    condition : float
+        Condition number of the inputs' product matrix U U'.
+    """
+
+    products: FloatArray
+    rms: FloatArray
+    condition: float
+
+
+class _Future(NamedTuple):
+    """Products of the future outputs without the future inputs' part, split by the past data.
+
+    Attributes
+    ----------
+    products : ndarray, (rows, rows)
+        Sum of both parts, of outputs with unit RMS; there are future block rows * outputs rows.
+    explained : ndarray, (rows, directions of the past)
+        Root F of the part F F' that the past data explain.
+    unexplained : ndarray, (rows, rows)
+        The other part: noise.
+    rms : ndarray, (outputs,)
+        RMS of the outputs.
+    condition : float
+        Condition number of the future inputs' product matrix.
+    """
+
+    products: FloatArray
+    explained: FloatArray
+    unexplained: FloatArray
+    rms: FloatArray
+    condition: float
+
+
 def innovation_scaled(gram: BlockGram) -> RangeSpace:
     """Return the range space of outputs scaled by their one-step innovation."""
-    remainder, rms, condition = _output_remainder(gram)
-    deviation = _innovation_deviation(remainder, gram.outputs)
-    return _range_space(remainder, 1.0 / deviation, rms, condition)
+    remainder = _remainder(gram)
+    deviation = _innovation_deviation(remainder.products, remainder.products, gram.outputs)
+    return _range_space(remainder, 1.0 / deviation)
 
 
 def plain(gram: BlockGram, output_scale: FloatArray) -> RangeSpace:
@@ -94,8 +145,8 @@ def plain(gram: BlockGram, output_scale: FloatArray) -> RangeSpace:
 
     `output_scale`, (outputs,), holds the factors of section 2.5, step 4.
     """
-    remainder, rms, condition = _output_remainder(gram)
-    return _range_space(remainder, output_scale * rms, rms, condition)
+    remainder = _remainder(gram)
+    return _range_space(remainder, output_scale * remainder.rms)
 
 
 def past_instruments(gram: BlockGram) -> RangeSpace:
@@ -120,33 +171,63 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     gram : BlockGram
         Products of the data, with twice the block rows of the basis.
     """
+    future = _future(gram)
+    deviation = _innovation_deviation(future.unexplained, future.products, gram.outputs)
+    block_rows = len(future.products) // gram.outputs
+    weight = np.tile(1.0 / deviation, block_rows)
+    explained = future.explained * weight[:, np.newaxis]
+    if _is_clean(deviation, future.products) or reaches_inputs(gram.leading(block_rows)):
+        basis, singular_values = _po_moesp(explained)
+    else:
+        basis, singular_values = _cva(explained, future.unexplained * np.outer(weight, weight))
+    output_scale = 1.0 / (deviation * future.rms)
+    return RangeSpace(basis, singular_values, output_scale, future.condition)
+
+
+def _remainder(gram: BlockGram) -> _Remainder:
+    """Return R of (2-20)."""
+    scaled, rms = equilibrated(gram)
+    y = gram.output_rows(0, gram.block_rows)
+    u = gram.input_rows(0, gram.block_rows)
+    products, condition = _schur_complement(scaled, y, u)
+    return _Remainder(products, rms[: gram.outputs], condition)
+
+
+def _range_space(remainder: _Remainder, weight: FloatArray) -> RangeSpace:
+    """Return the eigenvectors of R (2-21), its outputs multiplied by `weight`, (outputs,)."""
+    products, rms, condition = remainder
+    rows = np.tile(weight, len(products) // len(weight))
+    values, vectors = scipy.linalg.eigh(products * np.outer(rows, rows), driver="evd")
+    return RangeSpace(vectors[:, ::-1], values[::-1].clip(min=0.0), weight / rms, condition)
+
+
+def _future(gram: BlockGram) -> _Future:
+    """Return the future that the past explains, and the rest; `past_instruments` has the halves."""
     past, both = gram.block_rows // 2, gram.block_rows
     scaled, rms = equilibrated(gram)
     u_future = gram.input_rows(past, both)
     z_past = gram.input_rows(0, past) + gram.output_rows(0, past)
     y_future = gram.output_rows(past, both)
     remainder, condition = _schur_complement(scaled, z_past + y_future, u_future)
-    w = len(z_past)
-    explained = remainder[w:, :w] @ truncated_inverse(remainder[:w, :w]).root
-    unexplained = remainder[w:, w:] - explained @ explained.T
-    deviation = _innovation_deviation(unexplained, gram.outputs, remainder[w:, w:])
-    weight = np.tile(1.0 / deviation, both - past)
-    explained *= weight[:, np.newaxis]
-    output_scale = 1.0 / (deviation * rms[: gram.outputs])
-    if _is_clean(deviation, remainder) or reaches_inputs(gram.leading(both - past)):
-        basis, singular_values, _ = scipy.linalg.svd(explained, full_matrices=False)
-        return RangeSpace(basis, singular_values, output_scale, condition)
-    whiten, colour = _whitening(unexplained * np.outer(weight, weight))
+    z, y = slice(0, len(z_past)), slice(len(z_past), None)
+    explained = remainder[y, z] @ truncated_inverse(remainder[z, z]).root
+    unexplained = remainder[y, y] - explained @ explained.T
+    return _Future(remainder[y, y], explained, unexplained, rms[: gram.outputs], condition)
+
+
+def _po_moesp(explained: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return base vectors of the explained future, and its singular values."""
+    basis, singular_values, _ = scipy.linalg.svd(explained, full_matrices=False)
+    return basis, singular_values
+
+
+def _cva(explained: FloatArray, unexplained: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return base vectors of the explained future, and its singular values after whitening."""
+    whiten, colour = _whitening(unexplained)
     directions, singular_values, _ = scipy.linalg.svd(whiten @ explained, full_matrices=False)
-    # Leading columns keep their span.
+    # Each number of leading columns keeps its span, so the vectors serve every order.
     basis = scipy.linalg.qr(colour @ directions, mode="economic")[0]
-    return RangeSpace(basis, singular_values, output_scale, condition)
-
-
-def _is_clean(deviation: FloatArray, power: FloatArray) -> bool:
-    """Return whether the innovation of any output is mostly rounding."""
-    total = np.sqrt(np.diag(power)[-len(deviation) :].clip(min=0.0))
-    return bool(np.any(deviation < _CLEAN * total))
+    return basis, singular_values
 
 
 def _whitening(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -156,12 +237,35 @@ def _whitening(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (vectors / root).T, vectors * root
 
 
-def _output_remainder(gram: BlockGram) -> tuple[FloatArray, FloatArray, float]:
-    scaled, rms = equilibrated(gram)
-    y = gram.output_rows(0, gram.block_rows)
-    u = gram.input_rows(0, gram.block_rows)
-    remainder, condition = _schur_complement(scaled, y, u)
-    return remainder, rms[: gram.outputs], condition
+def _innovation_deviation(
+    unexplained: FloatArray, products: FloatArray, outputs: int
+) -> FloatArray:
+    """Return the standard deviation of each output's one-step innovation, (outputs,).
+
+    The innovation is what all block rows before the last do not explain of it, in the `unexplained`
+    part of the outputs' `products`, both (block_rows * outputs,) * 2.
+    """
+    rms = _last_deviation(products, outputs)
+    floor = np.where(rms > 0.0, _SMALLEST_INNOVATION * rms, 1.0)
+    try:
+        last = scipy.linalg.cholesky(unexplained, lower=True)[-outputs:, -outputs:]
+        deviation = np.linalg.norm(last, axis=1)
+    except np.linalg.LinAlgError:
+        # Clean data or repeated channels: the matrix is singular.
+        rows = list(range(len(unexplained)))
+        last, _ = _schur_complement(unexplained, rows[-outputs:], rows[:-outputs])
+        deviation = _last_deviation(last, outputs)
+    return np.asarray(np.maximum(deviation, floor))
+
+
+def _is_clean(deviation: FloatArray, products: FloatArray) -> bool:
+    """Return whether the innovation of any output is mostly rounding."""
+    return bool(np.any(deviation < _CLEAN * _last_deviation(products, len(deviation))))
+
+
+def _last_deviation(products: FloatArray, outputs: int) -> FloatArray:
+    """Return the root of the last powers; rounding can make the power of nothing negative."""
+    return np.asarray(np.sqrt(np.diag(products)[-outputs:].clip(min=0.0)))
 
 
 def _schur_complement(
@@ -171,27 +275,3 @@ def _schur_complement(
     inverse = truncated_inverse(gram[np.ix_(given, given)])
     cross = gram[np.ix_(keep, given)] @ inverse.root
     return gram[np.ix_(keep, keep)] - cross @ cross.T, inverse.condition
-
-
-def _innovation_deviation(
-    remainder: FloatArray, outputs: int, power: FloatArray | None = None
-) -> FloatArray:
-    """Return the deviation of the last outputs given all before them, floored for clean data."""
-    total = np.sqrt(np.diag(remainder if power is None else power)[-outputs:].clip(min=0.0))
-    floor = np.where(total > 0.0, _SMALLEST_INNOVATION * total, 1.0)
-    try:
-        last = scipy.linalg.cholesky(remainder, lower=True)[-outputs:, -outputs:]
-        deviation = np.linalg.norm(last, axis=1)
-    except np.linalg.LinAlgError:
-        rows = list(range(len(remainder)))
-        last, _ = _schur_complement(remainder, rows[-outputs:], rows[:-outputs])
-        deviation = np.sqrt(np.diag(last).clip(min=0.0))
-    return np.asarray(np.maximum(deviation, floor))
-
-
-def _range_space(
-    remainder: FloatArray, weight: FloatArray, rms: FloatArray, condition: float
-) -> RangeSpace:
-    rows = np.tile(weight, len(remainder) // len(weight))
-    values, vectors = scipy.linalg.eigh(remainder * np.outer(rows, rows), driver="evd")
-    return RangeSpace(vectors[:, ::-1], values[::-1].clip(min=0.0), weight / rms, condition)
