@@ -32,15 +32,23 @@ if TYPE_CHECKING:
 
     from flexarm_control.laws.law_protocol import Law
 
-# Period of the reference, for a recorder that was unknown when it changed.
+# An unchanged reference is published again, for a recorder that was not yet there when it changed.
 _TELL_AGAIN_NS = 1_000_000_000
+# Shortest time between two estimates of the payload.
 _PAYLOAD_NS = 100_000_000
 TOPIC = "topic"
 """The reference comes from the topic `reference` and not from a built-in profile."""
 
 
-def _declared(prefix: str, specs: tuple[ParameterSpec, ...]) -> list[ParameterSpec]:
+def _under(prefix: str, specs: tuple[ParameterSpec, ...]) -> list[ParameterSpec]:
+    """Return parameters of a law or reference under its name, as ``pd.kp``."""
     return [replace(spec, name=f"{prefix}.{spec.name}") for spec in specs]
+
+
+def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a law or reference by the names that it has for them, as ``kp``."""
+    start = prefix + "."
+    return {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
 
 
 PARAMETERS = (
@@ -52,10 +60,10 @@ PARAMETERS = (
         spec
         for table in (LAWS, REFERENCES)
         for name, row in table.items()
-        for spec in _declared(name, row.parameters)
+        for spec in _under(name, row.parameters)
     ),
 )
-_NAMES = {spec.name for spec in PARAMETERS}
+_PARAMETER_NAMES = {spec.name for spec in PARAMETERS}
 
 
 @dataclass(frozen=True)
@@ -64,18 +72,36 @@ class Setup:
 
     Attributes
     ----------
-    spec, law : LawSpec, Law
-        Row of the control law, and the law.
+    law_spec : LawSpec
+        Row of the control law.
+    law : Law
+        The control law.
     rate_hz : float or None
         Sampling rate of the law, Hz; None when it suits any.
     profile : Reference or None
         Built-in reference, or None when it comes from the topic.
     """
 
-    spec: LawSpec
+    law_spec: LawSpec
     law: Law
     rate_hz: float | None
     profile: Reference | None
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Setup:
+        """Build law and reference from all parameters of the node.
+
+        Raises
+        ------
+        SettingError
+            When the values do not fit together.
+        """
+        name, reference = values["law"], values["reference"]
+        profile = None
+        if reference != TOPIC:
+            profile = build_reference(reference, _below(reference, values))
+        law_spec, gains = LAWS[name], _below(name, values)
+        return cls(law_spec, build_law(name, gains), law_spec.rate_hz(gains), profile)
 
     def check_rate(self, measured_hz: float | None) -> None:
         """Refuse samples at another rate than that of the law.
@@ -87,49 +113,45 @@ class Setup:
         """
         if self.rate_hz is None or measured_hz is None or suits(self.rate_hz, measured_hz):
             return
-        name = self.spec.name
-        set_it = f"{name}.rate_hz"
-        advice = f"set {set_it}" if set_it in _NAMES else "sample at that rate or take another law"
+        name = self.law_spec.name
+        remedy = "sample at that rate or take another law"
+        if f"{name}.rate_hz" in _PARAMETER_NAMES:
+            remedy = f"set {name}.rate_hz"
         raise SettingError(
             f"law {name} is made for {self.rate_hz:g} Hz and the samples come at "
-            f"{measured_hz:.0f} Hz: {advice}"
+            f"{measured_hz:.0f} Hz: {remedy}"
         )
 
 
-def _setup(values: Mapping[str, Any]) -> Setup:
-    """Build law and reference from the parameters; raise SettingError when they do not fit."""
-    name, reference = values["law"], values["reference"]
-    profile = None
-    if reference != TOPIC:
-        profile = build_reference(reference, _below(reference, values))
-    spec, chosen = LAWS[name], _below(name, values)
-    return Setup(spec, build_law(name, chosen), spec.rate_hz(chosen), profile)
-
-
-def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    start = prefix + "."
-    return {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
-
-
 class ControllerNode(AnsweringNode):
-    """Node that connects parameters and topics to a law and a reference."""
+    """Node that connects parameters and topics to a law and a reference.
+
+    Samples arrive in the thread of the loop, parameters, references and transitions in that of the
+    executor. The two share the setup and the reference, each replaced by one assignment.
+    """
 
     def __init__(self) -> None:
         super().__init__(
             "controller",
             PARAMETERS,
-            accept=_setup,
-            apply=self._replace,
+            accept=Setup.of,
+            apply=self._on_parameters,
             expected=(SettingError,),
         )
-        self._setup = _setup(self.parameters.values())
+        self._setup = Setup.of(self.parameters.values())
         self._reference_v = 0.0
+        # State of a run, which `begin` resets.
+        self._handover = Handover(self._setup.law)
+        self._rate = SampleRate()
+        self._told_v: float | None = None
+        self._told_ns = 0
+        self._weighed_ns = 0
         self.start_if_asked()
 
     def commander(self) -> tuple[str, bool]:
         """Return the name of the law, and whether it uses the outputs."""
-        spec = self._setup.spec
-        return spec.name, bool(spec.uses_outputs)
+        law_spec = self._setup.law_spec
+        return law_spec.name, bool(law_spec.uses_outputs)
 
     def make_topics(self) -> None:
         """Make the topics of the loop."""
@@ -157,8 +179,6 @@ class ControllerNode(AnsweringNode):
         # the loop some periods.
         import_module("control")
         super().prepare()
-        self._handover = Handover(self._setup.law)
-        self._rate = SampleRate()
         self._weighed_ns = 0
         if self._setup.profile is None:
             # A record needs the set-point in force from its first sample on.
@@ -169,41 +189,52 @@ class ControllerNode(AnsweringNode):
         self._handover.replace(self._setup.law)
         self._handover.reset()
         self._rate.reset()
-        self._told_v: float | None = None
+        self._told_v = None
         self._told_ns = 0
 
     def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
-        """Fill in the command."""
+        """Fill in the command: the law's answer to the sample and the reference at its instant."""
         setup = self._setup
         self._handover.replace(setup.law)
         setup.check_rate(self._rate.add(taken_ns))
         if setup.profile is not None:
             self._reference_v = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
-            if self._reference_v != self._told_v or taken_ns - self._told_ns >= _TELL_AGAIN_NS:
-                self._told_v, self._told_ns = self._reference_v, taken_ns
-                self._references_out.publish(Float64(data=self._told_v))
-        command.effort_v, command.compensation_v = self._handover.step(
-            (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v),
-            self._reference_v,
-        )
+            self._tell_reference(taken_ns)
+        volts = (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v)
+        command.effort_v, command.compensation_v = self._handover.step(volts, self._reference_v)
 
     def answered(self, state: ArmState, taken_ns: int) -> None:
         """Publish the payload at intervals, when the law estimates it."""
         setup = self._setup
-        if setup.spec.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
+        if setup.law_spec.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return
         self._weighed_ns = taken_ns
-        message = PayloadEstimate(**setup.spec.payload(setup.law)._asdict())
+        message = PayloadEstimate(**setup.law_spec.payload(setup.law)._asdict())
         message.header.stamp = state.header.stamp
         self._payloads.publish(message)
 
-    def _replace(self, values: Mapping[str, Any]) -> None:
-        before, self._setup = self._setup, _setup(values)
-        if self.running and self._setup.spec is not before.spec:
+    def figures(self) -> Iterator[Mapping[str, object]]:
+        """Yield the figures of the loop."""
+        yield {"law": self._setup.law_spec.name}
+        yield from super().figures()
+
+    def _tell_reference(self, taken_ns: int) -> None:
+        """Publish the reference of a built-in profile, when it has changed and at intervals."""
+        if self._reference_v == self._told_v and taken_ns - self._told_ns < _TELL_AGAIN_NS:
+            return
+        self._told_v, self._told_ns = self._reference_v, taken_ns
+        self._references_out.publish(Float64(data=self._told_v))
+
+    def _on_parameters(self, values: Mapping[str, Any]) -> None:
+        """Put accepted parameters into force, from the next sample on."""
+        before, self._setup = self._setup, Setup.of(values)
+        if self.running and self._setup.law_spec is not before.law_spec:
             self.declare_commander()
 
     def _on_reference(self, message: Float64) -> None:
+        """Take the reference from the topic."""
         if self._setup.profile is not None:
+            # The node's own publications arrive here too, and a built-in profile has precedence.
             return
         if not abs(message.data) <= TRAVEL_V:
             self.get_logger().error(
@@ -211,11 +242,6 @@ class ControllerNode(AnsweringNode):
             )
             return
         self._reference_v = message.data
-
-    def figures(self) -> Iterator[Mapping[str, object]]:
-        """Yield the figures of the loop."""
-        yield {"law": self._setup.spec.name}
-        yield from super().figures()
 
 
 def main() -> int:
