@@ -179,7 +179,6 @@ class ControllerNode(AnsweringNode):
         # the loop some periods.
         import_module("control")
         super().prepare()
-        self._weighed_ns = 0
         if self._setup.profile is None:
             # A record needs the set-point in force from its first sample on.
             self._references_out.publish(Float64(data=self._reference_v))
@@ -191,6 +190,7 @@ class ControllerNode(AnsweringNode):
         self._rate.reset()
         self._told_v = None
         self._told_ns = 0
+        self._weighed_ns = 0
 
     def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
         """Fill in the command: the law's answer to the sample and the reference at its instant."""
