@@ -1,4 +1,9 @@
-"""Open bags: their topics, and the messages of one topic as columns."""
+"""Open bags: their topics, and the messages of one topic as columns.
+
+`opened` gives a `Bag`, and its `recorded` or `pieces` give the messages of a topic as `Recorded`.
+The chunks of a plain MCAP file are read directly, many messages at a time (`chunks`). rosbags reads
+everything else, message by message: SQLite, compressed bags and files without an index.
+"""
 
 from __future__ import annotations
 
@@ -34,6 +39,11 @@ COMMANDER_INFO = "flexarm_msgs/msg/CommanderInfo"
 REFERENCE = "std_msgs/msg/Float64"
 
 _NS = 1_000_000_000
+
+
+def sibling(topic: str, name: str) -> str:
+    """Return the topic of another name in the same namespace."""
+    return f"{topic.rpartition('/')[0]}/{name}"
 
 
 @dataclass(frozen=True)
@@ -94,7 +104,8 @@ def opened(path: Path) -> Iterator[Bag]:
     Raises
     ------
     BagError
-        If the bag is missing or damaged: one line for anything that the parsers raise.
+        If the bag is missing or damaged: one line for anything that the parsers raise, here or
+        while the bag is open.
     """
     _require_bag(path)
     try:
@@ -105,6 +116,7 @@ def opened(path: Path) -> Iterator[Bag]:
     except BagError:
         raise
     except DataError as error:
+        # Some of these begin with the bag already.
         raise BagError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except Exception as error:
         raise BagError(
@@ -124,17 +136,13 @@ def _require_bag(path: Path) -> None:
 
 
 def _plain_mcap_files(reader: AnyReader) -> list[Path]:
-    """Return the files whose chunks can be read directly; none when rosbag2 compressed them."""
+    """Return the MCAP files whose chunks can be read directly: all files of the bag, or none."""
+    # rosbags has a storage for a folder, which holds those of its files, or that of a single file.
     storage = getattr(reader.readers[0], "storage", None)
     parts = storage.storages if isinstance(storage, DirectoryReader) else [storage]
     plain = [Path(str(part.path)) for part in parts if isinstance(part, McapReader)]
     compressed = isinstance(storage, DirectoryReader) and storage.metadata.compression_mode
     return [] if compressed or len(plain) < len(parts) else plain
-
-
-def sibling(topic: str, name: str) -> str:
-    """Return the topic of another name in the same namespace."""
-    return f"{topic.rpartition('/')[0]}/{name}"
 
 
 @dataclass(frozen=True)
@@ -148,7 +156,7 @@ class Bag:
     reader : AnyReader
         Its messages one by one.
     files : tuple of IndexedFile
-        Its MCAP files, where their chunks can be read directly.
+        Its MCAP files, where their chunks can be read directly; otherwise none.
     """
 
     path: Path
@@ -169,7 +177,13 @@ class Bag:
         return self.types.get(topic) == type_name and self.count(topic) > 0
 
     def choose(self, topic: str | None) -> str:
-        """Return the topic of the samples: the one asked for, or the only one, ArmState first."""
+        """Return the topic of the samples: the one asked for, or the only one, ArmState first.
+
+        Raises
+        ------
+        BagError
+            If the topic asked for holds no samples, or not exactly one topic does.
+        """
         types = self.types
         listed = ", ".join(f"{name} ({types[name]})" for name in sorted(types)) or "none"
         if topic is not None:
@@ -184,6 +198,21 @@ class Bag:
                 return found[0]
         raise BagError(f"{self.path}: holds neither ArmState nor IoSample; topics: {listed}")
 
+    def recorded(self, topic: str) -> Recorded:
+        """Return all messages of a topic as columns.
+
+        Raises
+        ------
+        BagError
+            If there are none, or they do not follow their definition.
+        """
+        messages = read_topic(self.files, topic) if self.files else None
+        if messages is None:
+            messages = self._one_by_one(topic)
+        if not len(messages.log_times_ns):
+            raise BagError(f"{self.path}: no messages on {topic}")
+        return self._decoded(topic, messages)
+
     def optional(self, topic: str, type_name: str) -> Recorded | None:
         """Return all messages of a topic as columns; None when there are none of that type."""
         return self.recorded(topic) if self.has(topic, type_name) else None
@@ -193,40 +222,19 @@ class Bag:
         found = self.optional(topic, type_name)
         return [] if found is None else [found]
 
-    def declared_loops(self, topic: str) -> list[bool]:
-        """Return for each declared commander whether it used the outputs."""
-        commander = sibling(topic, "commander")
-        if not self.has(commander, COMMANDER_INFO):
-            return []
-        # The members are generated from the bag's own definition.
-        infos: Iterator[Any] = (
-            self.reader.deserialize(raw, COMMANDER_INFO) for _, _, raw in self._raw(commander)
-        )
-        return [bool(info.uses_outputs) for info in infos]
-
-    def recorded(self, topic: str) -> Recorded:
-        """Return all messages of a topic as columns."""
-        messages = read_topic(self.files, topic) if self.files else None
-        if messages is None:
-            found = [(time_ns, raw) for _, time_ns, raw in self._raw(topic)]
-            messages = Messages.of([time_ns for time_ns, _ in found], [raw for _, raw in found])
-        if not len(messages.log_times_ns):
-            raise BagError(f"{self.path}: no messages on {topic}")
-        layout = members(self.types[topic], self.reader.typestore.fielddefs)
-        try:
-            columns = decode(messages.groups, layout)
-        except CdrError as error:
-            raise BagError(f"{self.path}: {topic}: {error}") from error
-        return Recorded(messages.log_times_ns, columns)
-
     def pieces(self, topic: str) -> Iterator[Recorded]:
-        """Return the messages of a topic as columns, chunk by chunk of the file."""
+        """Yield the messages of a topic as columns, chunk by chunk of the file.
+
+        Raises
+        ------
+        BagError
+            If the chunks cannot be read directly, or messages do not follow their definition.
+        """
         if not self.files:
             raise BagError(f"{self.path}: only a plain MCAP bag can be read piece by piece")
-        layout = members(self.types[topic], self.reader.typestore.fielddefs)
         try:
             for messages in topic_pieces(self.files, topic):
-                yield Recorded(messages.log_times_ns, decode(messages.groups, layout))
+                yield self._decoded(topic, messages)
         except NotIndexedError as error:
             raise BagError(f"{self.path}: {error}: read it as a whole") from error
 
@@ -234,11 +242,10 @@ class Bag:
         """Return the last ChannelInfo of a topic, None when there is none."""
         if self.types.get(topic) != CHANNEL_INFO:
             return None
-        info: Any = None
-        for _, _, raw in self._raw(topic):
-            info = self.reader.deserialize(raw, CHANNEL_INFO)
-        if info is None:
+        infos = list(self._deserialised(topic, CHANNEL_INFO))
+        if not infos:
             return None
+        info = infos[-1]
         return Channels(
             tuple(info.input_names),
             tuple(info.output_names),
@@ -246,6 +253,31 @@ class Bag:
             closed_loop=bool(info.closed_loop),
             source=str(info.source),
         )
+
+    def declared_loops(self, topic: str) -> list[bool]:
+        """Return for each declared commander whether it used the outputs."""
+        commander = sibling(topic, "commander")
+        if not self.has(commander, COMMANDER_INFO):
+            return []
+        infos = self._deserialised(commander, COMMANDER_INFO)
+        return [bool(info.uses_outputs) for info in infos]
+
+    def _decoded(self, topic: str, messages: Messages) -> Recorded:
+        """Return messages of a topic as columns, by the bag's own definition of their type."""
+        try:
+            layout = members(self.types[topic], self.reader.typestore.fielddefs)
+            return Recorded(messages.log_times_ns, decode(messages.groups, layout))
+        except CdrError as error:
+            raise BagError(f"{self.path}: {topic}: {error}") from error
+
+    def _one_by_one(self, topic: str) -> Messages:
+        """Return the messages of a topic, read one by one."""
+        found = [(time_ns, raw) for _, time_ns, raw in self._raw(topic)]
+        return Messages.of([time_ns for time_ns, _ in found], [raw for _, raw in found])
+
+    def _deserialised(self, topic: str, type_name: str) -> Iterator[Any]:
+        """Yield the messages of a topic as objects, whose members the bag's definition names."""
+        return (self.reader.deserialize(raw, type_name) for _, _, raw in self._raw(topic))
 
     def _raw(self, topic: str) -> Iterator[tuple[Connection, int, bytes]]:
         """Return connection, log time and bytes of each message of a topic."""
