@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_core.errors import IdentificationError
+from flexarm_core.errors import DataError, FlexarmError, IdentificationError
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.state_space import stabilise, state_space
@@ -56,6 +56,7 @@ WEIGHED_SAMPLES = 20_000
 """Samples of all records together that models are weighed by."""
 # Of a longer record several pieces: a sweep reaches its resonances late.
 _PIECES = 4
+_RECORDS = 8
 _PARTS = 8
 # Errors in units of the smallest.
 _TOLERANCE = 1.03
@@ -161,12 +162,13 @@ def weigh(
         Called with the stage "order" and its completed part.
     """
     weighed = Weighed(first, spread(excerpts), stable=stable, feedthrough=feedthrough)
-    selections = [first.selection]
-    selections += [
-        estimate(records, excerpts, row.name, block_rows, feedthrough=feedthrough)
-        for row in _others(METHODS[first.selection.method])
-    ]
     weighed.add(first.selection, first.order)
+    selections = [first.selection]
+    for row in _others(METHODS[first.selection.method]):
+        with suppress(FlexarmError):  # the data do not suffice for it
+            selections.append(
+                estimate(records, excerpts, row.name, block_rows, feedthrough=feedthrough)
+            )
     rungs = [
         (order, each) for orders in (COARSE, LADDER) for order in orders for each in selections
     ]
@@ -267,13 +269,16 @@ def spread(records: Sequence[IoData]) -> list[IoData]:
     total = sum(len(record) for record in records)
     if total <= WEIGHED_SAMPLES:
         return list(records)
+    several = records[:: -(-len(records) // _RECORDS)]
+    total = sum(len(record) for record in several)
     pieces: list[IoData] = []
-    for record in records:
+    for record in several:
         count = max(1, round(_PIECES * len(record) / total))
-        samples = WEIGHED_SAMPLES * len(record) // (total * count)
-        starts = np.linspace(0, len(record) - samples, count).astype(int).tolist()
-        pieces += [record.rows(slice(first, first + samples)) for first in starts]
-    return pieces
+        samples = min(len(record), WEIGHED_SAMPLES * len(record) // (total * count))
+        for first in np.linspace(0, len(record) - samples, count).astype(int).tolist():
+            with suppress(DataError):  # in a long hole
+                pieces.append(record.rows(slice(first, first + samples)))
+    return pieces or list(records)
 
 
 def fitted(

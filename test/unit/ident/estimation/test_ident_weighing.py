@@ -103,6 +103,27 @@ def test_spread___long_records___gives_pieces_over_their_whole_length() -> None:
     assert samples[-1] in ends
 
 
+def test_spread___many_long_records___takes_pieces_of_some() -> None:
+    one = record(random_model(1), WEIGHED_SAMPLES // 10, seed=1)
+    pieces = spread([one] * 50)
+    assert 4 <= len(pieces) <= 8
+    assert sum(map(len, pieces)) <= WEIGHED_SAMPLES
+
+
+def test_spread___piece_in_a_long_hole___is_left_out() -> None:
+    samples = np.arange(4 * WEIGHED_SAMPLES)
+    y = np.sin(samples)
+    y[: len(y) // 3] = np.nan
+    data = IoData(np.cos(samples), y, dt_s=DT_S, inputs=("u",), outputs=("y",))
+    assert len(spread([data])) == 3
+
+
+@pytest.mark.parametrize("block_rows", [2, 3, 5])
+def test_auto___few_block_rows___gives_a_model(block_rows: int) -> None:
+    data = record(random_model(3, states=2, outputs=1, inputs=1), 200, seed=2, noise=0.05)
+    assert 1 <= identify(data, method="auto", block_rows=block_rows).order < block_rows
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_auto___noise_free_record___has_the_order_of_the_system(seed: int) -> None:
     data = record(random_model(seed, states=4), 2000, seed)
