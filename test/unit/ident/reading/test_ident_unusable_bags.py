@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flexarm_bags.writer import BagWriter
 from flexarm_core.errors import BagError, IdentificationError
-from flexarm_ident.reading.read import read_bag
+from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import (
     START_NS,
     STEP_NS,
@@ -207,6 +207,20 @@ def test_read___unusable_bag___is_one_line_that_names_it(
     assert str(caught.value).startswith(str(path))
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("make", [short_message, big_endian])
+def test_read___bytes_that_do_not_fit___have_one_text_as_a_whole_and_in_pieces(
+    tmp_path: Path, make: Callable[[Path], Path]
+) -> None:
+    path = make(tmp_path)
+
+    with pytest.raises(BagError) as whole:
+        read_bag(path)
+    with pytest.raises(BagError) as in_pieces:
+        stream_bag(path)
+
+    assert str(in_pieces.value) == str(whole.value)
 
 
 @pytest.fixture(scope="module")
