@@ -227,7 +227,7 @@ def _cva(explained: FloatArray, unexplained: FloatArray) -> tuple[FloatArray, Fl
     directions, singular_values, _ = scipy.linalg.svd(whiten @ explained, full_matrices=False)
     # Each number of leading columns keeps its span, so the vectors serve every order.
     basis = scipy.linalg.qr(colour @ directions, mode="economic")[0]
-    return basis, singular_values
+    return np.asarray(basis, dtype=np.float64), singular_values
 
 
 def _whitening(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
