@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from flexarm_bringup.console.interruption import check_interruption
 from flexarm_core.labels import label_and_unit
 
 if TYPE_CHECKING:
@@ -55,7 +56,21 @@ def show_model(model: ShownModel) -> None:
 
 @contextmanager
 def progress() -> Iterator[Callable[[str, float], None]]:
-    """Show what is being done and the part of the whole; without a terminal, a line per tenth."""
+    """Show what is being done and the part of the whole; without a terminal, a line per tenth.
+
+    What is called to show it raises the KeyboardInterrupt that a library has swallowed.
+    """
+    with _shown_progress() as show:
+
+        def checked(text: str, done: float) -> None:
+            check_interruption()
+            show(text, done)
+
+        yield checked
+
+
+@contextmanager
+def _shown_progress() -> Iterator[Callable[[str, float], None]]:
     if not CONSOLE.is_terminal:
         yield _plain_progress()
         return

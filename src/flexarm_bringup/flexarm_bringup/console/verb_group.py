@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import signal
 import sys
 from functools import cache
 from importlib import import_module
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from flexarm_bringup.console.interruption import interruptible
 from flexarm_core.errors import FlexarmError, one_line
 
 if TYPE_CHECKING:
@@ -29,8 +31,11 @@ class VerbGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - as click has it
         """Run the verb."""
+        # A shell has SIGINT ignored in what it runs in the background.
+        ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
         try:
-            return super().invoke(ctx)
+            with interruptible(*() if ignored else (signal.SIGINT,)):
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("flexarm: interrupted", err=True)
             sys.exit(130)

@@ -12,6 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
+from flexarm_bringup.console import interruption
 from flexarm_bringup.graph.client import NAMESPACE
 from flexarm_bringup.graph.operator import Operator
 from flexarm_bringup.graph.processes import LaunchError
@@ -46,23 +47,15 @@ def interruptible() -> Iterator[None]:
     A binding in C++ that calls Python may report one as an error of its own, such as "Unable to
     convert call argument". The failure of a node, a `LaunchError`, is told all the same.
     """
-    stopped = False
-
-    def interrupt(*_: object) -> None:
-        nonlocal stopped
-        stopped = True
-        raise KeyboardInterrupt
-
-    for stop in (signal.SIGINT, signal.SIGTERM):  # also where a shell has SIGINT ignored
-        signal.signal(stop, interrupt)
-    try:
-        yield
-    except LaunchError:
-        raise
-    except Exception as error:
-        if stopped:
-            raise KeyboardInterrupt from error
-        raise
+    with interruption.interruptible(signal.SIGINT, signal.SIGTERM):
+        try:
+            yield
+        except LaunchError:
+            raise
+        except Exception as error:
+            if interruption.is_interrupted():
+                raise KeyboardInterrupt from error
+            raise
 
 
 def ros_domain() -> str:

@@ -1,0 +1,48 @@
+"""Interruption by a signal, also where a library swallows the KeyboardInterrupt.
+
+A compiler or a binding that calls Python from C cannot hand an exception on: it prints it, and
+goes on. The signal is therefore remembered, and long work asks for it between its steps.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_told = threading.Event()
+
+
+@contextmanager
+def interruptible(*signals: signal.Signals) -> Iterator[None]:
+    """Raise a KeyboardInterrupt at each of some signals, also where a shell has them ignored."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's
+        return
+    _told.clear()
+    before = {each: signal.signal(each, _interrupt) for each in signals}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler or signal.SIG_DFL)
+
+
+def is_interrupted() -> bool:
+    """Return whether a signal has come since the last `interruptible` began."""
+    return _told.is_set()
+
+
+def check_interruption() -> None:
+    """Raise the KeyboardInterrupt of a signal that has come."""
+    if is_interrupted():
+        raise KeyboardInterrupt
+
+
+def _interrupt(*_: object) -> None:
+    _told.set()
+    raise KeyboardInterrupt

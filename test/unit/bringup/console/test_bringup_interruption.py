@@ -1,0 +1,54 @@
+"""Interruption by a signal, raised and remembered."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from contextlib import suppress
+
+import pytest
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.interruption import (
+    check_interruption,
+    interruptible,
+    is_interrupted,
+)
+
+
+def test_signal___interrupts_the_block___and_the_handler_before_is_back() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt), interruptible(signal.SIGTERM):
+        signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_signal___swallowed_by_a_library___interrupts_at_the_next_step() -> None:
+    with interruptible(signal.SIGTERM), terminal.progress() as show:
+        show("before", 0.0)
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt):
+            show("after", 0.5)
+
+
+def test_no_signal___nothing_is_raised___also_after_an_earlier_one() -> None:
+    with suppress(KeyboardInterrupt), interruptible(signal.SIGTERM):
+        signal.raise_signal(signal.SIGTERM)
+    assert is_interrupted()
+    with interruptible(signal.SIGTERM):
+        check_interruption()
+
+
+def test_other_thread___leaves_the_signals_alone() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    found = []
+
+    def work() -> None:
+        with interruptible(signal.SIGTERM):
+            found.append(signal.getsignal(signal.SIGTERM))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert found == [before]
