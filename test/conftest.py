@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,6 +12,11 @@ if TYPE_CHECKING:
 
 # As in the command: the matrices are small, and the threads of BLAS would wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# A shell ignores SIGINT in what it runs in the background, and the programs of the tests would
+# inherit that: Ctrl-C could not be tried.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # An example that takes long says that the machine is busy, and nothing about flexarm.
 settings.register_profile("flexarm", deadline=None, suppress_health_check=[HealthCheck.too_slow])
