@@ -254,6 +254,11 @@ def test_background___cancelled___stops_at_the_next_report() -> None:
         ({"update": "b"}, "update = b needs a reduction"),
         ({"reduction": "mrmc"}, "mrmc and known modes belong together"),
         ({"reduction": "mrm", "known_modes_hz": (9.4,)}, "mrmc and known modes belong together"),
+        (
+            {"reduction": "mrmc", "known_modes_hz": (9.4, float("nan"))},
+            "a known mode of nan Hz: give the frequency as a positive number",
+        ),
+        ({"reduction": "mrmc", "known_modes_hz": (-9.4,)}, "a known mode of -9.4 Hz"),
         ({"reduction": "mrm", "reduced_order": 0}, "reduced_order = 0 is too small: 1 or more"),
         (
             {"reduction": "mrmc", "known_modes_hz": (9.4, 24.0), "reduced_order": 3},

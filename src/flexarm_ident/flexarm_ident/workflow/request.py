@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from flexarm_core.errors import IdentificationError
@@ -77,6 +78,12 @@ class Request:
                         f"{field} = {value} needs a reduction: choose one of "
                         f"{', '.join(choice for choice in REDUCTIONS if choice != 'none')}"
                     )
+        for hz in self.known_modes_hz:
+            if not 0.0 < hz < math.inf:
+                raise IdentificationError(
+                    f"a known mode of {hz:g} Hz: give the frequency as a positive number "
+                    "(known_modes_hz, --known-mode)"
+                )
         if self.reduced_order is not None:
             self._check_reduced_order(self.reduced_order)
         if (self.reduction == "mrmc") != bool(self.known_modes_hz):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.errors import IdentificationError
+from flexarm_core.errors import DataError, IdentificationError
 from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.estimation.simulation_fit import is_compensated
 from flexarm_ident.estimation.streaming import excerpt, leading, validate_stream, without_bias
@@ -75,6 +75,8 @@ def run(
 
     Raises
     ------
+    DataError
+        If the records or their fitted parts are too short, or an input does not change in them.
     IdentificationError
         If the data or the request do not allow it.
     """
@@ -86,7 +88,13 @@ def run(
     in_memory = [record for record in measured if isinstance(record, IoData)]
     # Compensated drives show no friction that a model could be fitted to: the thesis's own way.
     friction_wanted = request.friction and not is_compensated(in_memory)
-    identification = _identify(trained, replace(request, friction=friction_wanted), progress)
+    try:
+        identification = _identify(trained, replace(request, friction=friction_wanted), progress)
+    except DataError as error:
+        if request.train_fraction < 1.0:
+            fitted = f"only the leading {request.train_fraction:.0%} of a record is fitted"
+            raise DataError(f"{error}; {fitted} (train_fraction)") from None
+        raise
     report("reduction", 0.0)
     reduction = _reduce(identification, request)
     report("validation", 0.0)
