@@ -113,10 +113,13 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
     following = steps[counted == 1] - 1.0
     scatter = _SIGMA * float(np.median(np.abs(following))) if len(following) else 0.0
     if scatter <= _STEADY:
-        # Losses bias the median of the steps; the line through the rounded ones is free of that.
+        # Losses bias the median of the steps; the line through the rounded ones is free of that, but
+        # for a long hole that was rounded wrong. The phase tells its length.
         rounded = np.concatenate([[0.0], np.cumsum(np.rint(steps))])
-        period_s = _whole_rate(float(np.polyfit(rounded, times_s, 1)[0]))
-        instants = _by_phase(times_s / period_s)
+        for _ in range(2):
+            period_s = _whole_rate(float(np.polyfit(rounded, times_s, 1)[0]))
+            instants = _by_phase(times_s / period_s)
+            rounded = np.rint(instants)
     else:
         period_s, instants = _by_numbers(times_s, numbers)
     instants = np.where(_is_near(instants), np.rint(instants), instants)
