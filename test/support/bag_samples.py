@@ -232,3 +232,36 @@ def played_bag(path: Path, samples: int) -> list[Sent]:
         ]
     write_bag(path, messages)
     return messages
+
+
+def controlled_run(samples: int = 200) -> list[Sent]:
+    """Return what a controlled rig sends: samples, answers, and set-points now and then."""
+    messages: list[Sent] = []
+    for k in range(samples):
+        time_ns = START_NS + k * STEP_NS
+        if k % 50 == 0:
+            messages.append(reference(time_ns - 1, float(k)))
+        messages += [
+            arm_state(k + 1, time_ns, (0.1 * k, 1.0, 2.0, -0.1 * k), command_v=0.01 * k),
+            motor_command(k + 1, time_ns + 400_000, 0.01 * (k + 1)),
+        ]
+    return messages
+
+
+def outputs(k: int) -> tuple[float, float, float, float]:
+    """Return outputs that tell their number."""
+    return (float(k), 10.0 + k, 20.0 + k, -float(k))
+
+
+def open_loop(sequences: Sequence[int]) -> list[Sent]:
+    """Return states whose values tell their sequence number: command_v is 100 + sequence."""
+    return [
+        arm_state(
+            sequence,
+            START_NS + sequence * STEP_NS,
+            outputs(sequence),
+            command_v=100.0 + sequence,
+            compensation_v=0.5 * sequence,
+        )
+        for sequence in sequences
+    ]

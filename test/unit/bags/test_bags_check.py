@@ -20,9 +20,9 @@ from flexarm_ident.reading.read import read_bag
 from support.bag_samples import (
     START_NS,
     STEP_NS,
-    Sent,
     arm_state,
     channel_info,
+    controlled_run,
     io_sample,
     mcap_file,
     motor_command,
@@ -40,19 +40,6 @@ if TYPE_CHECKING:
 SAMPLES = 200
 
 
-def experiment(samples: int = SAMPLES) -> list[Sent]:
-    messages = []
-    for k in range(samples):
-        time_ns = START_NS + k * STEP_NS
-        if k % 50 == 0:
-            messages.append(reference(time_ns - 1, float(k)))
-        messages += [
-            arm_state(k + 1, time_ns, (0.1 * k, 1.0, 2.0, -0.1 * k), command_v=0.01 * k),
-            motor_command(k + 1, time_ns + 400_000, 0.01 * (k + 1)),
-        ]
-    return messages
-
-
 def problems(bag: Path) -> tuple[str, ...]:
     return check_bag(bag).problems
 
@@ -60,7 +47,7 @@ def problems(bag: Path) -> tuple[str, ...]:
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a good bag in several chunks."""
-    messages = experiment()
+    messages = controlled_run()
     path = tmp_path_factory.mktemp("whole") / "run"
     with BagWriter(path, recorded_topics(messages), flush_period_s=0.1) as bag:
         for message in messages:
@@ -133,7 +120,7 @@ def test_check___something_behind_the_end___is_noticed(copy: Path) -> None:
 
 
 def test_check___another_bag_s_metadata___is_noticed(copy: Path, tmp_path: Path) -> None:
-    other = write_bag(tmp_path / "other", experiment(100))
+    other = write_bag(tmp_path / "other", controlled_run(100))
     text = (other / "metadata.yaml").read_text("utf-8").replace("other_0", "run_0")
     (copy / "metadata.yaml").write_text(text, "utf-8")
     found = problems(copy)
@@ -222,7 +209,7 @@ def test_check___no_bag___is_an_error(tmp_path: Path) -> None:
 
 
 def test_check___recorder_that_was_killed___points_at_the_end(tmp_path: Path) -> None:
-    messages = experiment(20)
+    messages = controlled_run(20)
     writer = BagWriter(tmp_path / "run", recorded_topics(messages))
     for message in messages:
         writer.write(message.topic, message.raw, message.time_ns, message.time_ns)
@@ -235,7 +222,7 @@ def test_check___recorder_that_was_killed___points_at_the_end(tmp_path: Path) ->
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 def test_ros2_bag___as_recorded___is_read_played_and_good(tmp_path: Path, layout: Layout) -> None:
-    messages = experiment(60)
+    messages = controlled_run(60)
     bag = write_ros2_bag(tmp_path / "run", messages, layout)
     ours = read_bag(write_bag(tmp_path / "ours", messages))
 
@@ -265,7 +252,7 @@ def test_ros2_bag___as_recorded___is_read_played_and_good(tmp_path: Path, layout
 def test_foreign_bag___whole___is_good_with_notes(
     tmp_path: Path, storage: StoragePlugin, compression: CompressionMode
 ) -> None:
-    messages = experiment(60)
+    messages = controlled_run(60)
     found = check_bag(write_foreign_bag(tmp_path / "run", messages, storage, compression))
     assert (found.messages, found.problems) == (len(messages), ())
     assert any("checksum" in note for note in found.notes)
@@ -273,7 +260,7 @@ def test_foreign_bag___whole___is_good_with_notes(
 
 @pytest.mark.parametrize("layout", ["jazzy", "compressed_files"])
 def test_ros2_bag___damaged_chunk___is_noticed(tmp_path: Path, layout: str) -> None:
-    bag = write_ros2_bag(tmp_path / "run", experiment(60), LAYOUTS[layout])
+    bag = write_ros2_bag(tmp_path / "run", controlled_run(60), LAYOUTS[layout])
     file = min(bag.glob("*.mcap*"))
     raw = bytearray(file.read_bytes())
     raw[len(raw) // 2] ^= 0x10
@@ -282,7 +269,7 @@ def test_ros2_bag___damaged_chunk___is_noticed(tmp_path: Path, layout: str) -> N
 
 
 def test_sqlite___damaged___is_noticed(tmp_path: Path) -> None:
-    bag = write_foreign_bag(tmp_path / "run", experiment(60), StoragePlugin.SQLITE3)
+    bag = write_foreign_bag(tmp_path / "run", controlled_run(60), StoragePlugin.SQLITE3)
     (file,) = bag.glob("*.db3")
     raw = file.read_bytes()
     file.write_bytes(raw[: len(raw) // 2])

@@ -13,8 +13,8 @@ from support.bag_samples import (
     STEP_NS,
     Sent,
     arm_state,
+    controlled_run,
     motor_command,
-    reference,
     write_bag,
 )
 
@@ -24,25 +24,12 @@ if TYPE_CHECKING:
 SAMPLES = 200
 
 
-def experiment(samples: int = SAMPLES) -> list[Sent]:
-    messages = []
-    for k in range(samples):
-        time_ns = START_NS + k * STEP_NS
-        if k % 50 == 0:
-            messages.append(reference(time_ns - 1, float(k)))
-        messages += [
-            arm_state(k + 1, time_ns, (0.1 * k, 1.0, 2.0, -0.1 * k), command_v=0.01 * k),
-            motor_command(k + 1, time_ns + 400_000, 0.01 * (k + 1)),
-        ]
-    return messages
-
-
 def problems(bag: Path) -> tuple[str, ...]:
     return check_bag(bag).problems
 
 
 def test_check___missing_samples___are_counted(tmp_path: Path) -> None:
-    messages = [m for k, m in enumerate(experiment(30)) if k not in {10, 11, 13, 20}]
+    messages = [m for k, m in enumerate(controlled_run(30)) if k not in {10, 11, 13, 20}]
     found = problems(write_bag(tmp_path / "run", messages))
     (samples,) = [line for line in found if line.startswith("/flexarm/state: ")]
     (commands,) = [line for line in found if line.startswith("/flexarm/command: ")]

@@ -14,13 +14,14 @@ from flexarm_ident.records.iodata import ARM_OUTPUTS
 from support.bag_samples import (
     START_NS,
     STEP_NS,
-    Sent,
     arm_state,
     channel_info,
     commander_info,
     io_sample,
     mcap_file,
     motor_command,
+    open_loop,
+    outputs,
     recorded_topics,
     reference,
     typestore,
@@ -29,7 +30,6 @@ from support.bag_samples import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
 
@@ -42,24 +42,6 @@ FOREIGN = [
     (StoragePlugin.SQLITE3, CompressionMode.FILE),
     (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
 ]
-
-
-def outputs(k: int) -> tuple[float, float, float, float]:
-    return (float(k), 10.0 + k, 20.0 + k, -float(k))
-
-
-def open_loop(sequences: Sequence[int]) -> list[Sent]:
-    """Return states whose values tell their sequence number: command_v is 100 + sequence."""
-    return [
-        arm_state(
-            sequence,
-            START_NS + sequence * STEP_NS,
-            outputs(sequence),
-            command_v=100.0 + sequence,
-            compensation_v=0.5 * sequence,
-        )
-        for sequence in sequences
-    ]
 
 
 def test_read___own_rig___takes_the_input_from_the_sample_that_follows(tmp_path: Path) -> None:

@@ -13,39 +13,21 @@ from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import (
     START_NS,
     STEP_NS,
-    Sent,
     arm_state,
     channel_info,
     io_sample,
     mcap_file,
+    open_loop,
     recorded_topics,
     reference,
     write_bag,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
     from pathlib import Path
 
     from flexarm_ident import IoData
-
-
-def outputs(k: int) -> tuple[float, float, float, float]:
-    return (float(k), 10.0 + k, 20.0 + k, -float(k))
-
-
-def open_loop(sequences: Sequence[int]) -> list[Sent]:
-    """Return states whose values tell their sequence number: command_v is 100 + sequence."""
-    return [
-        arm_state(
-            sequence,
-            START_NS + sequence * STEP_NS,
-            outputs(sequence),
-            command_v=100.0 + sequence,
-            compensation_v=0.5 * sequence,
-        )
-        for sequence in sequences
-    ]
 
 
 def test_read___two_rigs_in_one_bag___wants_a_choice(tmp_path: Path) -> None:
