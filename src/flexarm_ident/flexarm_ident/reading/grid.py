@@ -113,8 +113,8 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
     following = steps[counted == 1] - 1.0
     scatter = _SIGMA * float(np.median(np.abs(following))) if len(following) else 0.0
     if scatter <= _STEADY:
-        # Losses bias the median of the steps; the line through the rounded ones is free of that, but
-        # for a long hole that was rounded wrong. The phase tells its length.
+        # Losses bias the median of the steps; the line through the rounded ones is free of that,
+        # unless a long hole was rounded wrong. The phase tells its length.
         rounded = np.concatenate([[0.0], np.cumsum(np.rint(steps))])
         for _ in range(2):
             period_s = _whole_rate(float(np.polyfit(rounded, times_s, 1)[0]))
