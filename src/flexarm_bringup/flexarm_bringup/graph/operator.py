@@ -18,8 +18,9 @@ from flexarm_bringup.graph.run_watch import STATE, Run, RunWatch
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
+    from rcl_interfaces.msg import ParameterValue
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
@@ -112,17 +113,18 @@ class Operator(GraphClient):
 
     def values(self, name: str, parameters: tuple[str, ...]) -> dict[str, Any]:
         """Return parameters of a node by their names."""
-        request = GetParameters.Request(names=parameters)
-        response = self.call(GetParameters, f"{name}/get_parameters", request)
-        unknown = [
-            parameter
-            for parameter, value in zip(parameters, response.values, strict=False)
-            if value.type == ParameterType.PARAMETER_NOT_SET
-        ]
-        if unknown or len(response.values) != len(parameters):
+        found = self._values(name, parameters)
+        if not found:  # a node answers with nothing when it does not know one of them
+            unknown = [each for each in parameters if not self._values(name, (each,))]
             raise LaunchError(f"{name} has no parameter {', '.join(unknown or parameters)}")
-        values = map(parameter_value_to_python, response.values)
-        return dict(zip(parameters, values, strict=True))
+        return dict(zip(parameters, map(parameter_value_to_python, found), strict=True))
+
+    def _values(self, name: str, parameters: tuple[str, ...]) -> Sequence[ParameterValue]:
+        """Return parameter values; none when one is unknown or not set."""
+        request = GetParameters.Request(names=parameters)
+        values = self.call(GetParameters, f"{name}/get_parameters", request).values
+        known = [each for each in values if each.type != ParameterType.PARAMETER_NOT_SET]
+        return known if len(known) == len(parameters) else ()
 
     def await_recorder(self) -> None:
         """Wait for the last service that the recorder announces: then its readers are known too."""

@@ -58,8 +58,9 @@ def live_samples(record: IoData) -> FloatArray:
     where it keeps exactly one value for more than 20 samples. Filtering hides dead sensors, so the
     record has to be as measured. The weights have the shape (samples, outputs).
     """
-    live = np.where(np.isnan(record.y_measured), 0.0, 1.0)
-    for channel, y in enumerate(record.y.T):
+    measured = record.y_measured
+    live = np.where(np.isnan(measured), 0.0, 1.0)
+    for channel, y in enumerate(measured.T):
         for rows in _holds(y):
             live[rows.start : rows.stop, channel] = 0.0
     return live
@@ -69,9 +70,10 @@ def dead_stretches(record: IoData, channel: int) -> tuple[range, ...]:
     """Return the rows in which one output of a record as measured was dead while the rig moved.
 
     The output is dead as in `live_samples`, and another one or an input changes in most of the
-    samples. A simulated rig without noise rests with all outputs constant: that is no defect.
+    samples. A simulated rig without noise rests with all outputs constant: that is no defect. The
+    line that fills a hole between two equal values is none, either.
     """
-    holds = _holds(record.y[:, channel])
+    holds = _holds(record.y_measured[:, channel])
     if not holds:
         return ()
     others = np.delete(record.y, channel, axis=1)

@@ -13,7 +13,7 @@ from flexarm_ident.friction.layout import Drive
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.stick_slip import friction_force
-from flexarm_ident.records.signals import live_samples
+from flexarm_ident.records.signals import dead_stretches, live_samples
 from support.ident_systems import DT_S, arm_model, named
 
 if TYPE_CHECKING:
@@ -157,3 +157,13 @@ def test_live_samples___dead_gauge_and_resting_encoder___marks_the_gauge_only() 
     live = live_samples(data)
     assert np.flatnonzero(live[:, 0] == 0.0).tolist() == list(range(60))
     assert live[:, 1].all()
+
+
+def test_live_samples___filled_hole_between_two_equal_values___is_no_dead_sensor() -> None:
+    rng = np.random.default_rng(1)
+    y = rng.normal(size=(500, 2))
+    y[260] = y[199]
+    y[200:260] = np.nan
+    data = IoData(rng.normal(size=500), y, dt_s=DT_S, inputs=("u",), outputs=("a", "b"))
+    assert dead_stretches(data, 0) == ()
+    assert np.flatnonzero(live_samples(data)[:, 1] == 0.0).tolist() == list(range(200, 260))
