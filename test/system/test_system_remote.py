@@ -66,7 +66,7 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
     code, said = flexarm("set", "controller", "pd.kp=2", "pd.kd=900")
     assert code == 1
     assert said.startswith("flexarm: controller refused: ")
-    assert flexarm("set", "controller", "pd.kp=2") == (0, "controller pd.kp: 1.0 -> 2.0")
+    assert flexarm("set", "controller", "pd.kp=2e0") == (0, "controller pd.kp: 1.0 -> 2.0")
     assert flexarm("set", "controller", "pd.kp=2", "pd.kq=2") == (
         1,
         "flexarm: controller has no parameter pd.kq",

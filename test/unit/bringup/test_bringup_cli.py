@@ -43,3 +43,10 @@ def test_verb_that_is_not_there___is_refused() -> None:
     done = CliRunner().invoke(main, ["identity"])
     assert done.exit_code == 2
     assert "No such command" in done.output
+
+
+@pytest.mark.parametrize(("misspelt", "verb"), [("demmo", "demo"), ("identfy", "identify")])
+def test_verb___misspelt___is_told_with_the_nearest(misspelt: str, verb: str) -> None:
+    done = CliRunner().invoke(main, [misspelt])
+    assert done.exit_code == 2
+    assert f"No such command '{misspelt}'. Did you mean {verb}?" in done.output

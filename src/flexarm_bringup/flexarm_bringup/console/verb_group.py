@@ -6,6 +6,7 @@ import ast
 import os
 import signal
 import sys
+from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -74,8 +75,13 @@ class LazyVerbGroup(VerbGroup):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Import the verb that is called."""
-        name, stand_in, rest = super().resolve_command(ctx, args)
+        """Import the verb that is called; a misspelt one is told with the nearest."""
+        try:
+            name, stand_in, rest = super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            for near in get_close_matches(args[0], self.places, n=1):
+                error.message += f" Did you mean {near}?"
+            raise
         return name, stand_in and self.load(str(stand_in.name)), rest
 
     def load(self, verb: str) -> click.Command:

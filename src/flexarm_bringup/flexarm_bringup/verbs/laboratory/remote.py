@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -176,6 +176,8 @@ def _parsed(assignment: str) -> tuple[str, Any]:
 
 
 def _as_kind(value: object, present: object) -> object:
-    """Take a whole number for a float where a float is wanted: 2 for 2.0."""
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    return float(value) if whole and isinstance(present, float) else value  # type: ignore[arg-type]
+    """Take a number for a float where a float is wanted: 2 and 2e0, a text in YAML, for 2.0."""
+    if isinstance(present, float) and isinstance(value, (int, str)) and not isinstance(value, bool):
+        with suppress(ValueError):
+            return float(value)
+    return value
