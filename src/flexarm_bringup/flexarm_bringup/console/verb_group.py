@@ -80,7 +80,7 @@ class LazyVerbGroup(VerbGroup):
             name, stand_in, rest = super().resolve_command(ctx, args)
         except click.UsageError as error:
             for near in get_close_matches(args[0], self.places, n=1):
-                error.message += f" Did you mean {near}?"
+                raise click.UsageError(f"{error.message} Did you mean {near}?", ctx) from None
             raise
         return name, stand_in and self.load(str(stand_in.name)), rest
 
