@@ -19,7 +19,9 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # An example that takes long says that the machine is busy, and nothing about flexarm.
-settings.register_profile("flexarm", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# A run says today what it says tomorrow; `--hypothesis-profile explore` looks elsewhere each time.
+settings.register_profile("explore", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("flexarm", settings.get_profile("explore"), derandomize=True)
 settings.load_profile("flexarm")
 
 
