@@ -128,15 +128,15 @@ def _choice(
     )
     progress("range space", 1.0)
     if order is not None:
-        return Choice(selection, order, selection.reason)
+        return Choice(selection, order)
     gram, space = selection.gram.leading(block_rows), selection.space
     states = choose_order(gram, space, excerpts, stable=stable, feedthrough=feedthrough)
     if method != AUTO:
         progress("order", 1.0)
-        return Choice(selection, states, "")
+        return Choice(selection, states)
     reason = f"{selection.reason}; order {states} by the one-step errors"
     return weigh(
-        Choice(selection, states, reason),
+        Choice(selection._replace(reason=reason), states),
         records,
         excerpts,
         block_rows=block_rows,
@@ -155,7 +155,7 @@ def _linear_model(
     feedthrough: bool,
 ) -> Identification:
     """Return the model of the chosen order, without the records."""
-    selection, order, reason = chosen
+    selection, order = chosen
     model, fit, moved = fitted(selection, order, records, stable=stable, feedthrough=feedthrough)
     notes = []
     if moved:
@@ -181,7 +181,7 @@ def _linear_model(
         subspace=selection.space,
         records=(),
         samples=tuple(len(record) for record in records),
-        choice=reason,
+        choice=selection.reason,
     )
 
 

@@ -24,6 +24,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import count, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -32,7 +33,8 @@ from flexarm_core.errors import DataError, FlexarmError, IdentificationError
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.state_space import stabilise, state_space
-from flexarm_ident.subspace.choice import estimate
+from flexarm_ident.subspace.choice import estimate_from
+from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.methods import METHODS
 from flexarm_ident.subspace.order import largest_order
 
@@ -67,14 +69,10 @@ _SMALLEST_ERROR = 1e-6
 
 
 class Choice(NamedTuple):
-    """Estimator with its result, and the order of the model.
-
-    `reason` says in one sentence why; it is empty when both were given.
-    """
+    """Estimator with its result and the reason for it, and the order of the model."""
 
     selection: Selection
     order: int
-    reason: str
 
 
 class Fitted(NamedTuple):
@@ -164,20 +162,23 @@ def weigh(
     weighed = Weighed(first, spread(excerpts), stable=stable, feedthrough=feedthrough)
     weighed.add(first.selection, first.order)
     selections = [first.selection]
+    grams = {first.selection.gram.block_rows: first.selection.gram}
     for row in _others(METHODS[first.selection.method]):
+        needed = row.shifts(block_rows)
         with suppress(FlexarmError):  # the data do not suffice for it
+            if needed not in grams:
+                grams[needed] = block_gram(records, needed)
             selections.append(
-                estimate(records, excerpts, row.name, block_rows, feedthrough=feedthrough)
+                estimate_from(grams[needed], excerpts, row.name, feedthrough=feedthrough)
             )
-    rungs = [
-        (order, each) for orders in (COARSE, LADDER) for order in orders for each in selections
-    ]
-    for done, (order, selection) in enumerate(rungs):
-        if done == len(COARSE) * len(selections) and weighed.first_stays:
+    steps, total = count(1), (len(COARSE) + len(LADDER)) * len(selections)
+    for orders in (COARSE, LADDER):
+        for order, selection in product(orders, selections):
+            if order <= largest_order(selection.space):
+                weighed.add(selection, order)
+            progress("order", next(steps) / total)
+        if weighed.first_stays:
             break
-        if order <= largest_order(selection.space):
-            weighed.add(selection, order)
-        progress("order", (done + 1) / len(rungs))
     progress("order", 1.0)
     return weighed.choice()
 
@@ -245,14 +246,15 @@ class Weighed:
         smallest = f"the best of {len(self._candidates)} models {best.error:.3g} ({best.name})"
         if self.first_stays:
             error = f"{self._first_error:.3g} in free simulation"
-            return first._replace(reason=f"{first.reason}: {error}, {smallest}")
+            reason = f"{first.selection.reason}: {error}, {smallest}"
+            return Choice(first.selection._replace(reason=reason), first.order)
         chosen = most_parsimonious(list(self._candidates.values()), best)
         reason = (
             f"{chosen.name} was chosen: {chosen.error:.3g} in free simulation, "
             f"{self._first_error:.3g} by {first.selection.method} of order {first.order}, which "
             f"the one-step errors call for, {smallest}"
         )
-        return Choice(chosen.selection, chosen.order, reason)
+        return Choice(chosen.selection._replace(reason=reason), chosen.order)
 
     @property
     def _first_error(self) -> float:

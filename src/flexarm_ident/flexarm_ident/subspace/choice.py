@@ -56,9 +56,16 @@ def estimate(
 
     The excerpts are the records themselves, or leading parts that fit into memory.
     """
-    row = METHODS[method]
-    gram = block_gram(records, row.shifts(block_rows))
-    return Selection(method, "", gram, row.build(Data(gram, excerpts, feedthrough)))
+    gram = block_gram(records, METHODS[method].shifts(block_rows))
+    return estimate_from(gram, excerpts, method, feedthrough=feedthrough)
+
+
+def estimate_from(
+    gram: BlockGram, excerpts: Sequence[IoData], method: str, *, feedthrough: bool
+) -> Selection:
+    """Return the result of one estimator, from products of as many block rows as it needs."""
+    space = METHODS[method].build(Data(gram, excerpts, feedthrough))
+    return Selection(method, "", gram, space)
 
 
 def select_method(
