@@ -25,6 +25,16 @@ START_NS = 1_700_000_000_000_000_000
 STEP_NS = 2_000_000
 PLAYED_STEP_NS = STEP_NS
 """Period of `played_bag`."""
+FOREIGN_FORMATS = [
+    (StoragePlugin.MCAP, CompressionMode.NONE),
+    (StoragePlugin.MCAP, CompressionMode.STORAGE),
+    (StoragePlugin.MCAP, CompressionMode.FILE),
+    (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+    (StoragePlugin.SQLITE3, CompressionMode.NONE),
+    (StoragePlugin.SQLITE3, CompressionMode.FILE),
+    (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+]
+"""Storages and compressions that rosbags writes."""
 
 
 class Sent(NamedTuple):

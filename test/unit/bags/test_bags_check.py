@@ -18,6 +18,7 @@ from flexarm_bags.writer import BagWriter
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.read import read_bag
 from support.bag_samples import (
+    FOREIGN_FORMATS,
     START_NS,
     STEP_NS,
     arm_state,
@@ -237,18 +238,7 @@ def test_ros2_bag___as_recorded___is_read_played_and_good(tmp_path: Path, layout
     assert found.notes
 
 
-@pytest.mark.parametrize(
-    ("storage", "compression"),
-    [
-        (StoragePlugin.SQLITE3, CompressionMode.NONE),
-        (StoragePlugin.SQLITE3, CompressionMode.FILE),
-        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
-        (StoragePlugin.MCAP, CompressionMode.NONE),
-        (StoragePlugin.MCAP, CompressionMode.STORAGE),
-        (StoragePlugin.MCAP, CompressionMode.FILE),
-        (StoragePlugin.MCAP, CompressionMode.MESSAGE),
-    ],
-)
+@pytest.mark.parametrize(("storage", "compression"), FOREIGN_FORMATS)
 def test_foreign_bag___whole___is_good_with_notes(
     tmp_path: Path, storage: StoragePlugin, compression: CompressionMode
 ) -> None:

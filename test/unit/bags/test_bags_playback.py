@@ -12,6 +12,7 @@ from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.playback import DueMessage, PlaybackError, PlaybackPlan, PlayedTopic
 from flexarm_bags.writer import BagWriter
 from support.bag_samples import (
+    FOREIGN_FORMATS,
     START_NS,
     Sent,
     arm_state,
@@ -109,15 +110,7 @@ def test_messages___any_bag___due_times_never_decrease(
     assert due[len(times_ns) - 1] == pytest.approx(span_s / rate)
 
 
-@pytest.mark.parametrize(
-    ("storage", "compression"),
-    [
-        (StoragePlugin.MCAP, CompressionMode.NONE),
-        (StoragePlugin.MCAP, CompressionMode.FILE),
-        (StoragePlugin.SQLITE3, CompressionMode.NONE),
-        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
-    ],
-)
+@pytest.mark.parametrize(("storage", "compression"), FOREIGN_FORMATS)
 def test_messages___foreign_bag___play_the_same(
     tmp_path: Path, storage: StoragePlugin, compression: CompressionMode
 ) -> None:

@@ -12,6 +12,7 @@ from flexarm_bags.writer import BagWriter
 from flexarm_ident.reading.read import read_bag, read_bag_report
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 from support.bag_samples import (
+    FOREIGN_FORMATS,
     START_NS,
     STEP_NS,
     arm_state,
@@ -31,17 +32,6 @@ from support.bag_samples import (
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-
-FOREIGN = [
-    (StoragePlugin.MCAP, CompressionMode.NONE),
-    (StoragePlugin.MCAP, CompressionMode.STORAGE),
-    (StoragePlugin.MCAP, CompressionMode.FILE),
-    (StoragePlugin.MCAP, CompressionMode.MESSAGE),
-    (StoragePlugin.SQLITE3, CompressionMode.NONE),
-    (StoragePlugin.SQLITE3, CompressionMode.FILE),
-    (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
-]
 
 
 def test_read___own_rig___takes_the_input_from_the_sample_that_follows(tmp_path: Path) -> None:
@@ -131,7 +121,7 @@ def test_read___commanders___tell_the_kind_of_loop(
     assert read_bag(write_bag(tmp_path / "run", [*said, *states])).closed_loop is closed_loop
 
 
-@pytest.mark.parametrize(("storage", "compression"), FOREIGN)
+@pytest.mark.parametrize(("storage", "compression"), FOREIGN_FORMATS)
 def test_read___foreign_bag___gives_the_same_record(
     tmp_path: Path, storage: StoragePlugin, compression: CompressionMode
 ) -> None:
