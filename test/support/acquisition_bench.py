@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.commander import Command
@@ -16,7 +17,7 @@ from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from flexarm_daq.loop.exchange import Record
 
@@ -172,3 +173,12 @@ def at_once(effort_v: Callable[[Record], float]) -> Callable[[Record], list[tupl
 
 def never(_: Record) -> list[tuple[float, Command]]:
     return []
+
+
+@contextmanager
+def acquisition_clock() -> Iterator[Clock]:
+    """Let the acquisition go by a new clock, also within one example of a property test."""
+    with pytest.MonkeyPatch.context() as patch:
+        made = Clock()
+        patch.setattr("flexarm_daq.loop.acquisition.time", made)
+        yield made

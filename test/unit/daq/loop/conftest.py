@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pytest
 
-from support.acquisition_bench import Clock
+from support.acquisition_bench import Clock, acquisition_clock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+def clock() -> Iterator[Clock]:
     """Return the clock by which the acquisition goes."""
-    made = Clock()
-    monkeypatch.setattr("flexarm_daq.loop.acquisition.time", made)
-    return made
+    with acquisition_clock() as made:
+        yield made

@@ -15,6 +15,7 @@ from support.acquisition_bench import (
     PERIOD_S,
     Bench,
     Clock,
+    acquisition_clock,
     at_once,
     never,
     reply,
@@ -215,9 +216,7 @@ def test_real_time___answers_go_on_over_skipped_periods___from_one_commander(clo
 def test_real_time___any_stalls___a_gap_in_the_numbers_is_a_gap_in_time(
     stalls: dict[int, float],
 ) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        made = Clock()
-        patch.setattr("flexarm_daq.loop.acquisition.time", made)
+    with acquisition_clock() as made:
         bench = Bench(
             made,
             lambda record: [

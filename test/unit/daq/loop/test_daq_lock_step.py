@@ -16,6 +16,7 @@ from support.acquisition_bench import (
     TIMEOUT_S,
     Bench,
     Clock,
+    acquisition_clock,
     at_once,
     never,
     reply,
@@ -208,9 +209,7 @@ def test_pace___told_to_stop_in_a_long_period___does_not_wait_on(clock: Clock) -
 )
 def test_pace_and_delays___any___give_the_same_samples(factor: float, delays: list[float]) -> None:
     def commands(pace: float, waits_s: list[float]) -> list[tuple[float, ...]]:
-        with pytest.MonkeyPatch.context() as patch:
-            made = Clock()
-            patch.setattr("flexarm_daq.loop.acquisition.time", made)
+        with acquisition_clock() as made:
             bench = Bench(
                 made,
                 lambda record: [
