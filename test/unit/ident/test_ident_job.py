@@ -156,7 +156,9 @@ def test_identify_bags___two_bags___writes_one_model_with_its_origin(tmp_path: P
     assert origin["method"] == "orse"
     assert Request(**json.loads(origin["request"]) | {"known_modes_hz": ()}) == QUICK
     assert f"numpy {np.__version__}" in origin["versions"]
-    assert origin["hash"] in (results.folder / "report.html").read_text(encoding="utf-8")
+    page = (results.folder / "report.html").read_text(encoding="utf-8")
+    assert origin["hash"] in page
+    assert "Written by the identification: model/model.yaml, model/model.json" in page
     assert {stage for stage, _ in told} == set(STAGES) - {"order", "friction", "refinement"}
     assert (told[0], told[-1]) == (("reading", 0.0), ("writing", 1.0))
 
