@@ -10,6 +10,7 @@ from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
@@ -39,7 +40,7 @@ _REQUEST_OPTIONS = (
     ),
     click.option(
         "--train-fraction",
-        type=click.FloatRange(0.0, 1.0, min_open=True),
+        type=FiniteRange(0.0, 1.0, min_open=True),
         default=0.5,
         show_default=True,
         help="Leading part of each record that is fitted.",
