@@ -93,6 +93,9 @@ def test_real_two_link_arm___arm___is_better_than_its_subspace_start(real: Outco
     found = real.identification
     assert found.start_error is not None
     assert np.all(found.fit_error < found.start_error)
+    arm, _, others = found.choice.partition("; of the linear ones, ")
+    assert arm.startswith(f"an arm with dry friction, order {found.order}, took the place")
+    assert "was chosen" in others
     linear = run(read_bag(BAG), Request(friction=False)).dmv_errors
     assert real.dmv_errors.mean() < linear.mean()
 
