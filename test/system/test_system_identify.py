@@ -192,7 +192,7 @@ def good_bag(folder: Path) -> Path:
         (
             short_bag,
             {},
-            "30 samples are too few, 40 .*; only the leading 50% of a record is fitted",
+            "the leading 30 of 60 samples are too few, .*, or fit a longer part .train_fraction",
         ),
         (constant_input, {}, "input command_v is constant, it excites nothing"),
         (not_finite, {}, "position_v is inf in row 300"),

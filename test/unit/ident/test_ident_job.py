@@ -279,13 +279,51 @@ def test_request___what_contradicts_itself___is_refused_before_the_fit(
         Request(**fields)
 
 
+def white_noise_record(samples: int) -> IoData:
+    """Return a record of a system with 1 input and 2 outputs, 100 Hz."""
+    u = np.random.default_rng(3).standard_normal((samples, 1))
+    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
+    return IoData(u, y, dt_s=0.01, inputs=("u",), outputs=("y", "z"))
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"block_rows": 80, "method": "orse"},
+            "the leading 300 of 600 samples are too few, block_rows = 80 needs at least 320: ",
+        ),
+        (
+            {"block_rows": 40},
+            r"leading 300 of 600 samples are too few, block_rows = 40 \(80 with those of the past\)",
+        ),
+        (
+            {"order": 500},
+            "40: 500; record: the leading 300 of 600 samples allow block_rows of at most 37: ",
+        ),
+    ],
+)
+def test_run___fitted_part_too_short___every_refusal_names_it_and_the_way_out(
+    fields: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(IdentificationError, match=message) as caught:
+        run(white_noise_record(600), Request(train_fraction=0.5, **fields))
+    assert str(caught.value).endswith(", or fit a longer part (train_fraction)")
+
+
+def test_run___known_mode_above_half_the_rate___is_refused_before_the_fit() -> None:
+    request = Request(reduction="mrmc", known_modes_hz=(9.4, 50.0))
+    told: list[str] = []
+    with pytest.raises(IdentificationError, match="known mode of 50 Hz .* samples at 100 Hz: "):
+        run(white_noise_record(600), request, progress=lambda stage, _: told.append(stage))
+    assert not told
+
+
 @pytest.mark.parametrize("known_modes_hz", [(), (5.0, 9.0, 14.0, 20.0, 26.0, 33.0)])
 def test_run___reduced_order_above_the_chosen_one___keeps_the_whole_model_with_a_note(
     known_modes_hz: tuple[float, ...],
 ) -> None:
-    u = np.random.default_rng(3).standard_normal((600, 1))
-    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
-    record = IoData(u, y, dt_s=0.01, inputs=("u",), outputs=("y", "z"))
+    record = white_noise_record(600)
     request = Request(
         block_rows=10,
         method="orse",
@@ -304,9 +342,7 @@ def test_run___reduced_order_above_the_chosen_one___keeps_the_whole_model_with_a
 
 
 def test_run___more_known_modes_than_the_chosen_order_holds___keeps_the_whole_model() -> None:
-    u = np.random.default_rng(3).standard_normal((600, 1))
-    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
-    record = IoData(u, y, dt_s=0.01, inputs=("u",), outputs=("y", "z"))
+    record = white_noise_record(600)
     request = Request(
         block_rows=8, method="orse", reduction="mrmc", known_modes_hz=(5.0, 9.0, 14.0, 20.0, 26.0)
     )

@@ -157,12 +157,13 @@ def test_identify___method_auto___names_what_it_chose() -> None:
         ),
         (
             {"order": 200},
-            "block_rows = 40: 200; .* has 1000 samples, which allow block_rows of at most 166",
+            "block_rows = 40: 200; .*: 1000 samples allow block_rows of at most 166: record longer",
         ),
-        ({"block_rows": 300}, "1000 samples are too few, 300 block rows need at least 1800"),
+        ({"block_rows": 300}, "1000 samples are too few, block_rows = 300 needs at least 1800: "),
         (
             {"block_rows": 100, "method": "orse_iv"},
-            "1000 samples are too few, 100 block rows need at least 1200",
+            r"1000 samples are too few, block_rows = 100 \(200 with those of the past\) needs at "
+            "least 1200: record longer or lower block_rows$",
         ),
     ],
 )
