@@ -102,9 +102,7 @@ def require_bag(path: Path) -> None:
         raise BagError(f"{path}: no such bag")
     if path.is_dir():
         if not (path / FILE_NAME).is_file():
-            raise BagError(
-                f"{path}: no bag: the folder has no {FILE_NAME}{repair_advice(path)}"
-            )
+            raise BagError(f"{path}: no bag: the folder has no {FILE_NAME}{repair_advice(path)}")
     elif path.suffix not in {".mcap", ".db3"}:
         raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
 

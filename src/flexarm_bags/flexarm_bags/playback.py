@@ -155,9 +155,7 @@ def _opened(bag: Path) -> Iterator[AnyReader]:
     except (PlaybackError, GeneratorExit):
         raise
     except Exception as error:
-        raise PlaybackError(
-            f"{bag}: cannot read: {one_line(error)}{repair_advice(bag)}"
-        ) from error
+        raise PlaybackError(f"{bag}: cannot read: {one_line(error)}{repair_advice(bag)}") from error
 
 
 def _qos(connection: Connection) -> TopicQos:

@@ -117,9 +117,7 @@ class Parameters:
     def _refuse_unknown(self) -> None:
         given = self._node._parameter_overrides  # noqa: SLF001 - rclpy tells it in no other way
         unknown = [
-            name
-            for name in given
-            if not (self._node.has_parameter(name) or name.startswith(_OPEN))
+            name for name in given if not (self._node.has_parameter(name) or name.startswith(_OPEN))
         ]
         if unknown:
             raise SettingError(

@@ -295,7 +295,7 @@ def white_noise_record(samples: int) -> IoData:
         ),
         (
             {"block_rows": 40},
-            r"leading 300 of 600 samples are too few, block_rows = 40 \(80 with those of the past\)",
+            r"300 of 600 samples are too few, block_rows = 40 \(80 with those of the past\) needs",
         ),
         (
             {"order": 500},
@@ -314,9 +314,22 @@ def test_run___fitted_part_too_short___every_refusal_names_it_and_the_way_out(
 def test_run___known_mode_above_half_the_rate___is_refused_before_the_fit() -> None:
     request = Request(reduction="mrmc", known_modes_hz=(9.4, 50.0))
     told: list[str] = []
-    with pytest.raises(IdentificationError, match="known mode of 50 Hz .* samples at 100 Hz: "):
+    with pytest.raises(IdentificationError, match=r"known mode of 50 Hz .* samples at 100 Hz: "):
         run(white_noise_record(600), request, progress=lambda stage, _: told.append(stage))
     assert not told
+
+
+def test_run___input_of_no_linear_law___note_asks_for_nothing_that_cannot_be_given() -> None:
+    u = np.random.default_rng(3).standard_normal((600, 1))
+    y = step_by_step(random_model(1, states=4, outputs=3, inputs=1), u)
+    outputs = ("position_v", "middle_strain_v", "speed_v")
+    record = IoData(u, y, dt_s=0.01, outputs=outputs, reference=np.ones(600))
+    outcome = run(record, Request(order=4, block_rows=10, method="orse"))
+    assert outcome.sfv is None
+    assert outcome.warnings[-1] == (
+        "no set-point following validation: no linear law of position, speed and middle strain "
+        "made the recorded effort"
+    )
 
 
 @pytest.mark.parametrize("known_modes_hz", [(), (5.0, 9.0, 14.0, 20.0, 26.0, 33.0)])

@@ -96,9 +96,7 @@ def _run_options(function: Callable[..., None]) -> Callable[..., None]:
 
 @click.command()
 @click.argument("names", nargs=-1, required=True)
-@click.option(
-    "--payload", "payload_kg", type=FiniteRange(0.0, 1.0), help="Instead of its own, kg."
-)
+@click.option("--payload", "payload_kg", type=FiniteRange(0.0, 1.0), help="Instead of its own, kg.")
 @_run_options
 @examples(
     "experiment C_dat3",
