@@ -61,7 +61,7 @@ class IdentNode(Node):
 
     def __init__(self) -> None:
         super().__init__("ident", namespace="/flexarm")
-        self._settings = Parameters(self, PARAMETERS, accept=_accept, later=("models.",))
+        self._settings = Parameters(self, PARAMETERS, accept=_accept)
         self._job: Background[Results] | None = None
         self._news = Future()
         self._stopping = threading.Event()

@@ -209,7 +209,8 @@ def write_results(
     """
     subject, provenance = _subject(name, outcome, measured)
     model_files = [Path(MODEL_FILE), *(Path(MODEL_FILE).with_suffix(each) for each in exports)]
-    listed = replace(subject, files=[str(file) for file in model_files])
+    place = folder.absolute().name
+    listed = replace(subject, files=[f"{place}/{file}" for file in model_files])
     report = render_report(listed, title=_title(name))
     with _staging(folder) as staging:
         for file in model_files:

@@ -171,12 +171,12 @@ def test_identify___method_auto___names_what_it_chose() -> None:
         ),
         (
             {"order": 200},
-            "block_rows = 40: 200; .* has 1000 samples, which allow block_rows of at most 166",
+            "block_rows = 40: 200; .*: 1000 samples allow block_rows of at most 166: record longer",
         ),
-        ({"block_rows": 300}, "1000 samples are too few, 300 block rows need at least 1800"),
+        ({"block_rows": 300}, "1000 samples are too few, block_rows = 300 needs at least 1800: "),
         (
             {"block_rows": 100, "method": "orse_iv"},
-            "1000 samples are too few, 100 block rows need at least 1200",
+            r"1000 samples are too few, block_rows = 100 \(200 with those of the past\) needs .*$",
         ),
     ],
 )
@@ -191,7 +191,9 @@ def test_identify___impossible_request___raises_one_clear_line(
 @pytest.mark.parametrize("level", [0.0, 1.5])
 def test_identify___constant_input___raises(level: float) -> None:
     data = arm_experiment(11, 1000)
-    with pytest.raises(DataError, match="input command_v is constant, it excites nothing"):
+    with pytest.raises(
+        DataError, match="input command_v is constant in 1000 samples, it excites nothing"
+    ):
         identify(replace(data, u=np.full_like(data.u, level)))
 
 

@@ -52,7 +52,7 @@ class Pieces:
         self.data, self.lengths = data, lengths
         self.inputs, self.outputs = data.inputs, data.outputs
         self.dt_s, self.label, self.notices = data.dt_s, "pieces", data.notices
-        self.closed_loop = data.closed_loop
+        self.closed_loop, self.whole_samples = data.closed_loop, len(data)
 
     def __len__(self) -> int:
         return len(self.data)

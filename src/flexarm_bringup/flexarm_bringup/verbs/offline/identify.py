@@ -10,6 +10,7 @@ from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
@@ -42,7 +43,7 @@ _REQUEST_OPTIONS = (
     ),
     click.option(
         "--train-fraction",
-        type=click.FloatRange(0.0, 1.0, min_open=True),
+        type=FiniteRange(0.0, 1.0, min_open=True),
         default=1.0,
         show_default=True,
         help="Leading part of each record that is fitted.",
@@ -53,7 +54,7 @@ _REQUEST_OPTIONS = (
     click.option("--order", type=click.IntRange(1), help="Order of the full model; else chosen."),
     click.option(
         "--singular-value-threshold",
-        type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+        type=FiniteRange(0.0, 1.0, min_open=True, max_open=True),
         help="Threshold of (2-22), a part of the largest singular value: sets the order.",
     ),
     click.option(
@@ -70,7 +71,12 @@ _REQUEST_OPTIONS = (
         show_default=True,
         help="Level subtracted from outputs: that of the rest at the start, first sample, or mean.",
     ),
-    click.option("--cutoff", "cutoff_hz", type=float, help="Low-pass filter, Hz; none by default."),
+    click.option(
+        "--cutoff",
+        "cutoff_hz",
+        type=FiniteRange(0.0, min_open=True),
+        help="Low-pass filter, Hz; none by default.",
+    ),
     click.option(
         "--filter-input/--filter-outputs-only",
         default=True,
