@@ -192,9 +192,9 @@ def good_bag(folder: Path) -> Path:
         (
             short_bag,
             {},
-            "30 samples are too few, 40 .*; only the leading 50% of a record is fitted",
+            "the leading 30 of 60 samples are too few, .*, or fit a longer part .train_fraction",
         ),
-        (constant_input, {}, "input command_v is constant, it excites nothing"),
+        (constant_input, {}, "command_v is constant in the leading 600 of 1200 samples, it exc"),
         (not_finite, {}, "position_v is inf in row 300"),
         (good_bag, {"order": 25, "block_rows": 20}, "order must lie between 1 and 19 .*: 25"),
         (good_bag, {"block_rows": 1}, "block_rows must be 2 or more: 1"),
