@@ -157,6 +157,8 @@ def _losses(
     """
     known_known, crossed = matrices[:, known][:, :, known], matrices[:, known][:, :, told]
     total = matrices[:, told, told]
+    rounding = _SMALLEST_ERROR * total.mean(axis=0)
+    rounding[rounding == 0.0] = 1.0
     # Per segment, the sums over its own side without itself, and over the other side.
     same = np.equal.outer(sides, sides)
     own = same & ~np.eye(len(sides), dtype=np.bool_)
@@ -165,7 +167,7 @@ def _losses(
         weights = chosen.astype(np.float64)
         models = _models(np.tensordot(weights, known_known, 1), np.tensordot(weights, crossed, 1))
         explained = np.sum(models * (2.0 * crossed - known_known @ models), axis=1)
-        powers.append(np.maximum(total - explained, _SMALLEST_ERROR * total))
+        powers.append(np.maximum(total - explained, rounding))
     return np.asarray(np.log(powers[0] / powers[1]))
 
 

@@ -10,6 +10,7 @@ Haugh, "Checking the independence of two covariance-stationary time series", JAS
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -55,6 +56,11 @@ _TOLD_OF_REST = 0.1
 _FEWEST = 2000
 _ANSWER_CHANCE = 0.01
 _ANSWER_LAGS = 50
+# A slow answer hides in each of these tests, but not from a regression on the smoothed inputs.
+_SMOOTHING = (0.0, 0.9, 0.99, 0.999, 1.0)
+_SLOW_SHARE = 0.05
+# Two thirds of the samples lie in the unit of this reach.
+_REACH = 5.0
 
 
 class _News(NamedTuple):
@@ -62,6 +68,13 @@ class _News(NamedTuple):
 
     outputs: FloatArray
     inputs: FloatArray
+
+
+class _Correlation(NamedTuple):
+    """Squared correlations by lags, summed over the outputs, and the same as a chi-square."""
+
+    share: FloatArray
+    evidence: FloatArray
 
 
 def answer_defects(record: IoData) -> Iterator[DataWarning]:
@@ -75,11 +88,12 @@ def answer_defects(record: IoData) -> Iterator[DataWarning]:
             {"share": gain_share},
             channel=name,
         )
-    news = _news(record)
+    tame = replace(record, y=_without_extremes(record.y_measured))
+    news = _news(tame)
     if news is None:
         return
-    yield from _unanswered(record, news, static)
-    yield from _delays(record, news)
+    yield from _unanswered(tame, news, static)
+    yield from _delays(tame, news)
 
 
 def static_outputs(record: IoData) -> dict[str, float]:
@@ -123,18 +137,18 @@ def _delays(record: IoData, news: _News) -> Iterator[DataWarning]:
     for name, u, fresh in zip(record.inputs, record.u.T, news.inputs.T, strict=True):
         if fresh.std() <= _SMALLEST_NEWS * u.std():
             continue
-        power = _lagged_power(white, fresh)
-        repeated = _lagged_power(fresh[:, np.newaxis] / fresh.std(), fresh).max() / len(fresh)
+        share, evidence = _correlation(white, fresh)
+        repeated = float(_correlation(fresh[:, np.newaxis] / fresh.std(), fresh).share.max())
         if repeated > _LARGEST_REPETITION:
             continue
-        chance = scipy.stats.chi2.isf(SIGNIFICANCE / len(power), degrees)
-        above = np.flatnonzero(power > max(chance, _LEAK * repeated * power.max()))
+        chance = scipy.stats.chi2.isf(SIGNIFICANCE / len(evidence), degrees)
+        above = np.flatnonzero((evidence > chance) & (share > _LEAK * repeated * share.max()))
         if not len(above) or above[0] < _SHORTEST_DELAY:
             continue
         delay = int(above[0])
-        early = power[:delay]
+        early = evidence[:delay]
         lags = np.arange(1, delay + 1) / (delay + 1.0)
-        gradual = power[delay] * np.sum(lags**_GRADUAL)
+        gradual = evidence[delay] * np.sum(lags**_GRADUAL)
         excess, scatter = np.sum(early - degrees), np.sqrt(2.0 * degrees * delay)
         if excess + _DEVIATIONS * scatter >= gradual:
             continue
@@ -142,7 +156,7 @@ def _delays(record: IoData, news: _News) -> Iterator[DataWarning]:
             "delay",
             f"no output answers {name} before {delay + 1} samples ({(delay + 1) * record.dt_s:.3g} "
             f"s): a delay of {delay} samples costs a state each; shift {name} by them, or find it",
-            {"samples": float(delay), "delay_s": delay * record.dt_s, "power": power[delay]},
+            {"samples": float(delay), "delay_s": delay * record.dt_s, "evidence": evidence[delay]},
             channel=name,
         )
 
@@ -159,6 +173,7 @@ def _unanswered(record: IoData, news: _News, static: dict[str, float]) -> Iterat
         if name not in static
         and constant_share(y) <= CONSTANT_SHARE
         and not _is_correlated(news.outputs[:, i], fresh)
+        and _slowly_told(record.u, y) < _SLOW_SHARE
     ]
     welch = spectra([record]) if silent else None
     if welch is None:
@@ -183,32 +198,57 @@ def _is_correlated(e: FloatArray, fresh: FloatArray) -> bool:
     deviation = float(e.std())
     if deviation == 0.0 or fresh.shape[1] == 0:
         return False
-    power = np.array([_lagged_power(e[:, np.newaxis] / deviation, each) for each in fresh.T])
+    power = np.array(
+        [_correlation(e[:, np.newaxis] / deviation, each).evidence for each in fresh.T]
+    )
     single = scipy.stats.chi2.isf(_ANSWER_CHANCE / power.size, 1)
     near = power[:, :_ANSWER_LAGS]
     joint = scipy.stats.chi2.isf(_ANSWER_CHANCE, near.size)
     return bool(power.max() > single or near.sum() > joint)
 
 
-def _lagged_power(white: FloatArray, fresh: FloatArray) -> FloatArray:
-    """Return the squared correlations with an input 1, 2, ... samples earlier, times the samples.
+def _slowly_told(u: FloatArray, y: FloatArray) -> float:
+    """Return the share of an output's power that a regression on the smoothed inputs tells."""
+    smooth = [scipy.signal.lfilter([1.0], [1.0, -a], _centred(u), axis=0) for a in _SMOOTHING]
+    signal = _centred(y[:, np.newaxis])
+    return 1.0 - float(np.mean(_remainder(_centred(np.hstack(smooth)), signal) ** 2))
 
-    Each is a sum over the outputs, which are uncorrelated and have unit variance.
+
+def _correlation(white: FloatArray, fresh: FloatArray) -> _Correlation:
+    """Return the correlation with an input 1, 2, ... samples earlier.
+
+    The outputs are uncorrelated and have unit variance. Where both signals jump at the same
+    instants, these count alone: the variance of the products is then larger than that of
+    independent signals, and stands in its place.
+    White, "A heteroskedasticity-consistent covariance matrix estimator", Econometrica 48 (1980).
     """
-    rows = len(white)
-    length = scipy.fft.next_fast_len(2 * rows)
-    transform = scipy.fft.rfft(fresh / fresh.std(), length)
-    cross = scipy.fft.irfft(
-        scipy.fft.rfft(white, length, axis=0) * transform.conj()[:, np.newaxis], length, axis=0
-    )
-    lags = np.arange(1, min(_LAGS, rows // _SAMPLES_PER_LAG) + 1)
-    return np.asarray(np.sum(cross[lags] ** 2, axis=1) / (rows - lags))
+    unit = (fresh / fresh.std())[:, np.newaxis]
+    lags = np.arange(1, min(_LAGS, len(white) // _SAMPLES_PER_LAG) + 1)
+    rows = (len(white) - lags)[:, np.newaxis]
+    squares = _lagged_sums(white, unit)[lags] ** 2
+    variance = np.maximum(_lagged_sums(white**2, unit**2)[lags], rows)
+    share, evidence = (np.sum(squares / scale, axis=1) for scale in (rows**2, variance))
+    return _Correlation(share, evidence)
+
+
+def _lagged_sums(late: FloatArray, early: FloatArray) -> FloatArray:
+    """Return the sums of the products of two signals over all rows, (lags, channels)."""
+    length = scipy.fft.next_fast_len(2 * len(late))
+    late_transform, early_transform = (scipy.fft.rfft(x, length, axis=0) for x in (late, early))
+    return np.asarray(scipy.fft.irfft(late_transform * early_transform.conj(), length, axis=0))
 
 
 def _longest(record: IoData) -> slice:
     """Return the rows of the longest stretch without a hole, at most as many as are looked at."""
     rows = max(stretches(record.y_usable), key=lambda each: each.stop - each.start)
     return slice(rows.start, min(rows.stop, rows.start + BACKGROUND_SAMPLES))
+
+
+def _without_extremes(y: FloatArray) -> FloatArray:
+    """Return outputs with outliers, which would drown every answer, cut off."""
+    low, middle, high = np.nanquantile(y, (0.16, 0.5, 0.84), axis=0)
+    reach = np.where(high > low, _REACH * (high - low), np.inf)
+    return np.clip(y, middle - reach, middle + reach)
 
 
 def _centred(signals: FloatArray) -> FloatArray:

@@ -26,8 +26,11 @@ _SIZE = 1.0
 # A vibration of high frequency jumps again and again; around an outlier the signal is quiet.
 _AROUND = 5
 _QUIET = 0.25
-# An input that steps so many samples before explains the output's jump.
+# An input that steps so many samples before explains the output's jump, unless it is larger by this
+# factor than nine of ten jumps behind such steps.
 _ANSWER = 3
+_UNUSUAL = 3.0
+_USUAL_SHARE = 0.9
 _FEWEST = 50
 
 
@@ -35,8 +38,7 @@ def outliers(record: IoData) -> Iterator[DataWarning]:
     """Yield the outputs of a record that have outliers, with their number and size."""
     explained = _answered(record)
     for name, y in zip(record.outputs, record.y.T, strict=True):
-        rows = _jumps(y)
-        rows = rows[~explained[rows]]
+        rows = _jumps(y, explained)
         if not len(rows):
             continue
         usual = np.delete(y, rows)
@@ -57,8 +59,11 @@ def outliers(record: IoData) -> Iterator[DataWarning]:
         )
 
 
-def _jumps(x: FloatArray) -> NDArray[np.intp]:
-    """Return the rows of a signal that jump off both neighbours and stand alone."""
+def _jumps(x: FloatArray, explained: BoolArray) -> NDArray[np.intp]:
+    """Return the rows of a signal that jump off both neighbours and stand alone.
+
+    Rows in which the jumps are explained are compared with each other.
+    """
     none = np.empty(0, dtype=np.intp)
     if len(x) < _FEWEST or constant_share(x) > CONSTANT_SHARE:
         return none
@@ -70,7 +75,9 @@ def _jumps(x: FloatArray) -> NDArray[np.intp]:
     jump = np.where(there_and_back, np.minimum(size[:-1], size[1:]), 0.0)
     low, high = np.quantile(x, (0.16, 0.84))
     limit = max(_JUMP * usual, _SIZE * 0.5 * float(high - low))
-    rows = np.flatnonzero(jump > limit) + 1
+    inner = explained[1:-1]
+    answer = _UNUSUAL * float(np.quantile(jump[inner], _USUAL_SHARE)) if inner.any() else 0.0
+    rows = np.flatnonzero(jump > np.where(inner, max(limit, answer), limit)) + 1
     return rows[[_is_alone(size, row, jump[row - 1]) for row in rows]] if len(rows) else none
 
 
@@ -87,6 +94,8 @@ def _answered(record: IoData) -> BoolArray:
     # A controller answers an outlier in the same row.
     first = 1 if record.closed_loop else 0
     answered = np.zeros(len(caused), dtype=np.bool_)
+    # The steps before the record are not known.
+    answered[: _ANSWER + 1] = True
     for lag in range(first, _ANSWER + 1):
         answered[lag:] |= caused[: len(caused) - lag]
     return answered

@@ -100,8 +100,8 @@ def _feedback(
         evidence = "the record states it, and its noise is too small to tell"
     yield DataWarning(
         "feedback",
-        f"closed-loop data: {evidence}; the controller feeds noise back into the input, so plain "
-        "ORSE is biased and a small bias remains with the other methods",
+        f"closed-loop data: {evidence}; plain ORSE is biased, and a small bias remains with the "
+        "other methods",
         figures,
         grade=Grade.INFORMATION if declared else Grade.CAUTION,
     )
