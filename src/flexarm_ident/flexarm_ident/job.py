@@ -235,8 +235,9 @@ def _identified(
 
 
 def _read(bag: Path, request: Request) -> Source:
-    # In pieces, the compensation is always removed.
-    if request.remove_compensation and sample_count(bag) > LARGEST_IN_MEMORY:
+    # In pieces, a record is prepared in the default way alone.
+    usual = request.remove_compensation and request.bias == "rest" and request.cutoff_hz is None
+    if usual and sample_count(bag) > LARGEST_IN_MEMORY:
         return stream_bag(bag)
     return read_bag(bag)
 

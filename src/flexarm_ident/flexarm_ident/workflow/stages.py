@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 # The chosen reduced order may cost this much of the fit.
 _REDUCTION_COST = 1.04
 _SMALLEST_REDUCED_ORDER = 4
+_FEEDTHROUGH = {"auto": None, "yes": True, "no": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +123,7 @@ def run(
         dmv=dmv,
         full_dmv_errors=_joined_errors(full_dmv, powers),
         dmv_errors=_joined_errors(dmv, powers),
+        cross_validation=identification.cross_validation,
         sfv=sfv,
         warnings=(*identification.warnings, *(reduction.warnings if reduction else ()), *notes),
     )
@@ -140,8 +142,13 @@ def _check_known_modes(request: Request, record: Source) -> None:
 
 def _prepared(record: Source, request: Request) -> _Record:
     if isinstance(record, IoData):
-        compensation = "remove" if request.remove_compensation else "keep"
-        data = preprocess(record, compensation=compensation)  # type: ignore[arg-type]
+        data = preprocess(
+            record,
+            compensation="remove" if request.remove_compensation else "keep",
+            bias=request.bias,
+            cutoff_hz=request.cutoff_hz,
+            filter_input=request.filter_input,
+        )
         return _Record(data, data)
     whole = without_bias(record)
     return _Record(whole, excerpt(whole))
@@ -153,9 +160,11 @@ def _identify(
     found = identify(
         [record.whole for record in trained],
         order=request.order,
+        singular_value_threshold=request.singular_value_threshold,
         block_rows=request.block_rows,
         method=request.method,
         stable=request.stabilise,
+        feedthrough=_FEEDTHROUGH[request.feedthrough],
         friction=request.friction,
         refine=request.refine,
         progress=progress,

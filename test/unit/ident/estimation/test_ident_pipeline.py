@@ -78,6 +78,20 @@ def test_suggest_order___clear_gap___is_found() -> None:
     assert suggest_order(np.array([5.0, 0.0, 0.0]), 2) == 1
 
 
+@pytest.mark.parametrize("order", range(1, 9))
+def test_identify___threshold_between_singular_values___sets_the_order(order: int) -> None:
+    data = arm_experiment(0, 3000)
+    values = identify(data, block_rows=20).singular_values
+    threshold = float(np.sqrt(values[order - 1] * values[order]) / values[0])
+    found = identify(data, block_rows=20, singular_value_threshold=threshold)
+    assert found.order == order
+
+
+def test_identify___threshold_below_too_many_singular_values___says_what_to_do() -> None:
+    with pytest.raises(IdentificationError, match="raise the threshold or block_rows"):
+        identify(arm_experiment(0, 3000), block_rows=8, singular_value_threshold=1e-12)
+
+
 def test_identify___feedthrough___is_recovered() -> None:
     model = random_model(3, feedthrough=True)
     found = identify(record(model, 500, seed=3), order=5, block_rows=10, feedthrough=True)

@@ -14,11 +14,14 @@ from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
+from flexarm_ident.records.preprocess import BIASES
 from flexarm_ident.subspace.methods import AUTO, METHODS
-from flexarm_ident.workflow.request import REDUCTIONS, UPDATES, Request
+from flexarm_ident.workflow.request import FEEDTHROUGH, REDUCTIONS, UPDATES, Request
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from flexarm_core.arrays import FloatArray
 
 _METHODS = {AUTO: "chosen by the data"} | {row.name: row.help for row in METHODS.values()}
 
@@ -41,7 +44,7 @@ _REQUEST_OPTIONS = (
     click.option(
         "--train-fraction",
         type=FiniteRange(0.0, 1.0, min_open=True),
-        default=0.5,
+        default=1.0,
         show_default=True,
         help="Leading part of each record that is fitted.",
     ),
@@ -49,6 +52,37 @@ _REQUEST_OPTIONS = (
         "--block-rows", type=click.IntRange(2), default=40, show_default=True, help="q of (2-18)."
     ),
     click.option("--order", type=click.IntRange(1), help="Order of the full model; else chosen."),
+    click.option(
+        "--singular-value-threshold",
+        type=FiniteRange(0.0, 1.0, min_open=True, max_open=True),
+        help="Threshold of (2-22), a part of the largest singular value: sets the order.",
+    ),
+    click.option(
+        "--feedthrough",
+        type=click.Choice(FEEDTHROUGH),
+        default="auto",
+        show_default=True,
+        help="Whether D is fitted.",
+    ),
+    click.option(
+        "--bias",
+        type=click.Choice(BIASES),
+        default="rest",
+        show_default=True,
+        help="Level subtracted from outputs: that of the rest at the start, first sample, or mean.",
+    ),
+    click.option(
+        "--cutoff",
+        "cutoff_hz",
+        type=FiniteRange(0.0, min_open=True),
+        help="Low-pass filter, Hz; none by default.",
+    ),
+    click.option(
+        "--filter-input/--filter-outputs-only",
+        default=True,
+        show_default=True,
+        help="Signals that the low-pass filter takes.",
+    ),
     click.option(
         "--reduction",
         type=click.Choice(REDUCTIONS),
@@ -154,17 +188,22 @@ def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: 
 def _show(results: job.Results, written: str) -> None:
     """Print modes, errors and warnings of a model, and what was written."""
     outcome = results.outcome
-    sfv = () if outcome.sfv is None else (*outcome.sfv.delta, outcome.sfv.mean)
+    left_out, sfv = outcome.cross_validation, outcome.sfv
     terminal.show_model(
         terminal.ShownModel(
-            outcome.modes,
-            outcome.records[0].outputs,
-            (*outcome.dmv_errors, outcome.dmv_errors.mean()),
-            sfv,
-            results.parameters,
-            outcome.warnings,
+            modes=outcome.modes,
+            outputs=outcome.records[0].outputs,
+            dmv=_with_mean(outcome.dmv_errors),
+            left_out=() if left_out is None else _with_mean(left_out.error),
+            sfv=() if sfv is None else _with_mean(sfv.delta),
+            parameters=results.parameters,
+            warnings=outcome.warnings,
         )
     )
     if outcome.identification.choice:
         terminal.CONSOLE.print(f"  method: {outcome.identification.choice}")
     terminal.CONSOLE.print(f"order {outcome.model.nstates}, {written}")
+
+
+def _with_mean(errors: FloatArray) -> tuple[float, ...]:
+    return (*errors.tolist(), float(errors.mean()))
