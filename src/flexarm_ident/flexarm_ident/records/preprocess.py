@@ -205,7 +205,7 @@ def _offsets(values: FloatArray) -> FloatArray:
 
 def _is_constant(values: FloatArray) -> BoolArray:
     low, high = column_range(values)
-    return low == high
+    return np.asarray(low == high)
 
 
 def _check_cutoff(data: IoData, cutoff_hz: float | None, decimation: int) -> None:
