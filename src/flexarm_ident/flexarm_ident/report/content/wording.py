@@ -34,6 +34,7 @@ CHECKS = {
     "law_changed": "Change of the law",
     "few_moves": "Number of moves",
     "held_drive": "Held drive",
+    "unit": "Unit",
     "excitation_band": "Excited band",
     "input_condition": "Richness of the input",
     "too_short": "Length",
@@ -42,7 +43,9 @@ CHECKS = {
 
 
 def error_text(delta: float) -> str:
-    """Return an error (2-25) with four decimals."""
+    """Return an error (2-25) with four decimals, a dash for that of a constant output."""
+    if math.isnan(delta):
+        return "-"
     return f"{delta:.4f}" if math.isfinite(delta) else "∞"
 
 
