@@ -78,7 +78,9 @@ def _jumps(x: FloatArray, explained: BoolArray) -> NDArray[np.intp]:
     inner = explained[1:-1]
     answer = _UNUSUAL * float(np.quantile(jump[inner], _USUAL_SHARE)) if inner.any() else 0.0
     rows = np.flatnonzero(jump > np.where(inner, max(limit, answer), limit)) + 1
-    return rows[[_is_alone(size, row, jump[row - 1]) for row in rows]] if len(rows) else none
+    return (
+        rows[[_is_alone(size, row, jump[row - 1]) for row in rows.tolist()]] if len(rows) else none
+    )
 
 
 def _is_alone(steps: FloatArray, row: int, jump: float) -> bool:

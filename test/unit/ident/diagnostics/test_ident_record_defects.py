@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SAMPLES = 6000
-DRIVES = {
+DRIVES: dict[str, Callable[[np.random.Generator], Array]] = {
     "white": lambda rng: rng.normal(size=(SAMPLES, 1)),
     "coloured": lambda rng: signal.lfilter([1.0], [1.0, -0.95], rng.normal(size=(SAMPLES, 1)), 0),
     "square": lambda rng: square_wave(SAMPLES, int(rng.integers(1000))),
@@ -43,11 +43,11 @@ def answer(u: Array, seed: int, model: control.StateSpace | None = None) -> IoDa
     return noisy(u, step_by_step(model or arm_model(), u), seed)
 
 
-def noisy(u: Array, y: Array, seed: int, **facts: bool) -> IoData:
+def noisy(u: Array, y: Array, seed: int) -> IoData:
     rng = np.random.default_rng(seed)
     y = y + 0.02 * y.std(axis=0) * rng.normal(size=y.shape)
-    outputs = [f"y{i}" for i in range(y.shape[1])]
-    return IoData(u, y, dt_s=DT_S, inputs=("u",), outputs=outputs, **facts)
+    outputs = tuple(f"y{i}" for i in range(y.shape[1]))
+    return IoData(u, y, dt_s=DT_S, inputs=("u",), outputs=outputs)
 
 
 def only(
