@@ -13,6 +13,7 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
+from flexarm_ident.reading.channels import CLOCKS, Selection, selection
 from flexarm_ident.subspace.methods import AUTO, METHODS
 from flexarm_ident.workflow.request import REDUCTIONS, UPDATES, Request
 
@@ -92,10 +93,39 @@ _REQUEST_OPTIONS = (
     ),
 )
 
+_CHANNEL_OPTIONS = (
+    click.option(
+        "--input",
+        "inputs",
+        multiple=True,
+        metavar="TOPIC.FIELD",
+        help="Input in a bag of other messages, such as /command.data; repeat. "
+        "NAME=TOPIC.FIELD names it.",
+    ),
+    click.option(
+        "--output",
+        "outputs",
+        multiple=True,
+        metavar="TOPIC.FIELD",
+        help="Output, such as /joint_states.position[0]; repeat.",
+    ),
+    click.option(
+        "--clock",
+        type=click.Choice(CLOCKS),
+        help="Instants of other messages; else headers where every topic has them.",
+    ),
+    click.option(
+        "--held/--interpolated",
+        default=True,
+        show_default=True,
+        help="Each input acts until the next one, or is measured and runs on lines between.",
+    ),
+)
+
 
 def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say what is to be done with bags: the fields of a `Request`."""
-    for option in reversed(_REQUEST_OPTIONS):
+    """Add the options that say what is taken from bags, and what is done: a `Request`'s fields."""
+    for option in reversed((*_CHANNEL_OPTIONS, *_REQUEST_OPTIONS)):
         function = option(function)
     return function
 
@@ -114,12 +144,15 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
     "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
     "identify bags/c_dat3_0g --export json,mat,h",
     "identify bags/quanser_2dsfl --refine",
+    "identify run1 --input /command.data --output '/joint_states.position[0]'",
 )
 def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) -> None:  # noqa: ANN401
     """Identify a model from bags; write parameters and report."""
-    exports = parse_exports(export)
+    exports, channels = parse_exports(export), _channels(options)
     with terminal.progress() as show:
-        results = job.identify_bags(bags, out, Request(**options), exports=exports, progress=show)
+        results = job.identify_bags(
+            bags, out, Request(**options), channels=channels, exports=exports, progress=show
+        )
     _show(results, f"results in {out}")
 
 
@@ -145,9 +178,22 @@ def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: 
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
+    channels = _channels(options)
     with terminal.progress() as show:
-        results = job.report_bags(bags, out, Request(**options), progress=show)
+        results = job.report_bags(bags, out, Request(**options), channels=channels, progress=show)
     _show(results, f"report in {out}")
+
+
+def _channels(options: dict[str, Any]) -> Selection | None:
+    """Take the channels out of the options; None when none is named."""
+    inputs, outputs, clock, held = (
+        options.pop(name) for name in ("inputs", "outputs", "clock", "held")
+    )
+    if not (inputs or outputs):
+        if clock or not held:
+            raise click.UsageError("--clock and --interpolated belong to --input and --output")
+        return None
+    return selection(inputs, outputs, clock=clock, interpolated=not held)
 
 
 def _show(results: job.Results, written: str) -> None:
