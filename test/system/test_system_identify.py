@@ -77,7 +77,7 @@ def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
     assert got_from(laboratory, "ident", list(parameters)) == parameters
     kept = [mode for mode in response.modes if mode.kept]
     assert sum(1 + (mode.eigenvalue_imaginary > 0.0) for mode in kept) == order
-    assert len(response.dmv) == len(response.sfv) == 5
+    assert len(response.dmv) == len(response.left_out) == len(response.sfv) == 5
     for errors in (response.dmv, response.sfv):
         assert errors[-1] == pytest.approx(np.mean(errors[:-1]))
     assert response.dmv[-1] < largest_dmv
@@ -191,15 +191,26 @@ def good_bag(folder: Path) -> Path:
         ),
         (
             short_bag,
-            {},
-            "30 samples are too few, 40 .*; only the leading 50% of a record is fitted",
+            {"train_fraction": 0.5},
+            "the leading 30 of 60 samples are too few, .*, or fit a longer part .train_fraction",
         ),
-        (constant_input, {}, "input command_v is constant, it excites nothing"),
+        (
+            constant_input,
+            {"train_fraction": 0.5},
+            "command_v is constant in the leading 600 of 1200 samples, it exc",
+        ),
         (not_finite, {}, "position_v is inf in row 300"),
         (good_bag, {"order": 25, "block_rows": 20}, "order must lie between 1 and 19 .*: 25"),
         (good_bag, {"block_rows": 1}, "block_rows must be 2 or more: 1"),
         (good_bag, {"method": "guess"}, "method must be one of auto, orse"),
         (good_bag, {"reduction": "some"}, "reduction must be one of none, mrm, msv, mrmc"),
+        (good_bag, {"feedthrough": "maybe"}, "feedthrough must be one of auto, yes, no: 'maybe'"),
+        (good_bag, {"bias": "median"}, "bias must be one of rest, first, mean, none: 'median'"),
+        (
+            good_bag,
+            {"singular_value_threshold": 1.5},
+            "singular_value_threshold is a part of the largest singular value, .*: 1.5",
+        ),
         (good_bag, {"update": "d"}, "update must be one of none, b, c"),
         (good_bag, {"train_fraction": 1.5}, "train_fraction must lie between 0 and 1: 1.5"),
     ],

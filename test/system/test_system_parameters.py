@@ -9,7 +9,6 @@ import pytest
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 
-from support.bag_samples import START_NS, reference, write_bag
 from support.system_graph import PACKAGES, Graph
 
 if TYPE_CHECKING:
@@ -81,30 +80,39 @@ def test_start___with_a_value_that_does_not_do___ends_with_one_line(
 
 
 @pytest.mark.parametrize("name", PACKAGES)
-def test_parameter_that_a_node_does_not_have___is_the_only_one_named(
-    graph: Graph, name: str, tmp_path: Path
+def test_parameter_that_a_node_does_not_have___is_refused_and_the_only_one_named(
+    graph: Graph, name: str
 ) -> None:
-    own: dict[str, dict[str, object]] = {
-        "player": {
-            "bag": str(write_bag(tmp_path / "played", [reference(START_NS, 1.0)])),
-            "stopped": True,
-        },
-        # As in the file of an identified model.
-        "ident": {"models.arm.a": [0.5]},
-    }
-    given = own.get(name, {}) | {"use_sim_time": False, "nonsense": 1}
+    # The others are rclpy's own, and those of an identified model, whose file is for every node.
+    given = {"use_sim_time": False, "models.arm.a": [0.5], "nonsense": 1}
     process = graph.start(name, given)
-    process.wait_for("nonsense")
-    graph.stop(process)
-
-    (line,) = [line for line in process.printed.splitlines() if "unknown" in line]
-    assert "WARN" in line
-    assert "parameter nonsense is unknown and has no effect" in line
+    assert process.exit_code() == 2
+    (line,) = process.printed.splitlines()
+    assert re.match(f"/flexarm/{name} has no parameter nonsense( .nearest: [a-z_.]+.)?: ", line)
 
 
-def test_misspelt_parameter___is_named_with_the_nearest(graph: Graph) -> None:
-    process = graph.start("daq", {"payload": 0.2})
-    process.wait_for("parameter payload is unknown and has no effect; did you mean payload_kg?")
+def test_misspelt_safety_limit_in_a_file___is_refused_with_the_nearest_name(
+    graph: Graph, tmp_path: Path
+) -> None:
+    file = tmp_path / "limits.yaml"
+    file.write_text("/**:\n  ros__parameters: {max_comand_v: 2.0, payload: 0.2}\n")
+    process = graph.start("daq", {}, "--params-file", str(file))
+    assert process.exit_code() == 2
+    assert process.printed == (
+        "/flexarm/daq has no parameter max_comand_v (nearest: max_command_v), "
+        "payload (nearest: payload_kg): correct the name or leave it out\n"
+    )
+
+
+def test_parameters_of_rclpy_and_of_models___are_taken(graph: Graph, tmp_path: Path) -> None:
+    file = tmp_path / "all.yaml"
+    file.write_text(
+        "/**:\n  ros__parameters:\n    use_sim_time: false\n    models: {arm: {a: [0.5]}}\n"
+        "    qos_overrides: {/parameter_events: {publisher: {depth: 100}}}\n"
+    )
+    process = graph.start("recorder", {}, "--params-file", str(file))
+    assert values_of(graph, "recorder", "use_sim_time") == [False]
+    assert graph.stop(process) == 0
 
 
 @pytest.mark.parametrize(

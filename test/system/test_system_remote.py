@@ -41,7 +41,16 @@ def test_status___shows_what_each_node_reports(graph: Graph) -> None:
 def test_status___without_a_graph___says_so(graph: Graph) -> None:
     process = graph.run([str(ROOT / "flexarm"), "status"])
     assert process.exit_code() == 1
-    assert process.printed == f"flexarm: no node reports in ROS domain {graph.domain}\n"
+    assert process.printed == (
+        f"flexarm: no node that reports was heard of in ROS domain {graph.domain} within 4 s\n"
+    )
+
+
+@pytest.mark.parametrize("verb", ["activate", "deactivate"])
+def test_node_without_a_lifecycle___is_refused_before_any_search(graph: Graph, verb: str) -> None:
+    process = graph.run([str(ROOT / "flexarm"), verb, "ident"])
+    assert process.exit_code() == 2
+    assert "'ident' is not one of 'daq', 'controller', 'experiment'" in process.printed
 
 
 def test_verbs___operate_a_running_graph(graph: Graph) -> None:
@@ -53,6 +62,9 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
     graph.node.create_subscription(ArmState, "state", states.append, qos.NEWEST)
     graph.start("controller", {"law": "pd", "pd.compensation_v": 0.9})
     graph.start("daq", {"rate_hz": 100.0})
+    # A verb waits for the discovery of a node, not for its start.
+    for name in ("controller", "daq"):
+        assert graph.state_of(name) == "unconfigured"
 
     assert flexarm("activate", "daq") == (0, "daq is active")
     assert flexarm("deactivate", "controller") == (

@@ -96,6 +96,23 @@ class Tally:
         return max(0, self.last_ns - self.first_ns)
 
 
+def require_bag(path: Path) -> None:
+    """Raise a BagError for a path that is no bag, before any parser wonders about its bytes."""
+    if not path.exists():
+        raise BagError(f"{path}: no such bag")
+    if path.is_dir():
+        if not (path / FILE_NAME).is_file():
+            raise BagError(f"{path}: no bag: the folder has no {FILE_NAME}{repair_advice(path)}")
+    elif path.suffix not in {".mcap", ".db3"}:
+        raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
+
+
+def repair_advice(path: Path) -> str:
+    """Return the end of a sentence about a damaged bag; empty where there is nothing to repair."""
+    has_mcap = any(path.glob("*.mcap")) if path.is_dir() else path.suffix == ".mcap"
+    return f"; try `flexarm bag repair {path} -o NEW`" if has_mcap else ""
+
+
 def read_information(bag: Path) -> dict[str, Any]:
     """Return the content of a folder's ``metadata.yaml`` below ``rosbag2_bagfile_information``.
 

@@ -14,8 +14,8 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
 
-from flexarm_bags.metadata import TopicQos
-from flexarm_core.errors import FlexarmError, one_line
+from flexarm_bags.metadata import TopicQos, repair_advice, require_bag
+from flexarm_core.errors import BagError, FlexarmError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -68,7 +68,7 @@ class PlaybackPlan:
     Raises
     ------
     PlaybackError
-        If a number is out of range or the bag is missing.
+        If a number is out of range, or there is no bag.
     """
 
     bag: Path
@@ -86,8 +86,10 @@ class PlaybackPlan:
             np.isfinite(self.duration_s) and self.duration_s > 0
         ):
             raise PlaybackError(f"duration {self.duration_s} s must be positive")
-        if not self.bag.exists():
-            raise PlaybackError(f"{self.bag}: no such bag")
+        try:
+            require_bag(self.bag)
+        except BagError as error:
+            raise PlaybackError(str(error)) from error
 
     def topics(self) -> tuple[PlayedTopic, ...]:
         """Return the topics that the player has to advertise, in the order of the bag.
@@ -153,9 +155,7 @@ def _opened(bag: Path) -> Iterator[AnyReader]:
     except (PlaybackError, GeneratorExit):
         raise
     except Exception as error:
-        raise PlaybackError(
-            f"{bag}: cannot read: {one_line(error)}; try `flexarm bag repair {bag} -o NEW`"
-        ) from error
+        raise PlaybackError(f"{bag}: cannot read: {one_line(error)}{repair_advice(bag)}") from error
 
 
 def _qos(connection: Connection) -> TopicQos:

@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from flexarm_bags.chunks import IndexedFile, Messages, NotIndexedError, read_topic, topic_pieces
 from flexarm_bags.columns import CdrError, alike, decode, members
-from flexarm_bags.metadata import FILE_NAME
+from flexarm_bags.metadata import repair_advice, require_bag
 from flexarm_core.errors import BagError, DataError, one_line
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def opened(path: Path) -> Iterator[Bag]:
         If the bag is missing or damaged: one line for anything that the parsers raise, here or
         while the bag is open.
     """
-    _require_bag(path)
+    require_bag(path)
     try:
         with ExitStack() as stack:
             # Databases of older recorders have no definitions.
@@ -142,19 +142,8 @@ def opened(path: Path) -> Iterator[Bag]:
         raise BagError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except Exception as error:
         raise BagError(
-            f"{path}: truncated or damaged: {one_line(error)}; "
-            f"try `flexarm bag repair {path} -o NEW`"
+            f"{path}: truncated or damaged: {one_line(error)}{repair_advice(path)}"
         ) from error
-
-
-def _require_bag(path: Path) -> None:
-    if not path.exists():
-        raise BagError(f"{path}: no such bag")
-    if path.is_dir():
-        if not (path / FILE_NAME).is_file():
-            raise BagError(f"{path}: no bag: the folder has no {FILE_NAME}")
-    elif path.suffix not in {".mcap", ".db3"}:
-        raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
 
 
 def _plain_mcap_files(reader: AnyReader) -> list[Path]:

@@ -8,6 +8,8 @@ truncated file has no index; its chunks are read one after the other, past the d
 from __future__ import annotations
 
 import struct
+from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from mmap import ACCESS_READ, mmap
@@ -16,16 +18,16 @@ from typing import TYPE_CHECKING
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema, Statistics
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 
 from flexarm_bags.layout import MAGIC, RECORD_START, CutError, parse, summary_of, walk
-from flexarm_bags.metadata import RecordedTopic, TopicQos
+from flexarm_bags.metadata import RecordedTopic, TopicQos, read_information
 from flexarm_bags.schema import MessageDefinition
 from flexarm_bags.writer import BagWriter, RecordingError
-from flexarm_core.errors import one_line
+from flexarm_core.errors import BagError, one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from mcap.records import McapRecord
@@ -45,13 +47,16 @@ class RepairSummary:
         The new bag.
     messages : int
         Messages in it.
-    damage : str
-        What could not be read; empty when every message was undamaged.
+    lost : int or None
+        Messages of the damaged bag that are not in it; None where their number stands nowhere.
+    damage : tuple of str
+        What could not be read, one line each; empty when every message was undamaged.
     """
 
     bag: Path
     messages: int
-    damage: str
+    lost: int | None
+    damage: tuple[str, ...]
 
 
 def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
@@ -71,41 +76,66 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
     """
     if not damaged.exists():
         raise RecordingError(f"{damaged}: no such bag")
-    files = sorted(damaged.glob("*.mcap")) if damaged.is_dir() else [damaged]
-    if not files:
-        raise RecordingError(f"{damaged}: no .mcap file in there to repair")
+    files = [_FileRepair(file) for file in _mcap_files(damaged)]
     topics: dict[str, RecordedTopic] = {}
-    for found, _ in _whole(files):
-        topics.setdefault(found.name, found)
+    for file in files:
+        for found, _ in file.messages():
+            topics.setdefault(found.name, found)
     if not topics:
         raise RecordingError(f"{damaged}: holds no whole message, nothing to repair")
-    damage: list[str] = []
     with BagWriter(repaired, list(topics.values())) as bag:
-        for topic, message in _whole(files, damage):
-            bag.write(topic.name, message.data, message.log_time, message.publish_time)
+        for file in files:
+            for topic, message in file.messages():
+                bag.write(topic.name, message.data, message.log_time, message.publish_time)
         count = bag.message_count
-    return RepairSummary(repaired, count, "; ".join(damage))
+    damage = tuple(line for file in files for line in file.damage())
+    stated = _stated_messages(damaged, files)
+    lost = None if damage and stated is None else max(0, (stated or count) - count)
+    return RepairSummary(repaired, count, lost, damage)
 
 
-def _whole(
-    files: list[Path], damage: list[str] | None = None
-) -> Iterator[tuple[RecordedTopic, Message]]:
-    """Yield the undamaged messages of each file, and note the damage."""
-    for file in files:
-        yield from _FileRepair(file, [] if damage is None else damage).messages()
+def _mcap_files(damaged: Path) -> list[Path]:
+    if not damaged.is_dir():
+        if damaged.suffix != ".mcap":
+            raise RecordingError(f"{damaged}: no bag of MCAP files: nothing else can be repaired")
+        return [damaged]
+    files = sorted(damaged.glob("*.mcap"))
+    if not files:
+        raise RecordingError(f"{damaged}: no .mcap file in there to repair")
+    return files
+
+
+def _stated_messages(damaged: Path, files: Sequence[_FileRepair]) -> int | None:
+    """Return the number of messages before the damage; None where it stands nowhere."""
+    stated = [file.stated for file in files]
+    if None not in stated:
+        return sum(number for number in stated if number is not None)
+    # A recorder that was killed leaves a zero there.
+    with suppress(BagError):
+        return int(read_information(damaged).get("message_count") or 0) or None
+    return None
 
 
 class _FileRepair:
-    """One file and its damage."""
+    """One file, its damage, and the number of its messages where it has its statistics."""
 
-    def __init__(self, file: Path, damage: list[str]) -> None:
+    def __init__(self, file: Path) -> None:
         self._file = file
-        self._damage = damage
+        self._damage: Counter[str] = Counter()
+        self.stated: int | None = None
+
+    def damage(self) -> list[str]:
+        """Return what could not be read, each kind once."""
+        return [
+            f"{self._file.name}: {text}" + (f" ({times} times)" if times > 1 else "")
+            for text, times in self._damage.items()
+        ]
 
     def messages(self) -> Iterator[tuple[RecordedTopic, Message]]:
+        """Yield the undamaged messages from the first one on, and note the damage."""
+        self._damage.clear()
         schemas: dict[int, Schema] = {}
         topics: dict[int, RecordedTopic] = {}
-        count, announced = 0, None
         for record in self._contents():
             if isinstance(record, Schema):
                 schemas[record.id] = record
@@ -116,11 +146,8 @@ class _FileRepair:
                     self._note(f"a definition is damaged: {one_line(error)}")
             elif isinstance(record, Message) and record.channel_id in topics:
                 yield topics[record.channel_id], record
-                count += 1
             elif isinstance(record, Statistics):
-                announced = record.message_count
-        if announced is not None and announced != count:
-            self._note(f"{announced - count} of {announced} messages are lost")
+                self.stated = record.message_count
 
     def _contents(self) -> Iterator[McapRecord]:
         """Yield the records, those in chunks among them.
@@ -190,12 +217,14 @@ class _FileRepair:
             at = data.find(_COMPRESSION, at + _COMPRESSION_AT + 1) - _COMPRESSION_AT
 
     def _note(self, text: str) -> None:
-        self._damage.append(f"{self._file.name}: {text}")
+        self._damage[text] += 1
 
 
 def _cause(error: Exception) -> str:
     if isinstance(error, CutError | EndOfFile | struct.error):
         return "it ends in the middle"
+    if isinstance(error, CRCValidationError):
+        return "it does not have its checksum"
     return one_line(error)
 
 

@@ -13,7 +13,7 @@ from flexarm_ident.fitting.validation import (
     validate_sfv,
 )
 from flexarm_ident.friction.arm_fit import ArmFit, fit_arm
-from flexarm_ident.friction.dry_friction import simulate_with_friction
+from flexarm_ident.friction.dry_friction import load_friction, simulate_with_friction
 from flexarm_ident.friction.layout import Drive
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.models.files import load_model, save_model
@@ -46,6 +46,7 @@ __all__ = [
     "estimate_coulomb",
     "fit_arm",
     "identify",
+    "load_friction",
     "load_model",
     "preprocess",
     "rank_table",

@@ -61,7 +61,7 @@ class IdentNode(Node):
 
     def __init__(self) -> None:
         super().__init__("ident", namespace="/flexarm")
-        self._settings = Parameters(self, PARAMETERS, accept=_accept, later=("models.",))
+        self._settings = Parameters(self, PARAMETERS, accept=_accept)
         self._job: Background[Results] | None = None
         self._news = Future()
         self._stopping = threading.Event()
@@ -215,6 +215,9 @@ def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
     answer.dmv = [*outcome.dmv_errors.tolist(), float(outcome.dmv_errors.mean())]
     if outcome.sfv is not None:
         answer.sfv = [*outcome.sfv.delta.tolist(), outcome.sfv.mean]
+    if outcome.cross_validation is not None:
+        left_out = outcome.cross_validation.error
+        answer.left_out = [*left_out.tolist(), float(left_out.mean())]
     answer.report_path = str(results.folder)
     answer.success = True
     order, states = outcome.identification.order, outcome.model.nstates

@@ -215,7 +215,8 @@ def write_results(
     """
     subject, provenance = _subject(name, outcome, measured)
     model_files = [Path(MODEL_FILE), *(Path(MODEL_FILE).with_suffix(each) for each in exports)]
-    listed = replace(subject, files=[str(file) for file in model_files])
+    place = folder.absolute().name
+    listed = replace(subject, files=[f"{place}/{file}" for file in model_files])
     report = render_report(listed, title=_title(name))
     with _staging(folder) as staging:
         for file in model_files:
@@ -240,8 +241,9 @@ def _identified(
 
 
 def _read(bag: Path, request: Request) -> Source:
-    # In pieces, the compensation is always removed.
-    if request.remove_compensation and sample_count(bag) > LARGEST_IN_MEMORY:
+    # In pieces, a record is prepared in the default way alone.
+    usual = request.remove_compensation and request.bias == "rest" and request.cutoff_hz is None
+    if usual and sample_count(bag) > LARGEST_IN_MEMORY:
         return stream_bag(bag)
     return read_bag(bag)
 

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     Values = dict[str, Any]
 
 
-# Declared by rclpy when a topic that has them is made, which may be later.
-_MIDDLEWARE = "qos_overrides."
+# Not of one node: what rclpy declares with a topic, and models, whose files are for every node.
+_OPEN = ("qos_overrides.", "models.")
 
 
 def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
@@ -50,7 +50,8 @@ def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
 class Parameters:
     """The declared parameters of a node, read and changed as one set.
 
-    A parameter that is given at the start and that the node does not have is named in a warning.
+    A parameter that is given at the start and that the node does not have is refused: it may be a
+    misspelt safety limit.
 
     Parameters
     ----------
@@ -63,14 +64,12 @@ class Parameters:
         from it refuses the whole change with that line. It must not act on the values.
     apply : callable, optional
         Called with the complete set after a change was accepted, and not at the start.
-    later : tuple of str
-        Beginnings of names that the node may declare later on.
 
     Raises
     ------
     SettingError
-        When the values given at the start have the wrong type, are out of range or do not fit
-        together.
+        When the values given at the start are unknown, have the wrong type, are out of range or do
+        not fit together.
     """
 
     def __init__(
@@ -80,7 +79,6 @@ class Parameters:
         *,
         accept: Callable[[Mapping[str, Any]], object] | None = None,
         apply: Callable[[Mapping[str, Any]], None] | None = None,
-        later: tuple[str, ...] = (),
     ) -> None:
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
@@ -88,11 +86,11 @@ class Parameters:
         self._apply = apply
         for spec in specs:
             self._declare(spec)
+        self._refuse_unknown()
         self._values = self._read()
         reason = self._refusal(self._values)
         if reason:
             raise SettingError(reason)
-        self._warn_of_unknown((*later, _MIDDLEWARE))
         node.add_on_set_parameters_callback(self._on_set)
         node.add_post_set_parameters_callback(self._on_changed)
 
@@ -116,16 +114,20 @@ class Parameters:
                 f"parameter {spec.name} is out of its range, {spec.range_text}"
             ) from None
 
-    def _warn_of_unknown(self, later: tuple[str, ...]) -> None:
+    def _refuse_unknown(self) -> None:
         given = self._node._parameter_overrides  # noqa: SLF001 - rclpy tells it in no other way
-        for name in given:
-            if self._node.has_parameter(name) or name.startswith(later):
-                continue
-            near = get_close_matches(name, self._specs, n=1)
-            self._node.get_logger().warning(
-                f"parameter {name} is unknown and has no effect"
-                + (f"; did you mean {near[0]}?" if near else "")
+        unknown = [
+            name for name in given if not (self._node.has_parameter(name) or name.startswith(_OPEN))
+        ]
+        if unknown:
+            raise SettingError(
+                f"{self._node.get_fully_qualified_name()} has no parameter "
+                f"{', '.join(map(self._with_nearest, unknown))}: correct the name or leave it out"
             )
+
+    def _with_nearest(self, name: str) -> str:
+        near = get_close_matches(name, self._specs, n=1, cutoff=0.0)
+        return f"{name} (nearest: {near[0]})" if near else name
 
     def _refusal(self, values: Mapping[str, Any]) -> str | None:
         for name, spec in self._specs.items():

@@ -201,6 +201,16 @@ def test_messages___truncated_bag___points_to_the_repair(tmp_path: Path) -> None
         list(PlaybackPlan(bag).messages())
 
 
-def test_topics___folder_without_bag___says_so(tmp_path: Path) -> None:
-    with pytest.raises(PlaybackError, match="cannot read: Expected metadata file"):
-        PlaybackPlan(tmp_path).topics()
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [
+        ("", "no bag: the folder has no metadata.yaml$"),
+        ("README.md", "no bag: expected a rosbag2 folder or a .mcap or .db3 file$"),
+    ],
+)
+def test_plan___what_is_no_bag___is_not_to_be_repaired(
+    tmp_path: Path, name: str, complaint: str
+) -> None:
+    (tmp_path / "README.md").write_text("no bag")
+    with pytest.raises(PlaybackError, match=complaint):
+        PlaybackPlan(tmp_path / name)

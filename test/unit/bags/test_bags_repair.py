@@ -30,21 +30,23 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return Recording(tmp_path_factory.mktemp("recording") / "run")
 
 
-def repaired(damaged: Path, copy: Path) -> tuple[list[Sent], str]:
+def repaired(damaged: Path, copy: Path) -> tuple[list[Sent], list[str]]:
     """Return what a repair saves, and the damage it met."""
     try:
         summary = repair_bag(damaged, copy)
     except RecordingError as error:
         assert not copy.exists()
-        return [], str(error)
-    return content_of_file(copy), summary.damage
+        return [], [str(error)]
+    found = content_of_file(copy)
+    loss = [f"lost: {summary.lost}"] if summary.lost else []
+    return found, [*summary.damage, *loss]
 
 
 def test_undamaged_bag___copy_is_identical(recording: Recording, tmp_path: Path) -> None:
     summary = repair_bag(recording.bag, tmp_path / "copy")
 
     assert summary.bag == tmp_path / "copy"
-    assert (summary.messages, summary.damage) == (len(recording.messages), "")
+    assert (summary.messages, summary.lost, summary.damage) == (len(recording.messages), 0, ())
     assert content(summary.bag) == content(recording.bag) == recording.messages
 
 
@@ -91,8 +93,10 @@ def test_file_cut_anywhere___every_whole_chunk_is_saved(
     else:
         summary = repair_bag(damaged, folder / "copy")
         assert summary.messages == whole
+        # The metadata beside the file tells how many there were.
+        assert summary.lost == len(recording.messages) - whole
         assert summary.damage
-        assert "\n" not in summary.damage
+        assert not any("\n" in line for line in summary.damage)
         assert content_of_file(folder / "copy") == recording.messages[:whole]
 
 
@@ -119,9 +123,10 @@ def test_one_wrong_byte_in_a_chunk___costs_the_messages_of_that_chunk(
 
     first = recording.whole_at(start)
     # Rarely the wrong byte does not matter: a bit of the compression that nobody reads.
-    lost = len(recording.messages[first:][:CHUNK]) if "chunk is damaged" in damage else 0
+    is_damaged = any("chunk is damaged" in line for line in damage)
+    lost = len(recording.messages[first:][:CHUNK]) if is_damaged else 0
     assert saved == [*recording.messages[:first], *recording.messages[first + lost :]]
-    assert f"{lost} of {len(recording.messages)} messages are lost" in damage or not lost
+    assert f"lost: {lost}" in damage or not lost
 
 
 @pytest.mark.slow
@@ -189,10 +194,9 @@ def test_chunk_of_another_kind___is_missed(recording: Recording, tmp_path: Path)
     raw[recording.chunks[1][0]] = 0x7F
     damaged = damaged_copy(recording, tmp_path / "run", bytes(raw))
     summary = repair_bag(damaged, tmp_path / "copy")
-    assert summary.messages == 105
+    assert (summary.messages, summary.lost) == (105, 16)
     assert summary.damage == (
-        f"{recording.file.name}: a chunk is damaged: its kind is overwritten; "
-        f"{recording.file.name}: 16 of 121 messages are lost"
+        f"{recording.file.name}: a chunk is damaged: its kind is overwritten",
     )
     assert content(tmp_path / "copy") == [*recording.messages[:16], *recording.messages[32:]]
 
@@ -225,7 +229,9 @@ def test_split_bag___damage_in_one_file_spares_the_other(
     summary = repair_bag(folder, tmp_path / "copy")
 
     assert summary.messages == CHUNK + len(recording.messages)
-    assert summary.damage.startswith("run_0.mcap: ")
+    assert all(line.startswith("run_0.mcap: ") for line in summary.damage)
+    # One file has no statistics, and there is no metadata.
+    assert summary.lost is None
 
 
 def test_bag_without_messages___has_nothing_to_repair(tmp_path: Path) -> None:
@@ -245,6 +251,23 @@ def test_text_in_place_of_a_bag___has_nothing_to_repair(tmp_path: Path) -> None:
 def test_folder_without_mcap_file___says_so(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"no \.mcap file in there"):
         repair_bag(tmp_path, tmp_path / "copy")
+
+
+def test_same_damage_in_several_chunks___is_told_once(recording: Recording, tmp_path: Path) -> None:
+    raw = bytearray(recording.file.read_bytes())
+    for start, _ in recording.chunks[1:4]:
+        raw[start] = 0x7F
+    summary = repair_bag(damaged_copy(recording, tmp_path / "run", bytes(raw)), tmp_path / "copy")
+    assert summary.lost == 3 * CHUNK
+    (line,) = summary.damage
+    assert line.endswith("a chunk is damaged: its kind is overwritten (3 times)")
+
+
+@pytest.mark.parametrize("name", ["README.md", "run.db3"])
+def test_file_of_another_kind___is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("no bag at all, but long enough to be one")
+    with pytest.raises(RecordingError, match=f"{name}: no bag of MCAP files"):
+        repair_bag(tmp_path / name, tmp_path / "copy")
 
 
 def test_missing_bag___says_so(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ from flexarm_ident.job import identify_bags, model_name, whole
 from flexarm_ident.models.files import load_model
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.workflow.request import Request
-from flexarm_ident.workflow.stages import run
 from support.bag_samples import START_NS, io_sample, write_bag
 from support.ident_systems import random_model, step_by_step
 
@@ -156,7 +155,9 @@ def test_identify_bags___two_bags___writes_one_model_with_its_origin(tmp_path: P
     assert origin["method"] == "orse"
     assert Request(**json.loads(origin["request"]) | {"known_modes_hz": ()}) == QUICK
     assert f"numpy {np.__version__}" in origin["versions"]
-    assert origin["hash"] in (results.folder / "report.html").read_text(encoding="utf-8")
+    page = (results.folder / "report.html").read_text(encoding="utf-8")
+    assert origin["hash"] in page
+    assert "Written by the identification: model/model.yaml, model/model.json" in page
     assert {stage for stage, _ in told} == set(STAGES) - {"order", "friction", "refinement"}
     assert (told[0], told[-1]) == (("reading", 0.0), ("writing", 1.0))
 
@@ -275,38 +276,3 @@ def test_request___what_contradicts_itself___is_refused_before_the_fit(
 ) -> None:
     with pytest.raises(IdentificationError, match=message):
         Request(**fields)
-
-
-@pytest.mark.parametrize("known_modes_hz", [(), (5.0, 9.0, 14.0, 20.0, 26.0, 33.0)])
-def test_run___reduced_order_above_the_chosen_one___keeps_the_whole_model_with_a_note(
-    known_modes_hz: tuple[float, ...],
-) -> None:
-    u = np.random.default_rng(3).standard_normal((600, 1))
-    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
-    record = IoData(u, y, dt_s=0.01, inputs=("u",), outputs=("y", "z"))
-    request = Request(
-        block_rows=10,
-        method="orse",
-        reduction="mrmc" if known_modes_hz else "mrm",
-        reduced_order=12,
-        known_modes_hz=known_modes_hz,
-        friction=False,
-    )
-    outcome = run(record, request)
-    full = outcome.identification.order
-    assert full < 12
-    assert outcome.model.nstates == full
-    assert all(mode.kept for mode in outcome.modes)
-    note = f"the whole model was kept: the data gave {full} states, 12 were to be kept"
-    assert any(warning.startswith(note) for warning in outcome.warnings)
-
-
-def test_run___more_known_modes_than_the_chosen_order_holds___keeps_the_whole_model() -> None:
-    u = np.random.default_rng(3).standard_normal((600, 1))
-    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
-    record = IoData(u, y, dt_s=0.01, inputs=("u",), outputs=("y", "z"))
-    request = Request(
-        block_rows=8, method="orse", reduction="mrmc", known_modes_hz=(5.0, 9.0, 14.0, 20.0, 26.0)
-    )
-    outcome = run(record, request)
-    assert outcome.model.nstates == outcome.identification.order < 10

@@ -28,13 +28,14 @@ _LEVEL = ".friction_level"
 class ShownModel(NamedTuple):
     """Facts of an identified model that the user sees.
 
-    Errors are those of (2-25), one per output and the mean; `sfv` may be empty. Of the parameters
-    `models.<name>.*` the friction is shown.
+    Errors are those of (2-25), one per output and the mean; `left_out`, on blocks left out of the
+    fit, and `sfv` may be empty. Of the parameters `models.<name>.*` the friction is shown.
     """
 
     modes: Iterable[ModeSummary | Mode]
     outputs: Sequence[str]
     dmv: Sequence[float]
+    left_out: Sequence[float]
     sfv: Sequence[float]
     parameters: Mapping[str, Any]
     warnings: Sequence[str]
@@ -44,8 +45,11 @@ def show_model(model: ShownModel) -> None:
     """Print modes, errors, dry friction and warnings."""
     CONSOLE.print(mode_table(model.modes))
     rows = [("data (DMV)", model.dmv)]
-    if len(model.sfv):
-        rows.append(("set-point (SFV)", model.sfv))
+    rows += [
+        (name, errors)
+        for name, errors in (("left out (CV)", model.left_out), ("set-point (SFV)", model.sfv))
+        if len(errors)
+    ]
     CONSOLE.print(error_table(model.outputs, rows))
     friction = friction_table(model.parameters)
     if friction.row_count:

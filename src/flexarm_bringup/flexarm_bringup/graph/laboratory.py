@@ -32,7 +32,8 @@ _NODES = {
     "daq": ("flexarm_daq", "daq_node"),
 }
 _KNOWN = {f"{NAMESPACE}/{name}" for name in (*_NODES, "tuner", "player")}
-_MANAGED = ("daq", "controller", "experiment")
+MANAGED = ("daq", "controller", "experiment")
+"""The nodes with a lifecycle."""
 LABORATORY = ("recorder", "ident", "controller", "daq")
 """The nodes of a running laboratory, in the order in which they start."""
 
@@ -72,7 +73,7 @@ def running_graph(
     with _claimed_domain(), session("operator", *checks) as operator:
         _require_free_domain(operator)
         with processes:
-            for name in _MANAGED:
+            for name in MANAGED:
                 if name in nodes:
                     operator.configure(name)
             if "recorder" in nodes:

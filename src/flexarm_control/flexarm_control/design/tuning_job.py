@@ -11,7 +11,7 @@ from flexarm_control.design.tuning import tune_pdp, tune_pi
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.nominal_models import nominal_model
 from flexarm_core.errors import IdentificationError, SettingError
-from flexarm_ident.models.ros_yaml import read_parameter_file
+from flexarm_ident.models import files
 from flexarm_ident.reading.read import read_bag_report
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
@@ -84,13 +84,14 @@ class TuneResult:
 
 
 def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
-    """Load models from parameter files, identify them from bags, or take nominal ones.
+    """Load models from files, identify them from bags, or take nominal ones.
 
     Parameters
     ----------
     names : sequence of str
-        Parameter files, bags (identified, reduced by MRM and updated by B), ``nominal:0.2`` for the
-        nominal model with 0.2 kg, ``nominal:0.2:flipped`` for it with the sign of y3 inverted.
+        Model files (YAML, JSON, MAT), bags (identified, reduced by MRM and updated by B),
+        ``nominal:0.2`` for the nominal model with 0.2 kg, ``nominal:0.2:flipped`` for it with the
+        sign of y3 inverted.
 
     Returns
     -------
@@ -110,11 +111,15 @@ def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
                 flip_middle_strain=name.endswith(_FLIPPED),
             )
             continue
+        if not Path(name).exists():
+            raise SettingError(
+                f"{name}: no such file: name a file from identify, a bag, or nominal:KG"
+            )
         try:
             if Path(name).is_dir():
                 models[name] = _identified(Path(name))
                 continue
-            found = read_parameter_file(name)
+            found = files.load_models(name)
         except IdentificationError as error:
             raise SettingError(str(error)) from error
         models.update({f"{name} {key}": model for key, model in found.items()})

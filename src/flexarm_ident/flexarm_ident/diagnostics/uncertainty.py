@@ -38,11 +38,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Jackknife:
-    """Estimates of A and C from all data and without one segment each, and the latter's data."""
+    """Estimates of A and C from all data and without one segment each.
+
+    `remainders` are the data of each of the latter, without the rows `left_out` of one record.
+    """
 
     whole: StateMatrices
     replicates: tuple[StateMatrices, ...]
     remainders: tuple[tuple[IoData, ...], ...]
+    left_out: tuple[Rows, ...]
+
+
+class Rows(NamedTuple):
+    """Rows of one of several records."""
+
+    record: int
+    rows: slice
 
 
 class ModeUncertainty(NamedTuple):
@@ -113,7 +124,10 @@ def jackknife(
         for gram in grams
     )
     return Jackknife(
-        estimate(whole), replicates, tuple(_without(checked, block_rows, part) for part in parts)
+        estimate(whole),
+        replicates,
+        tuple(_without(checked, block_rows, part) for part in parts),
+        tuple(_left_out(part, block_rows) for part in parts),
     )
 
 
@@ -172,6 +186,12 @@ def _without(records: Sequence[IoData], block_rows: int, segment: Segment) -> tu
         if high - low >= block_rows
     ]
     return (*records[: segment.record], *pieces, *records[segment.record + 1 :])
+
+
+def _left_out(segment: Segment, block_rows: int) -> Rows:
+    """Return the samples of a segment that no column before it reaches."""
+    first = min(segment.first + block_rows - 1, segment.last - 1) if segment.first else 0
+    return Rows(segment.record, slice(first, segment.last))
 
 
 def _matched(own: ComplexArray, A: FloatArray) -> ComplexArray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.errors import DataError
+from flexarm_core.errors import DataError, IdentificationError
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.diagnostics.stabilisation import stabilisation, subspace_matrices
 from flexarm_ident.diagnostics.uncertainty import (
@@ -16,6 +16,7 @@ from flexarm_ident.diagnostics.uncertainty import (
     jackknife,
     mode_uncertainty,
 )
+from flexarm_ident.estimation.cross_validation import cross_validate
 from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.records.preprocess import output_scale
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
         ModeUncertainty,
         ResponseUncertainty,
     )
+    from flexarm_ident.estimation.cross_validation import CrossValidation
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.friction.levels import CoulombEstimate
     from flexarm_ident.models.modes import Mode
@@ -66,8 +68,10 @@ class Identification:
         Numerical rank of the regression for B and x0.
     fit_condition : float
         Condition number of the regression for B and x0.
+    stable : bool
+        Whether unstable eigenvalues were to be moved into the unit circle.
     moved_eigenvalues : int
-        Number of unstable eigenvalues that were moved into the unit circle.
+        Number of those that were.
     notes : tuple of str
         Changes and compromises that the estimation made.
     gram : BlockGram
@@ -99,6 +103,7 @@ class Identification:
     input_condition: float
     fit_rank: int
     fit_condition: float
+    stable: bool
     moved_eigenvalues: int
     notes: tuple[str, ...]
     gram: BlockGram = field(repr=False)
@@ -169,18 +174,42 @@ class Identification:
         )
 
     @cached_property
-    def _jackknife(self) -> Jackknife | None:
-        if self.friction is not None or self.samples != tuple(map(len, self.records)):
+    def cross_validation(self) -> CrossValidation | None:
+        """Errors on blocks of the records that were left out of the fit.
+
+        None for records that are too short or streamed, for models that were fitted by simulation
+        error, and where a model without a block cannot be simulated.
+        """
+        if self.start_error is not None or not self._is_in_memory:
+            return None
+        try:
+            return cross_validate(
+                self.records,
+                self.gram.block_rows,
+                self._estimate,
+                stable=self.stable,
+                feedthrough=bool(np.any(self.model.D)),
+                noise_weighted=METHODS[self.method].noise_weighted,
+            )
+        except (DataError, IdentificationError):
             return None
 
-        def estimate(gram: BlockGram) -> StateMatrices:
-            data = Data(gram, self.records, feedthrough=bool(np.any(self.model.D)))
-            return METHODS[self.method].build(data).matrices(self.order)
-
+    @cached_property
+    def _jackknife(self) -> Jackknife | None:
+        if self.friction is not None or not self._is_in_memory:
+            return None
         try:
-            return jackknife(self.records, self.gram.block_rows, estimate)
+            return jackknife(self.records, self.gram.block_rows, self._estimate)
         except DataError:
             return None
+
+    @property
+    def _is_in_memory(self) -> bool:
+        return self.samples == tuple(map(len, self.records))
+
+    def _estimate(self, gram: BlockGram) -> StateMatrices:
+        data = Data(gram, self.records, feedthrough=bool(np.any(self.model.D)))
+        return METHODS[self.method].build(data).matrices(self.order)
 
     @cached_property
     def diagram(self) -> Stabilisation:

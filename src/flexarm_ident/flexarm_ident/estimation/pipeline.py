@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
+from flexarm_ident.estimation.direct_term import calls_for_feedthrough
 from flexarm_ident.estimation.identification import Identification
 from flexarm_ident.estimation.simulation_fit import refined, with_friction
 from flexarm_ident.estimation.streaming import excerpt
@@ -13,8 +14,8 @@ from flexarm_ident.estimation.weighing import Choice, fitted, weigh
 from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.subspace.choice import estimate, select_method
-from flexarm_ident.subspace.methods import AUTO
-from flexarm_ident.subspace.order import choose_order
+from flexarm_ident.subspace.methods import AUTO, METHODS
+from flexarm_ident.subspace.order import choose_order, order_above
 from flexarm_ident.subspace.request_check import check_request
 
 if TYPE_CHECKING:
@@ -28,10 +29,11 @@ def identify(
     data: IoData | Sequence[Source],
     *,
     order: int | None = None,
+    singular_value_threshold: float | None = None,
     block_rows: int = 40,
     method: str = "orse",
     stable: bool = True,
-    feedthrough: bool = False,
+    feedthrough: bool | None = False,
     friction: bool = False,
     refine: bool = False,
     progress: Progress | None = None,
@@ -52,6 +54,9 @@ def identify(
         Number of states, less than `block_rows`. By default one of 7 to 36 by an information
         criterion, see `choose_order`; with 'auto' one of 1 to 36 where free simulation calls for
         another, see `weighing`.
+    singular_value_threshold : float, optional
+        Threshold of (2-22) in units of the largest singular value, which sets an order that is left
+        open.
     block_rows : int
         Block rows of the Hankel matrices, q of (2-18).
     method : str
@@ -59,7 +64,8 @@ def identify(
     stable : bool
         Move unstable eigenvalues into the unit circle before B is fitted (section 3.2).
     feedthrough : bool
-        Fit D. The rig has none: a command acts after the sample it answers.
+        Fit D. The rig has none: a command acts after the sample it answers. None: where the
+        records call for it, see `direct_term`.
     friction : bool
         Look for dry friction. With `method` 'auto' and `order` open, an arm with friction may
         replace the model; see `with_friction` for the test.
@@ -83,16 +89,24 @@ def identify(
     report = progress or _silent
     check_request(records, order, block_rows, method)
     report("gram", 0.0)
-    chosen = _choice(
-        records,
-        excerpts,
-        method=method,
-        order=order,
-        block_rows=block_rows,
-        stable=stable,
-        feedthrough=feedthrough,
-        progress=report,
-    )
+
+    def choice(*, direct: bool) -> Choice:
+        return _choice(
+            records,
+            excerpts,
+            method=method,
+            order=order,
+            threshold=singular_value_threshold,
+            block_rows=block_rows,
+            stable=stable,
+            feedthrough=direct,
+            progress=report,
+        )
+
+    chosen = choice(direct=feedthrough is True)
+    if feedthrough is None:
+        feedthrough = calls_for_feedthrough(chosen, excerpts, stable=stable)
+        chosen = choice(direct=True) if feedthrough else chosen
     linear = _linear_model(
         chosen, records, block_rows=block_rows, stable=stable, feedthrough=feedthrough
     )
@@ -114,6 +128,7 @@ def _choice(
     *,
     method: str,
     order: int | None,
+    threshold: float | None,
     block_rows: int,
     stable: bool,
     feedthrough: bool,
@@ -127,9 +142,11 @@ def _choice(
         else estimate(records, excerpts, method, block_rows, feedthrough=feedthrough)
     )
     progress("range space", 1.0)
+    gram, space = selection.gram.leading(block_rows), selection.space
+    if order is None and threshold is not None:
+        order = order_above(threshold, space)
     if order is not None:
         return Choice(selection, order)
-    gram, space = selection.gram.leading(block_rows), selection.space
     states = choose_order(gram, space, excerpts, stable=stable, feedthrough=feedthrough)
     if method != AUTO:
         progress("order", 1.0)
@@ -156,7 +173,14 @@ def _linear_model(
 ) -> Identification:
     """Return the model of the chosen order, without the records."""
     selection, order = chosen
-    model, fit, moved = fitted(selection, order, records, stable=stable, feedthrough=feedthrough)
+    model, fit, moved = fitted(
+        selection,
+        order,
+        records,
+        stable=stable,
+        feedthrough=feedthrough,
+        noise_weighted=METHODS[selection.method].noise_weighted,
+    )
     notes = []
     if moved:
         verb = "was" if moved == 1 else "were"
@@ -175,6 +199,7 @@ def _linear_model(
         input_condition=selection.space.condition,
         fit_rank=fit.rank,
         fit_condition=fit.condition,
+        stable=stable,
         moved_eigenvalues=moved,
         notes=tuple(notes),
         gram=selection.gram,

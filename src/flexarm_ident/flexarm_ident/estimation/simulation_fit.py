@@ -106,6 +106,7 @@ def with_friction(
                     friction=fit.friction,
                     moved_eigenvalues=0,
                     notes=_notes(fit),
+                    choice=_choice(fit, start_error, found.choice),
                 )
             obstacle = "an arm with friction simulates the records no better than the linear model"
     if not coulomb.present:
@@ -181,6 +182,15 @@ def _errors(simulated: Sequence[FloatArray], records: Sequence[IoData]) -> Float
 
 def _better(error: FloatArray, start: FloatArray) -> bool:
     return bool(np.sum(error**2) < np.sum(start**2))
+
+
+def _choice(fit: ArmFit, start_error: FloatArray, linear: str) -> str:
+    """Return why the arm is the model, and what was chosen among the linear models before."""
+    return (
+        f"an arm with dry friction, order {fit.model.nstates}, took the place of the linear model: "
+        f"{np.mean(fit.error):.3g} in free simulation instead of {np.mean(start_error):.3g}; "
+        f"of the linear ones, {linear}"
+    )
 
 
 def _notes(fit: ArmFit) -> tuple[str, ...]:

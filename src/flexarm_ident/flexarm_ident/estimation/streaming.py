@@ -43,6 +43,7 @@ class Part:
         self.inputs, self.outputs = source.inputs, source.outputs
         self.dt_s, self.label = source.dt_s, source.label
         self.closed_loop, self.notices = source.closed_loop, source.notices
+        self.whole_samples = source.whole_samples
 
     def __len__(self) -> int:
         return self.samples

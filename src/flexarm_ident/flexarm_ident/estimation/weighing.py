@@ -225,6 +225,7 @@ class Weighed:
                 self._records,
                 stable=self._stable,
                 feedthrough=self._feedthrough,
+                noise_weighted=False,
             )
             made = Candidate(selection, model, self._records)
             if np.isfinite(made.error):
@@ -290,8 +291,11 @@ def fitted(
     *,
     stable: bool,
     feedthrough: bool,
+    noise_weighted: bool,
 ) -> Fitted:
     """Return the model of one order, with B, D and the initial states fitted to records.
+
+    Without `noise_weighted` the fit minimises the errors by which models are weighed.
 
     Raises
     ------
@@ -300,8 +304,7 @@ def fitted(
     """
     raw = found.space.matrices(order)
     A, moved = stabilise(raw.A) if stable else (raw.A, 0)
-    weighted = METHODS[found.method].noise_weighted
-    fit = fit_inputs(A, raw.C, records, feedthrough=feedthrough, noise_weighted=weighted)
+    fit = fit_inputs(A, raw.C, records, feedthrough=feedthrough, noise_weighted=noise_weighted)
     first = records[0]
     model = state_space(
         A, fit.B, raw.C, fit.D, first.dt_s, inputs=first.inputs, outputs=first.outputs
@@ -311,12 +314,18 @@ def fitted(
 
 def most_parsimonious(candidates: Sequence[Candidate], best: Candidate) -> Candidate:
     """Return the candidate of the smallest order that is as good as the best one."""
-    limit = _TOLERANCE * max(best.error, _SMALLEST_ERROR)
     by_order = sorted(candidates, key=lambda each: (each.order, each.error))
-    return next(each for each in by_order if each.error <= limit and _is_as_good(each, best))
+    return next(
+        each for each in by_order if within_tolerance(each, best) and within_scatter(each, best)
+    )
 
 
-def _is_as_good(one: Candidate, best: Candidate) -> bool:
+def within_tolerance(one: Candidate, best: Candidate) -> bool:
+    """Return whether an error exceeds the best's by at most 3 %."""
+    return one.error <= _TOLERANCE * max(best.error, _SMALLEST_ERROR)
+
+
+def within_scatter(one: Candidate, best: Candidate) -> bool:
     """Return whether a squared error exceeds the best's by at most two standard errors."""
     floor = _SMALLEST_ERROR**2
     weight = 1.0 / np.maximum(best.parts.sum(axis=0), floor)

@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.fitting.validation import Dmv, relative_errors
+from flexarm_ident.models.files import load_model, load_parameters
 from flexarm_ident.models.free_run import simulate_states
+from flexarm_ident.models.model_parameters import ModelFileError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     import control
 
@@ -149,3 +152,50 @@ def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:
         return {}
     values = (getattr(friction, each.name) for each in fields(friction))
     return {field: np.ravel(value).tolist() for field, value in zip(_FIELDS, values, strict=True)}
+
+
+def load_friction(path: Path | str) -> DryFriction | None:
+    """Read the dry friction beside the model of a file that `load_model` reads.
+
+    Parameters
+    ----------
+    path : Path or str
+        File of an identification, or of `save_model` with `friction_fields` in its provenance.
+
+    Returns
+    -------
+    DryFriction or None
+        The friction for `simulate_with_friction`; None when the model has none.
+
+    Raises
+    ------
+    ModelFileError
+        If the file or its model cannot be read, or a field of the friction is missing or does not
+        fit the model.
+    """
+    model = load_model(path)
+    found = {
+        field: value
+        for key, value in load_parameters(path).items()
+        if (field := key.rpartition(".")[2]) in _FIELDS
+    }
+    if not found:
+        return None
+    sizes = (*(len(_FIELDS) - 1) * ((model.ninputs,),), (model.ninputs, model.nstates))
+    return DryFriction(
+        *(_array(path, found, field, size) for field, size in zip(_FIELDS, sizes, strict=True))
+    )
+
+
+def _array(
+    path: Path | str, found: dict[str, object], field: str, size: tuple[int, ...]
+) -> FloatArray:
+    try:
+        entries = np.array(found[field], dtype=np.float64).reshape(size)
+    except (KeyError, TypeError, ValueError):
+        entries = np.array(np.nan)
+    if not np.isfinite(entries).all():
+        raise ModelFileError(
+            f"{path}: {field} is missing or does not fit the model: write the file again"
+        )
+    return entries

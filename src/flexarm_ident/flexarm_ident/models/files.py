@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_ident.models.c_header import c_header
-from flexarm_ident.models.mat import mat_bytes, models_in_mat
+from flexarm_ident.models.mat import mat_bytes, parameters_in_mat
 from flexarm_ident.models.model_parameters import (
     ModelFileError,
     flat_parameters,
@@ -16,7 +16,7 @@ from flexarm_ident.models.model_parameters import (
     models_in,
     nested_parameters,
 )
-from flexarm_ident.models.ros_yaml import models_in_text, parameter_text
+from flexarm_ident.models.ros_yaml import parameter_text, parameters_in_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -35,12 +35,12 @@ class Format:
     encode : callable
         From the name of the model and its flat parameters to the content.
     decode : callable or None
-        From the content to the models by name; raises `ModelFileError`. None for write-only
+        From the content to its flat parameters; raises `ModelFileError`. None for write-only
         formats.
     """
 
     encode: Callable[[str, Mapping[str, ParameterValue]], bytes]
-    decode: Callable[[bytes], dict[str, control.StateSpace]] | None
+    decode: Callable[[bytes], dict[str, object]] | None
 
 
 def _json_bytes(_name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
@@ -48,18 +48,18 @@ def _json_bytes(_name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
     return (json.dumps(tree, ensure_ascii=False, indent=1) + "\n").encode()
 
 
-def _models_in_json(content: bytes) -> dict[str, control.StateSpace]:
+def _parameters_in_json(content: bytes) -> dict[str, object]:
     try:
         tree = json.loads(content)
     except (ValueError, RecursionError) as error:
         raise ModelFileError(f"no JSON: {error}") from error
-    return models_in(flat_parameters(tree))
+    return flat_parameters(tree)
 
 
 FORMATS = {
-    ".yaml": Format(lambda _, parameters: parameter_text(parameters).encode(), models_in_text),
-    ".json": Format(_json_bytes, _models_in_json),
-    ".mat": Format(mat_bytes, models_in_mat),
+    ".yaml": Format(lambda _, parameters: parameter_text(parameters).encode(), parameters_in_text),
+    ".json": Format(_json_bytes, _parameters_in_json),
+    ".mat": Format(mat_bytes, parameters_in_mat),
     ".h": Format(lambda name, parameters: c_header(name, parameters).encode(), None),
 }
 """Suffix -> format: ROS parameter file, JSON, MATLAB version 5, C header."""
@@ -117,22 +117,42 @@ def load_model(path: Path | str) -> control.StateSpace:
     ModelFileError
         If the file cannot be read, or the model is incomplete or was changed after it was written.
     """
+    models = load_models(path)
+    if len(models) > 1:
+        raise ModelFileError(
+            f"{path}: holds the models {', '.join(models)}: models.files.load_models reads them all"
+        )
+    (model,) = models.values()
+    return model
+
+
+def load_models(path: Path | str) -> dict[str, control.StateSpace]:
+    """Read all models of a file by name, in the order of the file, as `load_model` reads one."""
+    parameters = load_parameters(path)
+    try:
+        return models_in(parameters)
+    except ModelFileError as error:
+        raise ModelFileError(f"{path}: {error}") from error
+
+
+def load_parameters(path: Path | str) -> dict[str, object]:
+    """Read the flat parameters of a file, those of its models among them, unchecked.
+
+    Raises
+    ------
+    ModelFileError
+        If the file cannot be read.
+    """
     decode = _format(path).decode
     if decode is None:
         readable = ", ".join(suffix for suffix, each in FORMATS.items() if each.decode)
         raise ModelFileError(f"{path}: this format is for compilers only: read one of {readable}")
     try:
-        models = decode(Path(path).read_bytes())
+        return decode(Path(path).read_bytes())
     except OSError as error:
         raise ModelFileError(f"{path}: {error.strerror}") from error
     except ModelFileError as error:
         raise ModelFileError(f"{path}: {error}") from error
-    if len(models) > 1:
-        raise ModelFileError(
-            f"{path}: holds the models {', '.join(models)}: read_parameter_file reads them all"
-        )
-    (model,) = models.values()
-    return model
 
 
 def parse_exports(text: str) -> tuple[str, ...]:

@@ -15,13 +15,11 @@ from flexarm_ident.models.model_parameters import (
     ModelFileError,
     flat_parameters,
     model_fields,
-    models_in,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    import control
     from numpy.typing import NDArray
 
     from flexarm_ident.models.model_parameters import ParameterValue
@@ -63,8 +61,8 @@ def mat_bytes(name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
     return _header(body) + body
 
 
-def models_in_mat(content: bytes) -> dict[str, control.StateSpace]:
-    """Return the one model in a MAT-file, by its name.
+def parameters_in_mat(content: bytes) -> dict[str, object]:
+    """Return the flat parameters of the one model in a MAT-file.
 
     Parameters
     ----------
@@ -74,7 +72,7 @@ def models_in_mat(content: bytes) -> dict[str, control.StateSpace]:
     Raises
     ------
     ModelFileError
-        If a variable is missing or damaged, or the hash is not that of the model.
+        If the file is damaged or lacks a variable.
     """
     header, body = content[:_HEADER_SIZE], content[_HEADER_SIZE:]
     if header.startswith(_OURS) and header != _header(body):
@@ -92,7 +90,25 @@ def models_in_mat(content: bytes) -> dict[str, control.StateSpace]:
     fields |= {key: [_scalar(cell) for cell in variables[key].ravel()] for key in _NAMES}
     fields |= {"states": len(variables["A"]), "hash": _scalar(variables["hash"])}
     fields["dt_s"] = _scalar(variables["dt"])
-    return models_in(flat_parameters({"models": {str(_scalar(variables["name"])): fields}}))
+    return flat_parameters(
+        {"models": {str(_scalar(variables["name"])): fields | _origin(variables)}}
+    )
+
+
+def _origin(variables: Mapping[str, Any]) -> dict[str, object]:
+    """Return the fields of the structure `provenance`: lists are columns, texts are lines."""
+    structure = variables.get("provenance")
+    if structure is None or structure.dtype.names is None or structure.size != 1:
+        return {}
+    found = {key: structure[key].item() for key in structure.dtype.names}
+    return {key: _entries(value) for key, value in found.items()}
+
+
+def _entries(value: Any) -> object:  # noqa: ANN401 - whatever the file held
+    array = np.asarray(value)
+    if array.dtype == object:
+        return [_scalar(cell) for cell in array.ravel()]
+    return _scalar(array) if array.dtype.kind == "U" else _list(array)
 
 
 def _header(body: bytes) -> bytes:

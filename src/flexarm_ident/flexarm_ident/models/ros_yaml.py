@@ -10,14 +10,11 @@ import yaml
 from flexarm_ident.models.model_parameters import (
     ModelFileError,
     flat_parameters,
-    models_in,
     nested_parameters,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    import control
 
     from flexarm_ident.models.model_parameters import ParameterValue
 
@@ -67,29 +64,14 @@ def parameter_text(parameters: Mapping[str, ParameterValue], *, node: str = "/**
     return text
 
 
-def read_parameter_file(path: Path | str) -> dict[str, control.StateSpace]:
-    """Return the models in a parameter file of any node by name, in the order of the file.
-
-    Parameters
-    ----------
-    path : Path or str
-        YAML file for ``--params-file``, with nested or flat keys.
+def parameters_in_text(text: bytes) -> dict[str, object]:
+    """Return the flat parameters in the text of a parameter file, of all its nodes together.
 
     Raises
     ------
     ModelFileError
-        If the file cannot be read, holds no model, or a model is damaged.
+        If it is no YAML.
     """
-    try:
-        return models_in_text(Path(path).read_bytes())
-    except OSError as error:
-        raise ModelFileError(f"{path}: {error.strerror}") from error
-    except ModelFileError as error:
-        raise ModelFileError(f"{path}: {error}") from error
-
-
-def models_in_text(text: bytes) -> dict[str, control.StateSpace]:
-    """Return the models in the text of a parameter file, see `read_parameter_file`."""
     try:
         document = yaml.safe_load(text.decode("utf-8"))
     except (ValueError, yaml.YAMLError) as error:
@@ -99,7 +81,7 @@ def models_in_text(text: bytes) -> dict[str, control.StateSpace]:
     for node in nodes:
         if isinstance(node, dict):
             parameters.update(flat_parameters(node.get("ros__parameters")))
-    return models_in(parameters)
+    return parameters
 
 
 class _Text(str):

@@ -5,7 +5,7 @@ Only the instants of its samples stay in memory.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -106,9 +106,14 @@ class BagStream(Header):
     def __len__(self) -> int:
         return self._rows
 
+    @property
+    def whole_samples(self) -> int:
+        """Number of samples: a bag is read from its first one to its last."""
+        return self._rows
+
     def head(self, samples: int) -> IoData:
         """Return the first `samples` samples as a record in memory (all if there are fewer)."""
-        return self.leading(self._open(), samples)
+        return replace(self.leading(self._open(), samples), head_of=self._rows)
 
     def chunks(self, samples: int) -> Iterator[Rows]:
         """Return u and y from the start, `samples` rows each, as `Samples.chunks` says."""

@@ -76,6 +76,9 @@ class IoData:
         Known defects of the recording, such as lost samples. An identification repeats them.
     missing : array_like of bool, (samples, outputs), optional
         Outputs that were not measured, beside those that are NaN. None: all were.
+    head_of : int, optional
+        Number of samples of the record that this one is the leading part of, as `head` gives it.
+        None: it is a record of its own.
 
     Raises
     ------
@@ -96,6 +99,7 @@ class IoData:
     reference: FloatArray | None = None
     notices: tuple[DataWarning, ...] = ()
     missing: BoolArray | None = None
+    head_of: int | None = None
 
     def __post_init__(self) -> None:
         self._set("inputs", tuple(self.inputs))
@@ -127,6 +131,11 @@ class IoData:
     def label(self) -> str:
         """Name of the record in messages."""
         return self.source or "record"
+
+    @property
+    def whole_samples(self) -> int:
+        """Number of samples of the record that this is the leading part of, or its own number."""
+        return len(self) if self.head_of is None else self.head_of
 
     @property
     def times_s(self) -> FloatArray:
@@ -165,7 +174,7 @@ class IoData:
 
     def head(self, samples: int) -> IoData:
         """Return the first `samples` samples (all of them if there are fewer)."""
-        return self.rows(slice(0, samples))
+        return replace(self.rows(slice(0, samples)), head_of=self.whole_samples)
 
     def split(self, fraction: float) -> tuple[IoData, IoData]:
         """Return the leading `fraction` of the record and the rest; DataError when one is empty."""
@@ -183,6 +192,7 @@ class IoData:
             compensation=None if self.compensation is None else self.compensation[rows],
             reference=None if self.reference is None else self.reference[rows],
             missing=None if self.missing is None else self.missing[rows],
+            head_of=None,
         )
 
     def _filled(self) -> FloatArray:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
 
 ZERO_MEAN_OUTPUTS = ("base_strain_v", "middle_strain_v")
+BIASES = ("rest", "first", "mean", "none")
 _LONGEST_REST_S = 1.0
 # The mean of fewer samples is noise that would be added to the whole record.
 _SHORTEST_REST = 30
@@ -28,7 +29,7 @@ def preprocess(
     data: IoData,
     *,
     compensation: Literal["remove", "keep"] = "remove",
-    bias: Literal["rest", "first", "mean", "none"] = "rest",
+    bias: str = "rest",
     zero_mean: Sequence[str] = ZERO_MEAN_OUTPUTS,
     cutoff_hz: float | None = None,
     filter_input: bool = True,

@@ -46,6 +46,10 @@ class Source(Samples, Protocol):
         """Name of the record in messages."""
 
     @property
+    def whole_samples(self) -> int:
+        """Number of samples of the record that this is the leading part of, or its own number."""
+
+    @property
     def closed_loop(self) -> bool | None:
         """True when the inputs were computed from the outputs; None when it is not known."""
 

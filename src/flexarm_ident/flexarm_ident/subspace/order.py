@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.errors import DataError
+from flexarm_core.errors import DataError, IdentificationError
 from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.subspace.pbsid import past_length, predictor_space
 from flexarm_ident.subspace.segments import cut, segment_grams
@@ -33,6 +33,25 @@ def suggest_order(singular_values: FloatArray, largest: int) -> int:
     floor = np.finfo(float).eps * singular_values[0]
     values = np.maximum(singular_values[: largest + 1], floor)
     return int(np.argmax(values[:-1] / values[1:])) + 1
+
+
+def order_above(threshold: float, space: Subspace) -> int:
+    """Return the number of singular values above a part of the largest one (2-22).
+
+    Raises
+    ------
+    IdentificationError
+        If the block rows or the data do not allow as many states.
+    """
+    values = space.singular_values
+    order = int(np.sum(values > threshold * values[0]))
+    allowed = min(space.block_rows - 1, space.largest_order)
+    if order > allowed:
+        raise IdentificationError(
+            f"{order} singular values are above singular_value_threshold = {threshold:g}, the "
+            f"largest order is {allowed}: raise the threshold or block_rows"
+        )
+    return order
 
 
 def largest_order(space: Subspace) -> int:

@@ -46,25 +46,49 @@ def check_request(
     check_method(method)
     if block_rows < _SMALLEST_BLOCK_ROWS:
         raise IdentificationError(f"block_rows must be 2 or more: {block_rows}")
-    first = records[0]
     if order is not None:
         _check_order(records, order, block_rows, method)
-    needed = _shifts(method, block_rows) * _samples_a_shift(first)
+    _check_length(records, block_rows, method)
+    constant = np.all([_constant_inputs(record) for record in records], axis=0)
+    for name, is_constant in zip(records[0].inputs, constant, strict=True):
+        if is_constant:
+            raise DataError(
+                f"{records[0].label}: input {name} is constant in {_extent(records)}, it excites "
+                f"nothing: record with a changing input{_longer_part(records)}"
+            )
+
+
+def _check_length(records: Sequence[Source], block_rows: int, method: str) -> None:
+    shifts = _shifts(method, block_rows)
+    past = f" ({shifts} with those of the past)" if shifts > block_rows else ""
+    remedy = f"record longer or lower block_rows{_longer_part(records)}"
+    for record in records:
+        if len(record) < shifts:
+            raise DataError(
+                f"{record.label}: {_extent([record])} are too few, block_rows = {block_rows}{past} "
+                f"needs at least {shifts} of each record: {remedy}"
+            )
+    needed = shifts * _samples_a_shift(records[0])
     usable = sum(_usable(record, needed) for record in records)
     if usable < needed:
         samples = sum(map(len, records))
-        holes = "" if usable == samples else f" of {samples}, holes apart,"
+        holes = "" if usable == samples else f", {usable} of them outside of holes,"
         raise DataError(
-            f"{first.label}: {usable} samples{holes} are too few, {block_rows} block rows need "
-            f"at least {needed}: record longer or lower block_rows"
+            f"{records[0].label}: {_extent(records)}{holes} are too few, "
+            f"block_rows = {block_rows}{past} needs at least {needed}: {remedy}"
         )
-    constant = np.all([_constant_inputs(record) for record in records], axis=0)
-    for name, is_constant in zip(first.inputs, constant, strict=True):
-        if is_constant:
-            raise DataError(
-                f"{first.label}: input {name} is constant, it excites nothing: "
-                "record with a changing input"
-            )
+
+
+def _extent(records: Sequence[Source]) -> str:
+    """Return the number of samples of some records, and of what they are the leading parts."""
+    samples = sum(map(len, records))
+    whole = sum(record.whole_samples for record in records)
+    return f"{samples} samples" if samples == whole else f"the leading {samples} of {whole} samples"
+
+
+def _longer_part(records: Sequence[Source]) -> str:
+    is_part = any(len(record) < record.whole_samples for record in records)
+    return ", or fit a longer part (train_fraction)" if is_part else ""
 
 
 def _shifts(method: str, block_rows: int) -> int:
@@ -84,15 +108,20 @@ def _check_order(records: Sequence[Source], order: int, block_rows: int, method:
         f"order must lie between 1 and {block_rows - 1} for block_rows = {block_rows}: {order}"
     )
     if order >= block_rows:
-        shortest = min(records, key=len)
-        allowed = len(shortest) // (_shifts(method, 1) * _samples_a_shift(shortest))
+        allowed = _largest_block_rows(records, method)
         message += (
             f"; block_rows = {order + 1} would do"
             if order < allowed
-            else f"; {shortest.label} has {len(shortest)} samples, which allow block_rows of at "
-            f"most {allowed}: record longer or lower the order"
+            else f"; {records[0].label}: {_extent(records)} allow block_rows of at most {allowed}: "
+            f"record longer or lower the order{_longer_part(records)}"
         )
     raise IdentificationError(message)
+
+
+def _largest_block_rows(records: Sequence[Source], method: str) -> int:
+    """Return the block rows that records without holes suffice for, see `_check_length`."""
+    samples = sum(map(len, records)) // _samples_a_shift(records[0])
+    return min(samples, *map(len, records)) // _shifts(method, 1)
 
 
 def _usable(record: Source, needed: int) -> int:

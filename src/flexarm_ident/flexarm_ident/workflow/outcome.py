@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.estimation.cross_validation import CrossValidation
     from flexarm_ident.estimation.identification import Identification
     from flexarm_ident.fitting.validation import Dmv, Sfv
     from flexarm_ident.friction.dry_friction import DryFriction
@@ -42,6 +43,8 @@ class Outcome:
         Data matching of the full model and of `model`, one per record.
     full_dmv_errors, dmv_errors : ndarray, (outputs,)
         Errors delta (2-25) of the full model and of `model` over all records together.
+    cross_validation : CrossValidation or None
+        Errors of the full model's estimator and order on blocks that were left out of the fit.
     sfv : Sfv or None
         Set-point following of `model` on the first record; None without a recorded reference.
     warnings : tuple of str
@@ -59,6 +62,7 @@ class Outcome:
     dmv: tuple[Dmv, ...]
     full_dmv_errors: FloatArray
     dmv_errors: FloatArray
+    cross_validation: CrossValidation | None
     sfv: Sfv | None
     warnings: tuple[str, ...]
 

@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 
 from flexarm_core.errors import IdentificationError
+from flexarm_ident.records.preprocess import BIASES
 
 REDUCTIONS = ("none", "mrm", "msv", "mrmc")
 UPDATES = ("none", "b", "c")
+FEEDTHROUGH = ("auto", "yes", "no")
 
 
 @dataclass(frozen=True)
@@ -18,13 +20,25 @@ class Request:
     Attributes
     ----------
     train_fraction : float
-        Leading part of each record that is fitted, 0 < f <= 1.
+        Leading part of each record that is fitted, 0 < f <= 1. Less than all shows how the model
+        does on the rest; `Outcome.cross_validation` shows it without giving up data.
     method : str
         Estimator, see `identify`.
     block_rows : int
         Block rows q of (2-18).
     order : int, optional
         Order of the full model; None: chosen.
+    singular_value_threshold : float, optional
+        Threshold of (2-22) in units of the largest singular value: the order is the number of
+        singular values above it. None: the order is chosen in another way.
+    feedthrough : {'auto', 'yes', 'no'}
+        Whether D is fitted; 'auto' fits it where the data were made in open loop and ask for it.
+    bias : {'rest', 'first', 'mean', 'none'}
+        Level that is subtracted from each output, see `preprocess`; the thesis takes 'first'.
+    cutoff_hz : float, optional
+        Cut-off of a low-pass filter; the thesis has 50 Hz. None: no filter.
+    filter_input : bool
+        Whether the input is filtered too; the thesis filters the outputs alone.
     reduction : {'none', 'mrm', 'msv', 'mrmc'}
         Ranking that selects the kept modes.
     reduced_order : int, optional
@@ -45,10 +59,15 @@ class Request:
         Refine the model by its simulation error; it never gets worse.
     """
 
-    train_fraction: float = 0.5
+    train_fraction: float = 1.0
     method: str = "auto"
     block_rows: int = 40
     order: int | None = None
+    singular_value_threshold: float | None = None
+    feedthrough: str = "auto"
+    bias: str = "rest"
+    cutoff_hz: float | None = None
+    filter_input: bool = True
     reduction: str = "none"
     reduced_order: int | None = None
     known_modes_hz: tuple[float, ...] = ()
@@ -63,11 +82,32 @@ class Request:
             raise IdentificationError(
                 f"train_fraction must lie between 0 and 1: {self.train_fraction}"
             )
-        for field, choices in (("reduction", REDUCTIONS), ("update", UPDATES)):
+        for field, choices in (
+            ("reduction", REDUCTIONS),
+            ("update", UPDATES),
+            ("feedthrough", FEEDTHROUGH),
+            ("bias", BIASES),
+        ):
             value = getattr(self, field)
             if value not in choices:
                 raise IdentificationError(f"{field} must be one of {', '.join(choices)}: {value!r}")
+        self._check_threshold()
         self._check_reduction()
+
+    def _check_threshold(self) -> None:
+        threshold = self.singular_value_threshold
+        if threshold is None:
+            return
+        if not 0.0 < threshold < 1.0:
+            raise IdentificationError(
+                "singular_value_threshold is a part of the largest singular value, between 0 and "
+                f"1: {threshold:g}"
+            )
+        if self.order is not None:
+            raise IdentificationError(
+                f"order = {self.order} and singular_value_threshold = {threshold:g} both set the "
+                "order: give one of them"
+            )
 
     def _check_reduction(self) -> None:
         """Refuse options that would be ignored, before the fit takes its time."""

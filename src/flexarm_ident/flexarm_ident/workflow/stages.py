@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.errors import DataError, IdentificationError
+from flexarm_core.errors import IdentificationError
 from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.estimation.simulation_fit import is_compensated
 from flexarm_ident.estimation.streaming import excerpt, leading, validate_stream, without_bias
-from flexarm_ident.fitting.validation import validate_dmv, validate_sfv
+from flexarm_ident.fitting.validation import recover_gains, validate_dmv, validate_sfv
 from flexarm_ident.friction.dry_friction import refer_friction, validate_with_friction
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.records.preprocess import preprocess
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 # The chosen reduced order may cost this much of the fit.
 _REDUCTION_COST = 1.04
 _SMALLEST_REDUCED_ORDER = 4
+_FEEDTHROUGH = {"auto": None, "yes": True, "no": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,19 +83,14 @@ def run(
     """
     report = progress or (lambda _stage, _fraction: None)
     measured = [records] if isinstance(records, IoData) else list(records)
+    _check_known_modes(request, measured[0])
     prepared = [_prepared(record, request) for record in measured]
     shown = as_records([record.shown for record in prepared])
     trained = [record.head(request.train_fraction) for record in prepared]
     in_memory = [record for record in measured if isinstance(record, IoData)]
     # Compensated drives show no friction that a model could be fitted to: the thesis's own way.
     friction_wanted = request.friction and not is_compensated(in_memory)
-    try:
-        identification = _identify(trained, replace(request, friction=friction_wanted), progress)
-    except DataError as error:
-        if request.train_fraction < 1.0:
-            fitted = f"only the leading {request.train_fraction:.0%} of a record is fitted"
-            raise DataError(f"{error}; {fitted} (train_fraction)") from None
-        raise
+    identification = _identify(trained, replace(request, friction=friction_wanted), progress)
     report("reduction", 0.0)
     reduction = _reduce(identification, request)
     report("validation", 0.0)
@@ -127,15 +123,32 @@ def run(
         dmv=dmv,
         full_dmv_errors=_joined_errors(full_dmv, powers),
         dmv_errors=_joined_errors(dmv, powers),
+        cross_validation=identification.cross_validation,
         sfv=sfv,
         warnings=(*identification.warnings, *(reduction.warnings if reduction else ()), *notes),
     )
 
 
+def _check_known_modes(request: Request, record: Source) -> None:
+    nyquist_hz = 0.5 / record.dt_s
+    for hz in request.known_modes_hz:
+        if hz >= nyquist_hz:
+            raise IdentificationError(
+                f"{record.label}: a known mode of {hz:g} Hz does not show in samples at "
+                f"{2.0 * nyquist_hz:g} Hz: leave out what is not below {nyquist_hz:g} Hz "
+                "(known_modes_hz, --known-mode)"
+            )
+
+
 def _prepared(record: Source, request: Request) -> _Record:
     if isinstance(record, IoData):
-        compensation = "remove" if request.remove_compensation else "keep"
-        data = preprocess(record, compensation=compensation)  # type: ignore[arg-type]
+        data = preprocess(
+            record,
+            compensation="remove" if request.remove_compensation else "keep",
+            bias=request.bias,
+            cutoff_hz=request.cutoff_hz,
+            filter_input=request.filter_input,
+        )
         return _Record(data, data)
     whole = without_bias(record)
     return _Record(whole, excerpt(whole))
@@ -147,9 +160,11 @@ def _identify(
     found = identify(
         [record.whole for record in trained],
         order=request.order,
+        singular_value_threshold=request.singular_value_threshold,
         block_rows=request.block_rows,
         method=request.method,
         stable=request.stabilise,
+        feedthrough=_FEEDTHROUGH[request.feedthrough],
         friction=request.friction,
         refine=request.refine,
         progress=progress,
@@ -247,7 +262,11 @@ def _set_point_following(
 ) -> tuple[Sfv | None, list[str]]:
     if record.shown.reference is None:
         return None, []
+    law = recover_gains(record.shown)
+    if law is None:
+        made = "no linear law of position, speed and middle strain made the recorded effort"
+        return None, [f"no set-point following validation: {made}"]
     try:
-        return validate_sfv(model, record.shown), []
+        return validate_sfv(model, record.shown, law), []
     except IdentificationError as error:
         return None, [f"no set-point following validation: {error}"]

@@ -11,6 +11,7 @@ import pytest
 
 from flexarm_control import ControlError, nominal_model, tune_pdp, tune_pi
 from flexarm_control.design.tuning_job import TuneRequest, load_models, tune
+from flexarm_ident.models.files import save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.models.ros_yaml import write_parameter_file
 from support.project import BAGS
@@ -45,12 +46,24 @@ def test_load_models___bag___is_identified() -> None:
     assert not model.D.any()
 
 
+@pytest.mark.parametrize("suffix", ["yaml", "json", "mat"])
+def test_load_models___file_of_any_format_that_can_be_read___is_its_model(
+    tmp_path: Path, suffix: str
+) -> None:
+    file, model = tmp_path / f"model.{suffix}", nominal_model(0.2)
+    save_model(file, model, name="arm", provenance={})
+    ((name, found),) = load_models([str(file)]).items()
+    assert name == f"{file} arm"
+    np.testing.assert_array_equal(found.A, model.A)
+
+
 @pytest.mark.parametrize(
     ("name", "match"),
     [
         ("nominal:x", "such as nominal:0.2"),
         ("nominal:0.1", "no nominal"),
-        ("none.yaml", "none"),
+        ("none.yaml", "none.yaml: no such file: name a file from identify, a bag, or nominal:KG"),
+        ("bags/nowhere", "bags/nowhere: no such file"),
         ("nominal:0:flip", "such as"),
         (str(BAGS), "no bag"),
     ],

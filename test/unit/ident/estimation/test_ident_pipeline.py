@@ -78,6 +78,20 @@ def test_suggest_order___clear_gap___is_found() -> None:
     assert suggest_order(np.array([5.0, 0.0, 0.0]), 2) == 1
 
 
+@pytest.mark.parametrize("order", range(1, 9))
+def test_identify___threshold_between_singular_values___sets_the_order(order: int) -> None:
+    data = arm_experiment(0, 3000)
+    values = identify(data, block_rows=20).singular_values
+    threshold = float(np.sqrt(values[order - 1] * values[order]) / values[0])
+    found = identify(data, block_rows=20, singular_value_threshold=threshold)
+    assert found.order == order
+
+
+def test_identify___threshold_below_too_many_singular_values___says_what_to_do() -> None:
+    with pytest.raises(IdentificationError, match="raise the threshold or block_rows"):
+        identify(arm_experiment(0, 3000), block_rows=8, singular_value_threshold=1e-12)
+
+
 def test_identify___feedthrough___is_recovered() -> None:
     model = random_model(3, feedthrough=True)
     found = identify(record(model, 500, seed=3), order=5, block_rows=10, feedthrough=True)
@@ -157,12 +171,12 @@ def test_identify___method_auto___names_what_it_chose() -> None:
         ),
         (
             {"order": 200},
-            "block_rows = 40: 200; .* has 1000 samples, which allow block_rows of at most 166",
+            "block_rows = 40: 200; .*: 1000 samples allow block_rows of at most 166: record longer",
         ),
-        ({"block_rows": 300}, "1000 samples are too few, 300 block rows need at least 1800"),
+        ({"block_rows": 300}, "1000 samples are too few, block_rows = 300 needs at least 1800: "),
         (
             {"block_rows": 100, "method": "orse_iv"},
-            "1000 samples are too few, 100 block rows need at least 1200",
+            r"1000 samples are too few, block_rows = 100 \(200 with those of the past\) needs .*$",
         ),
     ],
 )
@@ -177,7 +191,9 @@ def test_identify___impossible_request___raises_one_clear_line(
 @pytest.mark.parametrize("level", [0.0, 1.5])
 def test_identify___constant_input___raises(level: float) -> None:
     data = arm_experiment(11, 1000)
-    with pytest.raises(DataError, match="input command_v is constant, it excites nothing"):
+    with pytest.raises(
+        DataError, match="input command_v is constant in 1000 samples, it excites nothing"
+    ):
         identify(replace(data, u=np.full_like(data.u, level)))
 
 

@@ -52,7 +52,7 @@ class Pieces:
         self.data, self.lengths = data, lengths
         self.inputs, self.outputs = data.inputs, data.outputs
         self.dt_s, self.label, self.notices = data.dt_s, "pieces", data.notices
-        self.closed_loop = data.closed_loop
+        self.closed_loop, self.whole_samples = data.closed_loop, len(data)
 
     def __len__(self) -> int:
         return len(self.data)
@@ -260,7 +260,7 @@ def test_run___record_in_pieces___is_the_outcome_of_the_whole_record() -> None:
     shifted = replace(data, y=data.y + np.array([0.0, 0.3, -0.2, 0.0]))
     request = Request(block_rows=15, reduction="mrm", reduced_order=7, friction=False)
     whole, stream = run(shifted, request), run([Pieces(shifted, [977, 64])], request)
-    assert (stream.samples, stream.fitted) == (whole.samples, whole.fitted) == ((6001,), (3000,))
+    assert (stream.samples, stream.fitted) == (whole.samples, whole.fitted) == ((6001,), (6001,))
     np.testing.assert_allclose(stream.model.A, whole.model.A, atol=1e-9)
     np.testing.assert_allclose(stream.records[0].y, whole.records[0].y, atol=1e-12)
     # The initial state of a stream is that of the fit, of a whole record that of the whole.

@@ -84,7 +84,7 @@ def test_parts___of_a_candidate___add_up_to_the_squared_error_of_its_fit(*, miss
         y[300:420] = np.nan
         data = replace(data, y=y)
     selection = estimate([data], [data], "orse", 12, feedthrough=False)
-    model = fitted(selection, 4, [data], stable=True, feedthrough=False)
+    model = fitted(selection, 4, [data], stable=True, feedthrough=False, noise_weighted=True)
     parts = Candidate(selection, model, [data]).parts
     np.testing.assert_allclose(np.sqrt(parts.sum(axis=0)), model.fit.error, rtol=1e-6)
 

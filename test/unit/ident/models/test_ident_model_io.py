@@ -9,13 +9,14 @@ import pytest
 import yaml
 
 from flexarm_ident import IdentificationError
+from flexarm_ident.models.files import load_models
 from flexarm_ident.models.model_parameters import (
     ModelFileError,
     model_from_parameters,
     model_hash,
     model_parameters,
 )
-from flexarm_ident.models.ros_yaml import read_parameter_file, write_parameter_file
+from flexarm_ident.models.ros_yaml import write_parameter_file
 from support.ident_systems import DT_S, random_model
 
 if TYPE_CHECKING:
@@ -87,30 +88,30 @@ def test_model_parameters___numbers_that_ros_cannot_read___become_zero() -> None
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_read_parameter_file___written_file___returns_every_bit(tmp_path: Path, seed: int) -> None:
+def test_load_models___written_file___returns_every_bit(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "model.yaml"
     write_parameter_file(path, model_parameters("arm", a_model(seed), provenance=ORIGIN))
-    assert_same(read_parameter_file(path)["arm"], a_model(seed))
+    assert_same(load_models(path)["arm"], a_model(seed))
 
 
-def test_read_parameter_file___several_models___keeps_their_order(tmp_path: Path) -> None:
+def test_load_models___several_models___keeps_their_order(tmp_path: Path) -> None:
     parameters = dict(its_parameters())
     for seed, name in enumerate(("no_payload", "_400g"), start=2):
         parameters.update(model_parameters(name, random_model(seed), provenance={}))
     path = tmp_path / "models.yaml"
     write_parameter_file(path, parameters, node="/flexarm/controller")
-    models = read_parameter_file(path)
+    models = load_models(path)
     assert list(models) == ["arm", "no_payload", "_400g"]
     assert_same(models["no_payload"], random_model(2))
 
 
-def test_read_parameter_file___flat_keys_and_other_parameters___finds_the_model(
+def test_load_models___flat_keys_and_other_parameters___finds_the_model(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "flat.yaml"
     flat = {"/a": {"ros__parameters": {"rate_hz": 300.0, **its_parameters()}}, "/b": None}
     path.write_text(yaml.safe_dump(flat, allow_unicode=True), encoding="utf-8")
-    assert_same(read_parameter_file(path)["arm"], a_model())
+    assert_same(load_models(path)["arm"], a_model())
 
 
 def test_write_parameter_file___parsed_by_yaml___has_the_types_of_the_parameters(
@@ -141,7 +142,7 @@ def test_write_parameter_file___empty_list___is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("field", ["a", "b", "c", "d", "dt_s", "input_names", "output_names"])
-def test_read_parameter_file___tampered_field___is_refused(tmp_path: Path, field: str) -> None:
+def test_load_models___tampered_field___is_refused(tmp_path: Path, field: str) -> None:
     parameters = its_parameters()
     value = parameters[f"models.arm.{field}"]
     if isinstance(value, float):
@@ -153,7 +154,7 @@ def test_read_parameter_file___tampered_field___is_refused(tmp_path: Path, field
     path = tmp_path / "model.yaml"
     write_parameter_file(path, {**parameters, f"models.arm.{field}": changed})
     with pytest.raises(ModelFileError, match=r"model\.yaml: models\.arm\.hash does not belong"):
-        read_parameter_file(path)
+        load_models(path)
 
 
 def test_model_hash___every_part_of_the_model___counts() -> None:
@@ -223,18 +224,18 @@ def test_model_from_parameters___bad_field___is_refused(
         (b"/**:\n  ros__parameters:\n    models:\n      arm: 3\n", r"models\.arm\.a is missing"),
     ],
 )
-def test_read_parameter_file___no_model_in_it___raises(
+def test_load_models___no_model_in_it___raises(
     tmp_path: Path, content: bytes, complaint: str
 ) -> None:
     path = tmp_path / "model.yaml"
     path.write_bytes(content)
     with pytest.raises(ModelFileError, match=rf"model\.yaml: .*{complaint}"):
-        read_parameter_file(path)
+        load_models(path)
 
 
-def test_read_parameter_file___missing_file___is_named(tmp_path: Path) -> None:
+def test_load_models___missing_file___is_named(tmp_path: Path) -> None:
     with pytest.raises(ModelFileError, match=r"absent\.yaml: No such file"):
-        read_parameter_file(tmp_path / "absent.yaml")
+        load_models(tmp_path / "absent.yaml")
 
 
 @pytest.mark.parametrize("name", ["", "a.b", "a b", "a/b"])

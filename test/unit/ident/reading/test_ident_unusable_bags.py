@@ -70,6 +70,12 @@ def metadata_only(path: Path) -> Path:
     return bag
 
 
+def no_metadata(path: Path) -> Path:
+    bag = write_bag(path / "run", open_loop([1, 2, 3]))
+    (bag / "metadata.yaml").unlink()
+    return bag
+
+
 def garbage_metadata(path: Path) -> Path:
     bag = write_bag(path / "run", open_loop([1, 2, 3]))
     (bag / "metadata.yaml").write_bytes(bytes(range(256)))
@@ -158,6 +164,7 @@ def big_endian(path: Path) -> Path:
     [
         (no_folder, "no such bag"),
         (empty_folder, "no bag: the folder has no metadata.yaml"),
+        (no_metadata, "run: no bag: the folder has no metadata.yaml; try `flexarm bag repair "),
         (metadata_only, "truncated or damaged: Some database files are missing"),
         (garbage_metadata, "truncated or damaged: "),
         (foreign_metadata, "truncated or damaged: "),

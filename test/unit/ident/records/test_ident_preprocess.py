@@ -51,7 +51,7 @@ def test_preprocess___other_biases___are_what_they_say() -> None:
     none = preprocess(data, bias="none", zero_mean=())
     np.testing.assert_array_equal(none.y, data.y)
     with pytest.raises(DataError, match="bias must be rest, first, mean or none: 'median'"):
-        preprocess(data, bias="median")  # type: ignore[arg-type]
+        preprocess(data, bias="median")
 
 
 def test_preprocess___closed_loop_record___linear_law_still_holds() -> None:

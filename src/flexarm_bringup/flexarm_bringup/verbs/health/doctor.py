@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.processes import LaunchError, find_executable
 
@@ -42,7 +43,7 @@ _EXECUTABLES = (
 @click.option("--direction", default="ao1", show_default=True, help="Output, current's direction.")
 @click.option("--terminals", default="rse", show_default=True, help="rse, nrse, diff or default.")
 @click.option(
-    "--rate", type=click.FloatRange(10.0, 2000.0), default=300.0, show_default=True, help="Hz."
+    "--rate", type=FiniteRange(10.0, 2000.0), default=300.0, show_default=True, help="Hz."
 )
 @examples("doctor", "doctor --hardware", "doctor --hardware --device Dev2 --terminals diff")
 def doctor(*, hardware: bool, sensors: str, rate: float, **names: Any) -> None:  # noqa: ANN401

@@ -67,7 +67,13 @@ def show_model(response: Identify.Response) -> None:
     }
     terminal.show_model(
         terminal.ShownModel(
-            response.modes, ARM_OUTPUTS, response.dmv, response.sfv, parameters, response.warnings
+            modes=response.modes,
+            outputs=ARM_OUTPUTS,
+            dmv=response.dmv,
+            left_out=response.left_out,
+            sfv=response.sfv,
+            parameters=parameters,
+            warnings=response.warnings,
         )
     )
 

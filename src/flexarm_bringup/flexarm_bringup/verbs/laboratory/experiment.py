@@ -14,6 +14,7 @@ from rich.table import Table
 
 from flexarm_bags.check import check_bag
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
@@ -95,9 +96,7 @@ def _run_options(function: Callable[..., None]) -> Callable[..., None]:
 
 @click.command()
 @click.argument("names", nargs=-1, required=True)
-@click.option(
-    "--payload", "payload_kg", type=click.FloatRange(0.0, 1.0), help="Instead of its own, kg."
-)
+@click.option("--payload", "payload_kg", type=FiniteRange(0.0, 1.0), help="Instead of its own, kg.")
 @_run_options
 @examples(
     "experiment C_dat3",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.runs.pace import Pace
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 PAYLOAD = click.option(
     "--payload",
     "payload_kg",
-    type=click.FloatRange(0.0, 1.0),
+    type=FiniteRange(0.0, 1.0),
     default=0.0,
     help="Mass at the tip, kg.",
 )

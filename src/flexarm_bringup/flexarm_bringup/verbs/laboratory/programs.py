@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import RUN_ON, examples
 from flexarm_bringup.graph.processes import NodeProgram, find_executable
 
@@ -37,7 +38,13 @@ def record(bag: Path) -> None:
 
 @click.command()
 @click.argument("bag", type=click.Path(path_type=Path))
-@click.option("--rate", type=float, default=1.0, show_default=True, help="2 plays twice as fast.")
+@click.option(
+    "--rate",
+    type=FiniteRange(0.01, 1000.0),
+    default=1.0,
+    show_default=True,
+    help="2 plays twice as fast.",
+)
 @click.option("--loop", is_flag=True, help="Start again at the end.")
 @click.option(
     "--stand-in", is_flag=True, help="Publish the samples only, stamped now, as a DAQ node would."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from std_srvs.srv import Trigger
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.client import NAMESPACE
+from flexarm_bringup.graph.laboratory import MANAGED
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import ros_domain, session
 from flexarm_core.channels import TRAVEL_V
@@ -30,13 +30,12 @@ if TYPE_CHECKING:
 
 _NAME = "remote"
 # A discovery that misses the first announcements hears the next ones after 3 s.
-_DISCOVERY_S = 7.0
+_DISCOVERY_S = 4.0
 _ACKNOWLEDGED = Duration(seconds=3)
 _DIAGNOSTICS = "/diagnostics"
 _OURS = "flexarm: "
-# Each node reports once a second, and one whose first announcement was missed is heard of after
-# 3 s: when one has reported so often, all have.
-_REPORTS = 5
+_REPORTING = {f"{_OURS}{name}" for name in ("recorder", "controller", "daq")}
+"""Reports of a laboratory: with these, nothing more has to be waited for."""
 
 
 @click.command()
@@ -56,26 +55,24 @@ def stop() -> None:
 def status() -> None:
     """Show state, reasons, rates and counts of every running node."""
     newest: dict[str, DiagnosticStatus] = {}
-    reports: Counter[str] = Counter()
 
     def hear(message: DiagnosticArray) -> None:
         for report in message.status:
             if report.name.startswith(_OURS):
                 newest[report.name] = report
-                reports[report.name] += 1
 
     with session(_NAME) as operator:
         operator.listen(DiagnosticArray, _DIAGNOSTICS, qos.EVERY, hear)
 
         def complete() -> bool:
-            all_known = len(newest) >= operator.node.count_publishers(_DIAGNOSTICS)
-            return all_known and max(reports.values(), default=0) >= _REPORTS
+            known = operator.node.count_publishers(_DIAGNOSTICS)
+            return newest.keys() >= _REPORTING and len(newest) >= known
 
         try:
             operator.wait(complete, "reports", _DISCOVERY_S)
         except LaunchError:
             if not newest:
-                raise LaunchError(f"no node reports in ROS domain {ros_domain()}") from None
+                raise LaunchError(_nobody("node that reports")) from None
     for name, report in sorted(newest.items()):
         terminal.CONSOLE.print(f"{name.removeprefix(_OURS)}: {report.message}", markup=False)
         for each in report.values:
@@ -122,7 +119,7 @@ def set_(node: str, assignments: tuple[str, ...]) -> None:
 
 
 @click.command()
-@click.argument("node")
+@click.argument("node", type=click.Choice(MANAGED))
 @examples("activate daq")
 def activate(node: str) -> None:
     """Activate a running node: daq, controller or experiment."""
@@ -140,7 +137,7 @@ def activate(node: str) -> None:
 
 
 @click.command()
-@click.argument("node")
+@click.argument("node", type=click.Choice(MANAGED))
 @examples("deactivate daq")
 def deactivate(node: str) -> None:
     """Deactivate a running node; the drive goes to zero."""
@@ -161,8 +158,12 @@ def _attached(name: str) -> Iterator[Operator]:
         try:
             operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
         except LaunchError:
-            raise LaunchError(f"no node {wanted} in ROS domain {ros_domain()}") from None
+            raise LaunchError(_nobody(f"node {wanted}")) from None
         yield operator
+
+
+def _nobody(wanted: str) -> str:
+    return f"no {wanted} was heard of in ROS domain {ros_domain()} within {_DISCOVERY_S:.0f} s"
 
 
 def _parsed(assignment: str) -> tuple[str, Any]:

@@ -9,7 +9,7 @@ import click
 from ament_index_python.packages import get_package_share_directory
 
 from flexarm_bags.check import check_bag
-from flexarm_bags.repair import repair_bag
+from flexarm_bags.repair import RepairSummary, repair_bag
 from flexarm_bags.schema import load_typestore
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
@@ -55,8 +55,18 @@ def bag() -> None:
 def repair(damaged: Path, output: Path) -> None:
     """Copy every whole message of a damaged bag into a new one."""
     made = repair_bag(damaged, output)
-    damage = made.damage or "every message was whole"
-    click.echo(f"{made.bag}: {made.messages} messages ({damage})")
+    lines = (
+        f"{made.bag}: {made.messages} messages, {_loss(made)}",
+        *(f"  damage: {line}" for line in made.damage),
+    )
+    for line in lines:
+        terminal.CONSOLE.print(line, markup=False)
+
+
+def _loss(made: RepairSummary) -> str:
+    if made.lost is None:
+        return "an unknown number is lost: the damaged bag does not say how many it had"
+    return f"{made.lost} of {made.messages + made.lost} are lost" if made.lost else "none is lost"
 
 
 @bag.command("check")

@@ -10,15 +10,19 @@ from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
-from flexarm_ident.reading.channels import CLOCKS, Selection, selection
+from flexarm_ident.records.preprocess import BIASES
 from flexarm_ident.subspace.methods import AUTO, METHODS
-from flexarm_ident.workflow.request import REDUCTIONS, UPDATES, Request
+from flexarm_ident.workflow.request import FEEDTHROUGH, REDUCTIONS, UPDATES, Request
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from flexarm_core.arrays import FloatArray
 
 _METHODS = {AUTO: "chosen by the data"} | {row.name: row.help for row in METHODS.values()}
 
@@ -40,8 +44,8 @@ _REQUEST_OPTIONS = (
     ),
     click.option(
         "--train-fraction",
-        type=click.FloatRange(0.0, 1.0, min_open=True),
-        default=0.5,
+        type=FiniteRange(0.0, 1.0, min_open=True),
+        default=1.0,
         show_default=True,
         help="Leading part of each record that is fitted.",
     ),
@@ -49,6 +53,37 @@ _REQUEST_OPTIONS = (
         "--block-rows", type=click.IntRange(2), default=40, show_default=True, help="q of (2-18)."
     ),
     click.option("--order", type=click.IntRange(1), help="Order of the full model; else chosen."),
+    click.option(
+        "--singular-value-threshold",
+        type=FiniteRange(0.0, 1.0, min_open=True, max_open=True),
+        help="Threshold of (2-22), a part of the largest singular value: sets the order.",
+    ),
+    click.option(
+        "--feedthrough",
+        type=click.Choice(FEEDTHROUGH),
+        default="auto",
+        show_default=True,
+        help="Whether D is fitted.",
+    ),
+    click.option(
+        "--bias",
+        type=click.Choice(BIASES),
+        default="rest",
+        show_default=True,
+        help="Level subtracted from outputs: that of the rest at the start, first sample, or mean.",
+    ),
+    click.option(
+        "--cutoff",
+        "cutoff_hz",
+        type=FiniteRange(0.0, min_open=True),
+        help="Low-pass filter, Hz; none by default.",
+    ),
+    click.option(
+        "--filter-input/--filter-outputs-only",
+        default=True,
+        show_default=True,
+        help="Signals that the low-pass filter takes.",
+    ),
     click.option(
         "--reduction",
         type=click.Choice(REDUCTIONS),
@@ -93,39 +128,10 @@ _REQUEST_OPTIONS = (
     ),
 )
 
-_CHANNEL_OPTIONS = (
-    click.option(
-        "--input",
-        "inputs",
-        multiple=True,
-        metavar="TOPIC.FIELD",
-        help="Input in a bag of other messages, such as /command.data; repeat. "
-        "NAME=TOPIC.FIELD names it.",
-    ),
-    click.option(
-        "--output",
-        "outputs",
-        multiple=True,
-        metavar="TOPIC.FIELD",
-        help="Output, such as /joint_states.position[0]; repeat.",
-    ),
-    click.option(
-        "--clock",
-        type=click.Choice(CLOCKS),
-        help="Instants of other messages; else headers where every topic has them.",
-    ),
-    click.option(
-        "--held/--interpolated",
-        default=True,
-        show_default=True,
-        help="Each input acts until the next one, or is measured and runs on lines between.",
-    ),
-)
-
 
 def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say what is taken from bags, and what is done: a `Request`'s fields."""
-    for option in reversed((*_CHANNEL_OPTIONS, *_REQUEST_OPTIONS)):
+    """Add the options that say what is to be done with bags: the fields of a `Request`."""
+    for option in reversed(_REQUEST_OPTIONS):
         function = option(function)
     return function
 
@@ -135,6 +141,7 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), default=Path("out/identify"), show_default=True
 )
+@channel_options
 @_request_options
 @click.option(
     "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
@@ -148,7 +155,7 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
 )
 def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) -> None:  # noqa: ANN401
     """Identify a model from bags; write parameters and report."""
-    exports, channels = parse_exports(export), _channels(options)
+    exports, channels = parse_exports(export), taken_channels(options)
     with terminal.progress() as show:
         results = job.identify_bags(
             bags, out, Request(**options), channels=channels, exports=exports, progress=show
@@ -166,6 +173,7 @@ def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) 
     show_default=True,
     help="HTML file.",
 )
+@channel_options
 @_request_options
 @examples(
     "report bags/c_dat3_0g",
@@ -178,38 +186,31 @@ def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: 
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
-    channels = _channels(options)
+    channels = taken_channels(options)
     with terminal.progress() as show:
         results = job.report_bags(bags, out, Request(**options), channels=channels, progress=show)
     _show(results, f"report in {out}")
 
 
-def _channels(options: dict[str, Any]) -> Selection | None:
-    """Take the channels out of the options; None when none is named."""
-    inputs, outputs, clock, held = (
-        options.pop(name) for name in ("inputs", "outputs", "clock", "held")
-    )
-    if not (inputs or outputs):
-        if clock or not held:
-            raise click.UsageError("--clock and --interpolated belong to --input and --output")
-        return None
-    return selection(inputs, outputs, clock=clock, interpolated=not held)
-
-
 def _show(results: job.Results, written: str) -> None:
     """Print modes, errors and warnings of a model, and what was written."""
     outcome = results.outcome
-    sfv = () if outcome.sfv is None else (*outcome.sfv.delta, outcome.sfv.mean)
+    left_out, sfv = outcome.cross_validation, outcome.sfv
     terminal.show_model(
         terminal.ShownModel(
-            outcome.modes,
-            outcome.records[0].outputs,
-            (*outcome.dmv_errors, outcome.dmv_errors.mean()),
-            sfv,
-            results.parameters,
-            outcome.warnings,
+            modes=outcome.modes,
+            outputs=outcome.records[0].outputs,
+            dmv=_with_mean(outcome.dmv_errors),
+            left_out=() if left_out is None else _with_mean(left_out.error),
+            sfv=() if sfv is None else _with_mean(sfv.delta),
+            parameters=results.parameters,
+            warnings=outcome.warnings,
         )
     )
     if outcome.identification.choice:
         terminal.CONSOLE.print(f"  method: {outcome.identification.choice}")
     terminal.CONSOLE.print(f"order {outcome.model.nstates}, {written}")
+
+
+def _with_mean(errors: FloatArray) -> tuple[float, ...]:
+    return (*errors.tolist(), float(errors.mean()))

@@ -10,6 +10,7 @@ from click.core import ParameterSource
 from rich.table import Table
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_control.design.tuning_job import TUNINGS, TuneRequest, load_models
 from flexarm_control.design.tuning_job import tune as tune_gains
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
     show_default=True,
     help="pi: one model, no weights, no margins.",
 )
-@click.option("--error-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
-@click.option("--strain-weight", type=click.FloatRange(0.0), default=0.5, show_default=True)
+@click.option("--error-weight", type=FiniteRange(0.0), default=0.5, show_default=True)
+@click.option("--strain-weight", type=FiniteRange(0.0), default=0.5, show_default=True)
 @click.option("--gain-margin", "gain_margin_db", default=10.0, show_default=True, help="dB.")
 @click.option("--phase-margin", "phase_margin_deg", default=55.0, show_default=True, help="deg.")
 @click.option(

@@ -133,7 +133,7 @@ class Subject:
     parameters : mapping
         The model as flat parameters `models.<name>.*` with the fields of `model_provenance`.
     files : sequence of str
-        Files of the model that lie beside the report.
+        Files of the model, each with its folder: the page may be copied elsewhere.
     """
 
     outcome: Outcome

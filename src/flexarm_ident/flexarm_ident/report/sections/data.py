@@ -27,18 +27,29 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
 
 _LOOPS = {True: "closed", False: "open", None: "unknown"}
+_BIASES = {
+    "rest": "The level at rest is subtracted from the outputs, and the mean from strain.",
+    "first": "The first sample is subtracted from the outputs, and the mean from strain.",
+    "mean": "The mean is subtracted from the outputs.",
+    "none": "The outputs keep their levels; the mean is subtracted from strain.",
+}
 
 
 def _build(subject: Subject) -> Iterator[Block]:
     outcome = subject.outcome
+    request = outcome.request
     yield record_table(outcome)
     compensation = (
         "Recorded Coulomb compensation is subtracted from the input."
-        if outcome.request.remove_compensation
+        if request.remove_compensation
         else "The input is taken as recorded, with its Coulomb compensation."
     )
+    filtered = ""
+    if request.cutoff_hz is not None:
+        smoothed = "Inputs and outputs are" if request.filter_input else "The outputs alone are"
+        filtered = f" {smoothed} low-pass filtered at {request.cutoff_hz:g} Hz."
     yield Words(
-        f"{compensation} Biases are removed from the outputs. The fitted part is the leading one; "
+        f"{compensation} {_BIASES[request.bias]}{filtered} The fitted part is the leading one; "
         "errors and plots are of the whole record."
     )
     yield _channels(outcome)

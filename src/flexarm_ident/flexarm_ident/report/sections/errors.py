@@ -22,7 +22,9 @@ def _build(subject: Subject) -> Iterator[Block]:
         "The error δ is the RMS of measured minus simulated output, divided by the RMS of the "
         "measured output (2-24), (2-25). 0 is a perfect model; 1 is no better than a line at zero. "
         "DMV, data matching: the model gets the measured input. SFV, set-point following: the "
-        "model gets the recorded set-point through the control law of the experiment."
+        "model gets the recorded set-point through the control law of the experiment. Left out: "
+        "each fifth of the data is simulated by a model of the same estimator and order that was "
+        "fitted to the others; a fit that follows noise has a larger error there."
     )
 
 
@@ -34,6 +36,8 @@ def _errors(outcome: Outcome) -> Table:
     columns: list[tuple[str, FloatArray]] = []
     if outcome.reduction:
         columns.append(("Full, DMV", outcome.full_dmv_errors))
+    if outcome.cross_validation is not None:
+        columns.append(("Full, left out", outcome.cross_validation.error))
     name = "Reduced" if outcome.reduction else "Full"
     columns.append((f"{name}, DMV", outcome.dmv_errors))
     if outcome.sfv is not None:

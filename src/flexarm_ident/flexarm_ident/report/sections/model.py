@@ -50,7 +50,7 @@ def _build(subject: Subject) -> Iterator[Block]:
     yield Heading("Downloads")
     yield _downloads(subject)
     if subject.files:
-        yield Words(f"Beside this file: {', '.join(subject.files)}.")
+        yield Words(f"Written by the identification: {', '.join(subject.files)}.")
     file = f"{subject.name}.yaml"
     yield Code(f'from flexarm_ident import load_model; model = load_model("{file}")')
     yield Code(f"ros2 run flexarm_ident ident_node --ros-args --params-file {file}")

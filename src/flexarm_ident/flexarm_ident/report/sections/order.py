@@ -44,6 +44,8 @@ def _why(outcome: Outcome) -> list[str]:
     """Return the reasons for the order of the full model."""
     identification = outcome.identification
     how = "as asked for" if outcome.request.order else "chosen by its fit"
+    if outcome.request.singular_value_threshold is not None:
+        how = "the number of singular values above the threshold"
     if identification.friction is not None:
         how = "that of an arm's equations of motion; what follows is of its subspace start"
     stable = ranges(identification.stable_orders)

@@ -7,6 +7,7 @@ from click.testing import CliRunner
 
 from flexarm_bringup.verbs.offline.bags import bag
 from support.bag_samples import START_NS, io_sample, write_bag
+from support.damaged_bags import Recording, damaged_copy
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -15,6 +16,22 @@ if TYPE_CHECKING:
 def a_bag(path: Path) -> Path:
     samples = [io_sample(k + 1, START_NS + k * 10_000_000, [0.1], [0.2, 0.3]) for k in range(20)]
     return write_bag(path, samples)
+
+
+def test_bag_repair___damaged_bag___counts_what_is_lost_and_tells_each_damage_in_a_line(
+    tmp_path: Path,
+) -> None:
+    recording = Recording(tmp_path / "whole")
+    raw = bytearray(recording.file.read_bytes())
+    raw[recording.chunks[1][0]] = 0x7F
+    raw[recording.chunks[2][1] - 3] ^= 0xFF
+    damaged = damaged_copy(recording, tmp_path / "run", bytes(raw))
+    result = CliRunner().invoke(bag, ["repair", str(damaged), "-o", str(tmp_path / "new")])
+    assert result.exit_code == 0
+    first, *damage = result.output.splitlines()
+    assert first == f"{tmp_path / 'new'}: 89 messages, 32 of 121 are lost"
+    assert len(damage) == 2
+    assert all(line.startswith(f"  damage: {recording.file.name}: a chunk") for line in damage)
 
 
 @pytest.mark.parametrize("lost", [False, True])

@@ -1,0 +1,106 @@
+"""Blocked cross-validation: simulation errors on parts of the records that were left out.
+
+The records are cut into blocks. For each of them a model of the same estimator and order is fitted
+to the others, and simulates the whole record, as for (2-25). The block's error is what counts: a
+fit that follows the noise of its data misses there.
+
+Burman, Chow, Nolan, "A cross-validatory method for dependent data", Biometrika 81 (1994).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.diagnostics.uncertainty import jackknife
+from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import stabilise, state_space
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
+    from flexarm_ident.subspace.subspace_protocol import StateMatrices
+
+_BLOCKS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """Errors on blocks that had no part in the fit.
+
+    Attributes
+    ----------
+    error : ndarray, (outputs,)
+        Relative simulation error (2-25) over all blocks together.
+    block_errors : ndarray, (blocks, outputs)
+        The same of each block; infinite where an output is zero throughout it.
+    """
+
+    error: FloatArray
+    block_errors: FloatArray
+
+
+def cross_validate(
+    records: Sequence[IoData],
+    block_rows: int,
+    estimate: Callable[[BlockGram], StateMatrices],
+    *,
+    stable: bool,
+    feedthrough: bool,
+    noise_weighted: bool,
+) -> CrossValidation:
+    """Fit a model without each of five blocks in turn, and simulate the block that was left out.
+
+    Parameters
+    ----------
+    records : sequence of IoData
+        Records of one rig.
+    block_rows : int
+        Block rows of the products that the estimate needs.
+    estimate : callable
+        Function from products to A and C, of one estimator and one order.
+    stable : bool
+        Whether unstable eigenvalues are moved.
+    feedthrough : bool
+        Whether D is fitted.
+    noise_weighted : bool
+        Whether the fit of B weights the outputs by their noise.
+
+    Raises
+    ------
+    DataError
+        If the records are too short for blocks.
+    IdentificationError
+        If a model without a block is too unstable to simulate.
+    """
+    found = jackknife(records, block_rows, estimate, segments=_BLOCKS)
+    missed, power = [], []
+    for matrices, others, block in zip(
+        found.replicates, found.remainders, found.left_out, strict=True
+    ):
+        A = stabilise(matrices.A)[0] if stable else matrices.A
+        fit = fit_inputs(
+            A, matrices.C, others, feedthrough=feedthrough, noise_weighted=noise_weighted
+        )
+        record = records[block.record]
+        model = state_space(A, fit.B, matrices.C, fit.D, record.dt_s)
+        y = simulate(model, record.u, fit_initial_states(model, [record])[0])
+        measured = record.y_measured[block.rows]
+        missed.append(np.nansum((measured - y[block.rows]) ** 2, axis=0))
+        power.append(np.nansum(measured**2, axis=0))
+    error = _relative(np.sum(missed, axis=0), np.sum(power, axis=0))
+    if not np.all(np.isfinite(error)):
+        raise IdentificationError("a model that was fitted without a block cannot be simulated")
+    return CrossValidation(error, _relative(np.array(missed), np.array(power)))
+
+
+def _relative(missed: FloatArray, power: FloatArray) -> FloatArray:
+    empty = np.where(missed > 0.0, np.inf, 0.0)
+    return np.asarray(np.sqrt(np.divide(missed, power, out=empty, where=power > 0.0)))

@@ -1,0 +1,97 @@
+"""Requests that the records cannot meet: what a run refuses, or does in their place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexarm_ident import IdentificationError, IoData
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run
+from support.ident_systems import random_model, step_by_step
+
+
+def white_noise_record(samples: int) -> IoData:
+    """Return a record of a system with 1 input and 2 outputs, 100 Hz."""
+    u = np.random.default_rng(3).standard_normal((samples, 1))
+    y = step_by_step(random_model(1, states=4, outputs=2, inputs=1), u)
+    return IoData(u, y, dt_s=0.01, inputs=("u",), outputs=("y", "z"))
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"block_rows": 80, "method": "orse"},
+            "the leading 300 of 600 samples are too few, block_rows = 80 needs at least 320: ",
+        ),
+        (
+            {"block_rows": 40},
+            r"300 of 600 samples are too few, block_rows = 40 \(80 with those of the past\) needs",
+        ),
+        (
+            {"order": 500},
+            "40: 500; record: the leading 300 of 600 samples allow block_rows of at most 37: ",
+        ),
+    ],
+)
+def test_run___fitted_part_too_short___every_refusal_names_it_and_the_way_out(
+    fields: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(IdentificationError, match=message) as caught:
+        run(white_noise_record(600), Request(train_fraction=0.5, **fields))
+    assert str(caught.value).endswith(", or fit a longer part (train_fraction)")
+
+
+def test_run___known_mode_above_half_the_rate___is_refused_before_the_fit() -> None:
+    request = Request(reduction="mrmc", known_modes_hz=(9.4, 50.0))
+    told: list[str] = []
+    with pytest.raises(IdentificationError, match=r"known mode of 50 Hz .* samples at 100 Hz: "):
+        run(white_noise_record(600), request, progress=lambda stage, _: told.append(stage))
+    assert not told
+
+
+def test_run___input_of_no_linear_law___note_asks_for_nothing_that_cannot_be_given() -> None:
+    u = np.random.default_rng(3).standard_normal((600, 1))
+    y = step_by_step(random_model(1, states=4, outputs=3, inputs=1), u)
+    outputs = ("position_v", "middle_strain_v", "speed_v")
+    record = IoData(u, y, dt_s=0.01, outputs=outputs, reference=np.ones(600))
+    outcome = run(record, Request(order=4, block_rows=10, method="orse"))
+    assert outcome.sfv is None
+    assert outcome.warnings[-1] == (
+        "no set-point following validation: no linear law of position, speed and middle strain "
+        "made the recorded effort"
+    )
+
+
+@pytest.mark.parametrize("known_modes_hz", [(), (5.0, 9.0, 14.0, 20.0, 26.0, 33.0)])
+def test_run___reduced_order_above_the_chosen_one___keeps_the_whole_model_with_a_note(
+    known_modes_hz: tuple[float, ...],
+) -> None:
+    record = white_noise_record(600)
+    request = Request(
+        block_rows=10,
+        method="orse",
+        reduction="mrmc" if known_modes_hz else "mrm",
+        reduced_order=12,
+        known_modes_hz=known_modes_hz,
+        friction=False,
+    )
+    outcome = run(record, request)
+    full = outcome.identification.order
+    assert full < 12
+    assert outcome.model.nstates == full
+    assert all(mode.kept for mode in outcome.modes)
+    note = f"the whole model was kept: the data gave {full} states, 12 were to be kept"
+    assert any(warning.startswith(note) for warning in outcome.warnings)
+
+
+def test_run___more_known_modes_than_the_chosen_order_holds___keeps_the_whole_model() -> None:
+    record = white_noise_record(600)
+    request = Request(
+        block_rows=8, method="orse", reduction="mrmc", known_modes_hz=(5.0, 9.0, 14.0, 20.0, 26.0)
+    )
+    outcome = run(record, request)
+    assert outcome.model.nstates == outcome.identification.order < 10
