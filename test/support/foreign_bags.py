@@ -47,13 +47,12 @@ class Topic:
     raws: Sequence[bytes]
 
 
-def held_noise(changes: Sequence[int] | Array, fine: int, seed: int) -> Array:
+def held_noise(changes: Integers, fine: int, seed: int) -> Array:
     """Return a white force on the fine grid, which changes at some of its instants."""
-    at = np.asarray(changes, dtype=np.int64)
-    levels = np.random.default_rng(seed).normal(size=len(at) + 1)
+    levels = np.random.default_rng(seed).normal(size=len(changes) + 1)
     # Nothing acts before the first message.
     levels[0] = 0.0
-    return np.asarray(levels[np.searchsorted(at, np.arange(fine), side="right")])
+    return np.asarray(levels[np.searchsorted(changes, np.arange(fine), side="right")])
 
 
 def responses(force: Array) -> Array:
@@ -67,9 +66,9 @@ def responses(force: Array) -> Array:
     return outputs
 
 
-def instants_ns(fine: Sequence[int] | Integers) -> Integers:
+def instants_ns(fine: Integers) -> Integers:
     """Return instants of the fine grid in ns since the epoch."""
-    return START_NS + np.asarray(fine, dtype=np.int64) * (10**9 // FINE_HZ)
+    return START_NS + fine * (10**9 // FINE_HZ)
 
 
 def header(stamp_ns: int) -> Any:  # noqa: ANN401 - made by the typestore

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline, make_interp_spline
+import scipy
 
 from flexarm_core.errors import DataError
 from flexarm_ident.reading.grid import ON_TIME, held, on_grid, place
@@ -131,7 +131,7 @@ def _mean_of_steps(instants: FloatArray, values: FloatArray, rows: Integers) -> 
 
 
 def _mean_of_lines(instants: FloatArray, values: FloatArray, rows: Integers) -> FloatArray:
-    area = make_interp_spline(instants, values, k=1).antiderivative()
+    area = scipy.interpolate.make_interp_spline(instants, values, k=1).antiderivative()
     return np.asarray(area(rows + 1.0) - area(rows.astype(np.float64)))
 
 
@@ -139,7 +139,7 @@ def _splined(instants: FloatArray, values: FloatArray, rows: Integers) -> FloatA
     usual = float(np.median(np.diff(instants)))
     apart = np.concatenate([[True], np.diff(instants) > _CLOSEST * usual])
     instants, values = instants[apart], values[apart]
-    found = np.asarray(CubicSpline(instants, values)(rows), dtype=np.float64)
+    found = np.asarray(scipy.interpolate.CubicSpline(instants, values)(rows), dtype=np.float64)
     behind = np.searchsorted(instants, rows).clip(1, len(instants) - 1)
     gaps = instants[behind] - instants[behind - 1]
     off = np.minimum(np.abs(rows - instants[behind - 1]), np.abs(instants[behind] - rows))

@@ -38,7 +38,8 @@ JOINTS = ("shoulder", "motor")
 
 def every_ms(step_ms: float, count: int, first_ms: float = 0.0) -> NDArray[np.int64]:
     """Return so many instants, from the start of the tests' time."""
-    return START_NS + np.rint((first_ms + step_ms * np.arange(count)) * MS_NS).astype(np.int64)
+    after_ns = np.rint((first_ms + step_ms * np.arange(count)) * MS_NS)
+    return np.asarray(START_NS + after_ns.astype(np.int64))
 
 
 def two_joints(count: int, **others: NDArray[np.int64]) -> Topic:
@@ -125,7 +126,7 @@ def test_read___command_between_samples___acts_for_its_part_of_the_period(tmp_pa
     # By hand: command k comes 2.5 ms after sample k. For a quarter of the period the one before
     # acts. The first sample has no command yet.
     count = 30
-    command = float64("/command", every_ms(10, count, 2.5), 100.0 * np.arange(count))
+    command = float64("/command", every_ms(10, count, 2.5), 100.0 * np.arange(float(count)))
     angle = float64("/angle", every_ms(10, count), np.arange(float(count)))
     bag = write_topics(tmp_path / "run", [command, angle], SQLITE)
 

@@ -15,7 +15,7 @@ PERIOD_NS = 5_000_000
 
 
 def sent_ns(periods: np.ndarray) -> np.ndarray:
-    return START_NS + np.rint(periods * PERIOD_NS).astype(np.int64)
+    return np.asarray(START_NS + np.rint(periods * PERIOD_NS).astype(np.int64))
 
 
 @settings(max_examples=40, deadline=None)
