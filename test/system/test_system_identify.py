@@ -192,12 +192,12 @@ def good_bag(folder: Path) -> Path:
         (
             short_bag,
             {"train_fraction": 0.5},
-            "the leading 30 of 60 samples are too few, .*, or fit a longer part .train_fraction",
+            "the leading 30 of 59 samples are too few, .*, or fit a longer part .train_fraction",
         ),
         (
             constant_input,
             {"train_fraction": 0.5},
-            "command_v is constant in the leading 600 of 1200 samples, it exc",
+            "command_v is constant in the leading 600 of 1199 samples, it exc",
         ),
         (not_finite, {}, "position_v is inf in row 300"),
         (good_bag, {"order": 25, "block_rows": 20}, "order must lie between 1 and 19 .*: 25"),

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+from typing import TYPE_CHECKING
 
 import click
 import pytest
@@ -9,6 +11,9 @@ from click.testing import CliRunner
 
 from flexarm_bringup.cli import VERBS, main
 from flexarm_bringup.console.verb_group import LazyVerbGroup
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 
 def test_help___lists_every_verb_without_importing_what_they_need() -> None:
@@ -37,6 +42,30 @@ def test_verb___help___is_that_of_the_list_and_has_examples(verb: str) -> None:
     listed = main.get_command(context, verb)
     assert listed is not None
     assert listed.get_short_help_str(200) in " ".join(told.split())
+
+
+def commands(name: str, command: click.Command) -> Iterator[tuple[str, click.Command]]:
+    """Return a verb and those below it, with their names."""
+    yield name, command
+    if isinstance(command, click.Group):
+        for below, each in command.commands.items():
+            yield from commands(f"{name} {below}", each)
+
+
+@pytest.mark.parametrize("width", [80, 120])
+@pytest.mark.parametrize("verb", VERBS)
+def test_verb___help_page___has_no_blanks_inside_a_sentence(verb: str, width: int) -> None:
+    assert isinstance(main, LazyVerbGroup)
+    for name, command in commands(verb, main.load(verb)):
+        context = click.Context(command, info_name=name, max_content_width=width)
+        context.terminal_width = width
+        told, _, _ = command.get_help(context).partition("\nOptions:")
+        _, *lines = told.split("\n\n", 1)[1].partition("Examples:")[0].splitlines()
+        assert not [line for line in lines if re.search(r"\S {2,}\S", line)]
+        assert not [line for line in lines if line.strip() and not re.match(r" {2}\S", line)]
+        assert not command.get_short_help_str(60).endswith("...")
+        helps = [each.help or "" for each in command.params if isinstance(each, click.Option)]
+        assert not [text for text in helps if re.search(r"\s{2}|\n", text)]
 
 
 def test_verb_that_is_not_there___is_refused() -> None:

@@ -9,6 +9,7 @@ import sys
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
+from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -96,7 +97,9 @@ def examples(*lines: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 
     def add(function: Callable[..., Any]) -> Callable[..., Any]:
         text = "\n".join(f"  flexarm {line}" for line in lines)
-        function.__doc__ = f"{function.__doc__}\n\n\b\nExamples:\n{text}"
+        # The indentation of the source would become blanks inside the sentences.
+        words = cleandoc(function.__doc__ or "")
+        function.__doc__ = f"{words}\n\n\b\nExamples:\n{text}"
         return function
 
     return add

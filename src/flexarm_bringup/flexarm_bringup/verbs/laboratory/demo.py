@@ -136,6 +136,8 @@ def _experiment_text(settings: DemoSettings) -> str:
 def _request(bag: Path, known_modes_hz: Sequence[float]) -> Identify.Request:
     return Identify.Request(
         bag_uris=[str(bag)],
+        # The other half shows what the model does with data it has not seen.
+        train_fraction=0.5,
         method="auto",
         reduction="mrmc",
         reduced_order=REDUCED_ORDER,

@@ -73,9 +73,10 @@ def _loss(made: RepairSummary) -> str:
 @click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
 @examples("bag check out/run1", "bag check bags")
 def check(bags: tuple[Path, ...]) -> None:
-    """Find wrong bits, missing samples, wrong types and clock problems; exit code 1 if any.
+    """Find what is wrong with bags; exit code 1 if anything is.
 
-    A folder of bags stands for all of them.
+    Wrong bits, missing samples, wrong types and clock problems are found. A folder of bags stands
+    for all of them.
     """
     verdicts = [_is_good(each) for path in bags for each in _bags_of(path)]
     sys.exit(0 if all(verdicts) else 1)
