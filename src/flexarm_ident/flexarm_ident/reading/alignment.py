@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from flexarm_core.errors import DataError
+from flexarm_core.labels import without_dots
 from flexarm_ident.reading.stream import Header
 from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_rows, timetable
 from flexarm_ident.records.iodata import ARM_OUTPUTS, DataWarning, IoData
@@ -250,7 +251,12 @@ def _io_header(
             dt_s = 1 / channels.rate_hz
     label = f"{source} ({channels.source})" if channels.source else source
     return Header(
-        channels.inputs, channels.outputs, dt_s, channels.closed_loop, label, tuple(notices)
+        without_dots(channels.inputs),
+        without_dots(channels.outputs),
+        dt_s,
+        channels.closed_loop,
+        label,
+        tuple(notices),
     )
 
 

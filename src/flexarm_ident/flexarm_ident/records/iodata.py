@@ -11,6 +11,7 @@ import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import DataError
+from flexarm_core.labels import without_dots
 from flexarm_ident.records.holes import filled, unusable_rows
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class IoData:
     dt_s : float
         Sampling period.
     inputs, outputs : sequence of str
-        Channel names.
+        Channel names, each once; a dot in one becomes an underscore.
     closed_loop : bool, optional
         True when a controller made the input. None when unknown.
     source : str
@@ -102,8 +103,8 @@ class IoData:
     head_of: int | None = None
 
     def __post_init__(self) -> None:
-        self._set("inputs", tuple(self.inputs))
-        self._set("outputs", tuple(self.outputs))
+        self._set("inputs", without_dots(self.inputs))
+        self._set("outputs", without_dots(self.outputs))
         self._set("dt_s", float(self.dt_s))
         if not (math.isfinite(self.dt_s) and self.dt_s > 0.0):
             raise DataError(f"{self.label}: dt_s must be a positive number of seconds: {self.dt_s}")
@@ -231,6 +232,8 @@ class IoData:
             raise DataError(
                 f"{self.label}: {field} has {array.shape[1]} channels, but {len(names)} names"
             )
+        if len(set(names)) < len(names):
+            raise DataError(f"{self.label}: {field} has a name twice: {', '.join(names)}")
         return array
 
     def _finite(self, array: FloatArray, names: Sequence[str]) -> FloatArray:

@@ -6,6 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.report.content.wording import check_title, listed, percent, shortened
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def summary(outcome: Outcome) -> list[str]:
     full = outcome.identification.order
     origin = f", reduced from {full}" if model.nstates < full else ""
     friction = " and dry friction at its inputs" if outcome.friction else ""
-    error = percent(float(outcome.dmv_errors.mean()))
+    error = percent(mean_error(outcome.dmv_errors))
     lines = [
         f"The model has {model.nstates} states{origin}{friction}.",
         f"It comes from {counted(len(records), 'record')} of {seconds:.1f} s in all.",

@@ -205,14 +205,14 @@ def _joined_errors(dmv: Sequence[Dmv], powers: Sequence[FloatArray]) -> FloatArr
     """Return the errors over all records together, from those of each and the outputs' power."""
     if len(dmv) == 1:
         return dmv[0].delta
+    deltas = np.array([each.delta for each in dmv])
+    # An output that is constant in one record may vary in another.
+    known = ~np.isnan(deltas)
+    power = np.where(known, powers, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        missed = [
-            np.where(each.delta == 0.0, 0.0, each.delta**2 * power)
-            for each, power in zip(dmv, powers, strict=True)
-        ]
-        total, power = np.sum(missed, axis=0), np.sum(powers, axis=0)
-        error = np.where(total == 0.0, 0.0, np.sqrt(total / power))
-    return np.where(np.isfinite(error), error, np.inf)
+        missed = np.where(known, deltas**2 * power, 0.0)
+        error = np.sqrt(missed.sum(axis=0) / power.sum(axis=0))
+    return np.where(known.any(axis=0), np.where(np.isfinite(error), error, np.inf), np.nan)
 
 
 def _reduce(identification: Identification, request: Request) -> Reduction | None:

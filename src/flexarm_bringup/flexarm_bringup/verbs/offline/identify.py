@@ -14,6 +14,7 @@ from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
 from flexarm_ident import job
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.records.preprocess import BIASES
 from flexarm_ident.subspace.methods import AUTO, METHODS
@@ -213,4 +214,4 @@ def _show(results: job.Results, written: str) -> None:
 
 
 def _with_mean(errors: FloatArray) -> tuple[float, ...]:
-    return (*errors.tolist(), float(errors.mean()))
+    return (*errors.tolist(), mean_error(errors))

@@ -24,6 +24,7 @@ CHECKS = {
     "constant_channel": "Constant channel",
     "duplicated_channel": "Duplicated channel",
     "offset": "Offset",
+    "unit": "Unit",
     "excitation_band": "Excited band",
     "input_condition": "Richness of the input",
     "too_short": "Length",
@@ -32,7 +33,9 @@ CHECKS = {
 
 
 def error_text(delta: float) -> str:
-    """Return an error (2-25) with four decimals."""
+    """Return an error (2-25) with four decimals, a dash for that of a constant output."""
+    if math.isnan(delta):
+        return "-"
     return f"{delta:.4f}" if math.isfinite(delta) else "∞"
 
 
