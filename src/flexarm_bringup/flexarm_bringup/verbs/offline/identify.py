@@ -12,6 +12,7 @@ from click.shell_completion import CompletionItem
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
 from flexarm_ident import job
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import parse_exports
@@ -141,6 +142,7 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), default=Path("out/identify"), show_default=True
 )
+@channel_options
 @_request_options
 @click.option(
     "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
@@ -150,12 +152,15 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
     "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
     "identify bags/c_dat3_0g --export json,mat,h",
     "identify bags/quanser_2dsfl --refine",
+    "identify run1 --input /command.data --output '/joint_states.position[0]'",
 )
 def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) -> None:  # noqa: ANN401
     """Identify a model from bags; write parameters and report."""
-    exports = parse_exports(export)
+    exports, channels = parse_exports(export), taken_channels(options)
     with terminal.progress() as show:
-        results = job.identify_bags(bags, out, Request(**options), exports=exports, progress=show)
+        results = job.identify_bags(
+            bags, out, Request(**options), channels=channels, exports=exports, progress=show
+        )
     _show(results, f"results in {out}")
 
 
@@ -169,6 +174,7 @@ def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) 
     show_default=True,
     help="HTML file.",
 )
+@channel_options
 @_request_options
 @examples(
     "report bags/c_dat3_0g",
@@ -181,8 +187,9 @@ def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: 
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
+    channels = taken_channels(options)
     with terminal.progress() as show:
-        results = job.report_bags(bags, out, Request(**options), progress=show)
+        results = job.report_bags(bags, out, Request(**options), channels=channels, progress=show)
     _show(results, f"report in {out}")
 
 
