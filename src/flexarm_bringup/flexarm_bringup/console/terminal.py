@@ -56,7 +56,7 @@ def show_model(model: ShownModel) -> None:
     if friction.row_count:
         CONSOLE.print(friction)
     for warning in model.warnings:
-        CONSOLE.print(f"  note: {warning}")
+        CONSOLE.print(f"  {warning}", markup=False)
 
 
 @contextmanager

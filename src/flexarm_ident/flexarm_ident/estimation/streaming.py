@@ -10,6 +10,7 @@ import numpy as np
 from flexarm_ident.fitting.validation import Dmv, mean_error
 from flexarm_ident.models.free_run import BlockSimulation
 from flexarm_ident.records.iodata import IoData
+from flexarm_ident.records.magnitude import check_magnitude
 from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, preprocess
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ def without_bias(source: Source) -> Part:
     The inputs must not contain Coulomb compensation.
     """
     first = excerpt(source)
+    check_magnitude(first)
     bias = first.y[0] - preprocess(first, zero_mean=()).y[0]
     total, count = np.zeros(len(source.outputs)), 0
     for _, y in source.chunks(_CHUNK):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, replace
+from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,14 @@ if TYPE_CHECKING:
 ARM_OUTPUTS = CHANNEL_NAMES
 
 
+class Grade(StrEnum):
+    """Weight of a note, the heaviest first."""
+
+    DO_NOT_USE = "do not use"
+    CAUTION = "caution"
+    INFORMATION = "information"
+
+
 @dataclass(frozen=True)
 class DataWarning:
     """Fact that matters before a model is trusted.
@@ -33,17 +42,27 @@ class DataWarning:
     name : str
         Kind of the warning, the same for all data: ``saturation``.
     text : str
-        One line with place, extent and remedy.
+        One sentence with extent and remedy.
     figures : mapping of str to float
         The figures in the text.
+    grade : Grade
+        Its weight.
+    record : str
+        Short name of the record; empty for what concerns all records together.
+    channel : str
+        Name of the channel; empty for what concerns the whole record.
     """
 
     name: str
     text: str
     figures: Mapping[str, float]
+    _: KW_ONLY
+    grade: Grade = Grade.CAUTION
+    record: str = ""
+    channel: str = ""
 
     def __str__(self) -> str:
-        return self.text
+        return f"{self.record}: {self.text}" if self.record else self.text
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm_core.arrays import column_range
 from flexarm_core.errors import DataError
-from flexarm_ident.records.iodata import DataWarning
+from flexarm_ident.records.iodata import DataWarning, Grade
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -83,4 +83,6 @@ def _notice(name: str, exponent: int) -> DataWarning:
         "unit",
         f"{name} was multiplied by 1e{exponent:+d} to compute with it: the model has that unit",
         {"exponent": float(exponent)},
+        grade=Grade.INFORMATION,
+        channel=name,
     )

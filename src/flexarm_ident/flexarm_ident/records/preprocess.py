@@ -10,7 +10,7 @@ import scipy
 
 from flexarm_core.arrays import column_range
 from flexarm_core.errors import DataError
-from flexarm_ident.records.iodata import DataWarning, as_records
+from flexarm_ident.records.iodata import DataWarning, Grade, as_records
 from flexarm_ident.records.magnitude import in_range
 
 if TYPE_CHECKING:
@@ -190,6 +190,8 @@ def _without_offsets(data: IoData) -> IoData:
             "offset",
             f"{name} had an offset of {offset:.6g}, which was removed",
             {"offset": float(offset)},
+            grade=Grade.INFORMATION,
+            channel=name,
         )
         for name, offset in told
         if offset != 0.0
