@@ -11,13 +11,18 @@ import numpy as np
 from flexarm_core.errors import DataError, IdentificationError
 from flexarm_ident.diagnostics.notes import graded
 from flexarm_ident.diagnostics.quality import assess
-from flexarm_ident.diagnostics.stabilisation import stabilisation, subspace_matrices
+from flexarm_ident.diagnostics.stabilisation import (
+    Criteria,
+    stabilisation,
+    subspace_matrices,
+)
 from flexarm_ident.diagnostics.uncertainty import (
     frequency_response_uncertainty,
     jackknife,
     mode_uncertainty,
 )
 from flexarm_ident.estimation.cross_validation import cross_validate
+from flexarm_ident.estimation.physical_modes import judged_modes
 from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.records.iodata import Grade
@@ -36,6 +41,7 @@ if TYPE_CHECKING:
         ResponseUncertainty,
     )
     from flexarm_ident.estimation.cross_validation import CrossValidation
+    from flexarm_ident.estimation.physical_modes import JudgedMode
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.friction.levels import CoulombEstimate
     from flexarm_ident.models.modes import Mode
@@ -218,6 +224,17 @@ class Identification:
         """Stabilisation diagram: the modes that recur over the orders."""
         space = self.subspace
         return stabilisation(subspace_matrices(space), space.output_scale, self.model.dt)
+
+    @cached_property
+    def recurring_modes(self) -> tuple[JudgedMode, ...]:
+        """Modes of `diagram` with their weights, and whether they are physical."""
+        return judged_modes(
+            self.diagram,
+            self.subspace,
+            self.linear_records,
+            feedthrough=bool(np.any(self.model.D)),
+            largest_damping=Criteria().largest_damping,
+        )
 
     @cached_property
     def stable_orders(self) -> tuple[int, ...]:
