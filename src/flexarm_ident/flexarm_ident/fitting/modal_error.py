@@ -64,7 +64,7 @@ class ModalError:
         self._n, self._r, self._m = model.nstates, model.ninputs, model.noutputs
 
     @property
-    def groups(self) -> tuple[tuple[int, ...], ...]:
+    def groups(self) -> list[tuple[int, ...]]:
         """Parameters of A by mode: real part, and imaginary part of a pair."""
         return self._groups
 
@@ -97,7 +97,7 @@ class ModalError:
             for record, start, known in zip(self._records, starts, self._known, strict=True):
                 y = BlockSimulation(A, B, C, self._model.D, start).advance(record.u)
                 for e, taps, rows in zip((y - record.y).T, self._filters, known, strict=True):
-                    total += float(np.sum(scipy.signal.lfilter(taps, 1.0, e)[rows] ** 2))
+                    total += float(np.sum(scipy.signal.lfilter(taps, [1.0], e)[rows] ** 2))
         return total
 
     def normal(self, theta: FloatArray) -> Normal:
@@ -122,7 +122,7 @@ class ModalError:
                 for output, taps in enumerate(self._filters):
                     block = np.column_stack([slopes[:, output], states, e[:, output]])
                     passed, memories[output] = scipy.signal.lfilter(
-                        taps, 1.0, block, axis=0, zi=memories[output]
+                        taps, [1.0], block, axis=0, zi=memories[output]
                     )
                     passed = passed[self._known[number][output][rows]]
                     product = passed.T @ passed

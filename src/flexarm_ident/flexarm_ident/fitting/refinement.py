@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.fitting.levenberg_marquardt import minimise
+from flexarm_ident.fitting.likelihood import DEFECTIVE_CONDITION
 from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from flexarm_ident.fitting.levenberg_marquardt import Normal
     from flexarm_ident.records.iodata import IoData
 
-_DEFECTIVE_CONDITION = 1e8
 _ITERATIONS = 30
 
 
@@ -86,7 +86,7 @@ def refine_model(
     before = _errors(model, x0, records)
     unchanged = Refinement(model, tuple(x0), before, before)
     form = modal_form(model)
-    if np.linalg.cond(form.vectors) > _DEFECTIVE_CONDITION or not np.isfinite(before).all():
+    if np.linalg.cond(form.vectors) > DEFECTIVE_CONDITION or not np.isfinite(before).all():
         return unchanged
     problem = ModalError(model, records, relative_weights(records))
     steps = 0
