@@ -6,7 +6,7 @@ Every member is aligned to its own size, counted from behind the 4 bytes of enca
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,24 +59,32 @@ class _DifferentLengths(Exception):  # noqa: N818 - a branch of the decoding, no
 
 @dataclass(frozen=True)
 class Member:
-    """One primitive member of a message; nested messages are flattened.
+    """One member of a message; nested messages are flattened, arrays of them are not.
 
     Attributes
     ----------
     name : str
         Path with dots, ``header.stamp.sec``.
     dtype : dtype or None
-        Type of one element; None for a string, which has no column.
+        Type of one element; None for texts and messages.
     length : int or None
         Elements of a fixed array, 1 for a scalar; None when each message has its own length.
     scalar : bool
         True when the column has no second axis.
+    parts : tuple of Member
+        Members of each element of an array of messages.
     """
 
     name: str
     dtype: np.dtype[np.generic] | None
     length: int | None
     scalar: bool
+    parts: tuple[Member, ...] = ()
+
+    @property
+    def is_list(self) -> bool:
+        """True for an array of texts or messages, whose elements have columns of their own."""
+        return self.dtype is None and not self.scalar
 
 
 def members(type_name: str, definitions: Typesdict) -> tuple[Member, ...]:
@@ -85,7 +93,7 @@ def members(type_name: str, definitions: Typesdict) -> tuple[Member, ...]:
     Raises
     ------
     CdrError
-        If the type is unknown or holds sequences of strings or messages, which make no columns.
+        If the type, or one that it contains, is unknown.
     """
     if type_name not in definitions:
         raise CdrError(f"no definition of {type_name}")
@@ -98,18 +106,18 @@ def members(type_name: str, definitions: Typesdict) -> tuple[Member, ...]:
 def _spread(name: str, description: FieldDesc, definitions: Typesdict) -> Iterator[Member]:
     if description[0] == Nodetype.NAME:
         for member in members(str(description[1]), definitions):
-            yield Member(f"{name}.{member.name}", member.dtype, member.length, member.scalar)
+            yield replace(member, name=f"{name}.{member.name}")
         return
     if description[0] == Nodetype.BASE:
-        base = description[1][0]
-        length = None if base == "string" else 1
-        yield Member(name, _dtype(name, str(base)), length, scalar=True)
+        yield Member(name, _dtype(name, str(description[1][0])), 1, scalar=True)
         return
     element, bound = description[1]
-    if element[0] != Nodetype.BASE or element[1][0] == "string":
-        raise CdrError(f"member {name} is an array of strings or messages and makes no column")
     length = int(bound) if description[0] == Nodetype.ARRAY else None
-    yield Member(name, _dtype(name, str(element[1][0])), length, scalar=False)
+    if element[0] == Nodetype.NAME:
+        parts = members(str(element[1]), definitions)
+        yield Member(name, None, length, scalar=False, parts=parts)
+    else:
+        yield Member(name, _dtype(name, str(element[1][0])), length, scalar=False)
 
 
 def _dtype(name: str, base: str) -> np.dtype[np.generic] | None:
@@ -135,66 +143,125 @@ def decode(
     Returns
     -------
     dict of str to ndarray
-        Member name -> (N,), or (N, length) for arrays and sequences. Strings are left out.
+        Member name -> (N,), or (N, length) for arrays and sequences. Texts are left out, and so
+        are arrays of texts or messages.
 
     Raises
     ------
     CdrError
         If bytes do not fit the layout or a sequence has differing lengths.
     """
-    return _merge([(numbers, _decode_rows(rows, layout)) for numbers, rows in groups])
+    wanted = [member.name for member in layout if member.dtype is not None]
+    return _merge(
+        [
+            (numbers, {name: columns[name] for name in wanted})
+            for numbers, columns in alike(groups, layout)
+        ]
+    )
 
 
-def _decode_rows(rows: ByteRows, layout: Sequence[Member]) -> dict[str, Column]:
+def alike(
+    groups: Sequence[tuple[NDArray[np.intp], ByteRows]], layout: Sequence[Member]
+) -> Iterator[tuple[NDArray[np.intp], dict[str, Column]]]:
+    """Yield messages whose texts and sequences have the same lengths, with their columns.
+
+    Parameters
+    ----------
+    groups, layout
+        As in `decode`.
+
+    Yields
+    ------
+    tuple of ndarray of int, (n,), and dict of str to ndarray
+        Message numbers and their columns. An array of texts or messages has columns for each of
+        its elements, ``name[0]`` and ``transforms[0].transform.translation.x``; texts are bytes.
+
+    Raises
+    ------
+    CdrError
+        If bytes do not fit the layout.
+    """
+    for numbers, rows in groups:
+        yield from _alike(numbers, rows, layout)
+
+
+def _alike(
+    numbers: NDArray[np.intp], rows: ByteRows, layout: Sequence[Member]
+) -> Iterator[tuple[NDArray[np.intp], dict[str, Column]]]:
     try:
-        return _decode_alike(rows, layout)
+        columns = _decode_alike(rows, layout)
     except _DifferentLengths as difference:
-        lengths = difference.lengths
-    parts = []
-    for length in np.unique(lengths):
-        numbers = np.flatnonzero(lengths == length)
-        parts.append((numbers, _decode_rows(rows[numbers], layout)))
-    return _merge(parts)
+        for length in np.unique(difference.lengths):
+            here = difference.lengths == length
+            yield from _alike(numbers[here], rows[here], layout)
+    else:
+        yield numbers, columns
 
 
 def _decode_alike(rows: ByteRows, layout: Sequence[Member]) -> dict[str, Column]:
-    """Decode rows in which every string and sequence has one length."""
+    """Decode rows in which every text and sequence has one length."""
     if rows.shape[1] < ENCAPSULATION or not np.all(rows[:, :2] == (0, 1)):
         raise CdrError("a message is not little-endian CDR")
-    body = rows[:, ENCAPSULATION:]
-    columns: dict[str, Column] = {}
-    position = 0
-    for member in layout:
-        length = member.length
-        if length is None:
-            lengths, position = _take(body, position, _COUNT, 1)
-            if np.any(lengths != lengths[0]):
-                raise _DifferentLengths(lengths[:, 0].astype(np.int64))
-            length = int(lengths[0, 0])
-        if member.dtype is None:
-            position += length
-        elif length:
-            values, position = _take(body, position, member.dtype, length)
-            columns[member.name] = values[:, 0] if member.scalar else values
-        else:
-            columns[member.name] = np.empty((len(rows), 0), member.dtype)
-    if not 0 <= body.shape[1] - position <= _LONGEST_PADDING:
+    cursor = _Cursor(rows[:, ENCAPSULATION:])
+    cursor.read(layout)
+    if not 0 <= cursor.body.shape[1] - cursor.position <= _LONGEST_PADDING:
         raise CdrError(
-            f"a message of {rows.shape[1]} bytes, but its definition has {position + ENCAPSULATION}"
+            f"a message of {rows.shape[1]} bytes, but its definition has "
+            f"{cursor.position + ENCAPSULATION}"
         )
-    return columns
+    return cursor.columns
 
 
-def _take(
-    body: ByteRows, position: int, dtype: np.dtype[np.generic], length: int
-) -> tuple[Column, int]:
-    start = -(-position // dtype.itemsize) * dtype.itemsize
-    end = start + length * dtype.itemsize
-    if end > body.shape[1]:
-        raise CdrError(
-            f"a message of {body.shape[1] + ENCAPSULATION} bytes is too short for its definition"
-        )
-    return body[:, start:end].view(dtype), end
+class _Cursor:
+    """Place in messages that are alike, and the columns before it."""
+
+    def __init__(self, body: ByteRows) -> None:
+        self.body = body
+        self.position = 0
+        self.columns: dict[str, Column] = {}
+
+    def read(self, layout: Sequence[Member], prefix: str = "") -> None:
+        for member in layout:
+            name = prefix + member.name
+            if member.scalar:
+                self.columns[name] = (
+                    self._text() if member.dtype is None else self._values(member.dtype, 1)[:, 0]
+                )
+                continue
+            length = self._count() if member.length is None else member.length
+            if member.dtype is not None:
+                self.columns[name] = self._values(member.dtype, length)
+                continue
+            for element in (f"{name}[{index}]" for index in range(length)):
+                if member.parts:
+                    self.read(member.parts, f"{element}.")
+                else:
+                    self.columns[element] = self._text()
+
+    def _text(self) -> Column:
+        length = self._count()
+        if not length:
+            return np.zeros(len(self.body), "S1")
+        # The zero at its end counts; numpy leaves it out.
+        return self._values(np.dtype("u1"), length).view(f"S{length}")[:, 0]
+
+    def _count(self) -> int:
+        lengths = self._values(_COUNT, 1)[:, 0]
+        if np.any(lengths != lengths[0]):
+            raise _DifferentLengths(lengths.astype(np.int64))
+        return int(lengths[0])
+
+    def _values(self, dtype: np.dtype[np.generic], length: int) -> Column:
+        if not length:
+            return np.empty((len(self.body), 0), dtype)
+        start = -(-self.position // dtype.itemsize) * dtype.itemsize
+        self.position = start + length * dtype.itemsize
+        if self.position > self.body.shape[1]:
+            raise CdrError(
+                f"a message of {self.body.shape[1] + ENCAPSULATION} bytes is too short for its "
+                "definition"
+            )
+        return self.body[:, start : self.position].view(dtype)
 
 
 def _merge(parts: Sequence[tuple[NDArray[np.intp], dict[str, Column]]]) -> dict[str, Column]:

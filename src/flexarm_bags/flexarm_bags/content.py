@@ -105,6 +105,8 @@ class ContentCheck:
                 layout = members(type_name, reader.typestore.fielddefs)
             except CdrError:
                 layout = None
+            if layout and any(member.is_list for member in layout):
+                layout = None
             self.topics[name] = TopicContent(type_name, layout)
         ours = {
             name.rpartition("/")[0]

@@ -16,19 +16,20 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.typesys import Stores, get_typestore
 
 from flexarm_bags.chunks import IndexedFile, Messages, NotIndexedError, read_topic, topic_pieces
-from flexarm_bags.columns import CdrError, decode, members
+from flexarm_bags.columns import CdrError, alike, decode, members
 from flexarm_bags.metadata import repair_advice, require_bag
 from flexarm_core.errors import BagError, DataError, one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
     from rosbags.interfaces import Connection
 
-    from flexarm_bags.columns import Column
+    from flexarm_bags.columns import Column, Member
     from flexarm_core.arrays import FloatArray
 
 ARM_STATE = "flexarm_msgs/msg/ArmState"
@@ -87,6 +88,25 @@ class Recorded:
 
 
 @dataclass(frozen=True)
+class Grouped:
+    """The messages of one topic of any type, in groups whose texts and sequences are as long.
+
+    Attributes
+    ----------
+    log_times_ns : ndarray of int, (messages,)
+        Instants of receiving, or of sending where the recorder knew it.
+    groups : sequence of (ndarray of int, (n,), mapping of str to ndarray)
+        Message numbers, and their columns as `columns.alike` names them.
+    """
+
+    log_times_ns: NDArray[np.int64]
+    groups: Sequence[tuple[NDArray[np.intp], Mapping[str, Column]]]
+
+    def __len__(self) -> int:
+        return len(self.log_times_ns)
+
+
+@dataclass(frozen=True)
 class Channels:
     """Meaning of the arrays of IoSample, from ChannelInfo."""
 
@@ -110,7 +130,9 @@ def opened(path: Path) -> Iterator[Bag]:
     require_bag(path)
     try:
         with ExitStack() as stack:
-            reader = stack.enter_context(AnyReader([path]))
+            # Databases of older recorders have no definitions.
+            common = get_typestore(Stores.ROS2_JAZZY)
+            reader = stack.enter_context(AnyReader([path], default_typestore=common))
             streams = [stack.enter_context(file.open("rb")) for file in _plain_mcap_files(reader)]
             yield Bag(path, reader, tuple(IndexedFile(stream) for stream in streams))
     except BagError:
@@ -165,18 +187,20 @@ class Bag:
         """Return whether a topic has messages of a type."""
         return self.types.get(topic) == type_name and self.count(topic) > 0
 
-    def choose(self, topic: str | None) -> str:
+    def choose(self, topic: str | None) -> str | None:
         """Return the topic of the samples: the one asked for, or the only one, ArmState first.
+
+        It is None when none was asked for and there is none.
 
         Raises
         ------
         BagError
-            If the topic asked for holds no samples, or not exactly one topic does.
+            If the topic asked for holds no samples, or more than one topic does.
         """
         types = self.types
-        listed = ", ".join(f"{name} ({types[name]})" for name in sorted(types)) or "none"
         if topic is not None:
             if types.get(topic) not in {ARM_STATE, IO_SAMPLE}:
+                listed = ", ".join(f"{name} ({types[name]})" for name in sorted(types)) or "none"
                 raise BagError(f"{self.path}: {topic} holds no samples; topics: {listed}")
             return topic
         for wanted in (ARM_STATE, IO_SAMPLE):
@@ -185,7 +209,7 @@ class Bag:
                 raise BagError(f"{self.path}: choose one topic of {', '.join(found)}")
             if found:
                 return found[0]
-        raise BagError(f"{self.path}: holds neither ArmState nor IoSample; topics: {listed}")
+        return None
 
     def recorded(self, topic: str) -> Recorded:
         """Return all messages of a topic as columns.
@@ -195,12 +219,23 @@ class Bag:
         BagError
             If there are none, or they do not follow their definition.
         """
-        messages = read_topic(self.files, topic) if self.files else None
-        if messages is None:
-            messages = self._one_by_one(topic)
-        if not len(messages.log_times_ns):
-            raise BagError(f"{self.path}: no messages on {topic}")
-        return self._decoded(topic, messages)
+        return self._decoded(topic, self._messages(topic))
+
+    def grouped(self, topic: str) -> Grouped:
+        """Return all messages of a topic of any type, in groups.
+
+        Raises
+        ------
+        BagError
+            If there are none, their type is unknown, or they do not follow its definition.
+        """
+        return self._grouped(topic, self._messages(topic))
+
+    def first(self, topic: str) -> Grouped:
+        """Return the first message of a topic of any type alone; errors as in `grouped`."""
+        for _, time_ns, raw in self._raw(topic):
+            return self._grouped(topic, Messages.of([time_ns], [raw]))
+        raise BagError(f"{self.path}: no messages on {topic}")
 
     def optional(self, topic: str, type_name: str) -> Recorded | None:
         """Return all messages of a topic as columns; None when there are none of that type."""
@@ -254,10 +289,28 @@ class Bag:
     def _decoded(self, topic: str, messages: Messages) -> Recorded:
         """Return messages of a topic as columns, by the bag's own definition of their type."""
         try:
-            layout = members(self.types[topic], self.reader.typestore.fielddefs)
-            return Recorded(messages.log_times_ns, decode(messages.groups, layout))
+            return Recorded(messages.log_times_ns, decode(messages.groups, self._layout(topic)))
         except CdrError as error:
             raise BagError(f"{self.path}: {topic}: {error}") from error
+
+    def _grouped(self, topic: str, messages: Messages) -> Grouped:
+        try:
+            groups = list(alike(messages.groups, self._layout(topic)))
+        except CdrError as error:
+            raise BagError(f"{self.path}: {topic}: {error}") from error
+        return Grouped(messages.log_times_ns, groups)
+
+    def _layout(self, topic: str) -> tuple[Member, ...]:
+        return members(self.types[topic], self.reader.typestore.fielddefs)
+
+    def _messages(self, topic: str) -> Messages:
+        """Return the messages of a topic, as bytes."""
+        messages = read_topic(self.files, topic) if self.files else None
+        if messages is None:
+            messages = self._one_by_one(topic)
+        if not len(messages.log_times_ns):
+            raise BagError(f"{self.path}: no messages on {topic}")
+        return messages
 
     def _one_by_one(self, topic: str) -> Messages:
         """Return the messages of a topic, read one by one."""

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
 # The unit stands at the end of a name; the longer ending counts.
 _UNITS = {
     "rad_s": "rad/s",
@@ -29,6 +34,11 @@ def label_and_unit(name: str) -> tuple[str, str]:
         if words not in (name, ""):
             return words.replace("_", " "), unit
     return name.replace("_", " "), ""
+
+
+def without_dots(names: Iterable[str]) -> tuple[str, ...]:
+    """Return names of channels with underscores for dots, which a model's signals cannot have."""
+    return tuple(name.replace(".", "_") for name in names)
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:

@@ -18,7 +18,8 @@ from flexarm_ident.friction.layout import Drive
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.models.files import load_model, save_model
 from flexarm_ident.models.modes import RankTable, rank_table
-from flexarm_ident.reading.read import read_bag, read_bag_report
+from flexarm_ident.reading.channels import Selection, selection
+from flexarm_ident.reading.read import read_bag, read_bag_report, read_channels
 from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.reduction.balanced import BalancedTruncation, balanced_truncation
@@ -39,6 +40,7 @@ __all__ = [
     "RankTable",
     "Reduction",
     "Refinement",
+    "Selection",
     "Sfv",
     "balanced_truncation",
     "estimate_coulomb",
@@ -50,10 +52,12 @@ __all__ = [
     "rank_table",
     "read_bag",
     "read_bag_report",
+    "read_channels",
     "recover_gains",
     "reduce_model",
     "refine_model",
     "save_model",
+    "selection",
     "simulate_with_friction",
     "thesis_realisation",
     "validate_dmv",

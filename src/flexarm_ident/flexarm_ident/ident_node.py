@@ -25,6 +25,7 @@ from rclpy.task import Future
 from flexarm_core.errors import IdentificationError, one_line
 from flexarm_core.specs import ParameterSpec
 from flexarm_ident.background import Background, Cancelled
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.job import Results, identify_bags, model_name
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.workflow.request import Request
@@ -212,7 +213,7 @@ def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
     ]
     answer.warnings = list(outcome.warnings)
     answer.modes = [_summary(mode) for mode in outcome.modes]
-    answer.dmv = [*outcome.dmv_errors.tolist(), float(outcome.dmv_errors.mean())]
+    answer.dmv = [*outcome.dmv_errors.tolist(), mean_error(outcome.dmv_errors)]
     if outcome.sfv is not None:
         answer.sfv = [*outcome.sfv.delta.tolist(), outcome.sfv.mean]
     if outcome.cross_validation is not None:
@@ -222,7 +223,7 @@ def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
     answer.success = True
     order, states = outcome.identification.order, outcome.model.nstates
     answer.message = (
-        f"{results.name}: order {order}"
+        f"{outcome.verdict} {results.name}: order {order}"
         + (f" reduced to {states}" if states < order else "")
         + (" with dry friction" if outcome.friction else "")
         + f", mean data matching error {answer.dmv[-1]:.4f},"

@@ -13,7 +13,7 @@ from flexarm_ident.friction.dry_friction import friction_fields
 from flexarm_ident.models.files import FORMATS, save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.provenance import model_provenance
-from flexarm_ident.reading.read import read_bag, sample_count, stream_bag
+from flexarm_ident.reading.read import read_bag, read_channels, sample_count, stream_bag
 from flexarm_ident.report.content.blocks import Subject
 from flexarm_ident.report.page import render_report
 from flexarm_ident.workflow.stages import run
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import Progress
     from flexarm_ident.models.model_parameters import ParameterValue
+    from flexarm_ident.reading.channels import Selection
     from flexarm_ident.records.source import Source
     from flexarm_ident.workflow.outcome import Outcome
     from flexarm_ident.workflow.request import Request
@@ -96,6 +97,7 @@ def identify_bags(
     folder: Path,
     request: Request,
     *,
+    channels: Selection | None = None,
     exports: Sequence[str] = (),
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Results:
@@ -112,6 +114,9 @@ def identify_bags(
         Folder of the results, see `write_results`.
     request : Request
         Options.
+    channels : Selection, optional
+        Inputs and outputs among the topics of bags that other programs recorded. None: the bags
+        hold samples of flexarm's own types. Chosen channels are read whole.
     exports : sequence of str
         Suffixes of further formats, see `models.files.parse_exports`.
     progress : callable
@@ -126,7 +131,7 @@ def identify_bags(
         If the folder cannot be written.
     """
     report = whole(progress)
-    measured, outcome = _identified(bags, request, report)
+    measured, outcome = _identified(bags, request, channels, report)
     name = model_name(bags[0])
     parameters = write_results(
         folder,
@@ -144,6 +149,7 @@ def report_bags(
     file: Path,
     request: Request,
     *,
+    channels: Selection | None = None,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Results:
     """Identify as `identify_bags` does, and write the report alone, with the model inside.
@@ -154,7 +160,7 @@ def report_bags(
         HTML file. The other parameters and the errors are those of `identify_bags`.
     """
     report = whole(progress)
-    measured, outcome = _identified(bags, request, report)
+    measured, outcome = _identified(bags, request, channels, report)
     name = model_name(bags[0])
     subject, _ = _subject(name, outcome, measured)
     page = render_report(subject, title=_title(name))
@@ -222,19 +228,22 @@ def write_results(
 
 
 def _identified(
-    bags: Sequence[Path], request: Request, report: Progress
+    bags: Sequence[Path], request: Request, channels: Selection | None, report: Progress
 ) -> tuple[list[Source], Outcome]:
     """Return the records as measured, and the outcome of their identification."""
     measured: list[Source] = []
     for done, bag in enumerate(bags):
         report("reading", done / len(bags))
-        measured.append(_read(bag, request))
+        measured.append(read_record(bag, request, channels))
     outcome = run(measured, request, progress=report)
     report("writing", 0.0)
     return measured, outcome
 
 
-def _read(bag: Path, request: Request) -> Source:
+def read_record(bag: Path, request: Request, channels: Selection | None) -> Source:
+    """Return the record of a bag as measured; arguments and errors as in `identify_bags`."""
+    if channels is not None:
+        return read_channels(bag, channels)
     # In pieces, a record is prepared in the default way alone.
     usual = request.remove_compensation and request.bias == "rest" and request.cutoff_hz is None
     if usual and sample_count(bag) > LARGEST_IN_MEMORY:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import contextmanager
+from math import isnan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.console import Console
@@ -55,7 +56,7 @@ def show_model(model: ShownModel) -> None:
     if friction.row_count:
         CONSOLE.print(friction)
     for warning in model.warnings:
-        CONSOLE.print(f"  note: {warning}")
+        CONSOLE.print(f"  {warning}", markup=False)
 
 
 @contextmanager
@@ -138,10 +139,13 @@ def mode_table(modes: Iterable[ModeSummary | Mode]) -> Table:
 
 
 def error_table(outputs: Sequence[str], rows: Iterable[tuple[str, Sequence[float]]]) -> Table:
-    """Return a table of relative errors (2-25), one column per output and the mean."""
+    """Return a table of relative errors (2-25), one column per output and the mean.
+
+    A constant output has none.
+    """
     table = Table("relative error", *outputs, "mean", box=None)
     for name, errors in rows:
-        table.add_row(name, *(f"{error:.4f}" for error in errors))
+        table.add_row(name, *("-" if isnan(error) else f"{error:.4f}" for error in errors))
     return table
 
 

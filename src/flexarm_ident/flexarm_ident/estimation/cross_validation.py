@@ -38,7 +38,7 @@ class CrossValidation:
     Attributes
     ----------
     error : ndarray, (outputs,)
-        Relative simulation error (2-25) over all blocks together.
+        Relative simulation error (2-25) over all blocks together; NaN for an output that is zero.
     block_errors : ndarray, (blocks, outputs)
         The same of each block; infinite where an output is zero throughout it.
     """
@@ -95,8 +95,9 @@ def cross_validate(
         measured = record.y_measured[block.rows]
         missed.append(np.nansum((measured - y[block.rows]) ** 2, axis=0))
         power.append(np.nansum(measured**2, axis=0))
-    error = _relative(np.sum(missed, axis=0), np.sum(power, axis=0))
-    if not np.all(np.isfinite(error)):
+    total = np.sum(power, axis=0)
+    error = np.where(total > 0.0, _relative(np.sum(missed, axis=0), total), np.nan)
+    if np.any(np.isinf(error)):
         raise IdentificationError("a model that was fitted without a block cannot be simulated")
     return CrossValidation(error, _relative(np.array(missed), np.array(power)))
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import DataError, IdentificationError
+from flexarm_ident.diagnostics.notes import graded
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.diagnostics.stabilisation import stabilisation, subspace_matrices
 from flexarm_ident.diagnostics.uncertainty import (
@@ -19,6 +20,7 @@ from flexarm_ident.diagnostics.uncertainty import (
 from flexarm_ident.estimation.cross_validation import cross_validate
 from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.modes import ranked_modes
+from flexarm_ident.records.iodata import Grade
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.methods import METHODS, Data
 from flexarm_ident.subspace.order import candidate_orders, stable_orders, suggest_order
@@ -131,8 +133,8 @@ class Identification:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Texts of `data_warnings` and `notes`, to be read before the model is used."""
-        return (*(warning.text for warning in self.data_warnings), *self.notes)
+        """Lines of `data_warnings` and `notes` with their grades, the heaviest first."""
+        return graded(self.data_warnings, ((Grade.INFORMATION, note) for note in self.notes))
 
     @cached_property
     def linear_records(self) -> tuple[IoData, ...]:

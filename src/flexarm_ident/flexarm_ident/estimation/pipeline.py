@@ -16,7 +16,7 @@ from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.subspace.choice import estimate, select_method
 from flexarm_ident.subspace.methods import AUTO, METHODS
 from flexarm_ident.subspace.order import choose_order, order_above
-from flexarm_ident.subspace.request_check import check_request
+from flexarm_ident.subspace.request_check import check_channels, check_request
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -88,6 +88,7 @@ def identify(
     excerpts = as_records([excerpt(record) for record in records])
     report = progress or _silent
     check_request(records, order, block_rows, method)
+    check_channels(excerpts)
     report("gram", 0.0)
 
     def choice(*, direct: bool) -> Choice:

@@ -18,7 +18,7 @@ from flexarm_core.errors import IdentificationError
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.fitting.likelihood import maximise_likelihood
 from flexarm_ident.fitting.refinement import refine_model
-from flexarm_ident.fitting.validation import relative_errors
+from flexarm_ident.fitting.validation import mean_error, relative_errors
 from flexarm_ident.friction.arm_fit import fit_arm
 from flexarm_ident.friction.layout import arm_layout
 from flexarm_ident.friction.levels import estimate_coulomb
@@ -205,14 +205,14 @@ def _errors(simulated: Sequence[FloatArray], records: Sequence[IoData]) -> Float
 
 
 def _better(error: FloatArray, start: FloatArray) -> bool:
-    return bool(np.sum(error**2) < np.sum(start**2))
+    return bool(np.nansum(error**2) < np.nansum(start**2))
 
 
 def _choice(fit: ArmFit, start_error: FloatArray, linear: str) -> str:
     """Return why the arm is the model, and what was chosen among the linear models before."""
     return (
         f"an arm with dry friction, order {fit.model.nstates}, took the place of the linear model: "
-        f"{np.mean(fit.error):.3g} in free simulation instead of {np.mean(start_error):.3g}; "
+        f"{mean_error(fit.error):.3g} in free simulation instead of {mean_error(start_error):.3g}; "
         f"of the linear ones, {linear}"
     )
 

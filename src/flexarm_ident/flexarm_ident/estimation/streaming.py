@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.fitting.validation import Dmv
+from flexarm_ident.fitting.validation import Dmv, mean_error
 from flexarm_ident.models.free_run import BlockSimulation
 from flexarm_ident.records.iodata import IoData
+from flexarm_ident.records.magnitude import check_magnitude
 from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, preprocess
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ def without_bias(source: Source) -> Part:
     The inputs must not contain Coulomb compensation.
     """
     first = excerpt(source)
+    check_magnitude(first)
     bias = first.y[0] - preprocess(first, zero_mean=()).y[0]
     total, count = np.zeros(len(source.outputs)), 0
     for _, y in source.chunks(_CHUNK):
@@ -103,6 +105,6 @@ def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -
             power += np.nansum(y**2, axis=0)
             if len(shown) * _CHUNK < EXCERPT_SAMPLES:
                 shown.append(simulated)
-        delta = np.where((missed == 0.0) & (power == 0.0), 0.0, np.sqrt(missed / power))
-    delta = np.where(np.isfinite(delta), delta, np.inf)
-    return Dmv(delta, float(delta.mean()), np.concatenate(shown)[:EXCERPT_SAMPLES], x0)
+        delta = np.sqrt(missed / power)
+    delta = np.where(power > 0.0, np.where(np.isfinite(delta), delta, np.inf), np.nan)
+    return Dmv(delta, mean_error(delta), np.concatenate(shown)[:EXCERPT_SAMPLES], x0)

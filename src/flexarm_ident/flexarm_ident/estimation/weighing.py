@@ -31,6 +31,7 @@ import numpy as np
 
 from flexarm_core.errors import DataError, FlexarmError, IdentificationError
 from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.state_space import stabilise, state_space
 from flexarm_ident.subspace.choice import estimate_from
@@ -114,7 +115,7 @@ class Candidate:
     @property
     def error(self) -> float:
         """Mean of the outputs' relative errors (2-25)."""
-        return float(np.mean(self.fitted.fit.error))
+        return mean_error(self.fitted.fit.error)
 
     @cached_property
     def parts(self) -> FloatArray:

@@ -47,7 +47,7 @@ class OutputFit:
     x0 : tuple of ndarray, (states,)
         Initial state of each record.
     error : ndarray, (outputs,)
-        Relative simulation error of each output over all records (2-25).
+        Relative simulation error of each output over all records (2-25); NaN for one that is zero.
     rank : int
         Numerical rank of the regression.
     condition : float
@@ -205,5 +205,6 @@ def _inverse(power: FloatArray) -> FloatArray:
 
 def _relative_error(missed: Sequence[FloatArray], powers: Sequence[FloatArray]) -> FloatArray:
     total = np.sum(powers, axis=0)
-    part = np.divide(np.sum(missed, axis=0), total, out=np.zeros_like(total), where=total > 0.0)
+    none = np.full_like(total, np.nan)
+    part = np.divide(np.sum(missed, axis=0), total, out=none, where=total > 0.0)
     return np.asarray(np.sqrt(part))

@@ -34,9 +34,9 @@ class Dmv:
     Attributes
     ----------
     delta : ndarray, (outputs,)
-        Relative error of each output (2-25).
+        Relative error of each output (2-25); NaN for a constant output.
     mean : float
-        Mean of `delta`.
+        Mean of `delta` over the other outputs.
     y : ndarray, (samples, outputs)
         Simulated outputs.
     x0 : ndarray, (states,)
@@ -74,9 +74,9 @@ class Sfv:
     Attributes
     ----------
     delta : ndarray, (outputs,)
-        Relative error of each output (2-25).
+        Relative error of each output (2-25); NaN for a constant output.
     mean : float
-        Mean of `delta`.
+        Mean of `delta` over the other outputs.
     y : ndarray, (samples, outputs)
         Outputs of the closed loop with the model.
     gains : Gains
@@ -100,14 +100,22 @@ def relative_errors(measured: FloatArray, simulated: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray, (outputs,)
-        RMS error over RMS output; infinite for an output that is zero but simulated otherwise.
+        RMS error over RMS output; NaN for a constant output, of which nothing can be matched.
     """
     known = ~np.isnan(measured)
+    # Both ignore NaN.
+    varies = np.fmax.reduce(measured, axis=0) > np.fmin.reduce(measured, axis=0)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         missed = np.sqrt(np.mean((measured - simulated) ** 2, axis=0, where=known))
         level = np.sqrt(np.mean(measured**2, axis=0, where=known))
-        delta = np.where((missed == 0.0) & (level == 0.0), 0.0, missed / level)
-    return np.where(np.isfinite(delta), delta, np.inf)
+        delta = missed / level
+    return np.where(varies, np.where(np.isfinite(delta), delta, np.inf), np.nan)
+
+
+def mean_error(errors: FloatArray) -> float:
+    """Return the mean of relative errors, (outputs,), over the outputs that have one."""
+    known = errors[~np.isnan(errors)]
+    return float(known.mean()) if len(known) else np.nan
 
 
 def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None = None) -> Dmv:
@@ -136,7 +144,7 @@ def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None =
     start = _initial_state(model, data) if x0 is None else _checked_state(model, x0)
     y = simulate(model, data.u, start)
     delta = relative_errors(data.y_measured, y)
-    return Dmv(delta, float(delta.mean()), y, start)
+    return Dmv(delta, mean_error(delta), y, start)
 
 
 def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = None) -> Sfv:
@@ -184,7 +192,7 @@ def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = 
     drive = (law.kp * data.reference + law.offset_v)[:, np.newaxis]
     y = BlockSimulation(A, model.B, model.C, model.D, start).advance(drive)
     delta = relative_errors(data.y_measured, y)
-    return Sfv(delta, float(delta.mean()), y, law)
+    return Sfv(delta, mean_error(delta), y, law)
 
 
 def recover_gains(data: IoData, *, limit_v: float = MAX_COMMAND_V) -> Gains | None:

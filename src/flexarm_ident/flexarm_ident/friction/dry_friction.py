@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.fitting.validation import Dmv, relative_errors
+from flexarm_ident.fitting.validation import Dmv, mean_error, relative_errors
 from flexarm_ident.models.files import load_model, load_parameters
 from flexarm_ident.models.free_run import simulate_states
 from flexarm_ident.models.model_parameters import ModelFileError
@@ -143,7 +143,7 @@ def validate_with_friction(
     """Compare measured outputs with `simulate_with_friction` under the measured input (2-25)."""
     y, _ = simulate_with_friction(model, friction, data.u, x0)
     delta = relative_errors(data.y_measured, y)
-    return Dmv(delta, float(delta.mean()), y, x0)
+    return Dmv(delta, mean_error(delta), y, x0)
 
 
 def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from flexarm_core.errors import DataError
+from flexarm_core.labels import without_dots
 from flexarm_ident.reading.stream import Header
 from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_rows, timetable
-from flexarm_ident.records.iodata import ARM_OUTPUTS, DataWarning, IoData
+from flexarm_ident.records.iodata import ARM_OUTPUTS, DataWarning, Grade, IoData
 from flexarm_ident.records.source import joined
 from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
 from flexarm_ident.subspace.gram import stretches
@@ -232,7 +233,7 @@ def _io_header(
     dt_s, notices = table.grid.period_s, list(table.notices)
     if channels is None:
         text = "no ChannelInfo was recorded: names and kind of loop are unknown"
-        notices.append(DataWarning("unknown_channels", text, {}))
+        notices.append(DataWarning("unknown_channels", text, {}, grade=Grade.INFORMATION))
         inputs, outputs = (
             tuple(f"{kind}_{index + 1}" for index in range(width))
             for kind, width in zip(("input", "output"), widths, strict=True)
@@ -250,7 +251,12 @@ def _io_header(
             dt_s = 1 / channels.rate_hz
     label = f"{source} ({channels.source})" if channels.source else source
     return Header(
-        channels.inputs, channels.outputs, dt_s, channels.closed_loop, label, tuple(notices)
+        without_dots(channels.inputs),
+        without_dots(channels.outputs),
+        dt_s,
+        channels.closed_loop,
+        label,
+        tuple(notices),
     )
 
 
@@ -324,5 +330,7 @@ def _references(
     values = reference.real("data")[order][np.maximum(latest, 0)]
     if unknown:
         text = f"no reference before row {unknown}: took the first one for the rows before"
-        return values, (DataWarning("late_reference", text, {"rows": float(unknown)}),)
+        figures = {"rows": float(unknown)}
+        late = DataWarning("late_reference", text, figures, grade=Grade.INFORMATION)
+        return values, (late,)
     return values, ()

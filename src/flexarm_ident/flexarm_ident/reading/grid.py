@@ -267,14 +267,19 @@ def held(instants: FloatArray, values: FloatArray, rows: NDArray[np.int64]) -> F
     ndarray, (rows, inputs)
         Means; the first value before the first change, the last value behind the last one.
     """
-    latest = np.searchsorted(instants, rows, side="right") - 1
-    found: FloatArray = values[latest.clip(min=0)]
-    inside = np.searchsorted(instants, rows + 1, side="left") - 1 > latest
-    mixed = np.flatnonzero(inside)
-    # The changes inside a period are few: each takes its part of the rest of it.
-    for row in mixed.tolist():
-        start = max(int(latest[row]), 0)
-        changes = np.arange(start, int(np.searchsorted(instants, rows[row] + 1, side="left")))
-        edges = np.append(instants[changes].clip(min=rows[row]), rows[row] + 1)
-        found[row] = np.diff(edges) @ values[changes]
+    latest = (np.searchsorted(instants, rows, side="right") - 1).clip(min=0)
+    behind = np.searchsorted(instants, rows + 1, side="left")
+    found: FloatArray = values[latest]
+    mixed = np.flatnonzero(behind > latest + 1)
+    if not len(mixed):
+        return found
+    # Each value that acts in such a period has a part of it.
+    counts = (behind - latest)[mixed]
+    firsts = np.cumsum(counts) - counts
+    acting = np.arange(counts.sum()) + np.repeat(latest[mixed] - firsts, counts)
+    starts = instants[acting]
+    starts[firsts] = rows[mixed]
+    ends = np.append(starts[1:], 0.0)
+    ends[firsts + counts - 1] = rows[mixed] + 1
+    found[mixed] = np.add.reduceat((ends - starts)[:, np.newaxis] * values[acting], firsts)
     return found

@@ -12,7 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_bags.reader import ARM_STATE, MOTOR_COMMAND, REFERENCE, opened, sibling
+from flexarm_core.errors import BagError
 from flexarm_ident.reading.alignment import arm_alignment, io_alignment
+from flexarm_ident.reading.channels import selected
+from flexarm_ident.reading.fields import numbers_in
 from flexarm_ident.reading.stream import BagStream
 
 if TYPE_CHECKING:
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     from flexarm_bags.reader import Bag, Recorded
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.reading.alignment import Alignment, BagReading, Pieces
+    from flexarm_ident.reading.channels import Selection
     from flexarm_ident.records.iodata import IoData
 
 
@@ -51,7 +55,7 @@ def read_bag(uri: Path | str, *, topic: str | None = None) -> IoData:
 def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
     """Read a record as `read_bag` does, with the counts of its samples and its warnings."""
     with opened(Path(uri)) as bag:
-        chosen = bag.choose(topic)
+        chosen = _chosen(bag, topic)
         samples = bag.recorded(chosen)
         commands = partial(bag.every, sibling(chosen, "command"), MOTOR_COMMAND)
         aligned = _aligned(bag, chosen, lambda: [samples], commands)
@@ -81,7 +85,7 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
     """
     path = Path(uri)
     with opened(path) as bag:
-        chosen = bag.choose(topic)
+        chosen = _chosen(bag, topic)
         pieces = partial(bag.pieces, chosen)
         aligned = _aligned(bag, chosen, pieces, lambda: _command_pieces(bag, chosen))
         header = aligned.header
@@ -105,7 +109,45 @@ def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
         If the bag is missing or damaged, or holds no samples.
     """
     with opened(Path(uri)) as bag:
-        return bag.count(bag.choose(topic))
+        return bag.count(_chosen(bag, topic))
+
+
+def begin_ns(uri: Path | str) -> int:
+    """Return the instant of the first message of a bag, in ns since the epoch."""
+    with opened(Path(uri)) as bag:
+        return int(bag.reader.start_time)
+
+
+def read_channels(uri: Path | str, selection: Selection) -> IoData:
+    """Read numbers of any topics as the record of an experiment, from a bag of any ROS 2 program.
+
+    The record has the period of the densest output; `common_grid` says how the others come to it.
+
+    Parameters
+    ----------
+    uri : Path or str
+        As in `read_bag`.
+    selection : Selection
+        Inputs and outputs, by `channels.selection`.
+
+    Raises
+    ------
+    BagError
+        If the bag is missing or damaged, or does not hold these signals at common instants. An
+        error about a topic or field lists those that there are.
+    """
+    with opened(Path(uri)) as bag:
+        return selected(bag, selection)
+
+
+def _chosen(bag: Bag, topic: str | None) -> str:
+    chosen = bag.choose(topic)
+    if chosen is None:
+        raise BagError(
+            f"{bag.path}: holds neither ArmState nor IoSample; topics: {numbers_in(bag)}; "
+            "`flexarm identify` takes any of these as --input TOPIC.FIELD and --output TOPIC.FIELD"
+        )
+    return chosen
 
 
 def _aligned(bag: Bag, topic: str, samples: Pieces, commands: Pieces) -> Alignment:

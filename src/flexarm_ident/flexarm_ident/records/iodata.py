@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, replace
+from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import DataError
+from flexarm_core.labels import without_dots
 from flexarm_ident.records.holes import filled, unusable_rows
 
 if TYPE_CHECKING:
@@ -23,6 +25,14 @@ if TYPE_CHECKING:
 ARM_OUTPUTS = CHANNEL_NAMES
 
 
+class Grade(StrEnum):
+    """Weight of a note, the heaviest first."""
+
+    DO_NOT_USE = "do not use"
+    CAUTION = "caution"
+    INFORMATION = "information"
+
+
 @dataclass(frozen=True)
 class DataWarning:
     """Fact that matters before a model is trusted.
@@ -32,17 +42,27 @@ class DataWarning:
     name : str
         Kind of the warning, the same for all data: ``saturation``.
     text : str
-        One line with place, extent and remedy.
+        One sentence with extent and remedy.
     figures : mapping of str to float
         The figures in the text.
+    grade : Grade
+        Its weight.
+    record : str
+        Short name of the record; empty for what concerns all records together.
+    channel : str
+        Name of the channel; empty for what concerns the whole record.
     """
 
     name: str
     text: str
     figures: Mapping[str, float]
+    _: KW_ONLY
+    grade: Grade = Grade.CAUTION
+    record: str = ""
+    channel: str = ""
 
     def __str__(self) -> str:
-        return self.text
+        return f"{self.record}: {self.text}" if self.record else self.text
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +83,7 @@ class IoData:
     dt_s : float
         Sampling period.
     inputs, outputs : sequence of str
-        Channel names.
+        Channel names, each once; a dot in one becomes an underscore.
     closed_loop : bool, optional
         True when a controller made the input. None when unknown.
     source : str
@@ -102,8 +122,8 @@ class IoData:
     head_of: int | None = None
 
     def __post_init__(self) -> None:
-        self._set("inputs", tuple(self.inputs))
-        self._set("outputs", tuple(self.outputs))
+        self._set("inputs", without_dots(self.inputs))
+        self._set("outputs", without_dots(self.outputs))
         self._set("dt_s", float(self.dt_s))
         if not (math.isfinite(self.dt_s) and self.dt_s > 0.0):
             raise DataError(f"{self.label}: dt_s must be a positive number of seconds: {self.dt_s}")
@@ -231,6 +251,8 @@ class IoData:
             raise DataError(
                 f"{self.label}: {field} has {array.shape[1]} channels, but {len(names)} names"
             )
+        if len(set(names)) < len(names):
+            raise DataError(f"{self.label}: {field} has a name twice: {', '.join(names)}")
         return array
 
     def _finite(self, array: FloatArray, names: Sequence[str]) -> FloatArray:

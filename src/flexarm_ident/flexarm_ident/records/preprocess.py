@@ -10,12 +10,13 @@ import scipy
 
 from flexarm_core.arrays import column_range
 from flexarm_core.errors import DataError
-from flexarm_ident.records.iodata import as_records
+from flexarm_ident.records.iodata import DataWarning, Grade, as_records
+from flexarm_ident.records.magnitude import in_range
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import BoolArray, FloatArray
     from flexarm_ident.records.iodata import IoData
 
 ZERO_MEAN_OUTPUTS = ("base_strain_v", "middle_strain_v")
@@ -23,6 +24,8 @@ BIASES = ("rest", "first", "mean", "none")
 _LONGEST_REST_S = 1.0
 # The mean of fewer samples is noise that would be added to the whole record.
 _SHORTEST_REST = 30
+# A mean of that many standard deviations is no operating point that a model could explain.
+_ALMOST_ALL = 1000.0
 
 
 def preprocess(
@@ -44,7 +47,10 @@ def preprocess(
     default bias of an output is its mean over the rest at the start: the samples before the input
     first changes, at most 1 s. A record that starts with fewer than 30 such samples keeps its
     offsets; the initial state of the estimated model absorbs most of them. A bare beam at rest is
-    not bent, so the gauges can always be forced to zero mean.
+    not bent, so the gauges can always be forced to zero mean. A channel whose mean exceeds a
+    thousand of its standard deviations has an offset and no signal in it: it is removed, with a
+    notice, unless `bias` is 'none'. One that is beyond the range of numbers that can be computed
+    with is multiplied by a power of ten, see `magnitude.in_range`.
 
     The thesis filters the outputs only, at 50 Hz. That adds the filter's poles to the model and
     colours the noise, so the default is no filter; a `cutoff_hz` filters inputs and outputs
@@ -79,8 +85,11 @@ def preprocess(
     DataError
         If the cut-off is not below the Nyquist frequency.
     """
+    data = in_range(data)
     prepared = remove_compensation(data) if compensation == "remove" else data
     prepared = _subtract(prepared, _bias(prepared, bias, zero_mean))
+    if bias != "none":
+        prepared = _without_offsets(prepared)
     _check_cutoff(prepared, cutoff_hz, decimation)
     if cutoff_hz is not None:
         prepared = low_pass(prepared, cutoff_hz, filter_input=filter_input)
@@ -164,6 +173,41 @@ def _rest_level(data: IoData) -> FloatArray:
 def _subtract(data: IoData, bias: FloatArray) -> IoData:
     reference = None if data.reference is None else data.reference - bias[0]
     return replace(data, y=data.y - bias, reference=reference)
+
+
+def _without_offsets(data: IoData) -> IoData:
+    """Remove the means that exceed all signal by far, with a notice; of a constant output all."""
+    inputs, outputs = _offsets(data.u), _offsets(data.y)
+    is_constant = _is_constant(data.y)
+    # The mean would leave rounding.
+    outputs[is_constant] = data.y[0, is_constant]
+    inputs[_is_constant(data.u)] = 0.0
+    if not (inputs.any() or outputs.any()):
+        return data
+    told = zip((*data.inputs, *data.outputs), (*inputs, *outputs * ~is_constant), strict=True)
+    notices = [
+        DataWarning(
+            "offset",
+            f"{name} had an offset of {offset:.6g}, which was removed",
+            {"offset": float(offset)},
+            grade=Grade.INFORMATION,
+            channel=name,
+        )
+        for name, offset in told
+        if offset != 0.0
+    ]
+    changed = _subtract(data, outputs)
+    return replace(changed, u=changed.u - inputs, notices=(*data.notices, *notices))
+
+
+def _offsets(values: FloatArray) -> FloatArray:
+    mean, deviation = values.mean(axis=0), values.std(axis=0)
+    return np.where(np.abs(mean) > _ALMOST_ALL * deviation, mean, 0.0)
+
+
+def _is_constant(values: FloatArray) -> BoolArray:
+    low, high = column_range(values)
+    return np.asarray(low == high)
 
 
 def _check_cutoff(data: IoData, cutoff_hz: float | None, decimation: int) -> None:

@@ -1,4 +1,4 @@
-"""Signal properties: bandwidth, smoothing, and stretches of a dead sensor."""
+"""Signal properties: bandwidth, smoothing, constancy, and stretches of a dead sensor."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ _ORDER = 2
 _CONTINUOUS = 0.95
 _LONGEST_HOLD = 20
 _MOSTLY = 0.5
+_LOOK = 2048
+_CONSTANT_LOOK = 0.9
+_ROUNDING = 1e-9
+
+CONSTANT_SHARE = 0.99
+"""Share of equal samples above which a channel counts as constant."""
 
 
 def bandwidth_hz(records: Sequence[IoData]) -> float:
@@ -79,6 +85,21 @@ def dead_stretches(record: IoData, channel: int) -> tuple[range, ...]:
     others = np.delete(record.y, channel, axis=1)
     moves = np.any(np.diff(np.hstack([others, record.u]), axis=0) != 0.0, axis=1)
     return tuple(rows for rows in holds if np.mean(moves[rows.start : rows.stop - 1]) > _MOSTLY)
+
+
+def look(x: FloatArray) -> FloatArray:
+    """Return a few samples from all over a signal, which show a defect of the whole signal."""
+    return x[:: max(1, len(x) // _LOOK)]
+
+
+def constant_share(x: FloatArray) -> float:
+    """Return the share of equal samples of a signal, rounding apart; 0 if it is small."""
+    some = look(x)
+    usual = np.median(some)
+    near = _ROUNDING * abs(usual)
+    if np.mean(np.abs(some - usual) <= near) < _CONSTANT_LOOK:
+        return 0.0
+    return float(np.mean(np.abs(x - usual) <= near))
 
 
 def _holds(y: FloatArray) -> list[range]:

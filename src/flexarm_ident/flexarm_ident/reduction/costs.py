@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.fitting.validation import relative_errors, validate_dmv, validate_sfv
+from flexarm_ident.fitting.validation import mean_error, relative_errors, validate_dmv, validate_sfv
 from flexarm_ident.reduction.modal import reduce_model
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class StepCost:
     @property
     def mean(self) -> float:
         """Mean error of data matching."""
-        return float(self.errors.mean())
+        return mean_error(self.errors)
 
 
 def step_costs(
@@ -120,7 +120,7 @@ def cost_over_orders(
     for order in orders:
         if ranking in rankings(order, known_modes_hz):
             reduced = _reduced(identification, ranking, update, order, known_modes_hz)
-            costs[reduced.order] = float(_errors(reduced.model, records).mean())
+            costs[reduced.order] = mean_error(_errors(reduced.model, records))
     return tuple(sorted(costs.items()))
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
-from flexarm_ident.report.content.wording import check_title, listed, percent, shortened
+from flexarm_ident.fitting.validation import mean_error
+from flexarm_ident.report.content.wording import listed, percent, shortened
 
 if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
@@ -21,8 +21,9 @@ def summary(outcome: Outcome) -> list[str]:
     full = outcome.identification.order
     origin = f", reduced from {full}" if model.nstates < full else ""
     friction = " and dry friction at its inputs" if outcome.friction else ""
-    error = percent(float(outcome.dmv_errors.mean()))
+    error = percent(mean_error(outcome.dmv_errors))
     lines = [
+        f"The model is {outcome.verdict}",
         f"The model has {model.nstates} states{origin}{friction}.",
         f"It comes from {counted(len(records), 'record')} of {seconds:.1f} s in all.",
         f"Driven by the measured input alone, it misses the outputs by {error} on average.",
@@ -46,13 +47,5 @@ def summary(outcome: Outcome) -> list[str]:
 
 
 def cautions(outcome: Outcome) -> list[str]:
-    """Return the cautions before the model is used: checks with findings, and warnings."""
-    warnings = outcome.identification.data_warnings
-    found = ", ".join(
-        check_title(name).lower() + (f" ({count} times)" if count > 1 else "")
-        for name, count in Counter(warning.name for warning in warnings).items()
-    )
-    checked = {warning.text for warning in warnings}
-    headline = [f"The data show: {found}. The figures stand under Data."] if found else []
-    others = [shortened(outcome, text) for text in outcome.warnings if text not in checked]
-    return [*headline, *others]
+    """Return the notes to be read before the model is used, with their grades."""
+    return [shortened(outcome, text) for text in outcome.warnings]

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.arrays import column_range
 from flexarm_core.errors import DataError, IdentificationError
+from flexarm_ident.records.magnitude import check_magnitude
 from flexarm_ident.subspace.methods import AUTO, METHODS, check_method
 
 if TYPE_CHECKING:
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
 
 _SMALLEST_BLOCK_ROWS = 2
@@ -56,6 +59,24 @@ def check_request(
                 f"{records[0].label}: input {name} is constant in {_extent(records)}, it excites "
                 f"nothing: record with a changing input{_longer_part(records)}"
             )
+
+
+def check_channels(records: Sequence[IoData]) -> None:
+    """Check that the channels of records can be computed with, and that an output changes.
+
+    Raises
+    ------
+    DataError
+        If a channel's values are too far from 1, or all outputs are constant in all records.
+    """
+    for record in records:
+        check_magnitude(record)
+    if all(np.array_equal(*column_range(record.y)) for record in records):
+        names = ", ".join(records[0].outputs)
+        raise DataError(
+            f"{records[0].label}: no output changes ({names}), there is nothing to identify: "
+            "record a rig that moves"
+        )
 
 
 def _check_length(records: Sequence[Source], block_rows: int, method: str) -> None:

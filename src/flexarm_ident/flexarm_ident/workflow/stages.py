@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
+from flexarm_ident.diagnostics.notes import graded
 from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.estimation.simulation_fit import is_compensated
 from flexarm_ident.estimation.streaming import excerpt, leading, validate_stream, without_bias
 from flexarm_ident.fitting.validation import recover_gains, validate_dmv, validate_sfv
 from flexarm_ident.friction.dry_friction import refer_friction, validate_with_friction
-from flexarm_ident.records.iodata import IoData, as_records
+from flexarm_ident.records.iodata import Grade, IoData, as_records
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.reduction.modal import reduce_model
 from flexarm_ident.workflow.outcome import Outcome
@@ -109,7 +110,7 @@ def run(
             )
         dmv = _validate(model, friction, reduction.x0, prepared)
     powers = [_power(record.whole) for record in prepared]
-    sfv, notes = (None, []) if friction else _set_point_following(model, prepared[0])
+    sfv, omitted = (None, []) if friction else _set_point_following(model, prepared[0])
     report("validation", 1.0)
     return Outcome(
         request=request,
@@ -125,8 +126,17 @@ def run(
         dmv_errors=_joined_errors(dmv, powers),
         cross_validation=identification.cross_validation,
         sfv=sfv,
-        warnings=(*identification.warnings, *(reduction.warnings if reduction else ()), *notes),
+        warnings=_warnings(identification, reduction, omitted),
     )
+
+
+def _warnings(
+    identification: Identification, reduction: Reduction | None, omitted: Sequence[str]
+) -> tuple[str, ...]:
+    """Return all notes with their grades; those on a reduction change what was asked for."""
+    others = [(Grade.INFORMATION, note) for note in (*identification.notes, *omitted)]
+    others += [(Grade.CAUTION, note) for note in (reduction.warnings if reduction else ())]
+    return graded(identification.data_warnings, others)
 
 
 def _check_known_modes(request: Request, record: Source) -> None:
@@ -205,14 +215,14 @@ def _joined_errors(dmv: Sequence[Dmv], powers: Sequence[FloatArray]) -> FloatArr
     """Return the errors over all records together, from those of each and the outputs' power."""
     if len(dmv) == 1:
         return dmv[0].delta
+    deltas = np.array([each.delta for each in dmv])
+    # An output that is constant in one record may vary in another.
+    known = ~np.isnan(deltas)
+    power = np.where(known, powers, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        missed = [
-            np.where(each.delta == 0.0, 0.0, each.delta**2 * power)
-            for each, power in zip(dmv, powers, strict=True)
-        ]
-        total, power = np.sum(missed, axis=0), np.sum(powers, axis=0)
-        error = np.where(total == 0.0, 0.0, np.sqrt(total / power))
-    return np.where(np.isfinite(error), error, np.inf)
+        missed = np.where(known, deltas**2 * power, 0.0)
+        error = np.sqrt(missed.sum(axis=0) / power.sum(axis=0))
+    return np.where(known.any(axis=0), np.where(np.isfinite(error), error, np.inf), np.nan)
 
 
 def _reduce(identification: Identification, request: Request) -> Reduction | None:

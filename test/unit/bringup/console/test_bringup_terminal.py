@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from math import nan
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +37,11 @@ def test_mode_table___modes___stand_by_their_mrm_rank() -> None:
 def test_error_table___errors___have_a_column_for_each_output() -> None:
     rows = cells(error_table(["position_v"], [("data (DMV)", [0.25, 0.125])]))
     assert rows == [("data (DMV)", "0.2500", "0.1250")]
+
+
+def test_error_table___output_without_an_error___has_a_dash() -> None:
+    rows = cells(error_table(["position_v", "gauge_v"], [("data (DMV)", [0.25, nan, 0.25])]))
+    assert rows == [("data (DMV)", "0.2500", "-", "0.2500")]
 
 
 def test_friction_table___levels___have_their_scatter_and_unit() -> None:

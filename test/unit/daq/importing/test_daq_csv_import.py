@@ -12,7 +12,8 @@ from rosbags.highlevel import AnyReader
 from flexarm_bags.writer import RecordingError
 from flexarm_daq.importing.csv_import import CsvImportError, import_csv
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
-from flexarm_ident.reading.read import read_bag
+from flexarm_ident import identify
+from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
 from support.project import PROJECT, SHARED
 
@@ -41,6 +42,25 @@ def map_file(folder: Path, text: str) -> Path:
     file = folder / "map.yaml"
     file.write_text(text)
     return file
+
+
+def test_import___column_with_a_dot___is_identified_under_a_name_with_an_underscore(
+    tmp_path: Path,
+) -> None:
+    u, y = np.random.default_rng(1).standard_normal(400), np.zeros(400)
+    for k in range(399):
+        y[k + 1] = 0.8 * y[k] + u[k]
+    rows = [f"{i!r},{q!r}" for i, q in zip(u.tolist(), y.tolist(), strict=True)]
+    file = csv_file(tmp_path, ["Motor.I,Link.Angle", *rows])
+    columns = CsvMap(
+        (CsvChannel("Motor.I", "Motor.I"),), (CsvChannel("Link.Angle", "q.1"),), rate_hz=100.0
+    )
+    import_csv(file, columns, tmp_path / "bag", typestore=typestore())
+
+    for source in (read_bag(tmp_path / "bag"), stream_bag(tmp_path / "bag")):
+        model = identify([source], order=1, block_rows=5).model
+        assert (model.input_labels, model.output_labels) == (["Motor_I"], ["q_1"])
+        np.testing.assert_allclose(model.A, 0.8, rtol=1e-6)
 
 
 def test_import___small_file___writes_samples_names_and_source(tmp_path: Path) -> None:

@@ -8,7 +8,8 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData
-from flexarm_ident.diagnostics.quality import assess, excited_band_hz
+from flexarm_ident.diagnostics.excitation import excited_band_hz
+from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.records.iodata import DataWarning
 from flexarm_ident.subspace.gram import block_gram
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
@@ -99,7 +100,7 @@ def test_assess___one_output_is_cut_off___names_it_with_level_and_share(
     assert figures["level"] == y[:, 1].max()
     on = float(np.mean(y[:, 1] == y[:, 1].max()))
     assert 0.5 * on <= figures["share"] <= on
-    assert "run 3: base_strain_v reaches" in found["saturation"].text
+    assert "run 3: base_strain_v reaches" in str(found["saturation"])
 
 
 def test_assess___command_is_limited___input_counts_too() -> None:
@@ -174,7 +175,9 @@ def test_assess___gauge_silent_for_a_stretch___is_named_with_its_rows(
         "first_row": float(first),
         "last_row": last - 1.0,
     }
-    assert "run 3: middle_strain_v is dead in 11.2 % of the samples" in found["dead_sensor"].text
+    assert str(found["dead_sensor"]).startswith(
+        "run 3: middle_strain_v is dead in 11.2 % of the samples"
+    )
 
 
 def test_assess___rest_of_a_rig_without_noise___is_no_dead_sensor() -> None:
@@ -197,7 +200,7 @@ def test_assess___notices_of_a_record___are_passed_on_with_its_name() -> None:
     first = response(square_wave(SAMPLES, 19))
     second = replace(response(square_wave(SAMPLES, 20)), source="run 4", notices=(notice,))
     found = warnings(first, second)
-    assert found == {"lost_samples": replace(notice, text="run 4: 3 samples lost")}
+    assert found == {"lost_samples": replace(notice, record="run 4")}
 
 
 def test_assess___short_record___is_reported_with_its_length() -> None:

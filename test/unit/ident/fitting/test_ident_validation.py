@@ -14,7 +14,7 @@ from flexarm_ident import (
     validate_dmv,
     validate_sfv,
 )
-from flexarm_ident.fitting.validation import frequency_response, relative_errors
+from flexarm_ident.fitting.validation import frequency_response, mean_error, relative_errors
 from support.ident_systems import DT_S, arm_model, named, random_model, record, square_wave
 
 KP, KD, KSG = 0.6, 0.4, 0.05
@@ -49,9 +49,20 @@ def closed_loop(
 
 def test_relative_errors___known_signals___closed_form() -> None:
     t = np.arange(1000) * 2.0 * np.pi / 1000
-    measured = np.stack([3.0 * np.sin(t), np.ones(1000), np.zeros(1000), np.zeros(1000)], axis=1)
-    simulated = np.stack([2.0 * np.sin(t), np.full(1000, 1.5), np.zeros(1000), np.ones(1000)], 1)
-    np.testing.assert_allclose(relative_errors(measured, simulated), [1 / 3, 0.5, 0.0, np.inf])
+    measured = np.stack([3.0 * np.sin(t), 2.0 * np.cos(t), np.sin(t)], axis=1)
+    simulated = np.stack([2.0 * np.sin(t), 2.0 * np.cos(t), np.full(1000, np.inf)], axis=1)
+    np.testing.assert_allclose(relative_errors(measured, simulated), [1 / 3, 0.0, np.inf])
+
+
+def test_mean_error___outputs_that_are_constant___neither_spoil_nor_flatter_it() -> None:
+    t = np.arange(1000) * 2.0 * np.pi / 1000
+    measured = np.stack([3.0 * np.sin(t), np.full(1000, 3.7), np.zeros(1000)], axis=1)
+    measured[5:9] = np.nan
+    simulated = np.stack([2.0 * np.sin(t), np.full(1000, 3.7), np.full(1000, 1e-9)], axis=1)
+    errors = relative_errors(measured, simulated)
+    np.testing.assert_allclose(errors, [1 / 3, np.nan, np.nan], rtol=1e-2)
+    assert mean_error(errors) == errors[0]
+    assert np.isnan(mean_error(errors[1:]))
 
 
 def test_validate_dmv___model_half_as_strong___closed_form() -> None:

@@ -40,8 +40,8 @@ def a_bag(path: Path, *, lost: tuple[int, ...] = (), scatter_ns: float = 0.0) ->
 
 def names(bag: Path) -> dict[str, dict[str, float]]:
     found = identify(read_bag(bag), order=4, block_rows=10)
-    assert all(str(bag) in warning.text for warning in found.data_warnings)
-    assert all(warning.text in found.warnings for warning in found.data_warnings)
+    assert all(str(warning).startswith(f"{bag.name}: ") for warning in found.data_warnings)
+    assert {f"{each.grade}: {each}" for each in found.data_warnings} <= set(found.warnings)
     warnings = {warning.name: dict(warning.figures) for warning in found.data_warnings}
     # The bag has no ChannelInfo.
     del warnings["unknown_channels"]

@@ -115,3 +115,9 @@ def test_held___changes_at_any_instants___means_over_the_periods(seed: int) -> N
     signal = values[np.searchsorted(instants, fine, side="right") - 1]
     means = signal.reshape(25, 1000, 2).mean(axis=1)
     np.testing.assert_allclose(held(instants, values, np.arange(25)), means, atol=1e-9)
+
+
+def test_held___rows_before_the_first_change___have_its_value() -> None:
+    # By hand: 7 from the start, 9 from 1.25 on.
+    found = held(np.array([0.5, 1.25]), np.array([[7.0], [9.0]]), np.arange(-1, 4))
+    np.testing.assert_allclose(found[:, 0], [7.0, 7.0, 8.5, 9.0, 9.0])

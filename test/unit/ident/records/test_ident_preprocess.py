@@ -7,8 +7,11 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import DataError, IoData, identify, preprocess, recover_gains
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.records.preprocess import low_pass, output_scale, remove_compensation
-from support.ident_systems import DT_S, arm_model, square_wave, step_by_step
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run
+from support.ident_systems import DT_S, arm_model, random_model, square_wave, step_by_step
 
 OFFSET = np.array([0.3, -0.2, 0.1, 0.05])
 
@@ -99,6 +102,88 @@ def test_preprocess___decimation___keeps_every_nth_filtered_sample() -> None:
     thinned = preprocess(data, cutoff_hz=30.0, decimation=4, zero_mean=())
     np.testing.assert_array_equal(thinned.y, low_pass(data, 30.0).y[::4])
     assert thinned.dt_s == pytest.approx(4 * DT_S)
+
+
+def noisy(seed: int, samples: int = 3000) -> IoData:
+    """Return an open-loop record with some noise, which moves from the start."""
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((samples, 1))
+    y = step_by_step(random_model(seed, states=4, outputs=2, inputs=1), u)
+    y += 0.05 * y.std(axis=0) * rng.standard_normal(y.shape)
+    return IoData(u, y, dt_s=DT_S, inputs=("u",), outputs=("y", "z"))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "exponents", [(0, -200, -200), (0, 0, -200), (200, 0, 0), (-60, 150, -310)]
+)
+def test_preprocess___channels_far_from_1___are_scaled_and_give_the_same_model(
+    exponents: tuple[int, int, int],
+) -> None:
+    plain = noisy(1)
+    # In steps: a power of ten may be beyond the range of numbers itself.
+    powers = np.array(exponents)
+    u, y = (
+        values * 10.0 ** (power // 2) * 10.0 ** (power - power // 2)
+        for values, power in ((plain.u, powers[:1]), (plain.y, powers[1:]))
+    )
+    prepared = preprocess(replace(plain, u=u, y=y))
+    found, expected = identify(prepared, order=4), identify(preprocess(plain), order=4)
+    np.testing.assert_allclose(found.fit_error, expected.fit_error, rtol=1e-3)
+    poles, same = (np.sort_complex(np.linalg.eigvals(each.model.A)) for each in (found, expected))
+    np.testing.assert_allclose(poles, same, rtol=1e-3)
+    told = [notice for notice in prepared.notices if notice.name == "unit"]
+    assert len(told) == np.count_nonzero(powers)
+    assert all("was multiplied by 1e" in notice.text for notice in told)
+
+
+@pytest.mark.filterwarnings("error")
+def test_preprocess___offset_of_many_deviations___is_removed_with_a_notice() -> None:
+    clean = noisy(2)
+    data = replace(clean, y=16.0 * clean.y / clean.y.std(axis=0) + [1e6, 0.0])
+    prepared = preprocess(data)
+    assert abs(prepared.y[:, 0].mean()) < 1e-6
+    np.testing.assert_array_equal(prepared.y[:, 1], data.y[:, 1])
+    (notice,) = prepared.notices
+    assert (notice.name, notice.text) == ("offset", "y had an offset of 1e+06, which was removed")
+    level = clean.y[:, 0].mean()
+    same = replace(clean, y=clean.y - [level, 0.0])
+    errors = [identify(preprocess(each), order=4).fit_error for each in (same, data)]
+    np.testing.assert_allclose(errors[1], errors[0], rtol=1e-3)
+    np.testing.assert_array_equal(preprocess(data, bias="none").y, data.y)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("level", [0.0, 3.7])
+def test_constant_output___neither_spoils_nor_flatters_model_and_mean(level: float) -> None:
+    clean = noisy(3)
+    data = preprocess(replace(clean, y=np.column_stack([clean.y[:, 0], np.full(3000, level)])))
+    assert not data.y[:, 1].any()
+    outcome = run(data, Request(method="orse", train_fraction=0.5))
+    alone = replace(clean, y=clean.y[:, :1], outputs=("y",))
+    expected = run(preprocess(alone), Request(method="orse", train_fraction=0.5))
+    (dmv,) = outcome.dmv
+    assert dmv.mean == pytest.approx(expected.dmv[0].mean, rel=0.05)
+    assert mean_error(outcome.dmv_errors) == dmv.mean
+    assert mean_error(outcome.identification.fit_error) == outcome.identification.fit_error[0]
+    assert np.isnan([outcome.dmv_errors[1], outcome.identification.fit_error[1]]).all()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("factor", "complaint"),
+    [
+        (0.0, r"run: no output changes \(y, z\), there is nothing to identify: record a rig"),
+        (1e-200, "run: y reaches .*e-199, too far from 1 to compute with: prepare the record with"),
+        (1e200, "run: y reaches .*too far from 1"),
+    ],
+)
+def test_identify___outputs_that_cannot_be_computed_with___are_refused(
+    factor: float, complaint: str
+) -> None:
+    data = noisy(4)
+    with pytest.raises(DataError, match=complaint):
+        identify(replace(data, y=data.y * factor, source="run"))
 
 
 def test_output_scale___outputs___reach_the_inputs_maximum_and_orse_thesis_undoes_it() -> None:

@@ -61,8 +61,8 @@ def test_run___input_of_no_linear_law___note_asks_for_nothing_that_cannot_be_giv
     outcome = run(record, Request(order=4, block_rows=10, method="orse"))
     assert outcome.sfv is None
     assert outcome.warnings[-1] == (
-        "no set-point following validation: no linear law of position, speed and middle strain "
-        "made the recorded effort"
+        "information: no set-point following validation: no linear law of position, speed and "
+        "middle strain made the recorded effort"
     )
 
 
@@ -84,7 +84,7 @@ def test_run___reduced_order_above_the_chosen_one___keeps_the_whole_model_with_a
     assert full < 12
     assert outcome.model.nstates == full
     assert all(mode.kept for mode in outcome.modes)
-    note = f"the whole model was kept: the data gave {full} states, 12 were to be kept"
+    note = f"caution: the whole model was kept: the data gave {full} states, 12 were to be kept"
     assert any(warning.startswith(note) for warning in outcome.warnings)
 
 

@@ -12,7 +12,10 @@ from click.shell_completion import CompletionItem
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
+from flexarm_bringup.verbs.offline.series import model_each
 from flexarm_ident import job
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.records.preprocess import BIASES
 from flexarm_ident.subspace.methods import AUTO, METHODS
@@ -140,21 +143,41 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), default=Path("out/identify"), show_default=True
 )
+@channel_options
 @_request_options
 @click.option(
     "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
 )
+@click.option("--each", is_flag=True, help="One model per bag, in a table with their trend.")
+@click.option("--jobs", type=click.IntRange(1), help="Processes of --each; else one per core.")
 @examples(
     "identify bags/c_dat3_0g",
     "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
     "identify bags/c_dat3_0g --export json,mat,h",
     "identify bags/quanser_2dsfl --refine",
+    "identify run1 --input /command.data --output '/joint_states.position[0]'",
+    "identify --each runs/* -o out/months",
 )
-def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) -> None:  # noqa: ANN401
+def identify(
+    bags: tuple[Path, ...],
+    out: Path,
+    *,
+    export: str,
+    each: bool,
+    jobs: int | None,
+    **options: Any,  # noqa: ANN401
+) -> None:
     """Identify a model from bags; write parameters and report."""
-    exports = parse_exports(export)
+    exports, channels = parse_exports(export), taken_channels(options)
+    if each:
+        model_each(bags, out, Request(**options), channels=channels, exports=exports, jobs=jobs)
+        return
+    if jobs is not None:
+        raise click.UsageError("--jobs belongs to --each")
     with terminal.progress() as show:
-        results = job.identify_bags(bags, out, Request(**options), exports=exports, progress=show)
+        results = job.identify_bags(
+            bags, out, Request(**options), channels=channels, exports=exports, progress=show
+        )
     _show(results, f"results in {out}")
 
 
@@ -168,6 +191,7 @@ def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) 
     show_default=True,
     help="HTML file.",
 )
+@channel_options
 @_request_options
 @examples(
     "report bags/c_dat3_0g",
@@ -180,14 +204,16 @@ def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: 
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
+    channels = taken_channels(options)
     with terminal.progress() as show:
-        results = job.report_bags(bags, out, Request(**options), progress=show)
+        results = job.report_bags(bags, out, Request(**options), channels=channels, progress=show)
     _show(results, f"report in {out}")
 
 
 def _show(results: job.Results, written: str) -> None:
-    """Print modes, errors and warnings of a model, and what was written."""
+    """Print verdict, modes, errors and warnings of a model, and what was written."""
     outcome = results.outcome
+    terminal.CONSOLE.print(f"{outcome.verdict}", style="bold", markup=False)
     left_out, sfv = outcome.cross_validation, outcome.sfv
     terminal.show_model(
         terminal.ShownModel(
@@ -206,4 +232,4 @@ def _show(results: job.Results, written: str) -> None:
 
 
 def _with_mean(errors: FloatArray) -> tuple[float, ...]:
-    return (*errors.tolist(), float(errors.mean()))
+    return (*errors.tolist(), mean_error(errors))

@@ -7,6 +7,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import label_and_unit
+from flexarm_ident.records.naming import short_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -24,6 +25,16 @@ CHECKS = {
     "constant_channel": "Constant channel",
     "duplicated_channel": "Duplicated channel",
     "offset": "Offset",
+    "outliers": "Outliers",
+    "quantisation": "Quantisation",
+    "no_answer": "Output without answer",
+    "static_gain": "Static gain",
+    "delay": "Delay",
+    "plant_changed": "Change of the plant",
+    "law_changed": "Change of the law",
+    "few_moves": "Number of moves",
+    "held_drive": "Held drive",
+    "unit": "Unit",
     "excitation_band": "Excited band",
     "input_condition": "Richness of the input",
     "too_short": "Length",
@@ -32,7 +43,9 @@ CHECKS = {
 
 
 def error_text(delta: float) -> str:
-    """Return an error (2-25) with four decimals."""
+    """Return an error (2-25) with four decimals, a dash for that of a constant output."""
+    if math.isnan(delta):
+        return "-"
     return f"{delta:.4f}" if math.isfinite(delta) else "∞"
 
 
@@ -70,10 +83,8 @@ def figures_text(figures: Mapping[str, float]) -> str:
 
 
 def short_labels(records: Sequence[IoData]) -> dict[str, str]:
-    """Return the labels of records without the bracketed remarks that bags add to them."""
-    labels = [record.label for record in records]
-    short = [label.partition(" (")[0] for label in labels]
-    return dict(zip(labels, short if len(set(short)) == len(set(labels)) else labels, strict=True))
+    """Return short names of records by their labels."""
+    return short_names([record.label for record in records])
 
 
 def check_title(name: str) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import label_and_unit
-from flexarm_ident.diagnostics.quality import excited_band_hz
+from flexarm_ident.diagnostics.excitation import excited_band_hz
 from flexarm_ident.report.content.blocks import Check, Checks, Heading, Plots, Section, Table, Words
 from flexarm_ident.report.content.wording import (
     CHECKS,
@@ -15,7 +15,6 @@ from flexarm_ident.report.content.wording import (
     error_text,
     figures_text,
     short_labels,
-    shortened,
 )
 from flexarm_ident.report.plots.time_plots import input_plot
 
@@ -115,14 +114,16 @@ def _checks(outcome: Outcome) -> Checks:
     checks = (
         Check(
             check_title(name),
-            tuple(
-                (shortened(outcome, each.text), figures_text(each.figures))
-                for each in found.get(name, [])
-            ),
+            tuple((_place(each), figures_text(each.figures)) for each in found.get(name, [])),
         )
         for name in {**CHECKS, **found}
     )
     return Checks(tuple(checks))
+
+
+def _place(warning: DataWarning) -> str:
+    """Return record and channel of a finding, whose sentence stands at the top of the report."""
+    return ", ".join(filter(None, (warning.record, warning.channel))) or "all records"
 
 
 def _inputs(outcome: Outcome) -> Plots:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import label_and_unit
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.report.content.blocks import Section, Table, Words
 from flexarm_ident.report.content.wording import error_text
 
@@ -46,7 +47,7 @@ def _errors(outcome: Outcome) -> Table:
         (label_and_unit(output)[0], *(error_text(delta[i]) for _, delta in columns))
         for i, output in enumerate(outcome.records[0].outputs)
     ]
-    rows.append(("mean", *(error_text(float(delta.mean())) for _, delta in columns)))
+    rows.append(("mean", *(error_text(mean_error(delta)) for _, delta in columns)))
     header = ("Output", *(title for title, _ in columns))
     marked = (*(False for _ in rows[1:]), True)
     return Table("errors", "Errors of the outputs", header, tuple(rows), marked)

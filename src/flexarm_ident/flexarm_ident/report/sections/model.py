@@ -6,6 +6,7 @@ import base64
 import json
 from typing import TYPE_CHECKING, Any
 
+from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import FORMATS
 from flexarm_ident.models.model_parameters import model_fields
 from flexarm_ident.report.content.blocks import (
@@ -75,8 +76,8 @@ def _making(outcome: Outcome) -> Facts:
         facts["reason for the method"] = identification.choice
     if identification.start_error is not None:
         facts["fitted by simulation"] = (
-            f"mean δ of the fitted part {error_text(float(identification.fit_error.mean()))}, "
-            f"of the subspace model before {error_text(float(identification.start_error.mean()))}"
+            f"mean δ of the fitted part {error_text(mean_error(identification.fit_error))}, "
+            f"of the subspace model before {error_text(mean_error(identification.start_error))}"
         )
     if outcome.reduction:
         facts["reduction"] = (

@@ -1,0 +1,60 @@
+"""Options that name the signals of a bag which flexarm did not record."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flexarm_ident.reading.channels import CLOCKS, Selection, selection
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_OPTIONS = (
+    click.option(
+        "--input",
+        "inputs",
+        multiple=True,
+        metavar="TOPIC.FIELD",
+        help="Input in a bag of other messages, such as /command.data; repeat. "
+        "NAME=TOPIC.FIELD names it.",
+    ),
+    click.option(
+        "--output",
+        "outputs",
+        multiple=True,
+        metavar="TOPIC.FIELD",
+        help="Output, such as /joint_states.position[0]; repeat.",
+    ),
+    click.option(
+        "--clock",
+        type=click.Choice(CLOCKS),
+        help="Instants of other messages; else headers where every topic has them.",
+    ),
+    click.option(
+        "--held/--interpolated",
+        default=True,
+        show_default=True,
+        help="Each input acts until the next one, or is measured and runs on lines between.",
+    ),
+)
+
+
+def channel_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options to a verb, which takes them as `taken_channels` does."""
+    for option in reversed(_OPTIONS):
+        function = option(function)
+    return function
+
+
+def taken_channels(options: dict[str, Any]) -> Selection | None:
+    """Take the channels out of the options; None when none is named."""
+    inputs, outputs, clock, held = (
+        options.pop(name) for name in ("inputs", "outputs", "clock", "held")
+    )
+    if not (inputs or outputs):
+        if clock or not held:
+            raise click.UsageError("--clock and --interpolated belong to --input and --output")
+        return None
+    return selection(inputs, outputs, clock=clock, interpolated=not held)

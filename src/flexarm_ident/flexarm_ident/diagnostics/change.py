@@ -1,0 +1,181 @@
+"""Change of the plant or of the law in the middle of a record.
+
+A record is cut into segments. Each is predicted one step ahead by a model of the other segments on
+its side of a cut, and by a model of those on the other side. While nothing changes, the two models
+are as good, and which is better is chance, from segment to segment. A change is told by the
+logarithm of the ratio of both errors, whose mean over the segments exceeds zero by more than its
+scatter allows.
+Chow, "Tests of equality between sets of coefficients in two linear regressions", Econometrica 28
+(1960); here with the scatter taken from the data, as the errors are neither white nor normal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import scipy
+
+from flexarm_core.errors import DataError
+from flexarm_ident.diagnostics.drive import moves_seldom
+from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.subspace.segments import cut, segment_grams
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
+    from flexarm_ident.subspace.segments import Segment
+
+_MEMORY = 12
+_SEGMENTS = 24
+# Cuts that are tried, as parts of the segments.
+_CUTS = (0.25, 0.375, 0.5, 0.625, 0.75)
+# One false alarm in a million records, and the smallest change of the error that matters.
+_SIGNIFICANCE = 1e-6
+_SMALLEST_CHANGE = 0.1
+# Evidence of a change of the drive that makes the test of the plant void.
+_DRIVE_SIGNIFICANCE = 0.01
+# Samples of a side in units of the model's coefficients of one output.
+_SAMPLES_PER_COEFFICIENT = 10
+_SMALLEST_ERROR = 1e-12
+# Weight of rounding in a regression on dependent signals.
+_RIDGE = 1e-12
+
+
+class _Change(NamedTuple):
+    """Cut with the strongest evidence, the loss across it, and its probability by chance."""
+
+    segment: int
+    loss: float
+    p_value: float
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether it is no chance, and large enough to matter."""
+        return self.p_value <= _SIGNIFICANCE and self.loss >= _SMALLEST_CHANGE
+
+
+def changes(record: IoData) -> Iterator[DataWarning]:
+    """Yield the warnings that the plant, or the law of a closed loop, changed within a record.
+
+    A drive that changes by itself, such as a sweep, hides a change of the plant: a model is never
+    as good at frequencies that it was not fitted to.
+    """
+    signals = _with_reference(record)
+    coefficients = _MEMORY * (len(signals.inputs) + len(signals.outputs))
+    # Where the drive acts in a few places only, the segments are not alike.
+    if len(record) < 4 * _SAMPLES_PER_COEFFICIENT * coefficients or moves_seldom(record):
+        return
+    try:
+        parts = cut([signals], _MEMORY + 1, _SEGMENTS)
+    except DataError:
+        return
+    if len(parts) < _SEGMENTS:
+        return
+    yield from _found(record, segment_grams([signals], _MEMORY + 1, parts), parts)
+
+
+def _found(
+    record: IoData, grams: Sequence[BlockGram], parts: Sequence[Segment]
+) -> Iterator[DataWarning]:
+    """Yield the warnings, given the products of the segments; the set-point is the last output."""
+    matrices, last = np.array([gram.matrix for gram in grams]), _MEMORY
+    y, u = grams[0].output_rows, grams[0].input_rows
+    present, drive = y(last, last + 1), u(last, last + 1)
+    set_point = slice(len(record.outputs), None)
+    if record.closed_loop:
+        # A law answers the last samples.
+        law = _strongest(matrices, y(last - 1, last + 1) + u(last - 1, last), drive)
+        if law.is_certain:
+            yield _warning("law", law, parts, Grade.INFORMATION)
+        exogenous = [law]
+        if present[set_point]:
+            before = [row for shift in range(last) for row in y(shift, shift + 1)[set_point]]
+            exogenous.append(_strongest(matrices, before, present[set_point]))
+    else:
+        exogenous = [_strongest(matrices, u(0, last), drive)]
+    if min(each.p_value for each in exogenous) < _DRIVE_SIGNIFICANCE:
+        return
+    plant = _strongest(matrices, y(0, last) + u(0, last), present[: len(record.outputs)])
+    if plant.is_certain:
+        yield _warning("plant", plant, parts, Grade.CAUTION)
+
+
+def _with_reference(record: IoData) -> IoData:
+    """Return a record with its set-point, if it is known, as a further output."""
+    if record.reference is None or np.ptp(record.reference) == 0.0:
+        return record
+    return replace(
+        record,
+        y=np.column_stack([record.y_usable, record.reference]),
+        outputs=(*record.outputs, "reference"),
+        missing=None,
+    )
+
+
+def _warning(changed: str, found: _Change, parts: Sequence[Segment], grade: Grade) -> DataWarning:
+    row = parts[found.segment].first
+    return DataWarning(
+        f"{changed}_changed",
+        f"the {changed} changes in mid-record, near row {row}: a model of one side predicts the "
+        f"other {100.0 * found.loss:.0f} % worse than its own; identify the parts separately",
+        {"row": float(row), "loss": found.loss, "p_value": found.p_value},
+        grade=grade,
+    )
+
+
+def _strongest(matrices: FloatArray, known: list[int], told: list[int]) -> _Change:
+    """Return the cut across which the prediction of some rows from others loses most certainly."""
+    count = len(matrices)
+    tried = []
+    for place in _CUTS:
+        middle = round(place * count)
+        loss = _losses(matrices, known, told, np.arange(count) < middle)
+        # The models of the two sides lose differently: each side has its own mean.
+        sides = loss[:middle], loss[middle:]
+        mean = np.mean([side.mean(axis=0) for side in sides], axis=0)
+        variance = np.sum([side.var(axis=0, ddof=1) / len(side) for side in sides], axis=0)
+        scatter = 0.5 * np.sqrt(variance)
+        # Signals without a remainder lose nothing.
+        p_values = scipy.stats.t.sf(mean / np.where(scatter > 0.0, scatter, np.inf), count - 2)
+        row = int(np.argmin(p_values))
+        p_value = min(1.0, float(len(_CUTS) * len(told) * p_values[row]))
+        tried.append(_Change(middle, float(np.expm1(0.5 * mean[row])), p_value))
+    return min(tried, key=lambda each: each.p_value)
+
+
+def _losses(
+    matrices: FloatArray, known: list[int], told: list[int], sides: BoolArray
+) -> FloatArray:
+    """Return the logarithms of the error power by the other side's model over that by the own.
+
+    There is one for each segment and each row that is told, (segments, told).
+    """
+    known_known, crossed = matrices[:, known][:, :, known], matrices[:, known][:, :, told]
+    total = matrices[:, told, told]
+    rounding = _SMALLEST_ERROR * total.mean(axis=0)
+    rounding[rounding == 0.0] = 1.0
+    # Per segment, the sums over its own side without itself, and over the other side.
+    same = np.equal.outer(sides, sides)
+    own = same & ~np.eye(len(sides), dtype=np.bool_)
+    powers = []
+    for chosen in (~same, own):
+        weights = chosen.astype(np.float64)
+        models = _models(np.tensordot(weights, known_known, 1), np.tensordot(weights, crossed, 1))
+        explained = np.sum(models * (2.0 * crossed - known_known @ models), axis=1)
+        powers.append(np.maximum(total - explained, rounding))
+    return np.asarray(np.log(powers[0] / powers[1]))
+
+
+def _models(known: FloatArray, crossed: FloatArray) -> FloatArray:
+    """Return the coefficients of predictions, (segments, known, told)."""
+    scale = np.sqrt(np.diagonal(known, axis1=1, axis2=2))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit = known / (scale[:, :, np.newaxis] * scale[:, np.newaxis])
+    unit += _RIDGE * np.eye(known.shape[1])
+    scale = scale[..., np.newaxis]
+    return np.asarray(np.linalg.solve(unit, crossed / scale) / scale)

@@ -1,0 +1,162 @@
+"""Defects of single channels: constant, all offset, saturated, dead, duplicated."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_core.arrays import runs
+from flexarm_core.labels import counted
+from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share, dead_stretches, look
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+
+_LARGEST_OFFSET = 10.0
+_SAME, _ALMOST_SAME = 1e-6, 1e-4
+_FEW_LEVELS = 20
+_PLATEAU_SHARE = 1e-3
+_PLATEAU_SAMPLES = 3
+_PLATEAU_COUNT = 5.0
+_PLATEAU_SLOPE = 0.05
+_NEIGHBOURS = 3
+
+
+def channel_defects(record: IoData) -> Iterator[DataWarning]:
+    """Yield the defects that single channels of a record, or two of them, show by themselves."""
+    for name, x in _named(record):
+        constant = constant_share(x)
+        if constant > CONSTANT_SHARE:
+            yield DataWarning(
+                "constant_channel",
+                f"{name} is constant in {_percent(constant)} of the samples and carries no "
+                "information: check the channel, or leave it out",
+                {"share": constant},
+                grade=Grade.DO_NOT_USE,
+                channel=name,
+            )
+            continue
+        mean, deviation = _mean_and_deviation(look(x))
+        if abs(mean) > _LARGEST_OFFSET * deviation:
+            mean, deviation = _mean_and_deviation(x)
+            yield DataWarning(
+                "offset",
+                f"{name} is almost all offset: remove its bias first (mean {mean:.4g}, deviation "
+                f"{deviation:.2g})",
+                {"mean": mean, "deviation": deviation},
+                channel=name,
+            )
+        dense = np.ascontiguousarray(x)
+        limits = []
+        for extreme, inward in ((float(dense.max()), -1.0), (float(dense.min()), 1.0)):
+            share = _plateau_share(dense, extreme, inward)
+            if share > 0.0:
+                limits.append(extreme)
+                yield DataWarning(
+                    "saturation",
+                    f"{name} reaches {extreme:.4g} and may be saturated: it stays there in "
+                    f"{_percent(share)} of the samples; lower the drive or the gain",
+                    {"level": extreme, "share": share},
+                    channel=name,
+                )
+        yield from _dead_sensor(record, name, limits)
+    yield from _duplicates(record)
+
+
+def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator[DataWarning]:
+    if name not in record.outputs:
+        return
+    channel = record.outputs.index(name)
+    # A saturated signal is constant as well.
+    dead = [
+        rows
+        for rows in dead_stretches(record, channel)
+        if record.y[rows.start, channel] not in limits
+    ]
+    if not dead:
+        return
+    samples = sum(map(len, dead))
+    longest = max(dead, key=len)
+    stretches = counted(len(dead), "stretch", "stretches")
+    yield DataWarning(
+        "dead_sensor",
+        f"{name} is dead in {_percent(samples / len(record))} of the samples, {stretches}, the "
+        f"longest from row {longest.start} to {longest.stop - 1}: check the sensor, and leave "
+        "those rows out",
+        {
+            "samples": float(samples),
+            "share": samples / len(record),
+            "stretches": float(len(dead)),
+            "first_row": float(longest.start),
+            "last_row": float(longest.stop - 1),
+        },
+        channel=name,
+    )
+
+
+def _duplicates(record: IoData) -> Iterator[DataWarning]:
+    channels = [(name, x) for name, x in _named(record) if constant_share(x) <= CONSTANT_SHARE]
+    for (name, x), (other, y) in combinations(channels, 2):
+        if abs(_correlation(look(x), look(y))) <= 1.0 - _ALMOST_SAME:
+            continue
+        correlation = _correlation(x, y)
+        if abs(correlation) > 1.0 - _SAME:
+            yield DataWarning(
+                "duplicated_channel",
+                f"{other} repeats {name} (correlation {correlation:+.7f}): check the wiring, or "
+                "leave one out",
+                {"correlation": correlation},
+                channel=other,
+            )
+
+
+def _named(record: IoData) -> list[tuple[str, FloatArray]]:
+    names = (*record.outputs, *record.inputs)
+    return list(zip(names, [*record.y.T, *record.u.T], strict=True))
+
+
+def _mean_and_deviation(x: FloatArray) -> tuple[float, float]:
+    return float(x.mean()), float(x.std())
+
+
+def _correlation(x: FloatArray, y: FloatArray) -> float:
+    x, y = x - x.mean(), y - y.mean()
+    power = float(x @ x) * float(y @ y)
+    return float(x @ y) / np.sqrt(power) if power > 0.0 else 0.0
+
+
+def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
+    """Return the share of samples in which a signal is cut off at its extreme; mostly zero.
+
+    A clipped signal runs into the plateau, and has far more samples there than at any level nearby.
+    A signal of few levels, such as a square wave, cannot be judged.
+    """
+    on = x == extreme
+    share = float(on.mean())
+    if share < max(_PLATEAU_SHARE, _PLATEAU_SAMPLES / len(x)):
+        return 0.0
+    if len(np.unique(look(x))) <= _FEW_LEVELS:
+        return 0.0
+    starts, stops = runs(on).T
+    # A plateau from the first sample on may be a rest.
+    plateaus = (stops - starts >= _PLATEAU_SAMPLES) & (starts > 1)
+    if not plateaus.any():
+        return 0.0
+    steps = np.diff(x)
+    entry = np.median(np.abs(steps[starts[plateaus] - 2]))
+    if entry < _PLATEAU_SLOPE * np.sqrt(np.mean(steps**2)):
+        return 0.0
+    _, counts = np.unique(inward * x, return_counts=True)
+    if counts[0] < _PLATEAU_COUNT * counts[1 : 1 + _NEIGHBOURS].max():
+        return 0.0
+    return float((stops - starts)[plateaus].sum() / len(x))
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %"

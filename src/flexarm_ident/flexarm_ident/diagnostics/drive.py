@@ -1,0 +1,92 @@
+"""Drive of a record: moves that are too few, and stretches without any."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from flexarm_core.arrays import runs
+from flexarm_core.labels import counted
+from flexarm_ident.records.iodata import DataWarning
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_core.arrays import BoolArray
+    from flexarm_ident.records.iodata import IoData
+
+# The same sign of four answers may be chance (one in sixteen), that of five is not at 5 %.
+_MOVES = 5
+# Windows of a record, and the samples that a window needs at least.
+_WINDOWS = 256
+_WINDOW_SAMPLES = 32
+# The drive acts where this share of its power is.
+_POWER = 0.9
+_ACTIVE_SHARE = 0.1
+# Longest hold of the record, and the probability of one as long if the moves came at random.
+_HOLD_SHARE = 0.1
+_CHANCE = 1e-4
+_ROUNDING = 1e-9
+
+
+def drive_defects(record: IoData) -> Iterator[DataWarning]:
+    """Yield what is wrong with the times at which the inputs of a record move."""
+    if not moves_seldom(record):
+        yield from _hold(record)
+        return
+    active = _active_windows(record)
+    moves, share = len(runs(active)), float(active.mean())
+    total_s = len(record) * record.dt_s
+    yield DataWarning(
+        "few_moves",
+        f"the inputs act in {share * total_s:.3g} of {total_s:.4g} s only, in "
+        f"{counted(moves, 'move')}: an answer cannot be told from a disturbance; make {_MOVES} "
+        "moves or more, all over the record",
+        {"moves": float(moves), "active_s": share * total_s, "total_s": total_s},
+    )
+
+
+def moves_seldom(record: IoData) -> bool:
+    """Return whether the inputs move a few times only, in a small part of the record."""
+    active = _active_windows(record)
+    return bool(len(active) and len(runs(active)) < _MOVES and active.mean() <= _ACTIVE_SHARE)
+
+
+def _hold(record: IoData) -> Iterator[DataWarning]:
+    """Yield the longest stretch in which no input changes, if chance does not explain it."""
+    inputs = [u for u in record.u.T if np.ptp(u) > 0.0]
+    if not inputs:
+        return
+    still = np.all([np.abs(np.diff(u)) <= _ROUNDING * np.ptp(u) for u in inputs], axis=0)
+    holds = runs(still)
+    if not len(holds):
+        return
+    first, last = max(holds.tolist(), key=lambda hold: hold[1] - hold[0])
+    share, moves = (last - first) / len(still), int(np.count_nonzero(~still))
+    # Of the gaps that some moves at random leave, one is as long with at most this probability.
+    if share < _HOLD_SHARE or (moves + 1) * (1.0 - share) ** moves > _CHANCE:
+        return
+    yield DataWarning(
+        "held_drive",
+        f"no input changes from row {first} to {last}, {100.0 * share:.3g} % of the record, and "
+        f"{moves} times elsewhere: leave those rows out, or drive on",
+        {"first_row": float(first), "last_row": float(last), "share": share, "moves": float(moves)},
+    )
+
+
+def _active_windows(record: IoData) -> BoolArray:
+    """Return which of the half overlapping windows hold most of an input's power; none if short."""
+    samples = len(record)
+    width = max(_WINDOW_SAMPLES, 2 * (samples // _WINDOWS))
+    if samples < _WINDOW_SAMPLES * width // 2:
+        return np.zeros(0, dtype=np.bool_)
+    power = sliding_window_view(record.u, width, axis=0)[:: width // 2].var(axis=-1)
+    active = np.zeros(len(power), dtype=np.bool_)
+    for each in power.T:
+        order = np.argsort(-each)
+        total = np.cumsum(each[order])
+        if total[-1] > 0.0:
+            active[order[: 1 + np.searchsorted(total, _POWER * total[-1])]] = True
+    return active

@@ -1,0 +1,110 @@
+"""Excitation of the data: band and richness of the inputs, and length of the records."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.gram import BlockGram
+
+# Condition of the inputs' product matrix, which is that of the inputs squared.
+_SINGULAR_CONDITION = 1e12
+# 40 dB below the maximum, more than the leakage of the window.
+_EXCITED = 1e-4
+_PARTS = 16
+_EXCITED_SHARE = 0.8
+_LOWEST_EXCITED = 0.02
+_SHORT = 3.0
+
+
+def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
+    """Return the band in which one input has power, and the excited share of all frequencies.
+
+    A frequency counts when the density of the input, or that of its increments, is within 40 dB of
+    its own maximum. Steps excite high frequencies by their edges, however small their part of the
+    power is.
+
+    Parameters
+    ----------
+    u : ndarray, (samples,)
+        One input.
+    dt_s : float
+        Sampling period.
+
+    Returns
+    -------
+    float, float
+        Lowest and highest excited frequency, in hertz; both zero when there is none.
+    float
+        Excited share of the frequencies up to Nyquist.
+    """
+    length = min(len(u), max(256, min(len(u) // 8, 4096)))
+    # Parts spread over a long record suffice.
+    starts = np.linspace(0, len(u) - length, min(_PARTS, 2 * len(u) // length)).astype(int)
+    parts = u[starts[:, np.newaxis] + np.arange(length)]
+    frequencies_hz, densities = scipy.signal.periodogram(parts, 1.0 / dt_s, window="hann")
+    density = densities.mean(axis=0)
+    # The increments' density follows from it. The mean of the record is left out of both.
+    increments = density * np.sin(np.pi * frequencies_hz * dt_s) ** 2
+    density, increments, frequencies_hz = density[1:], increments[1:], frequencies_hz[1:]
+    excited = (density > _EXCITED * density.max()) | (increments > _EXCITED * increments.max())
+    if not excited.any():
+        return 0.0, 0.0, 0.0
+    band = frequencies_hz[excited]
+    return float(band[0]), float(band[-1]), float(excited.mean())
+
+
+def richness(gram: BlockGram, records: Sequence[IoData]) -> Iterator[DataWarning]:
+    """Yield what is wrong with the inputs' product matrix, and with the length of all records."""
+    rows = gram.input_rows(0, gram.block_rows)
+    inputs = gram.matrix[np.ix_(rows, rows)]
+    scale = np.sqrt(np.diag(inputs))
+    scale[scale == 0.0] = 1.0
+    values = scipy.linalg.eigvalsh(inputs / np.outer(scale, scale))
+    condition = float(values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
+    if condition >= _SINGULAR_CONDITION:
+        yield DataWarning(
+            "input_condition",
+            f"the input excites few frequencies: U U' has the condition number {condition:.0e}, a "
+            "pseudo-inverse was used and modes outside its band are not to be trusted",
+            {"condition": condition},
+        )
+    needed = len(gram.matrix)
+    if gram.columns < _SHORT * needed:
+        samples = sum(len(record) for record in records)
+        yield DataWarning(
+            "too_short",
+            f"{samples} samples are few for {gram.block_rows} block rows: {gram.columns} columns "
+            f"for {needed} rows, {_SHORT:.0f} times as many would be good; record longer or lower "
+            "block_rows",
+            {"samples": float(samples), "columns": float(gram.columns), "rows": float(needed)},
+        )
+
+
+def excited_bands(record: IoData) -> Iterator[DataWarning]:
+    """Yield the inputs of a record that leave out a part of the frequencies."""
+    nyquist_hz = 0.5 / record.dt_s
+    for name, u in zip(record.inputs, record.u.T, strict=True):
+        if constant_share(u) > CONSTANT_SHARE:
+            continue
+        low_hz, high_hz, share = excited_band_hz(u, record.dt_s)
+        if share < _EXCITED_SHARE or low_hz > _LOWEST_EXCITED * nyquist_hz:
+            yield DataWarning(
+                "excitation_band",
+                f"{name} has power between {low_hz:.3g} and {high_hz:.3g} Hz only, "
+                f"{100.0 * share:.3g} % of the frequencies up to {nyquist_hz:.4g} Hz: modes "
+                "outside are not to be trusted",
+                {"low_hz": low_hz, "high_hz": high_hz, "share": share},
+                grade=Grade.INFORMATION,
+                channel=name,
+            )

@@ -1,0 +1,232 @@
+"""Answer of the outputs to the inputs: delayed, without dynamics, or none.
+
+The part of each input that the past and the present outputs do not tell is white, mostly, and then
+independent of what the outputs did before. Where no cause reaches an output, its correlation with
+what the output's own past does not tell has the variance one over the number of samples, whatever
+the output's noise is like, and also under feedback. The lag of the first correlation above chance
+is that of the first answer.
+Haugh, "Checking the independence of two covariance-stationary time series", JASA 71 (1976).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import scipy
+
+from flexarm_ident.diagnostics.drive import moves_seldom
+from flexarm_ident.diagnostics.news import (
+    MEMORY,
+    SMALLEST_NEWS,
+    News,
+    centred,
+    longest,
+    news_of,
+    remainder,
+    shifted,
+)
+from flexarm_ident.diagnostics.spectra import spectra
+from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
+from flexarm_ident.subspace.feedback import SIGNIFICANCE, whitening
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+
+_LAGS = 500
+_SAMPLES_PER_LAG = 8
+# A delay costs a state per sample and input: fewer samples do not matter.
+_SHORTEST_DELAY = 4
+# Squared correlation of what is new of an input with itself, at any lag. A sweep leaves waves,
+# which tell no delay; what a clocked input leaves repeats a little, and a part of the answer leaks
+# so to earlier lags.
+_LARGEST_REPETITION = 0.1
+_LEAK = 4.0
+# The answer of an arm may begin gradually. One whose power grows with the eighth power of the lag,
+# as that of four integrators in a row, would show before it passes the limit of chance.
+_GRADUAL = 8
+_DEVIATIONS = 3.0
+# The input of the same row tells so much of an output's power, and the past of both hardly more: a
+# slow output under a slow input looks alike, but its own past tells it.
+_TOLD_AT_ONCE = 0.5
+_TOLD_LATER = 1e-3
+_TOLD_OF_REST = 0.1
+# An answer is denied only where it would hardly be missed: a twentieth of the power shows in 99 of
+# 100 records of so many samples, and chance looks like an answer in 3 of 100.
+_FEWEST = 2000
+_ANSWER_CHANCE = 0.01
+_ANSWER_LAGS = 50
+# A slow answer hides in each of these tests, but not from a regression on the smoothed inputs.
+_SMOOTHING = (0.0, 0.9, 0.99, 0.999, 1.0)
+_SLOW_SHARE = 0.05
+# Two thirds of the samples lie in the unit of this reach.
+_REACH = 5.0
+
+
+class _Correlation(NamedTuple):
+    """Squared correlations by lags, summed over the outputs, and the same as a chi-square."""
+
+    share: FloatArray
+    evidence: FloatArray
+
+
+def answer_defects(record: IoData) -> Iterator[DataWarning]:
+    """Yield the outputs without an answer or with a static one, and the inputs with a delay."""
+    static = static_outputs(record)
+    for name, gain_share in static.items():
+        yield DataWarning(
+            "static_gain",
+            f"{name} follows the inputs within the sample and has no dynamics "
+            f"({100.0 * gain_share:.4g} % of its power): leave it out, or fit with feedthrough",
+            {"share": gain_share},
+            channel=name,
+        )
+    tame = replace(record, y=_without_extremes(record.y_measured))
+    news = news_of(tame)
+    if news is None:
+        return
+    yield from _unanswered(tame, news, static)
+    yield from _delays(tame, news)
+
+
+def static_outputs(record: IoData) -> dict[str, float]:
+    """Return the outputs that are told by the inputs of the same row alone, with that share.
+
+    A record that is known to be made in closed loop has none: there, the inputs follow the outputs.
+    """
+    if record.closed_loop:
+        return {}
+    rows = longest(record)
+    u, y = centred(record.u[rows]), centred(record.y[rows])
+    if len(u) < 2 * _ANSWER_LAGS + _FEWEST // 10:
+        return {}
+    now, past = u[MEMORY:], np.hstack([shifted(u, 0), shifted(y, 1)])
+    powers = (np.sum(remainder(known, y[MEMORY:]) ** 2, axis=0) for known in (now, past))
+    total = np.sum(y[MEMORY:] ** 2, axis=0)
+    at_once, later = (power / np.where(total > 0.0, total, 1.0) for power in powers)
+    is_told = (at_once < 1.0 - _TOLD_AT_ONCE) & (total > 0.0)
+    is_static = at_once - later < np.maximum(_TOLD_LATER, _TOLD_OF_REST * at_once)
+    return {record.outputs[i]: float(1.0 - at_once[i]) for i in np.flatnonzero(is_told & is_static)}
+
+
+def _delays(record: IoData, news: News) -> Iterator[DataWarning]:
+    """Yield the inputs whose first effect on any output comes late."""
+    covariance = news.outputs.T @ news.outputs / len(news.outputs)
+    white = news.outputs @ whitening(covariance)
+    degrees = white.shape[1]
+    if degrees == 0:
+        return
+    for name, u, fresh in zip(record.inputs, record.u.T, news.inputs.T, strict=True):
+        if fresh.std() <= SMALLEST_NEWS * u.std():
+            continue
+        share, evidence = _correlation(white, fresh)
+        repeated = float(_correlation(fresh[:, np.newaxis] / fresh.std(), fresh).share.max())
+        if repeated > _LARGEST_REPETITION:
+            continue
+        chance = scipy.stats.chi2.isf(SIGNIFICANCE / len(evidence), degrees)
+        above = np.flatnonzero((evidence > chance) & (share > _LEAK * repeated * share.max()))
+        if not len(above) or above[0] < _SHORTEST_DELAY:
+            continue
+        delay = int(above[0])
+        early = evidence[:delay]
+        lags = np.arange(1, delay + 1) / (delay + 1.0)
+        gradual = evidence[delay] * np.sum(lags**_GRADUAL)
+        excess, scatter = np.sum(early - degrees), np.sqrt(2.0 * degrees * delay)
+        if excess + _DEVIATIONS * scatter >= gradual:
+            continue
+        yield DataWarning(
+            "delay",
+            f"no output answers {name} before {delay + 1} samples ({(delay + 1) * record.dt_s:.3g} "
+            f"s): a delay of {delay} samples costs a state each; shift {name} by them, or find it",
+            {"samples": float(delay), "delay_s": delay * record.dt_s, "evidence": evidence[delay]},
+            channel=name,
+        )
+
+
+def _unanswered(record: IoData, news: News, static: dict[str, float]) -> Iterator[DataWarning]:
+    """Yield the outputs in which no input shows."""
+    # A few answers are lost among the noise of the rest of the record.
+    if len(news.outputs) < _FEWEST or moves_seldom(record):
+        return
+    fresh = news.inputs[:, news.inputs.std(axis=0) > SMALLEST_NEWS * record.u.std(axis=0)]
+    silent = [
+        i
+        for i, (name, y) in enumerate(zip(record.outputs, record.y.T, strict=True))
+        if name not in static
+        and constant_share(y) <= CONSTANT_SHARE
+        and not _is_correlated(news.outputs[:, i], fresh)
+        and _slowly_told(record.u, y) < _SLOW_SHARE
+    ]
+    welch = spectra([record]) if silent else None
+    if welch is None:
+        return
+    chance = welch.chance(_ANSWER_CHANCE / len(welch.coherence))
+    for i in silent:
+        if np.any(welch.coherence[:, i] > chance):
+            continue
+        name = record.outputs[i]
+        yield DataWarning(
+            "no_answer",
+            f"{name} shows no answer to any input in {len(record)} samples, only noise: check the "
+            "sensor and its wiring, or leave it out",
+            {"samples": float(len(record)), "explained": float(welch.explained[i])},
+            grade=Grade.DO_NOT_USE,
+            channel=name,
+        )
+
+
+def _is_correlated(e: FloatArray, fresh: FloatArray) -> bool:
+    """Return whether an output correlates with earlier inputs, at one lag or over several."""
+    deviation = float(e.std())
+    if deviation == 0.0 or fresh.shape[1] == 0:
+        return False
+    power = np.array(
+        [_correlation(e[:, np.newaxis] / deviation, each).evidence for each in fresh.T]
+    )
+    single = scipy.stats.chi2.isf(_ANSWER_CHANCE / power.size, 1)
+    near = power[:, :_ANSWER_LAGS]
+    joint = scipy.stats.chi2.isf(_ANSWER_CHANCE, near.size)
+    return bool(power.max() > single or near.sum() > joint)
+
+
+def _slowly_told(u: FloatArray, y: FloatArray) -> float:
+    """Return the share of an output's power that a regression on the smoothed inputs tells."""
+    smooth = [scipy.signal.lfilter([1.0], [1.0, -a], centred(u), axis=0) for a in _SMOOTHING]
+    signal = centred(y[:, np.newaxis])
+    return 1.0 - float(np.mean(remainder(centred(np.hstack(smooth)), signal) ** 2))
+
+
+def _correlation(white: FloatArray, fresh: FloatArray) -> _Correlation:
+    """Return the correlation with an input 1, 2, ... samples earlier.
+
+    The outputs are uncorrelated and have unit variance. Where both signals jump at the same
+    instants, these count alone: the variance of the products is then larger than that of
+    independent signals, and stands in its place.
+    White, "A heteroskedasticity-consistent covariance matrix estimator", Econometrica 48 (1980).
+    """
+    unit = (fresh / fresh.std())[:, np.newaxis]
+    lags = np.arange(1, min(_LAGS, len(white) // _SAMPLES_PER_LAG) + 1)
+    rows = (len(white) - lags)[:, np.newaxis]
+    squares = _lagged_sums(white, unit)[lags] ** 2
+    variance = np.maximum(_lagged_sums(white**2, unit**2)[lags], rows)
+    share, evidence = (np.sum(squares / scale, axis=1) for scale in (rows**2, variance))
+    return _Correlation(share, evidence)
+
+
+def _lagged_sums(late: FloatArray, early: FloatArray) -> FloatArray:
+    """Return the sums of the products of two signals over all rows, (lags, channels)."""
+    length = scipy.fft.next_fast_len(2 * len(late))
+    late_transform, early_transform = (scipy.fft.rfft(x, length, axis=0) for x in (late, early))
+    return np.asarray(scipy.fft.irfft(late_transform * early_transform.conj(), length, axis=0))
+
+
+def _without_extremes(y: FloatArray) -> FloatArray:
+    """Return outputs with outliers, which would drown every answer, cut off."""
+    low, middle, high = np.nanquantile(y, (0.16, 0.5, 0.84), axis=0)
+    reach = np.where(high > low, _REACH * (high - low), np.inf)
+    return np.clip(y, middle - reach, middle + reach)

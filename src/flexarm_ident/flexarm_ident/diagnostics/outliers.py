@@ -1,0 +1,103 @@
+"""Outliers: single samples of an output far off both neighbours."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_core.labels import counted
+from flexarm_ident.records.iodata import DataWarning
+from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.records.iodata import IoData
+
+# A jump there and back, in medians of the step from sample to sample. In normal noise a sample is
+# beyond ten of them once in 3e14, in noise with exponential tails beyond fifteen once in 2e7.
+_JUMP = 15.0
+# The jump in deviations of the signal: smaller ones cost little.
+_SIZE = 1.0
+# A vibration of high frequency jumps again and again; around an outlier the signal is quiet.
+_AROUND = 5
+_QUIET = 0.25
+# An input that steps so many samples before explains the output's jump, unless it is larger by this
+# factor than nine of ten jumps behind such steps.
+_ANSWER = 3
+_UNUSUAL = 3.0
+_USUAL_SHARE = 0.9
+_FEWEST = 50
+
+
+def outliers(record: IoData) -> Iterator[DataWarning]:
+    """Yield the outputs of a record that have outliers, with their number and size."""
+    explained = _answered(record)
+    for name, y in zip(record.outputs, record.y.T, strict=True):
+        rows = _jumps(y, explained)
+        if not len(rows):
+            continue
+        usual = np.delete(y, rows)
+        sizes = np.abs(y[rows] - 0.5 * (y[rows - 1] + y[rows + 1])) / usual.std()
+        largest = float(sizes.max())
+        yield DataWarning(
+            "outliers",
+            f"{name} has {counted(len(rows), 'outlier')}, the largest {largest:.3g} deviations in "
+            f"row {rows[int(np.argmax(sizes))]}: set them to NaN, which counts as missing, and "
+            "check the wiring",
+            {
+                "count": float(len(rows)),
+                "largest": largest,
+                "first_row": float(rows[0]),
+                "last_row": float(rows[-1]),
+            },
+            channel=name,
+        )
+
+
+def _jumps(x: FloatArray, explained: BoolArray) -> NDArray[np.intp]:
+    """Return the rows of a signal that jump off both neighbours and stand alone.
+
+    Rows in which the jumps are explained are compared with each other.
+    """
+    none = np.empty(0, dtype=np.intp)
+    if len(x) < _FEWEST or constant_share(x) > CONSTANT_SHARE:
+        return none
+    with np.errstate(over="ignore"):
+        steps = np.diff(x)
+    size = np.abs(steps)
+    usual = float(np.median(size)) or float(np.median(size[size > 0.0]))
+    there_and_back = steps[:-1] * np.sign(steps[1:]) < 0.0
+    jump = np.where(there_and_back, np.minimum(size[:-1], size[1:]), 0.0)
+    low, high = np.quantile(x, (0.16, 0.84))
+    limit = max(_JUMP * usual, _SIZE * 0.5 * float(high - low))
+    inner = explained[1:-1]
+    answer = _UNUSUAL * float(np.quantile(jump[inner], _USUAL_SHARE)) if inner.any() else 0.0
+    rows = np.flatnonzero(jump > np.where(inner, max(limit, answer), limit)) + 1
+    return (
+        rows[[_is_alone(size, row, jump[row - 1]) for row in rows.tolist()]] if len(rows) else none
+    )
+
+
+def _is_alone(steps: FloatArray, row: int, jump: float) -> bool:
+    """Return whether the steps around a jump are small, but for its own two."""
+    before, after = steps[max(0, row - 1 - _AROUND) : row - 1], steps[row + 1 : row + 1 + _AROUND]
+    return bool(np.max(np.concatenate([before, after]), initial=0.0) < _QUIET * jump)
+
+
+def _answered(record: IoData) -> BoolArray:
+    """Return the rows in which an output may answer a step of an input."""
+    steps = np.abs(np.diff(record.u, axis=0, prepend=record.u[:1]))
+    caused = np.any(steps > _JUMP * np.median(steps, axis=0), axis=1)
+    # A controller answers an outlier in the same row.
+    first = 1 if record.closed_loop else 0
+    answered = np.zeros(len(caused), dtype=np.bool_)
+    # The steps before the record are not known.
+    answered[: _ANSWER + 1] = True
+    for lag in range(first, _ANSWER + 1):
+        answered[lag:] |= caused[: len(caused) - lag]
+    return answered

@@ -1,0 +1,146 @@
+"""Spectral estimates of records: multiple coherence and the nonparametric frequency response.
+
+Records are cut into half overlapping segments with a Hann window, whose periodograms are averaged
+(Welch). Half overlapping segments count as 18 / 19 of as many separate ones.
+Bendat, Piersol, "Random Data: Analysis and Measurement Procedures", 4th ed., Wiley (2010), chapters
+7 and 11; Welch, "The use of fast Fourier transform for the estimation of power spectra", IEEE
+Transactions on Audio and Electroacoustics 15 (1967).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+from numpy.lib.stride_tricks import sliding_window_view
+
+from flexarm_ident.subspace.gram import stretches
+from flexarm_ident.subspace.inverse import truncated_inverse
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_core.arrays import ComplexArray, FloatArray
+    from flexarm_ident.records.iodata import IoData
+
+_OVERLAP_COUNTS = 18.0 / 19.0
+# Segments of all records together. More resolve frequencies less, fewer scatter more.
+_SEGMENTS = 16
+_SEGMENTS_PER_INPUT = 4
+_LONGEST, _SHORTEST = 4096, 64
+# Power of an input at a frequency, in units of its largest, below which it says nothing.
+_HEARD = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Spectral estimates of outputs under inputs.
+
+    Attributes
+    ----------
+    frequencies_hz : ndarray, (frequencies,)
+        Frequencies, without zero.
+    segments : float
+        Number of independent segments that were averaged.
+    power : ndarray, (frequencies, outputs)
+        Power of the outputs, in arbitrary units.
+    response : ndarray, (frequencies, outputs, inputs)
+        Frequency response by least squares at each frequency.
+    coherence : ndarray, (frequencies, outputs)
+        Multiple coherence of each output with all inputs, without its bias: 0 on average where
+        there is none, so that it may be negative.
+    """
+
+    frequencies_hz: FloatArray
+    segments: float
+    power: FloatArray
+    response: ComplexArray
+    coherence: FloatArray
+
+    @property
+    def explained(self) -> FloatArray:
+        """Share of each output's power that is coherent with the inputs, (outputs,), 0 to 1."""
+        total = self.power.sum(axis=0)
+        coherent = np.sum(self.power * self.coherence, axis=0)
+        share = np.divide(coherent, total, out=np.zeros_like(total), where=total > 0.0)
+        return np.asarray(share.clip(0.0, 1.0))
+
+    def chance(self, level: float) -> float:
+        """Return the unbiased coherence that is exceeded by chance with a probability of `level`.
+
+        Without coherence the biased one has a beta distribution.
+        """
+        inputs = self.response.shape[2]
+        biased = scipy.stats.beta.isf(level, inputs, self.segments - inputs)
+        return float(_unbiased(np.array(biased), self.segments, inputs))
+
+
+def spectra(
+    records: Sequence[IoData], outputs: Sequence[FloatArray] | None = None
+) -> Spectra | None:
+    """Return spectral estimates of records of one rig; None for records that are too short.
+
+    Parameters
+    ----------
+    records : sequence of IoData
+        The records.
+    outputs : sequence of ndarray, (samples, outputs), optional
+        Signals to take for the outputs of each record, with NaN where they are not known.
+    """
+    inputs = records[0].u.shape[1]
+    signals = outputs or [record.y_usable for record in records]
+    pieces = [
+        np.hstack([record.u[rows], y[rows]])
+        for record, y in zip(records, signals, strict=True)
+        for rows in stretches(y)
+    ]
+    wanted = _SEGMENTS + _SEGMENTS_PER_INPUT * inputs
+    length = 2 * sum(map(len, pieces)) // (wanted + 1)
+    length = min(_LONGEST, 1 << max(length, 1).bit_length() - 1)
+    cut = [piece for piece in pieces if len(piece) >= length]
+    if length < _SHORTEST or not cut:
+        return None
+    transforms = np.concatenate([_transforms(piece, length) for piece in cut])
+    count = _OVERLAP_COUNTS * len(transforms) if len(transforms) > 1 else 1.0
+    if count <= 2.0 * inputs:
+        return None
+    frequencies_hz = np.arange(1, length // 2) / (length * records[0].dt_s)
+    return _estimates(frequencies_hz, transforms, inputs, count)
+
+
+def _transforms(signals: FloatArray, length: int) -> ComplexArray:
+    """Return the transforms of the segments, (segments, frequencies, channels)."""
+    window = scipy.signal.windows.hann(length, sym=False)
+    segments = sliding_window_view(signals, length, axis=0)[:: length // 2]
+    centred = segments - segments.mean(axis=-1, keepdims=True)
+    transforms = scipy.fft.rfft(centred * window, axis=-1)
+    return np.asarray(transforms[..., 1 : length // 2].transpose(0, 2, 1))
+
+
+def _estimates(
+    frequencies_hz: FloatArray, transforms: ComplexArray, inputs: int, count: float
+) -> Spectra:
+    products = np.einsum("sfi,sfj->fij", transforms, transforms.conj()) / len(transforms)
+    into, out = slice(None, inputs), slice(inputs, None)
+    power = products[:, out, out].diagonal(axis1=1, axis2=2).real
+    loudest = products[:, into, into].diagonal(axis1=1, axis2=2).real.max(axis=0)
+    response = np.zeros((len(products), power.shape[1], inputs), dtype=complex)
+    coherent = np.zeros_like(power)
+    for k, product in enumerate(products):
+        heard = np.flatnonzero(np.diag(product).real[:inputs] > _HEARD * loudest)
+        if not len(heard):
+            continue
+        crossed = product[out][:, heard]
+        inverse = truncated_inverse(product[np.ix_(heard, heard)], equilibrated=True)
+        response[k][:, heard] = inverse.solve(crossed.conj().T).conj().T
+        coherent[k] = np.sum(response[k][:, heard] * crossed.conj(), axis=1).real
+    biased = np.divide(coherent, power, out=np.zeros_like(power), where=power > 0.0).clip(0.0, 1.0)
+    coherence = _unbiased(biased, count, inputs)
+    return Spectra(frequencies_hz, count, power, response, coherence)
+
+
+def _unbiased(coherence: FloatArray, segments: float, inputs: int) -> FloatArray:
+    """Return a multiple coherence less its mean for unrelated signals, scaled to reach 1."""
+    return np.asarray(1.0 - (1.0 - coherence) * segments / (segments - inputs))

@@ -1,0 +1,225 @@
+"""Records of bags that flexarm did not write: any numbers of any topics as inputs and outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_core.errors import BagError, DataError
+from flexarm_core.labels import counted
+from flexarm_ident.reading.common_grid import common_rows
+from flexarm_ident.reading.fields import parse_field, values_of, wrong_path, wrong_topic
+from flexarm_ident.reading.sampling import JITTER_TOLERANCE, Run
+from flexarm_ident.reading.sampling import notices as sampling_notices
+from flexarm_ident.reading.tracks import NS, advances, evened, lost_messages, track
+from flexarm_ident.records.iodata import DataWarning, Grade, IoData
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from flexarm_bags.reader import Bag, Grouped
+    from flexarm_ident.reading.common_grid import CommonRows
+    from flexarm_ident.reading.fields import Field
+    from flexarm_ident.reading.tracks import Track
+
+    Integers = NDArray[np.int64]
+    Messages = Mapping[str, Grouped]
+
+HEADER, RECEIVE = "header", "receive"
+CLOCKS = (HEADER, RECEIVE)
+_SECONDS, _NANOSECONDS = "header.stamp.sec", "header.stamp.nanosec"
+# A signal whose steps are longer, in periods, is slow.
+_SLOW = 1.5
+# A record that is shorter than its longest signal by this part is worth a word.
+_CUT = 0.05
+# An input that lacks more of its messages than this part is one that is sent when it changes.
+_ON_CHANGE = 0.2
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Choice of a bag's signals.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of Field
+        Channels of the record, one or more each.
+    clock : {None, 'header', 'receive'}
+        Instants of the messages: stamps of their headers, or those of receiving, which the
+        recorder writes. None: headers, where every topic has stamps that advance.
+    interpolated : bool
+        Inputs were measured and run on lines between their messages. Else they are commands, each
+        in force until the next.
+    """
+
+    inputs: tuple[Field, ...]
+    outputs: tuple[Field, ...]
+    clock: str | None = None
+    interpolated: bool = False
+
+    def __post_init__(self) -> None:
+        for role, fields in (("input", self.inputs), ("output", self.outputs)):
+            if not fields:
+                raise BagError(f"no {role} was named: a record needs inputs and outputs")
+        names = [field.name for field in (*self.inputs, *self.outputs)]
+        for name in names:
+            if names.count(name) > 1:
+                raise BagError(
+                    f"two channels are called {name}: name them as NAME=TOPIC.FIELD, or take one"
+                )
+        if self.clock not in (None, *CLOCKS):
+            raise BagError(f"clock must be one of {', '.join(CLOCKS)}: {self.clock!r}")
+
+
+def selection(
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    *,
+    clock: str | None = None,
+    interpolated: bool = False,
+) -> Selection:
+    """Return the choice of signals that are named by ``TOPIC.FIELD`` or ``NAME=TOPIC.FIELD``.
+
+    Raises
+    ------
+    BagError
+        If a text has another form, there is no input or no output, or a name comes twice.
+    """
+    return Selection(
+        tuple(map(parse_field, inputs)),
+        tuple(map(parse_field, outputs)),
+        clock,
+        interpolated=interpolated,
+    )
+
+
+def selected(bag: Bag, chosen: Selection) -> IoData:
+    """Return the record of chosen signals; errors as in `read.read_channels`."""
+    fields = (*chosen.inputs, *chosen.outputs)
+    for field in fields:
+        if field.topic not in bag.types:
+            raise wrong_topic(bag, field)
+    messages = {topic: bag.grouped(topic) for topic in {each.topic: None for each in fields}}
+    clock, said = _clock(bag, messages, chosen.clock)
+    inputs = [_track(bag, field, messages[field.topic], clock) for field in chosen.inputs]
+    outputs = [_track(bag, field, messages[field.topic], clock) for field in chosen.outputs]
+    if clock == RECEIVE:
+        even, jitter = _without_jitter([*inputs, *outputs])
+        inputs, outputs = even[: len(inputs)], even[len(inputs) :]
+        said += jitter
+    found = common_rows(inputs, outputs, interpolated=chosen.interpolated)
+    read_off = [*inputs, *outputs] if chosen.interpolated else outputs
+    said += [*_restarted((*inputs, *outputs)), *_lost(inputs), *_findings(found, read_off)]
+    return IoData(
+        found.u,
+        found.y,
+        dt_s=found.grid.period_s,
+        inputs=tuple(field.name for field in chosen.inputs),
+        outputs=tuple(field.name for field in chosen.outputs),
+        source=str(bag.path),
+        notices=tuple(said),
+    )
+
+
+def _clock(bag: Bag, messages: Messages, asked: str | None) -> tuple[str, list[DataWarning]]:
+    """Return the clock, and a word where it is not that of the headers."""
+    lacking = [
+        f"{topic} ({bag.types[topic]})"
+        for topic, found in messages.items()
+        if (stamps_ns := _stamps_ns(found)) is None or not advances(stamps_ns)
+    ]
+    if asked == HEADER and lacking:
+        raise BagError(
+            f"{bag.path}: {lacking[0]} has no header stamps that advance: take the clock {RECEIVE}"
+        )
+    if asked or not lacking:
+        return asked or HEADER, []
+    text = (
+        f"instants are those of receiving, as {lacking[0]} has no header stamps that advance: "
+        "delays on the way to the recorder count as the rig's"
+    )
+    return RECEIVE, [DataWarning("receive_clock", text, {}, grade=Grade.INFORMATION)]
+
+
+def _stamps_ns(found: Grouped) -> Integers | None:
+    seconds, nanoseconds = (values_of(found, path) for path in (_SECONDS, _NANOSECONDS))
+    if seconds is None or nanoseconds is None:
+        return None
+    return np.asarray(seconds.astype(np.int64) * NS + nanoseconds.astype(np.int64))
+
+
+def _track(bag: Bag, field: Field, found: Grouped, clock: str) -> Track:
+    values = values_of(found, field.path)
+    if values is None:
+        raise wrong_path(bag, field)
+    stamps_ns = _stamps_ns(found) if clock == HEADER else None
+    times_ns = found.log_times_ns if stamps_ns is None else stamps_ns
+    try:
+        return track(str(field), times_ns, values)
+    except DataError as error:
+        raise BagError(f"{bag.path}: {error}") from error
+
+
+def _without_jitter(signals: Sequence[Track]) -> tuple[list[Track], list[DataWarning]]:
+    """Return signals that were sent evenly at even instants, and a word on what was corrected."""
+    even, worst = [], ("", 0.0, 1.0)
+    for signal in signals:
+        sent, jitter_s = evened(signal)
+        even.append(sent)
+        worst = max(worst, (signal.label, jitter_s, sent.period_s), key=lambda each: each[1])
+    label, jitter_s, period_s = worst
+    if jitter_s <= JITTER_TOLERANCE * period_s:
+        return even, []
+    text = (
+        f"{label} arrived {1e3 * jitter_s:.3f} ms RMS off even instants, "
+        f"{jitter_s / period_s:.2f} of its periods: it counts as sent evenly"
+    )
+    figures = {"deviation_s": jitter_s}
+    return even, [DataWarning("arrival_jitter", text, figures, grade=Grade.INFORMATION)]
+
+
+def _restarted(signals: Sequence[Track]) -> Iterator[DataWarning]:
+    for signal in signals:
+        if signal.restarts:
+            text = (
+                f"the clock of {signal.label} begins anew at {counted(signal.restarts, 'place')}: "
+                f"used the longest run, {len(signal.values)} messages"
+            )
+            yield DataWarning("restarted", text, {"places": float(signal.restarts)})
+
+
+def _lost(inputs: Sequence[Track]) -> Iterator[DataWarning]:
+    """Yield the inputs that lack messages; one that is sent when it changes lacks none."""
+    for signal in inputs:
+        lost = lost_messages(signal.times_ns)
+        if 0 < lost < _ON_CHANGE * len(signal.values):
+            text = (
+                f"{counted(lost, 'message')} of {signal.label} did not reach the recorder: what "
+                "they did to the outputs counts as noise"
+            )
+            yield DataWarning("lost_inputs", text, {"lost": float(lost)})
+
+
+def _findings(found: CommonRows, read_off: Sequence[Track]) -> Iterator[DataWarning]:
+    """Yield what is worth knowing of the grid and of signals that are read off between samples."""
+    grid, samples = found.grid, len(found.lead.values)
+    yield from sampling_notices(Run(slice(0, samples), 0), grid, samples)
+    slow = [signal for signal in read_off if signal.period_s > _SLOW * grid.period_s]
+    if slow:
+        rates = ", ".join(f"{signal.label} at {1.0 / signal.period_s:.4g} Hz" for signal in slow)
+        text = (
+            f"{rates} in a record of {1.0 / grid.period_s:.4g} Hz: read off between the samples; "
+            "above half its own rate a signal tells nothing"
+        )
+        slowest_hz = 1.0 / max(signal.period_s for signal in slow)
+        yield DataWarning("slow_channel", text, {"slowest_hz": slowest_hz})
+    cut = 1.0 - len(found.rows) / grid.rows
+    if cut > _CUT:
+        used_s, all_s = (grid.period_s * rows for rows in (len(found.rows), grid.rows))
+        text = f"{used_s:.1f} s of {all_s:.1f} s are used, those in which every channel was there"
+        figures = {"used_s": used_s, "recorded_s": all_s}
+        yield DataWarning("partial_overlap", text, figures, grade=Grade.INFORMATION)

@@ -1,0 +1,156 @@
+"""Signals of different rates on one even grid.
+
+The grid is that of the densest output. An input that is held acts with its mean over each period,
+one that was measured with the mean of the lines between its samples. Outputs that were sampled at
+other instants are read off a cubic spline through their own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from flexarm_core.errors import DataError
+from flexarm_ident.reading.grid import ON_TIME, held, on_grid, place
+from flexarm_ident.reading.tracks import NS, counted_periods
+from flexarm_ident.records.holes import LONGEST_FILLED
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.reading.grid import Grid
+    from flexarm_ident.reading.tracks import Track
+
+    Integers = NDArray[np.int64]
+
+# A gap of more steps of a signal's own is not bridged.
+_LONGEST_GAP = LONGEST_FILLED + 1.5
+# Nodes of a spline that are closer, in steps of the signal, would make it swing.
+_CLOSEST = 0.25
+# More rows for each message come from bursts or pauses, and not from a signal.
+_MOST_ROWS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class CommonRows:
+    """Signals on one grid.
+
+    Attributes
+    ----------
+    u : ndarray, (rows, inputs)
+        Means over the period that begins with each row.
+    y : ndarray, (rows, outputs)
+        Values at the rows' instants; NaN where a signal has a gap.
+    grid : Grid
+        Places of the samples of the leading output.
+    lead : Track
+        The densest output.
+    rows : ndarray of int, (rows,)
+        Places of the rows on the grid: those in which every signal is there.
+    """
+
+    u: FloatArray
+    y: FloatArray
+    grid: Grid
+    lead: Track
+    rows: Integers
+
+
+def common_rows(
+    inputs: Sequence[Track], outputs: Sequence[Track], *, interpolated: bool = False
+) -> CommonRows:
+    """Put inputs and outputs on the grid of the densest output.
+
+    Parameters
+    ----------
+    inputs, outputs : sequence of Track
+        Signals, one or more each, by one clock.
+    interpolated : bool
+        Inputs run on lines between their messages, as measured ones do. Else each message is in
+        force until the next, as a command is.
+
+    Raises
+    ------
+    DataError
+        If they are not all there for two periods, or the instants do not advance.
+    """
+    lead = min(outputs, key=lambda signal: signal.period_s)
+    grid = place(counted_periods(lead.times_ns), lead.times_ns)
+    if grid.rows > _MOST_ROWS * len(lead.times_ns):
+        duration_s = (lead.times_ns[-1] - lead.times_ns[0]) / NS
+        raise DataError(
+            f"{lead.label} has {len(lead.times_ns)} messages in {duration_s:.3f} s, but steps of "
+            f"{1e3 * grid.period_s:.6g} ms: they come in bursts, or the bag has a long pause; take "
+            "the other clock, or cut the bag"
+        )
+    kept_ns = lead.times_ns[grid.kept]
+    acting = [_instants(signal, kept_ns, grid) for signal in inputs]
+    sampled = [_instants(signal, kept_ns, grid) for signal in outputs]
+    begins = max(float(at[0]) for at in (*acting, *sampled))
+    # A command stays in force behind its message; what was measured ends with the last one.
+    ends = min(float(at[-1]) for at in sampled)
+    if interpolated:
+        ends = min(ends, *(float(at[-1]) - 1.0 for at in acting))
+    rows = np.arange(int(np.ceil(begins)), int(np.floor(ends)) + 1)
+    if len(rows) < 2 or any(at[-1] < begins for at in acting):  # noqa: PLR2004 - a record has a step
+        raise DataError(f"the topics do not overlap: {_extents((*inputs, *outputs))}")
+    driven = _mean_of_lines if interpolated else _mean_of_steps
+    u = [driven(at, signal.values, rows) for at, signal in zip(acting, inputs, strict=True)]
+    y = [
+        on_grid(grid.instants, signal.values[grid.kept, np.newaxis], rows)[:, 0]
+        if np.array_equal(signal.times_ns, lead.times_ns)
+        else _splined(at, signal.values, rows)
+        for at, signal in zip(sampled, outputs, strict=True)
+    ]
+    return CommonRows(np.stack(u, axis=1), np.stack(y, axis=1), grid, lead, rows)
+
+
+def _instants(signal: Track, kept_ns: Integers, grid: Grid) -> FloatArray:
+    """Return the instants of a signal in periods of the grid, rising.
+
+    Those that it shares with the leading output are the same as there.
+    """
+    start_ns = kept_ns[0]
+    known_s, times_s = (kept_ns - start_ns) / NS, (signal.times_ns - start_ns) / NS
+    inside = np.interp(times_s, known_s, grid.instants)
+    before = times_s.clip(max=0.0)
+    behind = (times_s - known_s[-1]).clip(min=0.0)
+    return np.asarray(inside + (before + behind) / grid.period_s)
+
+
+def _mean_of_steps(instants: FloatArray, values: FloatArray, rows: Integers) -> FloatArray:
+    whole = np.rint(instants)
+    punctual = np.where(np.abs(instants - whole) <= ON_TIME, whole, instants)
+    return held(punctual, values[:, np.newaxis], rows)[:, 0]
+
+
+def _mean_of_lines(instants: FloatArray, values: FloatArray, rows: Integers) -> FloatArray:
+    area = scipy.interpolate.make_interp_spline(instants, values, k=1).antiderivative()
+    return np.asarray(area(rows + 1.0) - area(rows.astype(np.float64)))
+
+
+def _splined(instants: FloatArray, values: FloatArray, rows: Integers) -> FloatArray:
+    usual = float(np.median(np.diff(instants)))
+    apart = np.concatenate([[True], np.diff(instants) > _CLOSEST * usual])
+    instants, values = instants[apart], values[apart]
+    found = np.asarray(scipy.interpolate.CubicSpline(instants, values)(rows), dtype=np.float64)
+    behind = np.searchsorted(instants, rows).clip(1, len(instants) - 1)
+    gaps = instants[behind] - instants[behind - 1]
+    off = np.minimum(np.abs(rows - instants[behind - 1]), np.abs(instants[behind] - rows))
+    found[(gaps > _LONGEST_GAP * usual) & (off > ON_TIME)] = np.nan
+    return found
+
+
+def _extents(signals: Sequence[Track]) -> str:
+    start_ns = min(int(signal.times_ns[0]) for signal in signals)
+    return ", ".join(
+        f"{signal.label} from {(signal.times_ns[0] - start_ns) / NS:.3f} s"
+        f" to {(signal.times_ns[-1] - start_ns) / NS:.3f} s"
+        for signal in signals
+    )

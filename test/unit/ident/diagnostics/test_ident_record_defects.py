@@ -1,0 +1,223 @@
+"""Defects of single records: each is named at its size."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import control
+import numpy as np
+import pytest
+from scipy import signal
+
+from flexarm_ident import IoData
+from flexarm_ident.diagnostics.change import changes
+from flexarm_ident.diagnostics.drive import drive_defects
+from flexarm_ident.diagnostics.input_answer import answer_defects
+from flexarm_ident.diagnostics.outliers import outliers
+from flexarm_ident.diagnostics.quality import assess
+from flexarm_ident.diagnostics.quantisation import quantisation
+from flexarm_ident.subspace.gram import block_gram
+from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from flexarm_ident.records.iodata import DataWarning
+
+    Array = NDArray[np.float64]
+
+SAMPLES = 6000
+DRIVES: dict[str, Callable[[np.random.Generator], Array]] = {
+    "white": lambda rng: rng.normal(size=(SAMPLES, 1)),
+    "coloured": lambda rng: signal.lfilter([1.0], [1.0, -0.95], rng.normal(size=(SAMPLES, 1)), 0),
+    "square": lambda rng: square_wave(SAMPLES, int(rng.integers(1000))),
+    "clocked": lambda rng: np.sign(np.repeat(rng.normal(size=(SAMPLES // 6, 1)), 6, axis=0)),
+}
+driven = pytest.mark.parametrize("drive", DRIVES)
+
+
+def answer(u: Array, seed: int, model: control.StateSpace | None = None) -> IoData:
+    """Return the arm's answer with two percent of noise."""
+    return noisy(u, step_by_step(model or arm_model(), u), seed)
+
+
+def noisy(u: Array, y: Array, seed: int) -> IoData:
+    rng = np.random.default_rng(seed)
+    y = y + 0.02 * y.std(axis=0) * rng.normal(size=y.shape)
+    outputs = tuple(f"y{i}" for i in range(y.shape[1]))
+    return IoData(u, y, dt_s=DT_S, inputs=("u",), outputs=outputs)
+
+
+def only(
+    check: Callable[[IoData], Iterator[DataWarning]], data: IoData, name: str, channel: str = ""
+) -> dict[str, float]:
+    """Return the figures of the only warning."""
+    (found,) = check(data)
+    assert (found.name, found.channel) == (name, channel)
+    return dict(found.figures)
+
+
+@driven
+@pytest.mark.parametrize("delay", [5, 20, 60])
+def test_delay___of_the_input___is_named_with_its_samples(drive: str, delay: int) -> None:
+    u = DRIVES[drive](np.random.default_rng(delay))
+    late = np.vstack([np.zeros((delay, 1)), u[:-delay]])
+    data = noisy(u, step_by_step(arm_model(), late), 1)
+    assert only(answer_defects, data, "delay", "u")["samples"] == delay
+
+
+def test_delay___of_one_input_of_two___names_that_one() -> None:
+    rng = np.random.default_rng(3)
+    u = rng.normal(size=(SAMPLES, 2))
+    late = np.column_stack([u[:, 0], np.roll(u[:, 1], 12)])
+    y = step_by_step(random_model(4), late) + 0.05 * rng.normal(size=(SAMPLES, 3))
+    data = IoData(u, y, dt_s=DT_S, inputs=("now", "late"), outputs=("a", "b", "c"))
+    assert only(answer_defects, data, "delay", "late")["samples"] == 12.0
+
+
+def test_delay___slow_onset_of_a_chain_of_integrators___is_none() -> None:
+    A = np.eye(4, k=-1) * 0.05 + 0.99 * np.eye(4)
+    model = control.ss(A, np.eye(4, 1), np.eye(1, 4, k=3), 0, DT_S)
+    assert not list(answer_defects(answer(DRIVES["white"](np.random.default_rng(5)), 5, model)))
+
+
+@driven
+def test_no_answer___output_that_is_noise___is_named(drive: str) -> None:
+    rng = np.random.default_rng(6)
+    data = answer(DRIVES[drive](rng), 6)
+    y = data.y.copy()
+    y[:, 2] = rng.normal(size=SAMPLES)
+    found = only(answer_defects, noisy(data.u, y, 7), "no_answer", "y2")
+    assert found["explained"] < 0.05
+
+
+def test_static_gain___output_that_follows_within_the_sample___is_no_feedback() -> None:
+    u = DRIVES["white"](np.random.default_rng(8))
+    data = noisy(u, np.column_stack([step_by_step(arm_model(), u)[:, 0], 2.0 * u]), 8)
+    found = assess([data], block_gram([data], 20))
+    assert [(each.name, each.channel) for each in found] == [("static_gain", "y1")]
+    assert found[0].figures["share"] == pytest.approx(1.0 - 0.02**2, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("noise", "names"), [(0.0, ["duplicated_channel", "static_gain"]), (0.3, ["static_gain"])]
+)
+def test_static_gain___of_all_outputs___is_no_feedback(noise: float, names: list[str]) -> None:
+    rng = np.random.default_rng(9)
+    u = rng.normal(size=(SAMPLES, 1))
+    data = IoData(u, 3.0 * u + noise * rng.normal(size=u.shape), dt_s=DT_S, outputs=("y",))
+    assert [each.name for each in assess([data], block_gram([data], 20))] == names
+
+
+def test_static_gain___slow_output_under_a_slow_input___is_none() -> None:
+    u = 1.0 + square_wave(SAMPLES, 10, (1500, 1600))
+    y = signal.lfilter([0.01], [1.0, -0.99], u, axis=0)
+    assert not [each for each in answer_defects(noisy(u, y, 10)) if each.name == "static_gain"]
+
+
+@driven
+def test_outliers___twenty_of_50_deviations___are_counted(drive: str) -> None:
+    rng = np.random.default_rng(11)
+    data = answer(DRIVES[drive](rng), 11)
+    y, rows = data.y.copy(), np.sort(rng.choice(np.arange(10, SAMPLES), 20, replace=False))
+    deviation = y[:, 1].std()
+    y[rows, 1] += 50.0 * deviation * rng.choice([-1.0, 1.0], 20)
+    found = only(outliers, IoData(data.u, y, dt_s=DT_S), "outliers", "base_strain_v")
+    # Two that lie close together do not stand alone.
+    assert 16.0 <= found["count"] <= 20.0
+    assert found["largest"] == pytest.approx(50.0, rel=0.1)
+    assert rows[0] <= found["first_row"] < found["last_row"] <= rows[-1]
+
+
+def test_outliers___pulses_of_the_input_behind_them___are_an_answer() -> None:
+    u = np.zeros((SAMPLES, 1))
+    u[100::500] = 1.0
+    y = np.vstack([np.zeros((1, 1)), u[:-1]]) + 1e-3 * np.random.default_rng(12).normal(
+        size=u.shape
+    )
+    assert not list(outliers(IoData(u, y, dt_s=DT_S, outputs=("y",))))
+
+
+def test_quantisation___steps_of_half_a_deviation___are_named_with_their_size() -> None:
+    data = answer(DRIVES["white"](np.random.default_rng(13)), 13)
+    y, step = data.y.copy(), 0.5 * data.y[:, 3].std()
+    y[:, 3] = np.round(y[:, 3] / step) * step
+    found = only(quantisation, IoData(data.u, y, dt_s=DT_S), "quantisation", "speed_v")
+    assert found["step"] == pytest.approx(step)
+    assert found["error"] == pytest.approx(0.5 / np.sqrt(12.0), rel=0.05)
+    assert found["levels"] == len(np.unique(y[:, 3]))
+
+
+def test_quantisation___fine_steps_and_a_filled_hole___are_no_defect() -> None:
+    data = answer(DRIVES["white"](np.random.default_rng(14)), 14)
+    step = 0.1 * data.y.std(axis=0)
+    y = np.round(data.y / step) * step
+    y[500:502] = np.nan
+    assert not list(quantisation(IoData(data.u, y, dt_s=DT_S)))
+
+
+def test_few_moves___one_step_in_a_long_record___is_counted() -> None:
+    u = np.where(np.arange(30_000) < 9000, 0.0, 3.0)[:, np.newaxis]
+    u += 0.005 * np.random.default_rng(15).normal(size=u.shape)
+    found = only(drive_defects, answer(u, 15), "few_moves")
+    assert found["moves"] == 1.0
+    assert found["total_s"] == pytest.approx(100.0)
+    assert found["active_s"] < 3.0
+
+
+@driven
+def test_held_drive___third_of_the_record___is_named_with_its_rows(drive: str) -> None:
+    u = DRIVES[drive](np.random.default_rng(16)).copy()
+    u[2000:4400] = u[2000]
+    found = only(drive_defects, answer(u, 16), "held_drive")
+    assert found["first_row"] == pytest.approx(2000, abs=200)
+    assert found["last_row"] == pytest.approx(4400, abs=200)
+
+
+@driven
+@pytest.mark.parametrize("row", [3000, 4200])
+def test_plant_changed___other_payload_in_mid_record___is_named_near_its_row(
+    drive: str, row: int
+) -> None:
+    u = DRIVES[drive](np.random.default_rng(row))
+    # The modes fall by a tenth.
+    model = arm_model()
+    A = np.array(model.A)
+    for i in (3, 5, 7):
+        pole = np.exp(0.9 * np.log(complex(A[i, i], A[i + 1, i])))
+        A[i : i + 2, i : i + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+    heavier = control.ss(A, model.B, model.C, model.D, DT_S)
+    y = np.vstack([step_by_step(model, u)[:row], step_by_step(heavier, u)[row:]])
+    found = only(changes, noisy(u, y, 17), "plant_changed")
+    assert found["row"] == pytest.approx(row, abs=SAMPLES / 8)
+    assert found["loss"] > 0.1
+
+
+def test_plant_changed___sweep_of_a_steady_plant___is_not_called_so() -> None:
+    times_s = np.arange(SAMPLES) * DT_S
+    u = signal.chirp(times_s, 0.2, times_s[-1], 60.0)[:, np.newaxis]
+    assert not list(changes(answer(u, 18)))
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+def test_law_changed___other_gains_in_mid_record___are_information(factor: float) -> None:
+    model, rng = arm_model(), np.random.default_rng(19)
+    reference = square_wave(SAMPLES, 19, (100, 400))
+    x, u, y = np.zeros(model.nstates), np.zeros((SAMPLES, 1)), np.zeros((SAMPLES, 4))
+    for k in range(SAMPLES):
+        y[k] = model.C @ x + 0.01 * rng.normal(size=4)
+        gain = np.array([[1.0, 0.0, 0.0, 0.3]]) * (factor if k > SAMPLES // 2 else 1.0)
+        u[k] = reference[k] - gain @ y[k]
+        x = model.A @ x + model.B @ u[k]
+    data = IoData(u, y, dt_s=DT_S, closed_loop=True, reference=reference[:, 0])
+    found = [(each.name, str(each.grade)) for each in changes(data)]
+    assert found == ([("law_changed", "information")] if factor > 1.0 else [])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_record_checks___white_input_and_random_plant___say_nothing(seed: int) -> None:
+    data = record(random_model(seed), 3000, seed, noise=0.1)
+    checks = (answer_defects, outliers, quantisation, drive_defects, changes)
+    assert not [found for check in checks for found in check(data)]
