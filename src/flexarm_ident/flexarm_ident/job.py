@@ -234,13 +234,16 @@ def _identified(
     measured: list[Source] = []
     for done, bag in enumerate(bags):
         report("reading", done / len(bags))
-        measured.append(_read(bag, request) if channels is None else read_channels(bag, channels))
+        measured.append(read_record(bag, request, channels))
     outcome = run(measured, request, progress=report)
     report("writing", 0.0)
     return measured, outcome
 
 
-def _read(bag: Path, request: Request) -> Source:
+def read_record(bag: Path, request: Request, channels: Selection | None) -> Source:
+    """Return the record of a bag as measured; arguments and errors as in `identify_bags`."""
+    if channels is not None:
+        return read_channels(bag, channels)
     # In pieces, a record is prepared in the default way alone.
     usual = request.remove_compensation and request.bias == "rest" and request.cutoff_hz is None
     if usual and sample_count(bag) > LARGEST_IN_MEMORY:

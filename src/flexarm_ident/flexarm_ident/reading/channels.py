@@ -14,7 +14,7 @@ from flexarm_ident.reading.fields import parse_field, values_of, wrong_path, wro
 from flexarm_ident.reading.sampling import JITTER_TOLERANCE, Run
 from flexarm_ident.reading.sampling import notices as sampling_notices
 from flexarm_ident.reading.tracks import NS, advances, evened, lost_messages, track
-from flexarm_ident.records.iodata import DataWarning, IoData
+from flexarm_ident.records.iodata import DataWarning, Grade, IoData
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -142,7 +142,7 @@ def _clock(bag: Bag, messages: Messages, asked: str | None) -> tuple[str, list[D
         f"instants are those of receiving, as {lacking[0]} has no header stamps that advance: "
         "delays on the way to the recorder count as the rig's"
     )
-    return RECEIVE, [DataWarning("receive_clock", text, {})]
+    return RECEIVE, [DataWarning("receive_clock", text, {}, grade=Grade.INFORMATION)]
 
 
 def _stamps_ns(found: Grouped) -> Integers | None:
@@ -178,7 +178,8 @@ def _without_jitter(signals: Sequence[Track]) -> tuple[list[Track], list[DataWar
         f"{label} arrived {1e3 * jitter_s:.3f} ms RMS off even instants, "
         f"{jitter_s / period_s:.2f} of its periods: it counts as sent evenly"
     )
-    return even, [DataWarning("arrival_jitter", text, {"deviation_s": jitter_s})]
+    figures = {"deviation_s": jitter_s}
+    return even, [DataWarning("arrival_jitter", text, figures, grade=Grade.INFORMATION)]
 
 
 def _restarted(signals: Sequence[Track]) -> Iterator[DataWarning]:
@@ -220,4 +221,5 @@ def _findings(found: CommonRows, read_off: Sequence[Track]) -> Iterator[DataWarn
     if cut > _CUT:
         used_s, all_s = (grid.period_s * rows for rows in (len(found.rows), grid.rows))
         text = f"{used_s:.1f} s of {all_s:.1f} s are used, those in which every channel was there"
-        yield DataWarning("partial_overlap", text, {"used_s": used_s, "recorded_s": all_s})
+        figures = {"used_s": used_s, "recorded_s": all_s}
+        yield DataWarning("partial_overlap", text, figures, grade=Grade.INFORMATION)

@@ -112,6 +112,12 @@ def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
         return bag.count(_chosen(bag, topic))
 
 
+def begin_ns(uri: Path | str) -> int:
+    """Return the instant of the first message of a bag, in ns since the epoch."""
+    with opened(Path(uri)) as bag:
+        return int(bag.reader.start_time)
+
+
 def read_channels(uri: Path | str, selection: Selection) -> IoData:
     """Read numbers of any topics as the record of an experiment, from a bag of any ROS 2 program.
 

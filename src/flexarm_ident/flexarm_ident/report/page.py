@@ -13,7 +13,7 @@ from flexarm_ident.report.sections import sections
 from flexarm_ident.report.summary import cautions, summary
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from flexarm_ident.report.content.blocks import Block, Subject
 
@@ -42,6 +42,26 @@ def render_report(subject: Subject, *, title: str) -> str:
         summary=summary(subject.outcome),
         cautions=cautions(subject.outcome),
         sections=[(section.anchor, section.title, section.build(subject)) for section in shown],
+    )
+
+
+def render_page(title: str, lines: Iterable[str], parts: Mapping[str, Iterable[Block]]) -> str:
+    """Render a page in the style of the reports, which may link to files beside it.
+
+    Parameters
+    ----------
+    title : str
+        Heading.
+    lines : iterable of str
+        Summary, one paragraph each.
+    parts : mapping of str to iterable of Block
+        Headings of the sections and their content.
+    """
+    return _template("report.html.j2").render(
+        title=title,
+        summary=lines,
+        cautions=(),
+        sections=[(head.lower().replace(" ", "-"), head, blocks) for head, blocks in parts.items()],
     )
 
 

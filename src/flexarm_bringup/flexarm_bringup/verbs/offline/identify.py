@@ -13,6 +13,7 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
+from flexarm_bringup.verbs.offline.series import model_each
 from flexarm_ident import job
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import parse_exports
@@ -147,16 +148,32 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.option(
     "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
 )
+@click.option("--each", is_flag=True, help="One model per bag, in a table with their trend.")
+@click.option("--jobs", type=click.IntRange(1), help="Processes of --each; else one per core.")
 @examples(
     "identify bags/c_dat3_0g",
     "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
     "identify bags/c_dat3_0g --export json,mat,h",
     "identify bags/quanser_2dsfl --refine",
     "identify run1 --input /command.data --output '/joint_states.position[0]'",
+    "identify --each runs/* -o out/months",
 )
-def identify(bags: tuple[Path, ...], out: Path, *, export: str, **options: Any) -> None:  # noqa: ANN401
+def identify(
+    bags: tuple[Path, ...],
+    out: Path,
+    *,
+    export: str,
+    each: bool,
+    jobs: int | None,
+    **options: Any,  # noqa: ANN401
+) -> None:
     """Identify a model from bags; write parameters and report."""
     exports, channels = parse_exports(export), taken_channels(options)
+    if each:
+        model_each(bags, out, Request(**options), channels=channels, exports=exports, jobs=jobs)
+        return
+    if jobs is not None:
+        raise click.UsageError("--jobs belongs to --each")
     with terminal.progress() as show:
         results = job.identify_bags(
             bags, out, Request(**options), channels=channels, exports=exports, progress=show
@@ -194,8 +211,9 @@ def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: 
 
 
 def _show(results: job.Results, written: str) -> None:
-    """Print modes, errors and warnings of a model, and what was written."""
+    """Print verdict, modes, errors and warnings of a model, and what was written."""
     outcome = results.outcome
+    terminal.CONSOLE.print(f"{outcome.verdict}", style="bold", markup=False)
     left_out, sfv = outcome.cross_validation, outcome.sfv
     terminal.show_model(
         terminal.ShownModel(

@@ -113,6 +113,14 @@ class Downloads:
 
 
 @dataclass(frozen=True)
+class Links:
+    """Pairs of a text and a file beside the page."""
+
+    macro: ClassVar[str] = "links"
+    links: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
 class Code:
     """A line of code."""
 

@@ -169,6 +169,25 @@ def test_identify___wrong_field___is_one_line_and_writes_nothing(tmp_path: Path)
     assert not (tmp_path / "out").exists()
 
 
+def test_identify_each___one_bag_is_missing___the_others_have_models(tmp_path: Path) -> None:
+    topics, storage, words = joint_states_alone()
+    bag, out = write_topics(tmp_path / "run", topics, storage), tmp_path / "out"
+    quick = ["--order", "4", "--method", "orse", "--no-friction", "--jobs", "1"]
+    missing = tmp_path / "none"
+    done = CliRunner().invoke(
+        identify, ["--each", str(bag), str(missing), "-o", str(out), *words, *quick]
+    )
+    assert done.exit_code == 1, done.output
+    assert (out / "models.csv").is_file()
+    assert len(list(out.glob("*/model.yaml"))) == 1
+
+
+def test_identify___jobs_without_each___are_refused(tmp_path: Path) -> None:
+    refused = CliRunner().invoke(identify, [str(tmp_path), "--jobs", "2"])
+    assert refused.exit_code == 2
+    assert "--jobs belongs to --each" in refused.output
+
+
 def test_identify___clock_without_channels___is_refused(tmp_path: Path) -> None:
     refused = CliRunner().invoke(identify, [str(tmp_path), "--clock", "header"])
     assert refused.exit_code == 2

@@ -1,0 +1,149 @@
+"""Rows of a series: modes, friction and errors of each bag's model, as a CSV table."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from flexarm_core.errors import DataError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from flexarm_ident.workflow.outcome import Outcome
+
+_FIRST = ("bag", "begun", "samples", "rate_hz", "method", "order", "error_mean", "left_out_mean")
+_LAST = ("failure", "record_sha256", "request_sha256")
+_LIGHTEST = 0.01
+_MODE = re.compile(r"(?:frequency|damping|weight)_(\d+)")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One bag.
+
+    Attributes
+    ----------
+    bag : str
+        Its path, as it was given.
+    cells : mapping of str to str
+        Column -> text: ``begun`` (UTC), ``samples``, ``rate_hz``, ``method``, ``order``, errors of
+        each output and their mean, ``left_out_mean`` (cross-validation), ``friction_<input>`` with
+        ``_std``; ``frequency_<n>`` in Hz, ``damping_<n>`` and ``weight_<n>`` of each vibrating
+        mode, by rising frequency. The weight is its MRM over the largest one.
+    """
+
+    bag: str
+    cells: Mapping[str, str]
+
+    @property
+    def failure(self) -> str:
+        """Reason why there is no model; empty with one."""
+        return self.cells.get("failure", "")
+
+    def is_of(self, record_sha256: str, request_sha256: str) -> bool:
+        """Return whether it has the model of a record and a request."""
+        made = self.cells.get("record_sha256"), self.cells.get("request_sha256")
+        return not self.failure and made == (record_sha256, request_sha256)
+
+    def number(self, column: str) -> float | None:
+        """Return a figure; None where there is none."""
+        text = self.cells.get(column, "")
+        return float(text) if text else None
+
+    def main_modes(self) -> Iterator[tuple[float, float]]:
+        """Yield frequency, Hz, and weight of the modes that weigh 1 % of the heaviest, rising."""
+        count = 1
+        while (frequency_hz := self.number(f"frequency_{count}")) is not None:
+            weight = self.number(f"weight_{count}") or 0.0
+            if weight >= _LIGHTEST:
+                yield frequency_hz, weight
+            count += 1
+
+
+def model_cells(outcome: Outcome) -> dict[str, str]:
+    """Return the cells that a model fills."""
+    record = outcome.records[0]
+    cells = {
+        "samples": str(outcome.samples[0]),
+        "rate_hz": _text(1.0 / record.dt_s),
+        "method": outcome.identification.method,
+        "order": str(outcome.model.nstates),
+        "error_mean": _text(float(outcome.dmv_errors.mean())),
+    }
+    if outcome.cross_validation is not None:
+        cells["left_out_mean"] = _text(float(outcome.cross_validation.error.mean()))
+    for name, error in zip(record.outputs, outcome.dmv_errors.tolist(), strict=True):
+        cells[f"error_{name}"] = _text(error)
+    if outcome.friction is not None:
+        friction = outcome.friction
+        for name, level, deviation in zip(
+            record.inputs,
+            friction.levels.tolist(),
+            friction.level_deviations.tolist(),
+            strict=True,
+        ):
+            cells[f"friction_{name}"] = _text(level)
+            cells[f"friction_{name}_std"] = _text(deviation)
+    modes = [mode for mode in outcome.modes if mode.kept and mode.is_pair]
+    heaviest = max((mode.mrm for mode in modes), default=1.0) or 1.0
+    modes.sort(key=lambda mode: mode.frequency_hz)
+    for number, mode in enumerate(modes, start=1):
+        cells[f"frequency_{number}"] = _text(mode.frequency_hz)
+        cells[f"damping_{number}"] = _text(mode.damping_ratio)
+        cells[f"weight_{number}"] = _text(mode.mrm / heaviest)
+    return cells
+
+
+def _text(figure: float) -> str:
+    return f"{figure:.6g}"
+
+
+def read_rows(file: Path) -> dict[str, Row]:
+    """Return the rows of a table by their bags; none when there is no file.
+
+    Raises
+    ------
+    DataError
+        If the file is no such table.
+    """
+    if not file.exists():
+        return {}
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            lines = list(csv.DictReader(stream, strict=True))
+            rows = [
+                Row(line["bag"], {column: text for column, text in line.items() if text})
+                for line in lines
+            ]
+    except (OSError, UnicodeDecodeError, csv.Error, KeyError, AttributeError) as error:
+        raise DataError(f"{file}: no table of a series: {error}; move it away") from error
+    return {row.bag: row for row in rows}
+
+
+def write_rows(file: Path, rows: Sequence[Row]) -> None:
+    """Write a table; whoever reads meanwhile sees the old one or the new one."""
+    columns = _columns(rows)
+    beside = file.with_name(f".{file.name}.{os.getpid()}")
+    with beside.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, columns, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({**row.cells, "bag": row.bag} for row in rows)
+    beside.replace(file)
+
+
+def _columns(rows: Sequence[Row]) -> list[str]:
+    """Return the columns: figures of the model, then its modes one by one."""
+    found = dict.fromkeys(column for row in rows for column in row.cells)
+    between = [column for column in found if column not in {*_FIRST, *_LAST}]
+    between.sort(key=_place_of_mode)
+    return [*_FIRST, *between, *_LAST]
+
+
+def _place_of_mode(column: str) -> int:
+    mode = _MODE.fullmatch(column)
+    return int(mode[1]) if mode else 0

@@ -1,0 +1,160 @@
+"""One model per bag: table, trend, and what is computed again."""
+
+from __future__ import annotations
+
+import shutil
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+
+from flexarm_core.errors import DataError
+from flexarm_ident import job, load_model, selection
+from flexarm_ident.series import run as series_run
+from flexarm_ident.series.run import identify_each
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run
+from support.foreign_bags import (
+    FINE_HZ,
+    MODES_HZ,
+    held_noise,
+    instants_ns,
+    joint_states,
+    responses,
+    write_topics,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from flexarm_ident.series.rows import Row
+
+QUICK = Request(order=4, block_rows=10, method="orse", friction=False)
+CHOSEN = selection(["/joint_states.effort[0]"], ["angle=/joint_states.position[0]"])
+DAY_NS = 86_400 * 10**9
+
+
+def a_bag(path: Path, seed: int, day: int = 0) -> Path:
+    """Write 8 s of the two-mode rig at 200 Hz."""
+    fine = 8 * FINE_HZ
+    at = np.arange(0, fine, FINE_HZ // 200)
+    force = held_noise(at, fine, seed)
+    stamps_ns = instants_ns(at) + day * DAY_NS
+    position = responses(force)[at, :1]
+    states = joint_states(stamps_ns, ["arm"], position, efforts=force[at, np.newaxis])
+    return write_topics(path, [states], StoragePlugin.MCAP)
+
+
+@pytest.fixture
+def bags(tmp_path: Path) -> list[Path]:
+    return [a_bag(tmp_path / "runs" / f"day_{day}", day + 1, day) for day in range(3)]
+
+
+@pytest.fixture
+def computed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Receive the record of each model that is computed; a line stands for the report."""
+    seen: list[str] = []
+
+    def noted(records: Sequence[object], request: Request) -> object:
+        seen.append(str(records[0].source).rpartition("/")[2])  # type: ignore[attr-defined]
+        return run(records, request)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(series_run, "run", noted)
+    monkeypatch.setattr(job, "render_report", lambda subject, **_: f"{subject.name}\n")
+    return seen
+
+
+def each(bags: Sequence[Path], out: Path, request: Request = QUICK) -> series_run.Series:
+    return identify_each(bags, out, request, channels=CHOSEN, jobs=1)
+
+
+def close_to_the_rig(row: Row) -> bool:
+    frequencies = [row.number(f"frequency_{number}") for number in (1, 2)]
+    return frequencies == pytest.approx(MODES_HZ, rel=0.005)
+
+
+@pytest.mark.usefixtures("computed")
+def test_each___bags_of_one_rig___have_a_row_and_a_folder_each(
+    tmp_path: Path, bags: list[Path]
+) -> None:
+    out = tmp_path / "out"
+    broken = tmp_path / "runs" / "broken"
+    series = each([bags[0], broken, *bags[1:]], out)
+
+    assert [row.bag for row in series.rows] == list(map(str, [bags[0], broken, *bags[1:]]))
+    assert (series.failed, series.skipped) == (1, 0)
+    assert series.rows[1].failure == f"{broken}: no such bag"
+    table = (out / "models.csv").read_text().splitlines()
+    assert len(table) == 5
+    assert table[0].startswith("bag,begun,samples,rate_hz,method,order,error_mean,left_out_mean,")
+    page = (out / "index.html").read_text()
+    assert (out / "trend.svg").read_text() in page
+    for day, row in zip(range(3), [series.rows[0], *series.rows[2:]], strict=True):
+        assert close_to_the_rig(row)
+        assert row.number("damping_1") == pytest.approx(0.03, abs=0.003)
+        assert row.cells["begun"].startswith(f"2023-11-{14 + day}T")
+        folder = str(bags[day]).strip("/").replace("/", "_").replace("-", "_").replace(".", "_")
+        model = load_model(out / folder / "model.yaml")
+        assert (model.nstates, model.output_labels) == (4, ["angle"])
+        assert f'href="{folder}/report.html"' in page
+
+
+def test_each___again___computes_what_changed(
+    tmp_path: Path, bags: list[Path], computed: list[str]
+) -> None:
+    out = tmp_path / "out"
+    broken = tmp_path / "runs" / "late"
+    each([*bags, broken], out)
+    computed.clear()
+
+    # One bag is another one now, one that failed is there, and a new one came.
+    shutil.rmtree(bags[1])
+    a_bag(bags[1], 77, 1)
+    a_bag(broken, 78)
+    new = a_bag(tmp_path / "runs" / "new", 79)
+    series = each([*bags, broken, new], out)
+    assert computed == ["day_1", "late", "new"]
+    assert (series.skipped, series.failed) == (2, 0)
+    assert all(map(close_to_the_rig, series.rows))
+
+    computed.clear()
+    each(bags[:1], out, Request(order=6, block_rows=10, method="orse", friction=False))
+    assert computed == ["day_0"]
+    # Rows of other bags stay.
+    assert len((out / "models.csv").read_text().splitlines()) == 6
+
+
+def test_each___interrupted___keeps_what_has_ended(
+    tmp_path: Path, bags: list[Path], computed: list[str]
+) -> None:
+    def interrupt(_: str, done: float) -> None:
+        if done > 0.5:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        identify_each(bags, out, QUICK, channels=CHOSEN, jobs=1, progress=interrupt)
+    assert len((out / "models.csv").read_text().splitlines()) == 3
+    before = len(computed)
+
+    series = each(bags, out)
+    assert series.skipped == 2
+    assert len(computed) == before + 1
+
+
+@pytest.mark.slow
+def test_each___on_two_cores___gives_the_same(tmp_path: Path, bags: list[Path]) -> None:
+    alone = identify_each(bags, tmp_path / "one", QUICK, channels=CHOSEN, jobs=1)
+    together = identify_each(bags, tmp_path / "two", QUICK, channels=CHOSEN, jobs=2)
+    for one, other in zip(alone.rows, together.rows, strict=True):
+        assert (one.bag, list(one.cells)) == (other.bag, list(other.cells))
+        assert one.is_of(other.cells["record_sha256"], other.cells["request_sha256"])
+        assert list(one.main_modes()) == [pytest.approx(mode) for mode in other.main_modes()]
+
+
+def test_each___two_bags_of_one_folder___are_refused(tmp_path: Path) -> None:
+    first, second = tmp_path / "a-b", tmp_path / "a.b"
+    with pytest.raises(DataError, match=r"a\.b and .*a-b would both be .*a_b: rename one"):
+        each([first, second], tmp_path / "out")
