@@ -37,14 +37,13 @@ if TYPE_CHECKING:
     from flexarm_ident.diagnostics.stabilisation import Stabilisation
     from flexarm_ident.diagnostics.uncertainty import (
         Jackknife,
-        ModeUncertainty,
         ResponseUncertainty,
     )
     from flexarm_ident.estimation.cross_validation import CrossValidation
     from flexarm_ident.estimation.physical_modes import JudgedMode
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.friction.levels import CoulombEstimate
-    from flexarm_ident.models.modes import Mode
+    from flexarm_ident.models.modes import Mode, ModeUncertainty
     from flexarm_ident.records.iodata import DataWarning, IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.subspace_protocol import StateMatrices, Subspace
@@ -95,6 +94,8 @@ class Identification:
     start_error : ndarray, (outputs,) or None
         `fit_error` of the subspace model that a model fitted by simulation replaced. Both leave out
         samples without a working sensor.
+    likely_modes : tuple of ModeUncertainty
+        Modes of a model of maximum likelihood with their deviations; else empty.
     friction : DryFriction or None
         Dry friction at the model's inputs.
     coulomb : CoulombEstimate or None
@@ -120,6 +121,7 @@ class Identification:
     samples: tuple[int, ...] = field(repr=False)
     choice: str = ""
     start_error: FloatArray | None = None
+    likely_modes: tuple[ModeUncertainty, ...] = ()
     friction: DryFriction | None = None
     coulomb: CoulombEstimate | None = None
 
@@ -158,6 +160,8 @@ class Identification:
 
         It is empty for records that are too short or streamed, and for an arm with friction.
         """
+        if self.likely_modes:
+            return self.likely_modes
         found = self._jackknife
         return mode_uncertainty(found, self.model) if found else ()
 
