@@ -30,6 +30,8 @@ _GOOD = 0.2
 _USABLE = 0.5
 # Less than a fifth of the power is explained: 1 - 0.9**2 = 0.19.
 _POOR = 0.9
+# Larger by what three digits show.
+_WORSE = 1.005
 # Part of the error's power that follows the inputs: with more, most of it can be avoided.
 _AVOIDABLE = 0.5
 
@@ -77,7 +79,7 @@ class Verdict:
     next_step: str
 
     def __str__(self) -> str:
-        worse = ", worse than a line at zero" if self.error >= 1.0 else ""
+        worse = ", worse than a line at zero" if self.error >= _WORSE else ""
         data = "data left out of the fit" if self.unseen else "the fitted data"
         text = (
             f"{self.level}{worse}: error {self.error:.3g} in free simulation of {data} (worst "

@@ -112,6 +112,24 @@ def relative_errors(measured: FloatArray, simulated: FloatArray) -> FloatArray:
     return np.where(varies, np.where(np.isfinite(delta), delta, np.inf), np.nan)
 
 
+def fit_percent(measured: FloatArray, simulated: FloatArray) -> FloatArray:
+    """Return the fit of each output, 100 (1 - NRMSE) with the mean removed, (outputs,).
+
+    It is 100 for a perfect model and 0 for one that gives the output's mean; delta (2-25) refers to
+    a line at zero instead. NaN in `measured` does not count, and a constant output has none.
+    Ljung, "System Identification Toolbox", `compare`.
+    """
+    known = ~np.isnan(measured)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        centred = measured - np.mean(measured, axis=0, where=known)
+        missed, level = (
+            np.sqrt(np.mean(each**2, axis=0, where=known))
+            for each in (measured - simulated, centred)
+        )
+        fit = 100.0 * (1.0 - missed / np.where(level > 0.0, level, np.nan))
+    return np.asarray(np.where(np.isnan(missed) & (level > 0.0), -np.inf, fit))
+
+
 def mean_error(errors: FloatArray) -> float:
     """Return the mean of relative errors, (outputs,), over the outputs that have one."""
     known = errors[~np.isnan(errors)]

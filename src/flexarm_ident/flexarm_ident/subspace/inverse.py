@@ -64,6 +64,8 @@ def truncated_inverse(
         matrix = matrix / np.outer(scale, scale)
     values, vectors = scipy.linalg.eigh(matrix, driver="evd")
     kept = values > smallest * values[-1]
-    condition = values[-1] / max(values[0], np.finfo(float).eps * values[-1])
+    largest = float(values[-1])
+    rounding = np.finfo(float).eps * largest
+    condition = largest / max(float(values[0]), rounding) if largest > 0.0 else np.inf
     vectors = vectors[:, kept] / scale[:, np.newaxis]
-    return TruncatedInverse(vectors, values[kept], float(condition))
+    return TruncatedInverse(vectors, values[kept], condition)

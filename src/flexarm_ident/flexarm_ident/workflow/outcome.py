@@ -8,17 +8,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_ident.diagnostics.spectra import spectra
 from flexarm_ident.diagnostics.verdict import missed_shares, verdict
-from flexarm_ident.fitting.validation import relative_errors
+from flexarm_ident.fitting.residuals import residual_correlations
+from flexarm_ident.fitting.validation import fit_percent, relative_errors
 from flexarm_ident.records.iodata import Grade
 
 if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.diagnostics.spectra import Spectra
     from flexarm_ident.diagnostics.verdict import Verdict
     from flexarm_ident.estimation.cross_validation import CrossValidation
     from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.fitting.residuals import Residuals
     from flexarm_ident.fitting.validation import Dmv, Sfv
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.models.modes import Mode
@@ -102,6 +106,26 @@ class Outcome:
                 if warning.grade != Grade.INFORMATION and warning.name != _LOOP
             ],
         )
+
+    @cached_property
+    def fit_percent(self) -> FloatArray:
+        """Fit of each output over all records in percent: 100 (1 - NRMSE), the mean removed."""
+        pairs = [
+            (record.y_measured[: len(each.y)], each.y[: len(record)])
+            for record, each in zip(self.records, self.dmv, strict=True)
+        ]
+        measured, simulated = (np.vstack(each) for each in zip(*pairs, strict=True))
+        return fit_percent(measured, simulated)
+
+    @cached_property
+    def residuals(self) -> Residuals:
+        """Correlations of measured less simulated outputs, in time and with the inputs."""
+        return residual_correlations(self.records, [each.y for each in self.dmv])
+
+    @cached_property
+    def spectra(self) -> Spectra | None:
+        """Nonparametric frequency response and coherence of the records; None for short ones."""
+        return spectra(self.records)
 
     def _unseen_errors(self) -> FloatArray | None:
         """Return the errors of `model` on data that were left out of its fit, if there are any."""

@@ -124,9 +124,15 @@ def test_render_report___outcome___has_no_name_twice(text: str) -> None:
 
 
 def test_render_report___outcome___has_a_plot_per_output_and_kind(text: str) -> None:
-    # An input, two each for order and poles, one for the reduction.
-    assert Page(text).count("svg") == 1 + 2 + 2 + 1 + 4 * 3
-    for words in ("Data matching", "Set-point following", "Frequency response", "Poles"):
+    # An input, two each for order and poles, one for the reduction, four for each output.
+    assert Page(text).count("svg") == 1 + 2 + 2 + 1 + 4 * 4
+    for words in (
+        "Residuals",
+        "Data matching",
+        "Set-point following",
+        "Frequency response",
+        "Poles",
+    ):
         assert f"<h2>{words}</h2>" in text
 
 
@@ -159,7 +165,10 @@ def test_render_report___outcome___lists_every_error(outcome: Outcome, text: str
     ]
     deltas.insert(1, outcome.cross_validation.error)
     columns = [[*delta, delta.mean()] for delta in deltas]
-    np.testing.assert_allclose(found, np.transpose(columns), atol=5.1e-5)
+    np.testing.assert_allclose(found[:, :-1], np.transpose(columns), atol=5.1e-5)
+    missed = ((measured - outcome.dmv[0].y) ** 2).sum(axis=0)
+    fit = 100.0 * (1.0 - np.sqrt(missed / (len(measured) * measured.var(axis=0))))
+    np.testing.assert_allclose(found[:, -1], [*fit, fit.mean()], atol=0.051)
 
 
 def test_render_report___outcome___tells_data_order_and_origin(outcome: Outcome, text: str) -> None:
@@ -197,7 +206,7 @@ def test_render_report___several_inputs_outputs_and_records___shows_three_record
 ) -> None:
     text = rendered(many_channels)
     page = Page(text)
-    assert page.count("svg") == 2 + 2 + 2 + 3 * 3 + 2 * 3
+    assert page.count("svg") == 2 + 2 + 2 + 3 * 3 + 2 * 3 + 3
     assert len(text.encode()) < 1.5e6
     assert "The first 3 of 4 records are shown." in page.text
     assert "bag 3" in page.text

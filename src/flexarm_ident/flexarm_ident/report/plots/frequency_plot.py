@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
@@ -14,6 +14,7 @@ from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_ident.report.plots.style import (
     BLUE,
     DASHED,
+    MARK,
     SOLID,
     STYLE,
     VERMILION,
@@ -27,13 +28,17 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
+    from matplotlib.axes import Axes
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.diagnostics.spectra import Spectra
 
 _GRID_POINTS = 400
 _SMALLEST_GAIN = 1e-12
 _BAND_DEPTH_DB = 20.0
 _PHASE_TICKS = 4
+# Coherence that unrelated signals exceed at one frequency of a hundred.
+_CHANCE = 0.01
 
 
 def frequency_plot(
@@ -44,6 +49,7 @@ def frequency_plot(
     *,
     frequencies_hz: FloatArray,
     deviation: FloatArray | None = None,
+    measured: Spectra | None = None,
     known_modes_hz: Sequence[float] = (),
 ) -> str:
     """Plot magnitude and phase of the response (2-4) from one input to one output.
@@ -58,6 +64,8 @@ def frequency_plot(
         Frequencies, see `frequency_grid`.
     deviation : ndarray, (frequencies,), optional
         Standard deviation of the full model's complex gain; the band is twice as wide.
+    measured : Spectra, optional
+        Nonparametric response, drawn behind the models, and the coherence.
     known_modes_hz : sequence of float
         Frequencies marked by thin lines.
     """
@@ -66,8 +74,10 @@ def frequency_plot(
     if reduced is not None:
         curves.append(("reduced", reduced, DASHED))
     with mpl.rc_context(STYLE):
-        figure = figure_of(3.4)
-        magnitude, phase = figure.subplots(2, sharex=True, height_ratios=[3, 2])
+        rows = [3, 2] if measured is None else [3, 2, 1]
+        figure = figure_of(3.4 if measured is None else 4.2)
+        panels = figure.subplots(len(rows), sharex=True, height_ratios=rows)
+        magnitude, phase = panels[:2]
         first_deg: FloatArray | None = None
         for kind, model, look in curves:
             label = f"{kind}, {model.nstates} states"
@@ -90,13 +100,17 @@ def frequency_plot(
                     linewidth=0.0,
                     label="two deviations",
                 )
-        for axes in (magnitude, phase):
+        if measured is not None and first_deg is not None:
+            turned_deg = np.interp(measured.frequencies_hz, frequencies_hz, first_deg)
+            _draw_measured(panels, measured, (output, source), turned_deg)
+        for axes in panels:
             for known_hz in known_modes_hz:
                 line = axes.axvline(known_hz, color=VERMILION, linewidth=0.7)
                 # One entry of the legend stands for all.
                 line.set_label("known modes" if known_hz == known_modes_hz[0] else "")
         magnitude.set(ylabel=f"gain, {_gain_unit(*names)}", xscale="log")
-        phase.set(xlabel="frequency, Hz", ylabel="phase, deg")
+        phase.set(ylabel="phase, deg")
+        panels[-1].set(xlabel="frequency, Hz")
         phase.set_xlim(frequencies_hz[0], frequencies_hz[-1])
         phase.xaxis.set_major_formatter(plain_numbers())
         phase.xaxis.set_minor_formatter(NullFormatter())
@@ -106,6 +120,28 @@ def frequency_plot(
         legend_above(magnitude, columns=2)
         cause, effect = (label_and_unit(name)[0] for name in names)
         return inline_svg(figure, f"frequency response from {cause} to {effect}")
+
+
+def _draw_measured(
+    panels: Sequence[Axes], found: Spectra, channels: tuple[int, int], model_deg: FloatArray
+) -> None:
+    """Draw the response where the output is coherent with the inputs, and the coherence.
+
+    The phase takes the whole turns of the model's, (frequencies,).
+    """
+    (magnitude, phase, below), (output, source) = panels, channels
+    coherence = found.coherence[:, output]
+    chance = found.chance(_CHANCE)
+    response = np.where(coherence > chance, found.response[:, output, source], np.nan)
+    look: Any = {"color": MARK, "linewidth": 0.9, "alpha": 0.7, "zorder": 0}
+    decibels = _decibels(np.abs(response))
+    magnitude.plot(found.frequencies_hz, decibels, label="measured", **look)
+    degrees = np.degrees(np.angle(response))
+    degrees += 360.0 * np.round((model_deg - degrees) / 360.0)
+    phase.plot(found.frequencies_hz, degrees, ".", markersize=1.5, **look)
+    below.fill_between(found.frequencies_hz, coherence.clip(0.0, 1.0), color=MARK, linewidth=0.0)
+    below.axhline(chance, color=VERMILION, linewidth=0.7)
+    below.set(ylabel="coh.", ylim=(0.0, 1.0))
 
 
 def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:

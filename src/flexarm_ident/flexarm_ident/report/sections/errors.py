@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.report.content.blocks import Section, Table, Words
@@ -25,7 +27,9 @@ def _build(subject: Subject) -> Iterator[Block]:
         "DMV, data matching: the model gets the measured input. SFV, set-point following: the "
         "model gets the recorded set-point through the control law of the experiment. Left out: "
         "each fifth of the data is simulated by a model of the same estimator and order that was "
-        "fitted to the others; a fit that follows noise has a larger error there."
+        "fitted to the others; a fit that follows noise has a larger error there. Fit: of the "
+        "simulation for DMV, 100 (1 - NRMSE) with the output's mean removed, so that 100 is a "
+        "perfect model and 0 one that gives the mean."
     )
 
 
@@ -43,11 +47,21 @@ def _errors(outcome: Outcome) -> Table:
     columns.append((f"{name}, DMV", outcome.dmv_errors))
     if outcome.sfv is not None:
         columns.append((f"{name}, SFV", outcome.sfv.delta))
+    fit = outcome.fit_percent
     rows = [
-        (label_and_unit(output)[0], *(error_text(delta[i]) for _, delta in columns))
+        (
+            label_and_unit(output)[0],
+            *(error_text(delta[i]) for _, delta in columns),
+            _fit_text(float(fit[i])),
+        )
         for i, output in enumerate(outcome.records[0].outputs)
     ]
-    rows.append(("mean", *(error_text(mean_error(delta)) for _, delta in columns)))
-    header = ("Output", *(title for title, _ in columns))
+    means = (error_text(mean_error(delta)) for _, delta in columns)
+    rows.append(("mean", *means, _fit_text(mean_error(fit))))
+    header = ("Output", *(title for title, _ in columns), "Fit, %")
     marked = (*(False for _ in rows[1:]), True)
     return Table("errors", "Errors of the outputs", header, tuple(rows), marked)
+
+
+def _fit_text(fit: float) -> str:
+    return f"{fit:.1f}" if np.isfinite(fit) else "-"

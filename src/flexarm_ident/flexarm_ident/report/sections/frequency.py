@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
 
 _RESPONSES_SHOWN = 12
+_MEASURED = (
+    "The grey curve is the response by averaged spectra alone, where the output is coherent with "
+    "the inputs; the coherence stands below, with the line that chance reaches at one frequency of "
+    "a hundred. In a closed loop that curve is biased by the noise that the controller feeds back."
+)
 
 
 def _build(subject: Subject) -> Iterator[Block]:
@@ -31,6 +36,8 @@ def _build(subject: Subject) -> Iterator[Block]:
             yield Heading(SECTION.title, level=2)
         else:
             words += f" {_band_words(outcome, known is not None)}"
+            if outcome.spectra is not None:
+                words += f" {_MEASURED}"
             if len(shown) < len(record.inputs):
                 words += f" The first {len(shown)} of {len(record.inputs)} inputs are shown."
         yield Words(words)
@@ -45,6 +52,7 @@ def _build(subject: Subject) -> Iterator[Block]:
                         number,
                         frequencies_hz=grid_hz,
                         deviation=None if known is None else known.deviation[:, output, number],
+                        measured=outcome.spectra,
                         known_modes_hz=outcome.request.known_modes_hz,
                     ),
                 )
