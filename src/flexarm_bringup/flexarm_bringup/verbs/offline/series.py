@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from flexarm_core.workers import Workers
     from flexarm_ident.reading.channels import Selection
     from flexarm_ident.series.rows import Row
     from flexarm_ident.workflow.request import Request
@@ -27,7 +28,7 @@ def model_each(
     *,
     channels: Selection | None,
     exports: Sequence[str],
-    jobs: int | None,
+    workers: Workers,
 ) -> None:
     """Identify one model per bag and print them; exit code 1 when a bag has none."""
     with terminal.progress() as show:
@@ -37,7 +38,7 @@ def model_each(
             request,
             channels=channels,
             exports=exports,
-            jobs=-1 if jobs is None else jobs,
+            workers=workers,
             progress=show,
         )
     terminal.CONSOLE.print(_table(series.rows))
