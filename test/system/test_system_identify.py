@@ -65,7 +65,10 @@ def test_closed_loop_bag___model_comes_as_parameters_and_is_set_on_the_node(
     response = reduced(laboratory, BAG, order)
 
     assert response.success, response.message
-    assert response.message.startswith(f"{BAG.name}: order ")
+    level, _, rest = response.message.partition(": ")
+    assert level in {"good", "usable", "poor"}
+    assert " Next: " in rest
+    assert f". {BAG.name}: order " in rest
     assert "\n" not in response.message
     parameters = answered(response)
     sizes = {key: len(parameters[f"models.c_dat3_0g.{key}"]) for key in "abcd"}

@@ -223,7 +223,7 @@ def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
     answer.success = True
     order, states = outcome.identification.order, outcome.model.nstates
     answer.message = (
-        f"{results.name}: order {order}"
+        f"{outcome.verdict} {results.name}: order {order}"
         + (f" reduced to {states}" if states < order else "")
         + (" with dry friction" if outcome.friction else "")
         + f", mean data matching error {answer.dmv[-1]:.4f},"

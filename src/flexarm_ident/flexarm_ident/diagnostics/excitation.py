@@ -84,9 +84,8 @@ def richness(gram: BlockGram, records: Sequence[IoData]) -> Iterator[DataWarning
         samples = sum(len(record) for record in records)
         yield DataWarning(
             "too_short",
-            f"{samples} samples are few for {gram.block_rows} block rows: {gram.columns} columns "
-            f"for {needed} rows, {_SHORT:.0f} times as many would be good; record longer or lower "
-            "block_rows",
+            f"{samples} samples are few: {gram.columns} columns of Hankel matrices for {needed} "
+            f"rows, {_SHORT:.0f} times as many would be good; record longer or lower block_rows",
             {"samples": float(samples), "columns": float(gram.columns), "rows": float(needed)},
         )
 

@@ -17,12 +17,20 @@ import numpy as np
 import scipy
 
 from flexarm_ident.diagnostics.drive import moves_seldom
+from flexarm_ident.diagnostics.news import (
+    MEMORY,
+    SMALLEST_NEWS,
+    News,
+    centred,
+    longest,
+    news_of,
+    remainder,
+    shifted,
+)
 from flexarm_ident.diagnostics.spectra import spectra
 from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
-from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES, SIGNIFICANCE, whitening
-from flexarm_ident.subspace.gram import stretches
-from flexarm_ident.subspace.inverse import truncated_inverse
+from flexarm_ident.subspace.feedback import SIGNIFICANCE, whitening
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,11 +38,8 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
 
-_MEMORY = 20
 _LAGS = 500
 _SAMPLES_PER_LAG = 8
-# Less of an input's RMS than this is rounding: the input could be foretold.
-_SMALLEST_NEWS = 1e-5
 # A delay costs a state per sample and input: fewer samples do not matter.
 _SHORTEST_DELAY = 4
 # Squared correlation of what is new of an input with itself, at any lag. A sweep leaves waves,
@@ -63,13 +68,6 @@ _SLOW_SHARE = 0.05
 _REACH = 5.0
 
 
-class _News(NamedTuple):
-    """What the past does not tell of the outputs and of the inputs, each (rows, channels)."""
-
-    outputs: FloatArray
-    inputs: FloatArray
-
-
 class _Correlation(NamedTuple):
     """Squared correlations by lags, summed over the outputs, and the same as a chi-square."""
 
@@ -89,7 +87,7 @@ def answer_defects(record: IoData) -> Iterator[DataWarning]:
             channel=name,
         )
     tame = replace(record, y=_without_extremes(record.y_measured))
-    news = _news(tame)
+    news = news_of(tame)
     if news is None:
         return
     yield from _unanswered(tame, news, static)
@@ -103,31 +101,20 @@ def static_outputs(record: IoData) -> dict[str, float]:
     """
     if record.closed_loop:
         return {}
-    rows = _longest(record)
-    u, y = _centred(record.u[rows]), _centred(record.y[rows])
+    rows = longest(record)
+    u, y = centred(record.u[rows]), centred(record.y[rows])
     if len(u) < 2 * _ANSWER_LAGS + _FEWEST // 10:
         return {}
-    now, past = u[_MEMORY:], np.hstack([_shifted(u, 0), _shifted(y, 1)])
-    powers = (np.sum(_remainder(known, y[_MEMORY:]) ** 2, axis=0) for known in (now, past))
-    total = np.sum(y[_MEMORY:] ** 2, axis=0)
+    now, past = u[MEMORY:], np.hstack([shifted(u, 0), shifted(y, 1)])
+    powers = (np.sum(remainder(known, y[MEMORY:]) ** 2, axis=0) for known in (now, past))
+    total = np.sum(y[MEMORY:] ** 2, axis=0)
     at_once, later = (power / np.where(total > 0.0, total, 1.0) for power in powers)
     is_told = (at_once < 1.0 - _TOLD_AT_ONCE) & (total > 0.0)
     is_static = at_once - later < np.maximum(_TOLD_LATER, _TOLD_OF_REST * at_once)
     return {record.outputs[i]: float(1.0 - at_once[i]) for i in np.flatnonzero(is_told & is_static)}
 
 
-def _news(record: IoData) -> _News | None:
-    """Return what the past does not tell; None for a record that is too short."""
-    rows = _longest(record)
-    u, y = _centred(record.u[rows]), _centred(record.y[rows])
-    if len(u) < _FEWEST // 4:
-        return None
-    past = _shifted(y, 1)
-    told = np.hstack([past, y[_MEMORY:], _shifted(u, 1)])
-    return _News(_remainder(past, y[_MEMORY:]), _remainder(told, u[_MEMORY:]))
-
-
-def _delays(record: IoData, news: _News) -> Iterator[DataWarning]:
+def _delays(record: IoData, news: News) -> Iterator[DataWarning]:
     """Yield the inputs whose first effect on any output comes late."""
     covariance = news.outputs.T @ news.outputs / len(news.outputs)
     white = news.outputs @ whitening(covariance)
@@ -135,7 +122,7 @@ def _delays(record: IoData, news: _News) -> Iterator[DataWarning]:
     if degrees == 0:
         return
     for name, u, fresh in zip(record.inputs, record.u.T, news.inputs.T, strict=True):
-        if fresh.std() <= _SMALLEST_NEWS * u.std():
+        if fresh.std() <= SMALLEST_NEWS * u.std():
             continue
         share, evidence = _correlation(white, fresh)
         repeated = float(_correlation(fresh[:, np.newaxis] / fresh.std(), fresh).share.max())
@@ -161,12 +148,12 @@ def _delays(record: IoData, news: _News) -> Iterator[DataWarning]:
         )
 
 
-def _unanswered(record: IoData, news: _News, static: dict[str, float]) -> Iterator[DataWarning]:
+def _unanswered(record: IoData, news: News, static: dict[str, float]) -> Iterator[DataWarning]:
     """Yield the outputs in which no input shows."""
     # A few answers are lost among the noise of the rest of the record.
     if len(news.outputs) < _FEWEST or moves_seldom(record):
         return
-    fresh = news.inputs[:, news.inputs.std(axis=0) > _SMALLEST_NEWS * record.u.std(axis=0)]
+    fresh = news.inputs[:, news.inputs.std(axis=0) > SMALLEST_NEWS * record.u.std(axis=0)]
     silent = [
         i
         for i, (name, y) in enumerate(zip(record.outputs, record.y.T, strict=True))
@@ -209,9 +196,9 @@ def _is_correlated(e: FloatArray, fresh: FloatArray) -> bool:
 
 def _slowly_told(u: FloatArray, y: FloatArray) -> float:
     """Return the share of an output's power that a regression on the smoothed inputs tells."""
-    smooth = [scipy.signal.lfilter([1.0], [1.0, -a], _centred(u), axis=0) for a in _SMOOTHING]
-    signal = _centred(y[:, np.newaxis])
-    return 1.0 - float(np.mean(_remainder(_centred(np.hstack(smooth)), signal) ** 2))
+    smooth = [scipy.signal.lfilter([1.0], [1.0, -a], centred(u), axis=0) for a in _SMOOTHING]
+    signal = centred(y[:, np.newaxis])
+    return 1.0 - float(np.mean(remainder(centred(np.hstack(smooth)), signal) ** 2))
 
 
 def _correlation(white: FloatArray, fresh: FloatArray) -> _Correlation:
@@ -238,33 +225,8 @@ def _lagged_sums(late: FloatArray, early: FloatArray) -> FloatArray:
     return np.asarray(scipy.fft.irfft(late_transform * early_transform.conj(), length, axis=0))
 
 
-def _longest(record: IoData) -> slice:
-    """Return the rows of the longest stretch without a hole, at most as many as are looked at."""
-    rows = max(stretches(record.y_usable), key=lambda each: each.stop - each.start)
-    return slice(rows.start, min(rows.stop, rows.start + BACKGROUND_SAMPLES))
-
-
 def _without_extremes(y: FloatArray) -> FloatArray:
     """Return outputs with outliers, which would drown every answer, cut off."""
     low, middle, high = np.nanquantile(y, (0.16, 0.5, 0.84), axis=0)
     reach = np.where(high > low, _REACH * (high - low), np.inf)
     return np.clip(y, middle - reach, middle + reach)
-
-
-def _centred(signals: FloatArray) -> FloatArray:
-    """Return signals less their means, in units of their deviation."""
-    centred = signals - signals.mean(axis=0)
-    deviation = centred.std(axis=0)
-    return np.asarray(centred / np.where(deviation > 0.0, deviation, 1.0))
-
-
-def _shifted(signals: FloatArray, first: int) -> FloatArray:
-    """Return the samples `first` to `_MEMORY` rows earlier, side by side."""
-    last = len(signals)
-    return np.hstack([signals[_MEMORY - lag : last - lag] for lag in range(first, _MEMORY + 1)])
-
-
-def _remainder(known: FloatArray, signals: FloatArray) -> FloatArray:
-    """Return what a regression on known signals leaves."""
-    inverse = truncated_inverse(known.T @ known, equilibrated=True)
-    return np.asarray(signals - known @ inverse.solve(known.T @ signals))

@@ -83,6 +83,6 @@ def _notice(name: str, exponent: int) -> DataWarning:
         "unit",
         f"{name} was multiplied by 1e{exponent:+d} to compute with it: the model has that unit",
         {"exponent": float(exponent)},
-        grade=Grade.INFORMATION,
+        grade=Grade.CAUTION,
         channel=name,
     )

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident.diagnostics.verdict import missed_shares, verdict
+from flexarm_ident.fitting.validation import relative_errors
+from flexarm_ident.records.iodata import Grade
 
 if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.diagnostics.verdict import Verdict
     from flexarm_ident.estimation.cross_validation import CrossValidation
     from flexarm_ident.estimation.identification import Identification
     from flexarm_ident.fitting.validation import Dmv, Sfv
@@ -17,6 +25,9 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.reduction.modal import Reduction
     from flexarm_ident.workflow.request import Request
+
+# A loop is no defect that could be mended.
+_LOOP = "feedback"
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,3 +86,38 @@ class Outcome:
     def modes(self) -> tuple[Mode, ...]:
         """Modes of the full model; those of the reduced one are marked as kept."""
         return self.reduction.modes if self.reduction else self.identification.modes
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Verdict on `model`: good, usable, poor or useless, its two figures and the next step."""
+        unseen = self._unseen_errors()
+        return verdict(
+            self.dmv_errors if unseen is None else unseen,
+            missed_shares(self.records, [each.y for each in self.dmv]),
+            self.records[0].outputs,
+            unseen=unseen is not None,
+            defects=[
+                warning.name.replace("_", " ")
+                for warning in self.identification.data_warnings
+                if warning.grade != Grade.INFORMATION and warning.name != _LOOP
+            ],
+        )
+
+    def _unseen_errors(self) -> FloatArray | None:
+        """Return the errors of `model` on data that were left out of its fit, if there are any."""
+        if self.fitted != self.samples:
+            return self._errors_behind_the_fit()
+        if self.cross_validation is None:
+            return None
+        # They are those of the full model; a reduced one is no better there than on all data.
+        return np.asarray(np.maximum(self.cross_validation.error, self.dmv_errors))
+
+    def _errors_behind_the_fit(self) -> FloatArray | None:
+        if self.samples != tuple(len(record) for record in self.records):
+            return None
+        parts = [
+            (record.y_measured[fitted:], each.y[fitted:])
+            for record, fitted, each in zip(self.records, self.fitted, self.dmv, strict=True)
+        ]
+        measured, simulated = (np.vstack(each) for each in zip(*parts, strict=True))
+        return relative_errors(measured, simulated)

@@ -219,8 +219,9 @@ def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: 
 
 
 def _show(results: job.Results, written: str) -> None:
-    """Print modes, errors and warnings of a model, and what was written."""
+    """Print verdict, modes, errors and warnings of a model, and what was written."""
     outcome = results.outcome
+    terminal.CONSOLE.print(f"{outcome.verdict}", style="bold", markup=False)
     left_out, sfv = outcome.cross_validation, outcome.sfv
     terminal.show_model(
         terminal.ShownModel(

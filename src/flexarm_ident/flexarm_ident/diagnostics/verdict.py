@@ -1,0 +1,198 @@
+"""Verdict on an identification: good, usable, poor or useless, with two figures and the next step.
+
+A control engineer rests on two figures. The first is the error of a free simulation, of data that
+the model has not seen if there are any, in units of the outputs' RMS: 1 is no better than a line at
+zero. The second is the part of this error that still follows the inputs. It tells missing dynamics,
+which another model can have, from noise and friction, which no linear model of these inputs can.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_ident.diagnostics.news import news_of
+from flexarm_ident.diagnostics.spectra import spectra
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
+
+# A loop whose complementary sensitivity stays below 1 / e stands a relative error e of its plant
+# (small-gain theorem). Peaks of up to 2 are usual, so half the output is the most that a design may
+# miss; a fifth leaves room for a peak of 5, beyond all that is built.
+_GOOD = 0.2
+_USABLE = 0.5
+# Less than a fifth of the power is explained: 1 - 0.9**2 = 0.19.
+_POOR = 0.9
+# Part of the error's power that follows the inputs: with more, most of it can be avoided.
+_AVOIDABLE = 0.5
+
+
+class Level(IntEnum):
+    """Level of a model, the best first."""
+
+    GOOD = 0
+    USABLE = 1
+    POOR = 2
+    USELESS = 3
+
+    def __str__(self) -> str:
+        return self.name.lower()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Verdict with the figures that it rests on.
+
+    Attributes
+    ----------
+    level : Level
+        Level of the model.
+    error : float
+        Mean of the outputs' relative errors in free simulation; 1 is that of a line at zero.
+    worst : float
+        Largest of them.
+    worst_output : str
+        Name of that output.
+    missed : float
+        Share of the error's power that follows the inputs, 0 to 1; NaN when it is not known.
+    unseen : bool
+        Whether the errors are of data that the model has not seen.
+    next_step : str
+        What to do next, a main clause.
+    """
+
+    level: Level
+    error: float
+    worst: float
+    worst_output: str
+    missed: float
+    unseen: bool
+    next_step: str
+
+    def __str__(self) -> str:
+        worse = ", worse than a line at zero" if self.error >= 1.0 else ""
+        data = "data left out of the fit" if self.unseen else "the fitted data"
+        text = (
+            f"{self.level}{worse}: error {self.error:.3g} in free simulation of {data} (worst "
+            f"{self.worst:.3g}, {self.worst_output}; a line at zero has 1)"
+        )
+        if np.isfinite(self.missed):
+            text += f", {100.0 * self.missed:.0f} % of its power follows the inputs"
+        return f"{text}. Next: {self.next_step}."
+
+
+def verdict(
+    errors: FloatArray,
+    missed: FloatArray,
+    outputs: Sequence[str],
+    *,
+    unseen: bool,
+    defects: Sequence[str] = (),
+) -> Verdict:
+    """Return the verdict from the figures of each output.
+
+    Parameters
+    ----------
+    errors : ndarray, (outputs,)
+        Relative errors in free simulation (2-25) of any validation; NaN for a constant output.
+    missed : ndarray, (outputs,)
+        Share of each error's power that follows the inputs; NaN where it is not known.
+    outputs : sequence of str
+        Names of the outputs.
+    unseen : bool
+        Whether the errors are of data that the model has not seen.
+    defects : sequence of str
+        Defects of the data that can be mended, in words.
+    """
+    known = np.flatnonzero(~np.isnan(errors))
+    number = int(known[np.argmax(errors[known])])
+    error, worst = float(errors[known].mean()), float(errors[number])
+    share = _joined(errors[known], missed[known])
+    # One output may be a level worse than the others: it can be left out.
+    level = Level(max(_level(error), _level(worst) - 1))
+    if level == Level.POOR and error * np.sqrt(share) <= _GOOD:
+        # As good as the record allows: what is missing follows no input.
+        level = Level.USABLE
+    step = _next_step(level, share, outputs[number], unseen=unseen, defects=defects)
+    return Verdict(level, error, worst, outputs[number], share, unseen, step)
+
+
+def missed_shares(records: Sequence[IoData], simulated: Sequence[FloatArray]) -> FloatArray:
+    """Return the share of the power of each output's error that is coherent with the inputs.
+
+    Of a closed loop the inputs' news stand for them: the inputs themselves hold the outputs' noise,
+    and all of an error would seem to follow them.
+
+    Parameters
+    ----------
+    records : sequence of IoData
+        Records of one rig.
+    simulated : sequence of ndarray, (samples, outputs)
+        Simulated outputs of each record.
+
+    Returns
+    -------
+    ndarray, (outputs,)
+        Shares, 0 to 1; NaN when the records are too short to tell.
+    """
+    pairs = [_causes(record, y) for record, y in zip(records, simulated, strict=True)]
+    told = [pair for pair in pairs if pair is not None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = (
+            spectra([cause for cause, _ in told], [error for _, error in told]) if told else None
+        )
+    return np.full(len(records[0].outputs), np.nan) if found is None else found.explained
+
+
+def _causes(record: IoData, y: FloatArray) -> tuple[IoData, FloatArray] | None:
+    """Return a record with what its error is compared with as inputs, and the error."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = record.y_usable[: len(y)] - y[: len(record)]
+    error[~np.isfinite(error)] = np.nan
+    if not record.closed_loop:
+        return record.head(len(error)), error
+    news = news_of(record)
+    if news is None:
+        return None
+    rows = slice(news.rows.start, min(news.rows.stop, len(error)))
+    part = record.rows(rows)
+    return replace(part, u=news.inputs[: len(part)], compensation=None), error[rows]
+
+
+def _joined(errors: FloatArray, missed: FloatArray) -> float:
+    """Return the share over all outputs, weighted by the power of their errors."""
+    power = np.where(np.isfinite(errors) & np.isfinite(missed), errors, 0.0) ** 2
+    if not power.any():
+        return float("nan")
+    return float(np.sum(power * np.nan_to_num(missed)) / power.sum())
+
+
+def _level(error: float) -> Level:
+    return Level(sum(not error <= limit for limit in (_GOOD, _USABLE, _POOR)))
+
+
+def _next_step(
+    level: Level, missed: float, worst_output: str, *, unseen: bool, defects: Sequence[str]
+) -> str:
+    if level == Level.GOOD:
+        return "use it" if unseen else "validate it on another record, then use it"
+    if defects:
+        return f"mend the data first ({', '.join(dict.fromkeys(defects))}), see the notes"
+    if missed > _AVOIDABLE:
+        return (
+            "try another method, a higher order, feedthrough or friction, as the inputs tell more "
+            "than the model"
+        )
+    if level == Level.USABLE:
+        return "design with a gain margin of 2 or more; harder driving or less noise would help"
+    return (
+        f"drive harder and longer, measure {worst_output} better or leave it out: noise, friction "
+        "or something beside these inputs makes most of the error"
+    )
