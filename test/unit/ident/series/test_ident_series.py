@@ -91,12 +91,13 @@ def test_each___bags_of_one_rig___have_a_row_and_a_folder_each(
     assert series.rows[1].failure == f"{broken}: no such bag"
     table = (out / "models.csv").read_text().splitlines()
     assert len(table) == 5
-    assert table[0].startswith("bag,begun,samples,rate_hz,method,order,error_mean,left_out_mean,")
+    assert table[0].startswith("bag,begun,verdict,samples,rate_hz,method,order,error_mean,")
     page = (out / "index.html").read_text()
     assert (out / "trend.svg").read_text() in page
     for day, row in zip(range(3), [series.rows[0], *series.rows[2:]], strict=True):
         assert close_to_the_rig(row)
         assert row.number("damping_1") == pytest.approx(0.03, abs=0.003)
+        assert row.cells["verdict"] == "good"
         assert row.cells["begun"].startswith(f"2023-11-{14 + day}T")
         folder = str(bags[day]).strip("/").replace("/", "_").replace("-", "_").replace(".", "_")
         model = load_model(out / folder / "model.yaml")
