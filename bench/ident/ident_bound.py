@@ -29,7 +29,7 @@ from bench.tools import (
 from flexarm_ident import IoData, identify
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form
-from flexarm_ident.subspace.methods import METHODS
+from flexarm_ident.subspace.methods import AUTO, METHODS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 ORDER, LENGTHS = 18, (6_000, 60_000)
 _STEPS, _HALVINGS = 8, 8
+_COLUMNS = (*METHODS, "auto", "refined")
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +147,7 @@ def errors(case: tuple[int, int]) -> list[float]:
     outputs = tuple(f"y{channel}" for channel in range(given.y.shape[1]))
     data = IoData(given.u, given.y, dt_s=DT_S, inputs=("u",), outputs=outputs)
     found = [identify(data, order=ORDER, method=method).model for method in METHODS]
+    found += [identify(data, method=AUTO, refine=refine).model for refine in (False, True)]
     return [
         _relative(best.response(given.fresh_u[:, 0]), given),
         *(error((each.A, each.B, each.C, each.D), given) for each in found),
@@ -171,7 +173,7 @@ def main(*, seeds: int, first_seed: int, json_file: Path | None) -> None:
     found = np.log(run_trials(errors, cases)).reshape(len(LENGTHS), seeds, -1)
     means = np.exp(found.mean(axis=1))
     Console().print(table(means, seeds))
-    names = ("best", *METHODS)
+    names = ("best", *_COLUMNS)
     rows = [
         {"k": k, "seeds": seeds} | dict(zip(names, row, strict=True))
         for k, row in zip(LENGTHS, means.tolist(), strict=True)
@@ -181,11 +183,13 @@ def main(*, seeds: int, first_seed: int, json_file: Path | None) -> None:
 
 def table(means: Array, seeds: int) -> Table:
     """Return the errors; in brackets as multiples of the reference."""
-    title = f"AR(1) noise, order {ORDER}, {seeds} seeds; in brackets: times the best"
-    shown = make_table("K", "the best", *METHODS, title=title, words=0)
+    title = (
+        f"1000 x error, AR(1) noise, order {ORDER} but for auto, {seeds} seeds; (times the best)"
+    )
+    shown = make_table("K", "the best", *_COLUMNS, title=title, words=0)
     for samples, (best, *others) in zip(LENGTHS, means, strict=True):
-        cells = (f"{each:.6f} ({each / best:.2f})" for each in others)
-        shown.add_row(str(samples), f"{best:.6f}", *cells)
+        cells = (f"{1e3 * each:.2f} ({each / best:.2f})" for each in others)
+        shown.add_row(str(samples), f"{1e3 * best:.2f}", *cells)
     return shown
 
 

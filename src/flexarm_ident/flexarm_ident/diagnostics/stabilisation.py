@@ -1,4 +1,4 @@
-"""Stabilisation diagram over model orders, and its physical modes.
+"""Stabilisation diagram over model orders, and the modes that recur in it.
 
 A model of too high an order has the modes of the plant and further ones that describe noise. The
 former recur at the same place at every order, the latter wander. Soft criteria compare each mode
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Criteria(NamedTuple):
-    """Criteria for stable and physical modes.
+    """Criteria for stable and recurring modes.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Criteria(NamedTuple):
         Smallest distance between two clusters: relative difference of frequencies plus one minus
         MAC.
     share : float
-        Smallest share of the orders in which a physical mode is found.
+        Smallest share of the orders in which a recurring mode is found.
     """
 
     frequency: float = 0.03
@@ -81,7 +81,7 @@ class Pole:
 
 
 @dataclass(frozen=True, eq=False)
-class PhysicalMode:
+class RecurringMode:
     """Cluster of modes that recur over the orders.
 
     Attributes
@@ -120,15 +120,15 @@ class Stabilisation:
         Orders of the models, rising.
     poles : tuple of Pole
         Complex pairs of all orders.
-    modes : tuple of PhysicalMode
-        Physical modes, by rising frequency.
+    modes : tuple of RecurringMode
+        Modes that recur over the orders, by rising frequency.
     dt_s : float
         Sampling period.
     """
 
     orders: tuple[int, ...]
     poles: tuple[Pole, ...]
-    modes: tuple[PhysicalMode, ...]
+    modes: tuple[RecurringMode, ...]
     dt_s: float
 
 
@@ -179,7 +179,7 @@ def stabilisation(
         ]
         poles += here
         before = here
-    modes = _physical([pole for pole in poles if pole.stable], orders, limits)
+    modes = _recurring([pole for pole in poles if pole.stable], orders, limits)
     return Stabilisation(orders, tuple(poles), modes, dt_s)
 
 
@@ -205,9 +205,9 @@ def _alike(pole: Pole, other: Pole, limits: Criteria) -> bool:
     )
 
 
-def _physical(
+def _recurring(
     poles: list[Pole], orders: tuple[int, ...], limits: Criteria
-) -> tuple[PhysicalMode, ...]:
+) -> tuple[RecurringMode, ...]:
     modes = [_mode(cluster, orders) for cluster in _clusters(poles, limits.spread)]
     enough = (mode for mode in modes if mode.share >= limits.share)
     return tuple(sorted(enough, key=lambda mode: mode.frequency_hz))
@@ -229,7 +229,7 @@ def _clusters(poles: list[Pole], spread: float) -> Iterable[list[Pole]]:
     return [[poles[i] for i in np.flatnonzero(labels == label)] for label in np.unique(labels)]
 
 
-def _mode(cluster: list[Pole], orders: tuple[int, ...]) -> PhysicalMode:
+def _mode(cluster: list[Pole], orders: tuple[int, ...]) -> RecurringMode:
     centre = float(np.median([pole.frequency_hz for pole in cluster]))
     # An order with the mode split in two counts once.
     nearest: dict[int, Pole] = {}
@@ -239,7 +239,7 @@ def _mode(cluster: list[Pole], orders: tuple[int, ...]) -> PhysicalMode:
     frequency = np.array([pole.frequency_hz for pole in found])
     damping = np.array([pole.damping_ratio for pole in found])
     median_hz = float(np.median(frequency))
-    return PhysicalMode(
+    return RecurringMode(
         frequency_hz=median_hz,
         damping_ratio=float(np.median(damping)),
         frequency_std_hz=float(frequency.std()),

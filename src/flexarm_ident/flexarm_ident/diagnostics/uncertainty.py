@@ -18,7 +18,7 @@ import scipy
 
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.models.modes import frequency_and_damping, modal_form
+from flexarm_ident.models.modes import ModeUncertainty, frequency_and_damping, modal_form
 from flexarm_ident.models.state_space import stabilise, state_space
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.segments import SEGMENTS, cut, rows, segment_grams
@@ -54,15 +54,6 @@ class Rows(NamedTuple):
 
     record: int
     rows: slice
-
-
-class ModeUncertainty(NamedTuple):
-    """Frequency and damping ratio of a mode with their standard deviations."""
-
-    frequency_hz: float
-    damping_ratio: float
-    frequency_std_hz: float
-    damping_std: float
 
 
 @dataclass(frozen=True, eq=False)

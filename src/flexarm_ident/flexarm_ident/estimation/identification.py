@@ -11,13 +11,18 @@ import numpy as np
 from flexarm_core.errors import DataError, IdentificationError
 from flexarm_ident.diagnostics.notes import graded
 from flexarm_ident.diagnostics.quality import assess
-from flexarm_ident.diagnostics.stabilisation import stabilisation, subspace_matrices
+from flexarm_ident.diagnostics.stabilisation import (
+    Criteria,
+    stabilisation,
+    subspace_matrices,
+)
 from flexarm_ident.diagnostics.uncertainty import (
     frequency_response_uncertainty,
     jackknife,
     mode_uncertainty,
 )
 from flexarm_ident.estimation.cross_validation import cross_validate
+from flexarm_ident.estimation.physical_modes import judged_modes
 from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.records.iodata import Grade
@@ -32,13 +37,13 @@ if TYPE_CHECKING:
     from flexarm_ident.diagnostics.stabilisation import Stabilisation
     from flexarm_ident.diagnostics.uncertainty import (
         Jackknife,
-        ModeUncertainty,
         ResponseUncertainty,
     )
     from flexarm_ident.estimation.cross_validation import CrossValidation
+    from flexarm_ident.estimation.physical_modes import JudgedMode
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.friction.levels import CoulombEstimate
-    from flexarm_ident.models.modes import Mode
+    from flexarm_ident.models.modes import Mode, ModeUncertainty
     from flexarm_ident.records.iodata import DataWarning, IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.subspace_protocol import StateMatrices, Subspace
@@ -89,6 +94,8 @@ class Identification:
     start_error : ndarray, (outputs,) or None
         `fit_error` of the subspace model that a model fitted by simulation replaced. Both leave out
         samples without a working sensor.
+    likely_modes : tuple of ModeUncertainty
+        Modes of a model of maximum likelihood with their deviations; else empty.
     friction : DryFriction or None
         Dry friction at the model's inputs.
     coulomb : CoulombEstimate or None
@@ -114,6 +121,7 @@ class Identification:
     samples: tuple[int, ...] = field(repr=False)
     choice: str = ""
     start_error: FloatArray | None = None
+    likely_modes: tuple[ModeUncertainty, ...] = ()
     friction: DryFriction | None = None
     coulomb: CoulombEstimate | None = None
 
@@ -152,6 +160,8 @@ class Identification:
 
         It is empty for records that are too short or streamed, and for an arm with friction.
         """
+        if self.likely_modes:
+            return self.likely_modes
         found = self._jackknife
         return mode_uncertainty(found, self.model) if found else ()
 
@@ -218,6 +228,17 @@ class Identification:
         """Stabilisation diagram: the modes that recur over the orders."""
         space = self.subspace
         return stabilisation(subspace_matrices(space), space.output_scale, self.model.dt)
+
+    @cached_property
+    def recurring_modes(self) -> tuple[JudgedMode, ...]:
+        """Modes of `diagram` with their weights, and whether they are physical."""
+        return judged_modes(
+            self.diagram,
+            self.subspace,
+            self.linear_records,
+            feedthrough=bool(np.any(self.model.D)),
+            largest_damping=Criteria().largest_damping,
+        )
 
     @cached_property
     def stable_orders(self) -> tuple[int, ...]:

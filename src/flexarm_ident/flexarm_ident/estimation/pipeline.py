@@ -70,7 +70,7 @@ def identify(
         Look for dry friction. With `method` 'auto' and `order` open, an arm with friction may
         replace the model; see `with_friction` for the test.
     refine : bool
-        Refine a model without friction by its simulation error, which never increases.
+        Refine a model without friction, see `simulation_fit.refined`.
     progress : callable, optional
         Called with the name of the stage and its completed part.
 

@@ -3,7 +3,8 @@
 A subspace model is linear and without friction. It is the start of two refinements: an arm with dry
 friction, where the data have its structure and show friction, or a change of all its matrices. Both
 are judged by a free simulation of all records where their sensors worked, and taken only when they
-simulate better.
+simulate better. A model whose errors are noise is refined by maximum likelihood instead, which is
+judged by the likelihood.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_core.labels import label_and_unit
+from flexarm_ident.fitting.likelihood import maximise_likelihood
 from flexarm_ident.fitting.refinement import refine_model
 from flexarm_ident.fitting.validation import mean_error, relative_errors
 from flexarm_ident.friction.arm_fit import fit_arm
@@ -39,6 +41,7 @@ ARM = "arm"
 """Method of a model that is an arm with dry friction."""
 # Samples of all records together; more would take minutes for little more accuracy.
 _REFINED_SAMPLES = 20_000
+_LIKELY_SAMPLES = 100_000
 _STANDS_OUT = 3.0
 
 
@@ -116,7 +119,9 @@ def with_friction(
 
 
 def refined(found: Identification, *, progress: Progress | None = None) -> Identification:
-    """Refine a linear model by its simulation error over the leading parts of its records.
+    """Refine a linear model by maximum likelihood where its errors are noise.
+
+    Otherwise it is refined by its simulation error over the leading parts of its records.
 
     Parameters
     ----------
@@ -128,18 +133,37 @@ def refined(found: Identification, *, progress: Progress | None = None) -> Ident
     Returns
     -------
     Identification
-        The refined model, or the start when it simulates all records no worse.
+        The refined model with a note; the start when it simulates all records no worse.
     """
     records = found.records
+    start_error = _errors(_simulated(found.model, found.x0, records), records)
+    likely = None
+    if sum(map(len, records)) <= _LIKELY_SAMPLES:
+        likely = maximise_likelihood(found.model, found.x0, records, progress=progress)
+    if likely is not None:
+        return replace(
+            found,
+            model=likely.model,
+            x0=likely.x0,
+            fit_error=_errors(_simulated(likely.model, likely.x0, records), records),
+            start_error=start_error,
+            likely_modes=likely.modes,
+            notes=(*found.notes, "refined by maximum likelihood, as the errors pass for noise"),
+        )
     most = -(-_REFINED_SAMPLES // len(records))
     heads = [record.head(most) for record in records]
     better = refine_model(found.model, found.x0, heads, progress=progress)
     error = _errors(_simulated(better.model, better.x0, records), records)
-    start_error = _errors(_simulated(found.model, found.x0, records), records)
     if not _better(error, start_error):
         return found
+    note = "refined by the simulation error, as the errors recur with the input and are no noise"
     return replace(
-        found, model=better.model, x0=better.x0, fit_error=error, start_error=start_error
+        found,
+        model=better.model,
+        x0=better.x0,
+        fit_error=error,
+        start_error=start_error,
+        notes=(*found.notes, note),
     )
 
 

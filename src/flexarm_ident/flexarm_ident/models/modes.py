@@ -65,6 +65,15 @@ class Mode:
         return "/".join(str(state + 1) for state in self.states)
 
 
+class ModeUncertainty(NamedTuple):
+    """Frequency and damping ratio of a mode with their standard deviations."""
+
+    frequency_hz: float
+    damping_ratio: float
+    frequency_std_hz: float
+    damping_std: float
+
+
 @dataclass(frozen=True)
 class ModalForm:
     """Model in modal coordinates (3-3), complex pairs grouped and first (2-27).

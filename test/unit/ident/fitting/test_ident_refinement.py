@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import control
@@ -13,7 +14,8 @@ from scipy import optimize
 
 from flexarm_ident import IdentificationError, IoData
 from flexarm_ident.fitting.levenberg_marquardt import Normal, minimise
-from flexarm_ident.fitting.refinement import _Modal, refine_model
+from flexarm_ident.fitting.modal_error import ModalError
+from flexarm_ident.fitting.refinement import refine_model, relative_weights
 from flexarm_ident.friction.arm import FlexibleArm
 from flexarm_ident.friction.arm_error import Part, SimulationError
 from flexarm_ident.friction.arm_fit import fit_arm
@@ -57,10 +59,17 @@ def test_minimise___start_overflows___is_returned() -> None:
     assert found.theta is start
 
 
-def test_modal_problem___gradient___agrees_with_differences() -> None:
+@pytest.mark.parametrize("coloured", [False, True])
+def test_modal_error___gradient___agrees_with_differences(*, coloured: bool) -> None:
     model = random_model(4)
     records = [record(model, 120, 1, noise=0.1), record(model, 90, 2, noise=0.1)]
-    problem = _Modal(disturbed(model, 0, 0.01), records)
+    filters = relative_weights(records)
+    if coloured:
+        y = records[0].y.copy()
+        y[40:60] = np.nan
+        records[0] = replace(records[0], y=y)
+        filters = [np.array([1.0, -0.7, 0.1])[: output + 1] for output in range(3)]
+    problem = ModalError(disturbed(model, 0, 0.01), records, filters)
     theta = problem.pack([np.ones(5), -np.ones(5)])
     slopes = optimize.approx_fprime(theta, problem.cost, 1e-7)
     normal = problem.normal(theta)

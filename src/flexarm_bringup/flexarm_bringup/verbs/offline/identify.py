@@ -127,7 +127,7 @@ _REQUEST_OPTIONS = (
         "--refine/--no-refine",
         default=False,
         show_default=True,
-        help="Refine the model by its simulation error; it never gets worse.",
+        help="Refine the model: maximum likelihood, or simulation error where errors are no noise.",
     ),
 )
 

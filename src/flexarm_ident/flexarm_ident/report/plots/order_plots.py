@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.diagnostics.stabilisation import Pole, Stabilisation
+    from flexarm_ident.diagnostics.stabilisation import Pole, RecurringMode, Stabilisation
 
 _SHOWN_SINGULAR_VALUES = 40
 _ROOM = 1.3
@@ -69,23 +69,30 @@ def singular_value_plot(singular_values: FloatArray, order: int) -> str:
 
 
 def stabilisation_plot(
-    diagram: Stabilisation, *, known_modes_hz: Sequence[float] = (), order: int | None = None
+    diagram: Stabilisation,
+    physical: Sequence[RecurringMode],
+    *,
+    known_modes_hz: Sequence[float] = (),
+    order: int | None = None,
 ) -> str:
     """Plot the modes of all orders over their frequency.
 
-    The axis ends a little above the highest mode that is stable over the orders or known.
+    The axis ends a little above the highest mode that recurs or is known.
 
     Parameters
     ----------
     diagram : Stabilisation
-        Modes per order and the physical ones.
+        Modes per order and the recurring ones.
+    physical : sequence of RecurringMode
+        Those of the recurring modes that are the plant's; they are shaded.
     known_modes_hz : sequence of float
         Frequencies marked by thin lines.
     order : int, optional
         Order of the chosen model, marked by a line.
     """
-    shaded = [(mode.frequency_hz, mode.frequency_std_hz) for mode in diagram.modes]
-    highest_hz = max([frequency_hz for frequency_hz, _ in shaded] + list(known_modes_hz), default=0)
+    shaded = [(mode.frequency_hz, mode.frequency_std_hz) for mode in physical]
+    recurring_hz = [mode.frequency_hz for mode in diagram.modes]
+    highest_hz = max([*recurring_hz, *known_modes_hz], default=0.0)
     end_hz = min(_ROOM * highest_hz, 0.5 / diagram.dt_s) or 0.5 / diagram.dt_s
     seen = [pole for pole in diagram.poles if pole.frequency_hz <= end_hz]
     stable = [pole for pole in seen if pole.stable]

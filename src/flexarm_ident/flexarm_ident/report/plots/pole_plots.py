@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from flexarm_ident.diagnostics.uncertainty import ModeUncertainty
-    from flexarm_ident.models.modes import Mode
+    from flexarm_ident.models.modes import Mode, ModeUncertainty
 
 _LEFT_OUT: Any = {"color": MARK, "marker": "o", "linestyle": "none", "fillstyle": "none"}
 _KEPT: Any = {"color": BLACK, "marker": "x", "linestyle": "none"}

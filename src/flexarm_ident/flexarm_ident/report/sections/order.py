@@ -19,7 +19,10 @@ def _build(subject: Subject) -> Iterator[Block]:
     found, request = subject.outcome.identification, subject.outcome.request
     yield from map(Words, _why(subject.outcome))
     diagram = stabilisation_plot(
-        found.diagram, known_modes_hz=request.known_modes_hz, order=found.order
+        found.diagram,
+        [each.mode for each in found.recurring_modes if each.is_physical],
+        known_modes_hz=request.known_modes_hz,
+        order=found.order,
     )
     yield Plots(
         (
@@ -31,8 +34,11 @@ def _build(subject: Subject) -> Iterator[Block]:
         yield Words("No mode recurs at enough orders to count as a mode of the plant.")
         return
     yield Words(
-        "These modes recur over the orders: they belong to the plant, or to a steady disturbance "
-        "such as the mains, and not to noise. ± is their scatter over the orders."
+        "These modes recur over the orders. Those that also answer the recorded inputs and stay at "
+        "their places are marked: they are the plant's. The others belong to a steady disturbance, "
+        "such as the mains, or to noise. The weight is the mean response (MRM), 1 for the "
+        "strongest vibration, and 0.02 at least for a mode of the plant. ± is the scatter over "
+        "the orders."
     )
     yield _clusters(subject.outcome)
 
@@ -59,15 +65,22 @@ def _why(outcome: Outcome) -> list[str]:
 
 
 def _clusters(outcome: Outcome) -> Table:
-    """Return the modes that recur over the orders, with their scatter."""
+    """Return the modes that recur over the orders, with their scatter and weight."""
+    figures = [
+        (each.mode, each.weight, each.is_physical)
+        for each in outcome.identification.recurring_modes
+    ]
     rows = tuple(
         (
             f"{mode.frequency_hz:.3f}{plus_minus(mode.frequency_std_hz)}",
             f"{mode.damping_ratio:.3f}{plus_minus(mode.damping_std)}",
             f"{mode.count} ({100.0 * mode.share:.0f} %)",
             ranges(sorted(mode.orders)),
+            f"{weight:.3f}",
+            "yes" if is_physical else "no",
         )
-        for mode in outcome.identification.diagram.modes
+        for mode, weight, is_physical in figures
     )
-    header = ("Frequency, Hz", "Damping", "Found at", "Orders")
-    return Table("clusters", "Modes that recur over the orders", header, rows)
+    header = ("Frequency, Hz", "Damping", "Found at", "Orders", "Weight", "Physical")
+    marked = tuple(is_physical for _, _, is_physical in figures)
+    return Table("clusters", "Modes that recur over the orders", header, rows, marked)

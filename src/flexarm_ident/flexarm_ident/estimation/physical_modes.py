@@ -1,0 +1,113 @@
+"""Physical modes: those that recur over the orders, answer the inputs, and are known well.
+
+A mode that recurs may still belong to a steady disturbance, such as the mains, or to what a high
+order makes of noise. Neither answers the recorded inputs: its mean response to them (3-8) is far
+below that of the strongest mode.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.models.modes import ranked_modes
+from flexarm_ident.models.state_space import stabilise, state_space
+from flexarm_ident.records.preprocess import output_scale
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.diagnostics.stabilisation import RecurringMode, Stabilisation
+    from flexarm_ident.models.modes import Mode
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.subspace.subspace_protocol import Subspace
+
+# Response in units of the strongest vibration's. A weaker mode adds at most so much to an error
+# (2-25), a tenth of what a good model may miss.
+_HEARD = 0.02
+# Standard deviation of the frequency over the orders. A mode of a plant is at one place; one that
+# describes noise wanders within the width of its cluster, a tenth.
+_SCATTER = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedMode:
+    """Mode that recurs over the orders, and whether it is one of the plant.
+
+    Attributes
+    ----------
+    mode : RecurringMode
+        The mode.
+    weight : float
+        Its mean response to the recorded inputs (3-8), in units of the strongest vibration's.
+    is_physical : bool
+        Whether it is heard and stays at its place.
+    """
+
+    mode: RecurringMode
+    weight: float
+    is_physical: bool
+
+
+def judged_modes(
+    diagram: Stabilisation,
+    space: Subspace,
+    records: Sequence[IoData],
+    *,
+    feedthrough: bool,
+    largest_damping: float,
+) -> tuple[JudgedMode, ...]:
+    """Judge the modes that recur over the orders by their response to the recorded inputs.
+
+    Each is weighed in the model of the highest order that has it.
+
+    Parameters
+    ----------
+    diagram : Stabilisation
+        The diagram with the modes.
+    space : Subspace
+        Source of the models.
+    records : sequence of IoData
+        Records whose inputs drive the modes.
+    feedthrough : bool
+        Whether D is fitted.
+    largest_damping : float
+        Largest damping ratio of a vibration.
+    """
+
+    @cache
+    def vibrations(order: int) -> tuple[Mode, ...]:
+        modes = _modes(space, order, records, feedthrough=feedthrough)
+        return tuple(
+            mode for mode in modes if mode.is_pair and abs(mode.damping_ratio) <= largest_damping
+        )
+
+    judged = []
+    for mode in diagram.modes:
+        others = vibrations(mode.orders[-1])
+        strongest = max((each.mrm for each in others), default=0.0)
+        weight = _nearest(others, mode.frequency_hz).mrm / strongest if strongest > 0.0 else 0.0
+        stays = mode.frequency_std_hz <= _SCATTER * mode.frequency_hz
+        judged.append(JudgedMode(mode, weight, weight >= _HEARD and stays))
+    return tuple(judged)
+
+
+def _nearest(modes: Sequence[Mode], frequency_hz: float) -> Mode:
+    return min(modes, key=lambda mode: abs(mode.frequency_hz - frequency_hz))
+
+
+def _modes(
+    space: Subspace, order: int, records: Sequence[IoData], *, feedthrough: bool
+) -> tuple[Mode, ...]:
+    """Return the modes of a model of one order; none when it is too unstable to be fitted."""
+    raw = space.matrices(order)
+    A, _ = stabilise(raw.A)
+    try:
+        fit = fit_inputs(A, raw.C, records, feedthrough=feedthrough, noise_weighted=True)
+    except IdentificationError:
+        return ()
+    model = state_space(A, fit.B, raw.C, fit.D, records[0].dt_s)
+    return ranked_modes(model, records, output_scale(records))

@@ -1,0 +1,101 @@
+"""Autoregressive noise of outputs: its inverse filter, and whether it is noise at all.
+
+The errors of a good model are coloured noise. A filter with the coefficients of an autoregressive
+model whitens them, and what is left is uncorrelated with the inputs before it. Errors of a model
+that misses dynamics or friction recur with the input.
+
+Durbin, "The fitting of time-series models", Review of the International Statistical Institute 28
+(1960), for the recursion; Ljung, "System Identification", 2nd ed., Prentice Hall (1999), section
+16.6, for the test.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from flexarm_ident.subspace.inverse import truncated_inverse
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_core.arrays import FloatArray
+
+_LONGEST = 30
+_LAGS = 150
+# One false alarm in a thousand records.
+_SIGNIFICANCE = 1e-3
+
+
+def whitening_filter(errors: Sequence[FloatArray], longest: int = _LONGEST) -> FloatArray:
+    """Return the filter that turns the errors of one output into white noise of unit variance.
+
+    Parameters
+    ----------
+    errors : sequence of ndarray, (samples,)
+        Errors of each record; NaN where there is none.
+    longest : int
+        Largest order of the autoregressive model; the one that is taken has the smallest BIC.
+
+    Returns
+    -------
+    ndarray, (order + 1,)
+        Coefficients, that of the present sample first; zero for errors that are zero throughout.
+    """
+    known = [np.nan_to_num(e) for e in errors]
+    samples = sum(int(np.count_nonzero(~np.isnan(e))) for e in errors)
+    longest = min(longest, *(len(e) - 1 for e in known))
+    products = [
+        sum(float(e[lag:] @ e[: len(e) - lag]) for e in known) for lag in range(longest + 1)
+    ]
+    covariance = np.array(products) / max(samples, 1)
+    if covariance[0] <= 0.0:
+        return np.zeros(1)
+    taps, variance = np.ones(1), covariance[0]
+    best, smallest = taps / np.sqrt(variance), samples * np.log(variance)
+    for order in range(1, longest + 1):
+        reflection = -float(taps @ covariance[order:0:-1]) / variance
+        taps = np.append(taps, 0.0)
+        taps = taps + reflection * taps[::-1]
+        variance *= 1.0 - reflection**2
+        if variance <= 0.0:
+            break
+        criterion = samples * np.log(variance) + order * np.log(samples)
+        if criterion < smallest:
+            best, smallest = taps / np.sqrt(variance), criterion
+    return np.asarray(best)
+
+
+def is_noise(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> bool:
+    """Return whether white errors are uncorrelated with the inputs of the 150 samples before them.
+
+    Parameters
+    ----------
+    errors : sequence of ndarray, (samples, outputs)
+        Whitened errors of each record; NaN where there is none.
+    inputs : sequence of ndarray, (samples, inputs)
+        Inputs of each record.
+    """
+    channels = errors[0].shape[1], inputs[0].shape[1]
+    size = _LAGS * channels[1]
+    gram, cross, samples = np.zeros((size, size)), np.zeros((size, channels[0])), 0
+    power = np.zeros(channels[0])
+    for e, u in zip(errors, inputs, strict=True):
+        if len(e) <= _LAGS:
+            continue
+        past = np.hstack([u[_LAGS - lag : len(u) - lag] for lag in range(1, _LAGS + 1)])
+        present = e[_LAGS:]
+        known = ~np.isnan(present).any(axis=1)
+        past, present = past[known], present[known]
+        gram += past.T @ past
+        cross += past.T @ present
+        power += np.sum(present**2, axis=0)
+        samples += len(present)
+    if samples <= size or not np.all(power > 0.0):
+        return False
+    inverse = truncated_inverse(gram, equilibrated=True)
+    explained = np.sum(cross * inverse.solve(cross), axis=0) / power
+    degrees = inverse.rank * channels[0]
+    return bool(scipy.special.chdtrc(degrees, samples * explained.sum()) > _SIGNIFICANCE)

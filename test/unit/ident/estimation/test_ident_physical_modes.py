@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexarm_daq import RigParameters
+from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_ident import IoData, identify, preprocess, read_bag
+from support.ident_systems import DT_S, arm_model, step_by_step
+from support.project import BAGS
+
+
+def test_recurring_modes___mains_hum_beside_the_arm___recurs_but_is_not_physical() -> None:
+    rng, samples = np.random.default_rng(1), 8000
+    u = rng.normal(size=(samples, 1))
+    y = step_by_step(arm_model(), u)
+    hum = np.sin(2.0 * np.pi * 100.0 * DT_S * np.arange(samples))[:, np.newaxis]
+    y += y.std(axis=0) * (0.05 * hum + 0.02 * rng.normal(size=y.shape))
+    found = identify(IoData(u, y, dt_s=DT_S), method="orse_iv", block_rows=30).recurring_modes
+    judged = {round(each.mode.frequency_hz, 0): each.is_physical for each in found}
+    assert judged == {9.0: True, 24.0: True, 46.0: True, 100.0: False}
+    (hummed,) = (each for each in found if not each.is_physical)
+    assert hummed.weight < 0.02
+
+
+@pytest.mark.parametrize(("bag", "payload_kg"), [("c_dat3_0g", 0.0), ("c_dat3_400g", 0.4)])
+def test_recurring_modes___simulated_arm___physical_ones_are_those_of_its_beam(
+    bag: str, payload_kg: float
+) -> None:
+    found = identify(preprocess(read_bag(BAGS / bag)), method="pbsid").recurring_modes
+    physical_hz = [each.mode.frequency_hz for each in found if each.is_physical]
+    true_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg), len(physical_hz))
+    np.testing.assert_allclose(physical_hz, true_hz, rtol=0.08)
+    assert len(physical_hz) == 4
