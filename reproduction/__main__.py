@@ -12,8 +12,9 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import VerbGroup, examples
+from flexarm_core.workers import Workers
 from reproduction.contents import all_subjects
-from reproduction.framework.computing import Store, Workers, reproduce
+from reproduction.framework.computing import Store, reproduce
 from reproduction.framework.document import write_document
 from reproduction.framework.findings import Verdict, count
 from reproduction.framework.selection import select

@@ -6,27 +6,23 @@ Every result is kept as it comes, so that an interrupted run goes on where it st
 from __future__ import annotations
 
 import hashlib
-import importlib
-import logging
 import os
 import pickle
 import platform
-import signal
 import tempfile
 import zlib
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import joblib
-
 import flexarm_control
 import flexarm_core
 import flexarm_daq
 import flexarm_ident
+from flexarm_core.workers import Workers
+from flexarm_core.workers import computed as on_workers
 from reproduction.framework.findings import ReproductionError, Subject
 
 if TYPE_CHECKING:
@@ -36,8 +32,6 @@ if TYPE_CHECKING:
 
     Progress = Callable[[str, float], None]
 
-CONNECT_S = 10.0
-"""Deadline of a scheduler to answer, and to have a worker."""
 SOURCES = (
     Path(__file__).parents[1],
     *(
@@ -49,14 +43,6 @@ SOURCES = (
 """
 _LIBRARIES = ("numpy", "scipy", "numba", "control")
 _COMPRESSION = 3
-
-
-@dataclass(frozen=True)
-class Workers:
-    """Processes that compute: `jobs` here, -1 for one per core, or those of a Dask cluster."""
-
-    jobs: int = -1
-    dask: str = ""
 
 
 @dataclass(frozen=True)
@@ -155,7 +141,7 @@ def reproduce(
 
     Raises
     ------
-    ReproductionError
+    WorkersError
         Without a cluster to compute on.
     """
     report = progress or (lambda _text, _part: None)
@@ -198,91 +184,19 @@ def computed(calls: Sequence[Call], workers: Workers) -> Iterator[tuple[Call, An
 
     Raises
     ------
-    ReproductionError
+    WorkersError
         When the cluster cannot be reached or is lost, or `distributed` is not installed.
     """
-    if calls:
-        yield from _on_cluster(calls, workers.dask) if workers.dask else _here(calls, workers.jobs)
+    arguments = [(call, source_digest()) for call in calls]
+    for number, result, failure in on_workers(_compute, arguments, workers):
+        yield calls[number], result, failure
 
 
-def _here(calls: Sequence[Call], jobs: int) -> Iterator[tuple[Call, Any, str]]:
-    with joblib.parallel_config(
-        "loky", n_jobs=jobs, inner_max_num_threads=1, initializer=_leave_interrupts
-    ):
-        parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
-        done = parallel(
-            joblib.delayed(_compute)(number, call, source_digest())
-            for number, call in enumerate(calls)
-        )
-        try:
-            for number, result, failure in done:
-                yield calls[number], result, failure
-        finally:
-            done.close()
-
-
-def _on_cluster(calls: Sequence[Call], address: str) -> Iterator[tuple[Call, Any, str]]:
-    # Not through joblib: its backend waits for ever when the scheduler refuses a task.
-    with _cluster(address) as (client, distributed):
-        # Each a task of its own, however often the same is asked for.
-        waiting = {
-            client.submit(_compute, number, call, source_digest(), pure=False): call
-            for number, call in enumerate(calls)
-        }
-        for future in distributed.as_completed(waiting):
-            call = waiting.pop(future)
-            try:
-                _, result, failure = future.result()
-            except distributed.KilledWorker as error:
-                result, failure = None, _failure(error)
-            except (distributed.CancelledError, RuntimeError, ImportError) as error:
-                raise ReproductionError(
-                    f"the cluster at {address} computes no more: {_failure(error)}; scheduler and "
-                    "workers need flexarm as it is here and the checkout in PYTHONPATH, what was "
-                    "computed is kept"
-                ) from error
-            yield call, result, failure
-
-
-@contextmanager
-def _cluster(address: str) -> Iterator[tuple[Any, Any]]:
-    try:
-        distributed = importlib.import_module("distributed")
-    except ImportError:
-        raise ReproductionError(
-            "--dask needs distributed: pip install -r requirements/dask.in"
-        ) from None
-    # What it says at length is said in one line here.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    try:
-        client = distributed.Client(address, timeout=CONNECT_S)
-    except (OSError, ValueError) as error:
-        raise ReproductionError(
-            f"no Dask scheduler at {address}: {_failure(error)}; start one with `dask scheduler`"
-        ) from error
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=CONNECT_S)
-        except distributed.TimeoutError:
-            raise ReproductionError(
-                f"the Dask scheduler at {address} has no workers: start them with `dask worker`"
-            ) from None
-        yield client, distributed
-
-
-def _leave_interrupts() -> None:
-    """Leave Ctrl-C, which a terminal sends to all processes, to the one that ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _compute(number: int, call: Call, source: str) -> tuple[int, Any, str]:
-    """Compute a call in a worker; its number tells the caller which one it was."""
-    try:
-        if source_digest() != source:
-            return number, None, f"{platform.node()} has another source of it; install the same"
-        return number, call(), ""
-    except Exception as error:  # noqa: BLE001 - the caller reports it
-        return number, None, _failure(error)
+def _compute(call: Call, source: str) -> Any:  # noqa: ANN401 - whatever the call returns
+    """Compute a call in a worker, which must have the caller's source."""
+    if source_digest() != source:
+        raise ReproductionError(f"{platform.node()} has another source of it; install the same")
+    return call()
 
 
 def _failure(error: BaseException) -> str:

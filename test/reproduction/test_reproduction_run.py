@@ -3,16 +3,16 @@ from __future__ import annotations
 import math
 import operator
 import os
-import sys
 import time
 from typing import TYPE_CHECKING, Any
 
 import distributed
 import pytest
 
+from flexarm_core.workers import Workers
 from reproduction.contents import all_subjects
 from reproduction.framework import computing
-from reproduction.framework.computing import Outcome, Store, Workers, reproduce
+from reproduction.framework.computing import Outcome, Store, reproduce
 from reproduction.framework.findings import (
     Call,
     Finding,
@@ -166,37 +166,6 @@ def test_reproduce___dask___computes_on_the_cluster(tmp_path: Path) -> None:
     assert said(roots) == " ".join(str(math.sqrt(k)) for k in range(20))
     assert int(said(process)) != os.getpid()
     assert "ZeroDivisionError" in failed.failure
-
-
-def test_reproduce___cluster_without_workers___says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(computing, "CONNECT_S", 0.5)
-    wanted = subject("table-2-1", Call(math.sqrt, (4.0,)))
-    local_cluster: Any = distributed.LocalCluster
-    with local_cluster(n_workers=0, dashboard_address=None, processes=False) as cluster:
-        workers = Workers(dask=cluster.scheduler_address)
-        with pytest.raises(ReproductionError, match="has no workers"):
-            reproduce([wanted], Store(tmp_path), workers=workers)
-
-
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense"])
-def test_reproduce___no_scheduler_there___says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str
-) -> None:
-    monkeypatch.setattr(computing, "CONNECT_S", 0.2)
-    wanted = [subject("table-2-1", Call(math.sqrt, (4.0,)))]
-    with pytest.raises(ReproductionError, match=f"no Dask scheduler at {address}"):
-        reproduce(wanted, Store(tmp_path), workers=Workers(dask=address))
-
-
-def test_reproduce___no_distributed___names_the_requirement(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    wanted = [subject("table-2-1", Call(math.sqrt, (4.0,)))]
-    with pytest.raises(ReproductionError, match=r"requirements/dask\.in"):
-        reproduce(wanted, Store(tmp_path), workers=Workers(dask="tcp://127.0.0.1:1"))
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,7 @@ def members(type_name: str, definitions: Typesdict) -> tuple[Member, ...]:
         If the type, or one that it contains, is unknown.
     """
     if type_name not in definitions:
-        raise CdrError(f"no definition of {type_name}")
+        raise CdrError(f"no definition of {type_name} in the bag; a bag recorded as MCAP has it")
     flat: list[Member] = []
     for name, description in definitions[type_name][1]:
         flat.extend(_spread(name, description, definitions))

@@ -81,13 +81,20 @@ def without_bias(source: Source) -> Part:
     """
     first = excerpt(source)
     check_magnitude(first)
-    bias = first.y[0] - preprocess(first, zero_mean=()).y[0]
+    prepared = preprocess(first, zero_mean=())
+    bias = first.y[0] - prepared.y[0]
+    # An offset of an input stays.
+    told = [
+        each for each in prepared.notices[len(first.notices) :] if each.channel in source.outputs
+    ]
     total, count = np.zeros(len(source.outputs)), 0
     for _, y in source.chunks(_CHUNK):
         total += np.nansum(y, axis=0)
         count += int(np.count_nonzero(~np.isnan(y[:, 0])))
     gauges = np.isin(source.outputs, ZERO_MEAN_OUTPUTS)
-    return Part(source, len(source), np.where(gauges, total / max(count, 1), bias))
+    part = Part(source, len(source), np.where(gauges, total / max(count, 1), bias))
+    part.notices = (*source.notices, *told)
+    return part
 
 
 def validate_stream(model: control.StateSpace, record: Source, x0: FloatArray) -> Dmv:

@@ -99,7 +99,10 @@ def common_rows(
         ends = min(ends, *(float(at[-1]) - 1.0 for at in acting))
     rows = np.arange(int(np.ceil(begins)), int(np.floor(ends)) + 1)
     if len(rows) < 2 or any(at[-1] < begins for at in acting):  # noqa: PLR2004 - a record has a step
-        raise DataError(f"the topics do not overlap: {_extents((*inputs, *outputs))}")
+        raise DataError(
+            f"the topics do not overlap: {_extents((*inputs, *outputs))}; stamps of different "
+            "machines or of a simulation may need the other clock (--clock)"
+        )
     driven = _mean_of_lines if interpolated else _mean_of_steps
     u = [driven(at, signal.values, rows) for at, signal in zip(acting, inputs, strict=True)]
     y = [

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
     from flexarm_ident.workflow.outcome import Outcome
 
-_FIRST = ("bag", "begun", "samples", "rate_hz", "method", "order", "error_mean", "left_out_mean")
+_FIRST = (
+    *("bag", "begun", "verdict", "samples", "rate_hz", "method", "order"),
+    *("error_mean", "left_out_mean"),
+)
 _LAST = ("failure", "record_sha256", "request_sha256")
 _LIGHTEST = 0.01
 _MODE = re.compile(r"(?:frequency|damping|weight)_(\d+)")
@@ -31,10 +34,11 @@ class Row:
     bag : str
         Its path, as it was given.
     cells : mapping of str to str
-        Column -> text: ``begun`` (UTC), ``samples``, ``rate_hz``, ``method``, ``order``, errors of
-        each output and their mean, ``left_out_mean`` (cross-validation), ``friction_<input>`` with
-        ``_std``; ``frequency_<n>`` in Hz, ``damping_<n>`` and ``weight_<n>`` of each vibrating
-        mode, by rising frequency. The weight is its MRM over the largest one.
+        Column -> text: ``begun`` (UTC), ``verdict``, ``samples``, ``rate_hz``, ``method``,
+        ``order``, errors of each output and their mean, ``left_out_mean`` (cross-validation),
+        ``friction_<input>`` with ``_std``; ``frequency_<n>`` in Hz, ``damping_<n>`` and
+        ``weight_<n>`` of each vibrating mode, by rising frequency. The weight is its MRM over the
+        largest one.
     """
 
     bag: str
@@ -69,6 +73,7 @@ def model_cells(outcome: Outcome) -> dict[str, str]:
     """Return the cells that a model fills."""
     record = outcome.records[0]
     cells = {
+        "verdict": str(outcome.verdict.level),
         "samples": str(outcome.samples[0]),
         "rate_hz": _text(1.0 / record.dt_s),
         "method": outcome.identification.method,

@@ -5,15 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import signal
 from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import joblib
-
 from flexarm_core.errors import DataError, FlexarmError, one_line
+from flexarm_core.workers import Workers, computed
 from flexarm_ident.job import REPORT_FILE, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.reading.read import begin_ns
@@ -22,7 +20,7 @@ from flexarm_ident.series.trend import trend_page, trend_plot
 from flexarm_ident.workflow.stages import run
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from flexarm_core.arrays import Progress
     from flexarm_ident.reading.channels import Selection
@@ -58,6 +56,7 @@ class Series:
 class _Task:
     """One bag, and the row that it has already."""
 
+    name: str
     bag: Path
     folder: Path
     request: Request
@@ -73,7 +72,7 @@ def identify_each(
     *,
     channels: Selection | None = None,
     exports: Sequence[str] = (),
-    jobs: int = -1,
+    workers: Workers | None = None,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Series:
     """Identify one model per bag; write their table, the picture of their trend, and each model.
@@ -91,8 +90,9 @@ def identify_each(
         what `job.identify_bags` writes. Rows of other bags in its table stay.
     request, channels, exports
         As in `job.identify_bags`, the same for all.
-    jobs : int
-        Processes; -1 for one per core.
+    workers : Workers, optional
+        Processes, by default one per core. Those of a cluster need the bags and the folder under
+        the same paths as here.
     progress : callable
         Called with the bag that has ended and the part of all that is done. An exception from it
         ends the run; what has ended is kept.
@@ -109,13 +109,23 @@ def identify_each(
     table = folder / TABLE_FILE
     rows = read_rows(table)
     tasks = [
-        _Task(bag, folder / place, request, channels, tuple(exports), rows.get(str(bag)))
+        _Task(
+            str(bag),
+            bag.absolute(),
+            (folder / place).absolute(),
+            request,
+            channels,
+            tuple(exports),
+            rows.get(str(bag)),
+        )
         for bag, place in places.items()
     ]
     order = dict.fromkeys([*rows, *map(str, places)])
     skipped = 0
     progress("reading", 0.0)
-    for done, (row, is_known) in enumerate(_computed(tasks, jobs), start=1):
+    ended = computed(_row, [(task,) for task in tasks], workers or Workers())
+    for done, (number, found, failure) in enumerate(ended, start=1):
+        row, is_known = found or (Row(tasks[number].name, {"failure": failure}), False)
         skipped += is_known
         rows[row.bag] = row
         write_rows(table, [rows[bag] for bag in order if bag in rows])
@@ -132,24 +142,6 @@ def _places(bags: Sequence[Path]) -> dict[Path, str]:
         if taken.setdefault(place, bag) != bag:
             raise DataError(f"{bag} and {taken[place]} would both be {place}: rename one of them")
     return places
-
-
-def _computed(tasks: Sequence[_Task], jobs: int) -> Iterator[tuple[Row, bool]]:
-    """Yield rows in the order in which they end, and whether they were known."""
-    with joblib.parallel_config(
-        "loky", n_jobs=jobs, inner_max_num_threads=1, initializer=_leave_interrupts
-    ):
-        parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
-        done = parallel(joblib.delayed(_row)(task) for task in tasks)
-        try:
-            yield from done
-        finally:
-            done.close()
-
-
-def _leave_interrupts() -> None:
-    """Leave Ctrl-C, which a terminal sends to all processes, to the one that ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _row(task: _Task) -> tuple[Row, bool]:
@@ -169,9 +161,7 @@ def _row(task: _Task) -> tuple[Row, bool]:
         cells |= model_cells(outcome)
     except (FlexarmError, OSError) as error:
         cells["failure"] = one_line(error)
-    except Exception as error:  # noqa: BLE001 - one bag must not take the others with it
-        cells["failure"] = f"internal error: {type(error).__name__}: {one_line(error)}"
-    return Row(str(task.bag), cells), False
+    return Row(task.name, cells), False
 
 
 def _request_hash(task: _Task) -> str:

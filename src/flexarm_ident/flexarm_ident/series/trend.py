@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 _PANEL_IN = 2.2
 # Area of the mark of the heaviest mode, and of one without weight, in square points.
 _LARGEST, _SMALLEST = 36.0, 3.0
+FIGURES = ("verdict", "order", "error_mean", "left_out_mean")
+"""Columns of the table that a short one has too."""
 _LEVEL, _DEVIATION = "friction_", "_std"
 
 
@@ -126,12 +128,21 @@ def trend_page(rows: Sequence[Row], picture: str, reports: dict[str, str], table
     summary = [f"{counted(len(rows) - failed, 'model')} of {counted(len(rows), 'bag')}."]
     if failed:
         summary.append(f"{counted(failed, 'bag')} without one: the last column says why.")
-    columns = ("Bag", "Begin, UTC", "Order", "Error", "Left out", "Main modes, Hz", "No model")
+    columns = (
+        "Bag",
+        "Begin, UTC",
+        "Verdict",
+        "Order",
+        "Error",
+        "Left out",
+        "Main modes, Hz",
+        "No model",
+    )
     cells = tuple(
         (
             row.bag,
             row.cells.get("begun", "").replace("T", " ").removesuffix("+00:00"),
-            *(row.cells.get(name, "") for name in ("order", "error_mean", "left_out_mean")),
+            *(row.cells.get(name, "") for name in FIGURES),
             ", ".join(f"{hz:.4g}" for hz, _ in row.main_modes()),
             row.failure,
         )

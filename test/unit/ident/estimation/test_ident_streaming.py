@@ -13,7 +13,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from flexarm_core.errors import BagError
 from flexarm_ident import DataError, IdentificationError, IoData, identify, job, read_bag
-from flexarm_ident.estimation.streaming import EXCERPT_SAMPLES
+from flexarm_ident.estimation.streaming import EXCERPT_SAMPLES, without_bias
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.reading.read import stream_bag
 from flexarm_ident.records.preprocess import ZERO_MEAN_OUTPUTS, remove_compensation
@@ -318,6 +318,15 @@ def test_identify___ten_times_the_samples___takes_no_more_memory(method: str) ->
         tracemalloc.stop()
     assert peaks[1] < 1.1 * peaks[0]
     assert peaks[1] < 40e6
+
+
+def test_without_bias___offset_beyond_all_signal___is_removed_and_told() -> None:
+    data = record(random_model(1), 500, seed=1)
+    far = replace(data, y=data.y + 1e6)
+    part = without_bias(Pieces(far, [97]))
+    (_, y), *_ = part.chunks(500)
+    np.testing.assert_allclose(y, data.y - data.y.mean(axis=0), atol=1e-6)
+    assert [each.channel for each in part.notices] == list(data.outputs)
 
 
 class Repeated(Pieces):

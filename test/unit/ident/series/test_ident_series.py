@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import distributed
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
 from flexarm_core.errors import DataError
+from flexarm_core.workers import Workers
 from flexarm_ident import job, load_model, selection
 from flexarm_ident.series import run as series_run
 from flexarm_ident.series.run import identify_each
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
 QUICK = Request(order=4, block_rows=10, method="orse", friction=False)
 CHOSEN = selection(["/joint_states.effort[0]"], ["angle=/joint_states.position[0]"])
 DAY_NS = 86_400 * 10**9
+HERE = Workers(jobs=1)
 
 
 def a_bag(path: Path, seed: int, day: int = 0) -> Path:
@@ -67,7 +70,7 @@ def computed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def each(bags: Sequence[Path], out: Path, request: Request = QUICK) -> series_run.Series:
-    return identify_each(bags, out, request, channels=CHOSEN, jobs=1)
+    return identify_each(bags, out, request, channels=CHOSEN, workers=HERE)
 
 
 def close_to_the_rig(row: Row) -> bool:
@@ -88,12 +91,13 @@ def test_each___bags_of_one_rig___have_a_row_and_a_folder_each(
     assert series.rows[1].failure == f"{broken}: no such bag"
     table = (out / "models.csv").read_text().splitlines()
     assert len(table) == 5
-    assert table[0].startswith("bag,begun,samples,rate_hz,method,order,error_mean,left_out_mean,")
+    assert table[0].startswith("bag,begun,verdict,samples,rate_hz,method,order,error_mean,")
     page = (out / "index.html").read_text()
     assert (out / "trend.svg").read_text() in page
     for day, row in zip(range(3), [series.rows[0], *series.rows[2:]], strict=True):
         assert close_to_the_rig(row)
         assert row.number("damping_1") == pytest.approx(0.03, abs=0.003)
+        assert row.cells["verdict"] == "good"
         assert row.cells["begun"].startswith(f"2023-11-{14 + day}T")
         folder = str(bags[day]).strip("/").replace("/", "_").replace("-", "_").replace(".", "_")
         model = load_model(out / folder / "model.yaml")
@@ -135,7 +139,7 @@ def test_each___interrupted___keeps_what_has_ended(
 
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        identify_each(bags, out, QUICK, channels=CHOSEN, jobs=1, progress=interrupt)
+        identify_each(bags, out, QUICK, channels=CHOSEN, workers=HERE, progress=interrupt)
     assert len((out / "models.csv").read_text().splitlines()) == 3
     before = len(computed)
 
@@ -144,14 +148,25 @@ def test_each___interrupted___keeps_what_has_ended(
     assert len(computed) == before + 1
 
 
+def assert_same(one: series_run.Series, other: series_run.Series) -> None:
+    for left, right in zip(one.rows, other.rows, strict=True):
+        assert (left.bag, list(left.cells)) == (right.bag, list(right.cells))
+        assert left.is_of(right.cells["record_sha256"], right.cells["request_sha256"])
+        assert list(left.main_modes()) == [pytest.approx(mode) for mode in right.main_modes()]
+
+
 @pytest.mark.slow
-def test_each___on_two_cores___gives_the_same(tmp_path: Path, bags: list[Path]) -> None:
-    alone = identify_each(bags, tmp_path / "one", QUICK, channels=CHOSEN, jobs=1)
-    together = identify_each(bags, tmp_path / "two", QUICK, channels=CHOSEN, jobs=2)
-    for one, other in zip(alone.rows, together.rows, strict=True):
-        assert (one.bag, list(one.cells)) == (other.bag, list(other.cells))
-        assert one.is_of(other.cells["record_sha256"], other.cells["request_sha256"])
-        assert list(one.main_modes()) == [pytest.approx(mode) for mode in other.main_modes()]
+def test_each___two_cores_and_a_cluster___give_the_same(tmp_path: Path, bags: list[Path]) -> None:
+    def on(workers: Workers, name: str) -> series_run.Series:
+        return identify_each(bags, tmp_path / name, QUICK, channels=CHOSEN, workers=workers)
+
+    alone = on(HERE, "alone")
+    assert_same(alone, on(Workers(jobs=2), "two"))
+    local_cluster: Any = distributed.LocalCluster
+    with local_cluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
+    ) as cluster:
+        assert_same(alone, on(Workers(dask=cluster.scheduler_address), "cluster"))
 
 
 def test_each___two_bags_of_one_folder___are_refused(tmp_path: Path) -> None:

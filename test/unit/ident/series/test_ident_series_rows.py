@@ -36,7 +36,7 @@ def test_rows___written___come_back(tmp_path: Path) -> None:
     with file.open(newline="") as stream:
         header = next(csv.reader(stream))
     # The figures of the model, its modes in the order of their numbers, and what made it.
-    assert header[8:12] == ["error_angle", "friction_u", "friction_u_std", "frequency_1"]
+    assert header[9:13] == ["error_angle", "friction_u", "friction_u_std", "frequency_1"]
     assert header.index("frequency_2") < header.index("frequency_10")
     assert header[-3:] == ["failure", "record_sha256", "request_sha256"]
     assert [each.name for each in tmp_path.iterdir()] == ["models.csv"]

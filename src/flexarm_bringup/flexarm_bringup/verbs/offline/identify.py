@@ -14,6 +14,7 @@ from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
 from flexarm_bringup.verbs.offline.series import model_each
+from flexarm_core.workers import Workers
 from flexarm_ident import job
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import parse_exports
@@ -150,6 +151,9 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
 )
 @click.option("--each", is_flag=True, help="One model per bag, in a table with their trend.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes of --each; else one per core.")
+@click.option(
+    "--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster, for --each."
+)
 @examples(
     "identify bags/c_dat3_0g",
     "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
@@ -165,15 +169,19 @@ def identify(
     export: str,
     each: bool,
     jobs: int | None,
+    dask: str,
     **options: Any,  # noqa: ANN401
 ) -> None:
     """Identify a model from bags; write parameters and report."""
     exports, channels = parse_exports(export), taken_channels(options)
     if each:
-        model_each(bags, out, Request(**options), channels=channels, exports=exports, jobs=jobs)
+        workers = Workers(jobs or -1, dask)
+        model_each(
+            bags, out, Request(**options), channels=channels, exports=exports, workers=workers
+        )
         return
-    if jobs is not None:
-        raise click.UsageError("--jobs belongs to --each")
+    if jobs is not None or dask:
+        raise click.UsageError("--jobs and --dask belong to --each")
     with terminal.progress() as show:
         results = job.identify_bags(
             bags, out, Request(**options), channels=channels, exports=exports, progress=show

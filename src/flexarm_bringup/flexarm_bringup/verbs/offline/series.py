@@ -10,11 +10,13 @@ from rich.table import Table
 from flexarm_bringup.console import terminal
 from flexarm_core.labels import counted
 from flexarm_ident.series.run import PAGE_FILE, TABLE_FILE, identify_each
+from flexarm_ident.series.trend import FIGURES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from flexarm_core.workers import Workers
     from flexarm_ident.reading.channels import Selection
     from flexarm_ident.series.rows import Row
     from flexarm_ident.workflow.request import Request
@@ -27,7 +29,7 @@ def model_each(
     *,
     channels: Selection | None,
     exports: Sequence[str],
-    jobs: int | None,
+    workers: Workers,
 ) -> None:
     """Identify one model per bag and print them; exit code 1 when a bag has none."""
     with terminal.progress() as show:
@@ -37,7 +39,7 @@ def model_each(
             request,
             channels=channels,
             exports=exports,
-            jobs=-1 if jobs is None else jobs,
+            workers=workers,
             progress=show,
         )
     terminal.CONSOLE.print(_table(series.rows))
@@ -53,11 +55,11 @@ def model_each(
 
 
 def _table(rows: Sequence[Row]) -> Table:
-    table = Table("bag", "order", "error", "left out", "main modes Hz", box=None)
+    table = Table("bag", "verdict", "order", "error", "left out", "main modes Hz", box=None)
     for row in rows:
         table.add_row(
             row.bag,
-            *(row.cells.get(name, "") for name in ("order", "error_mean", "left_out_mean")),
+            *(row.cells.get(name, "") for name in FIGURES),
             ", ".join(f"{hz:.4g}" for hz, _ in row.main_modes()),
         )
     return table
