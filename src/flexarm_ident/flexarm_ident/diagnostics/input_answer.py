@@ -120,7 +120,7 @@ def static_outputs(record: IoData) -> dict[str, float]:
 def _left(known: FloatArray, signals: FloatArray) -> FloatArray:
     """Return the share of the signals' power that a regression on known ones leaves."""
     power, left = (np.sum(x**2, axis=0) for x in (signals, remainder(known, signals)))
-    return np.divide(left, power, out=np.ones_like(power), where=power > 0.0)
+    return np.asarray(np.divide(left, power, out=np.ones_like(power), where=power > 0.0))
 
 
 def _delays(record: IoData, news: News) -> Iterator[DataWarning]:
