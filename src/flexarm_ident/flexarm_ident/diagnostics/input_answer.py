@@ -51,11 +51,10 @@ _LEAK = 4.0
 # as that of four integrators in a row, would show before it passes the limit of chance.
 _GRADUAL = 8
 _DEVIATIONS = 3.0
-# The input of the same row tells so much of an output's power, and the past of both hardly more: a
-# slow output under a slow input looks alike, but its own past tells it.
+# The input of the same row tells so much of an output's power, and the past of both no more than
+# chance, or so little: a slow output under a slow input looks alike, but its own past tells it.
 _TOLD_AT_ONCE = 0.5
-_TOLD_LATER = 1e-3
-_TOLD_OF_REST = 0.1
+_TOLD_LATER = 1e-4
 # An answer is denied only where it would hardly be missed: a twentieth of the power shows in 99 of
 # 100 records of so many samples, and chance looks like an answer in 3 of 100.
 _FEWEST = 2000
@@ -113,7 +112,8 @@ def static_outputs(record: IoData) -> dict[str, float]:
     # An input that seldom changes shows no dynamics: the changes have to be told as well.
     told = np.maximum(at_once, _left(np.diff(u, axis=0), np.diff(y, axis=0)))
     is_told = told < 1.0 - _TOLD_AT_ONCE
-    is_static = at_once - later < np.maximum(_TOLD_LATER, _TOLD_OF_REST * at_once)
+    chance = scipy.stats.chi2.isf(_ANSWER_CHANCE, past.shape[1]) / len(past)
+    is_static = at_once - later < np.maximum(_TOLD_LATER, chance * later)
     return {record.outputs[i]: float(1.0 - at_once[i]) for i in np.flatnonzero(is_told & is_static)}
 
 
