@@ -86,11 +86,14 @@ def answer_defects(record: IoData) -> Iterator[DataWarning]:
             {"share": gain_share},
             channel=name,
         )
-    tame = replace(record, y=_without_extremes(record.y_measured))
+    part = record.rows(longest(record))
+    tame = replace(part, y=_without_extremes(part.y_measured))
     news = news_of(tame)
     if news is None:
         return
-    yield from _unanswered(tame, news, static)
+    # A few answers are lost among the noise of the rest of the record.
+    if not moves_seldom(record):
+        yield from _unanswered(tame, news, static)
     yield from _delays(tame, news)
 
 
@@ -106,12 +109,18 @@ def static_outputs(record: IoData) -> dict[str, float]:
     if len(u) < 2 * _ANSWER_LAGS + _FEWEST // 10:
         return {}
     now, past = u[MEMORY:], np.hstack([shifted(u, 0), shifted(y, 1)])
-    powers = (np.sum(remainder(known, y[MEMORY:]) ** 2, axis=0) for known in (now, past))
-    total = np.sum(y[MEMORY:] ** 2, axis=0)
-    at_once, later = (power / np.where(total > 0.0, total, 1.0) for power in powers)
-    is_told = (at_once < 1.0 - _TOLD_AT_ONCE) & (total > 0.0)
+    at_once, later = _left(now, y[MEMORY:]), _left(past, y[MEMORY:])
+    # An input that seldom changes shows no dynamics: the changes have to be told as well.
+    told = np.maximum(at_once, _left(np.diff(u, axis=0), np.diff(y, axis=0)))
+    is_told = told < 1.0 - _TOLD_AT_ONCE
     is_static = at_once - later < np.maximum(_TOLD_LATER, _TOLD_OF_REST * at_once)
     return {record.outputs[i]: float(1.0 - at_once[i]) for i in np.flatnonzero(is_told & is_static)}
+
+
+def _left(known: FloatArray, signals: FloatArray) -> FloatArray:
+    """Return the share of the signals' power that a regression on known ones leaves."""
+    power, left = (np.sum(x**2, axis=0) for x in (signals, remainder(known, signals)))
+    return np.asarray(np.divide(left, power, out=np.ones_like(power), where=power > 0.0))
 
 
 def _delays(record: IoData, news: News) -> Iterator[DataWarning]:
@@ -150,8 +159,7 @@ def _delays(record: IoData, news: News) -> Iterator[DataWarning]:
 
 def _unanswered(record: IoData, news: News, static: dict[str, float]) -> Iterator[DataWarning]:
     """Yield the outputs in which no input shows."""
-    # A few answers are lost among the noise of the rest of the record.
-    if len(news.outputs) < _FEWEST or moves_seldom(record):
+    if len(news.outputs) < _FEWEST:
         return
     fresh = news.inputs[:, news.inputs.std(axis=0) > SMALLEST_NEWS * record.u.std(axis=0)]
     silent = [

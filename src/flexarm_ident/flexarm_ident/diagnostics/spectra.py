@@ -17,7 +17,6 @@ import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from flexarm_ident.subspace.gram import stretches
-from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +31,10 @@ _SEGMENTS_PER_INPUT = 4
 _LONGEST, _SHORTEST = 4096, 64
 # Power of an input at a frequency, in units of its largest, below which it says nothing.
 _HEARD = 1e-12
+# Share of the largest eigenvalue below which inputs depend on each other.
+_DEPENDENT = 1e-10
+# Segments beyond which an estimate hardly gains.
+_MOST = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +105,8 @@ def spectra(
     cut = [piece for piece in pieces if len(piece) >= length]
     if length < _SHORTEST or not cut:
         return None
-    transforms = np.concatenate([_transforms(piece, length) for piece in cut])
+    most = max(1, _MOST // len(cut))
+    transforms = np.concatenate([_transforms(piece, length, most) for piece in cut])
     count = _OVERLAP_COUNTS * len(transforms) if len(transforms) > 1 else 1.0
     if count <= 2.0 * inputs:
         return None
@@ -110,10 +114,11 @@ def spectra(
     return _estimates(frequencies_hz, transforms, inputs, count)
 
 
-def _transforms(signals: FloatArray, length: int) -> ComplexArray:
-    """Return the transforms of the segments, (segments, frequencies, channels)."""
+def _transforms(signals: FloatArray, length: int, most: int) -> ComplexArray:
+    """Return the transforms of the segments, at most so many, (segments, frequencies, channels)."""
     window = scipy.signal.windows.hann(length, sym=False)
     segments = sliding_window_view(signals, length, axis=0)[:: length // 2]
+    segments = segments[:: -(-len(segments) // most)]
     centred = segments - segments.mean(axis=-1, keepdims=True)
     transforms = scipy.fft.rfft(centred * window, axis=-1)
     return np.asarray(transforms[..., 1 : length // 2].transpose(0, 2, 1))
@@ -122,20 +127,19 @@ def _transforms(signals: FloatArray, length: int) -> ComplexArray:
 def _estimates(
     frequencies_hz: FloatArray, transforms: ComplexArray, inputs: int, count: float
 ) -> Spectra:
-    products = np.einsum("sfi,sfj->fij", transforms, transforms.conj()) / len(transforms)
-    into, out = slice(None, inputs), slice(inputs, None)
-    power = products[:, out, out].diagonal(axis1=1, axis2=2).real
-    loudest = products[:, into, into].diagonal(axis1=1, axis2=2).real.max(axis=0)
-    response = np.zeros((len(products), power.shape[1], inputs), dtype=complex)
-    coherent = np.zeros_like(power)
-    for k, product in enumerate(products):
-        heard = np.flatnonzero(np.diag(product).real[:inputs] > _HEARD * loudest)
-        if not len(heard):
-            continue
-        crossed = product[out][:, heard]
-        inverse = truncated_inverse(product[np.ix_(heard, heard)], equilibrated=True)
-        response[k][:, heard] = inverse.solve(crossed.conj().T).conj().T
-        coherent[k] = np.sum(response[k][:, heard] * crossed.conj(), axis=1).real
+    signals = transforms.transpose(1, 2, 0)
+    products = signals @ signals.conj().transpose(0, 2, 1) / len(transforms)
+    power = products.diagonal(axis1=1, axis2=2).real
+    drive, power = power[:, :inputs], power[:, inputs:]
+    heard = drive > _HEARD * drive.max(axis=0)
+    # An input without power at a frequency tells nothing there.
+    scale = np.divide(1.0, np.sqrt(drive), out=np.zeros_like(drive), where=heard)
+    unit = products[:, :inputs, :inputs] * scale[:, :, np.newaxis] * scale[:, np.newaxis]
+    inverse = np.linalg.pinv(unit, rcond=_DEPENDENT, hermitian=True)
+    crossed = products[:, inputs:, :inputs]
+    scaled = crossed * scale[:, np.newaxis]
+    response = (scaled @ inverse) * scale[:, np.newaxis]
+    coherent = np.sum(response * crossed.conj(), axis=2).real
     biased = np.divide(coherent, power, out=np.zeros_like(power), where=power > 0.0).clip(0.0, 1.0)
     coherence = _unbiased(biased, count, inputs)
     return Spectra(frequencies_hz, count, power, response, coherence)

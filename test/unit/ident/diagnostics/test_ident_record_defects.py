@@ -117,6 +117,14 @@ def test_static_gain___slow_output_under_a_slow_input___is_none() -> None:
     assert not [each for each in answer_defects(noisy(u, y, 10)) if each.name == "static_gain"]
 
 
+def test_static_gain___fast_plant_under_few_moves_and_noise___is_none() -> None:
+    u = square_wave(SAMPLES, 26, (300, 600))
+    y = signal.lfilter([0.0, 0.6], [1.0, -0.4], u, axis=0)
+    y += 0.3 * y.std() * np.random.default_rng(26).normal(size=y.shape)
+    data = IoData(u, y, dt_s=DT_S, outputs=("y",))
+    assert not list(answer_defects(data))
+
+
 @driven
 def test_outliers___twenty_of_50_deviations___are_counted(drive: str) -> None:
     rng = np.random.default_rng(11)
