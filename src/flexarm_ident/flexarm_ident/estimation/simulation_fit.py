@@ -43,6 +43,8 @@ ARM = "arm"
 _REFINED_SAMPLES = 20_000
 _LIKELY_SAMPLES = 100_000
 _STANDS_OUT = 3.0
+# Half the range of a level, in units of its middle.
+_UNDETERMINED = 0.1
 
 
 def is_compensated(records: Sequence[IoData]) -> bool:
@@ -223,4 +225,13 @@ def _notes(fit: ArmFit) -> tuple[str, ...]:
         for name, count in zip(fit.model.output_labels, fit.dead_samples, strict=True)
         if count
     )
-    return (f"dead sensors were left out of the fit: {dead}",) if dead else ()
+    notes = [f"dead sensors were left out of the fit: {dead}"] if dead else []
+    for name, (lowest, highest) in zip(fit.model.input_labels, fit.level_ranges, strict=True):
+        if highest - lowest > _UNDETERMINED * (highest + lowest):
+            title, unit = label_and_unit(name)
+            notes.append(
+                f"the friction level of {title} is not determined by the record: "
+                f"{lowest:.3g} to {highest:.3g} {unit} simulate it equally well; record slow "
+                "reversals and fast sweeps in one experiment"
+            )
+    return tuple(notes)

@@ -105,12 +105,14 @@ class SimulationError:
                 )
             except np.linalg.LinAlgError:
                 return nothing
-            residual = (part.weight * (x @ arm.output_matrix.T - part.y)).ravel()
-            jacobian = np.matmul(arm.output_matrix, d_x) * part.weight[:, :, np.newaxis]
-            jacobian = jacobian.reshape(-1, count)
-            cost += float(residual @ residual)
-            gradient += jacobian.T @ residual
-            matrix += jacobian.T @ jacobian
+            # A wild start overflows; its normal equations are then not finite, and it is dropped.
+            with np.errstate(over="ignore", invalid="ignore"):
+                residual = (part.weight * (x @ arm.output_matrix.T - part.y)).ravel()
+                jacobian = np.matmul(arm.output_matrix, d_x) * part.weight[:, :, np.newaxis]
+                jacobian = jacobian.reshape(-1, count)
+                cost += float(residual @ residual)
+                gradient += jacobian.T @ residual
+                matrix += jacobian.T @ jacobian
         return Normal(cost, gradient, matrix)
 
 

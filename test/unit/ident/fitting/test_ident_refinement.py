@@ -161,7 +161,10 @@ def test_arm_error___gradient_through_stick_and_slip___agrees_with_differences()
 def test_fit_arm___closed_loop_without_compensation___finds_level_and_simulates() -> None:
     _, _, data = arm_record()
     fit = fit_arm(data, [Drive("drive_a", "hub_rad")])
-    assert fit.friction.levels == pytest.approx([0.3], rel=0.1)
+    assert fit.friction.levels == pytest.approx([0.3], rel=0.05)
+    assert np.abs(fit.friction.levels - 0.3) <= fit.friction.level_deviations
+    assert np.all(fit.level_ranges[:, 0] <= fit.friction.levels)
+    assert np.all(fit.friction.levels <= fit.level_ranges[:, 1])
     assert abs(fit.friction.offsets[0] - 0.01) < 0.02
     assert np.all(fit.error < 0.04)
 

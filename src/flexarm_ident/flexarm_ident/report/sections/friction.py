@@ -28,7 +28,8 @@ def _build(subject: Subject) -> Iterator[Block]:
         yield Words(
             "The levels were fitted together with the model, by free simulation. The model moves "
             "under the input less friction and offset; the friction follows from its own speeds. "
-            "± is the standard deviation, from the residuals and their correlation in time."
+            "± is the standard deviation, from the residuals and their correlation in time, or "
+            "more where levels further away simulate the records equally well."
         )
     elif coulomb is not None:
         yield _estimated(coulomb)

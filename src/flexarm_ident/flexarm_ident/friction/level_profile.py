@@ -1,0 +1,107 @@
+"""Profile of the Coulomb levels: the levels with which a record is simulated equally well.
+
+The curvature of the cost at one minimum says little where the levels trade with damping and gain,
+and where the cost has several minima. Each level is therefore moved away from the best fit in
+steps, all other parameters are fitted again, and so on until the cost stands out. The levels of
+other minima count as well.
+
+Venzon, Moolgavkar, "A method for computing profile-likelihood-based confidence intervals", Applied
+Statistics 37 (1988).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_ident.fitting.levenberg_marquardt import Minimum, Normal, minimise
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.friction.arm_error import SimulationError
+
+# A cost 10 % above the smallest is an error 5 % above it, less than two halves of a record differ.
+_EQUALLY_GOOD = 1.1
+_STEP = 0.06
+_STEPS = 8
+_ITERATIONS = 12
+_DESCENT = 60
+_RESTARTS = 2
+_LOWER = 0.995
+
+
+class LevelProfile(NamedTuple):
+    """Lowest minimum that was met, and the range of levels that are equally good, (inputs,)."""
+
+    best: Minimum
+    lowest: FloatArray
+    highest: FloatArray
+
+
+def profile_levels(
+    problem: SimulationError, best: Minimum, others: Sequence[Minimum]
+) -> LevelProfile:
+    """Return the range of levels whose cost is at most 10 % above the smallest.
+
+    Parameters
+    ----------
+    problem : SimulationError
+        Simulation error.
+    best : Minimum
+        Its lowest minimum so far. A lower one that the profile meets takes its place.
+    others : sequence of Minimum
+        Further minima.
+    """
+    points = [(each.theta, problem.cost(each.theta)) for each in (best, *others)]
+    for _ in range(_RESTARTS + 1):
+        start, lower = best, best
+        for point in _moved(problem, best):
+            points.append((point.theta, point.cost))
+            if point.cost < _LOWER * lower.cost:
+                lower = point
+                break
+        if lower is start:
+            break
+        best = minimise(lower.theta, problem.cost, problem.normal, iterations=_DESCENT)
+        points.append((best.theta, best.cost))
+    good = [
+        problem.arm.levels(theta) for theta, cost in points if cost <= _EQUALLY_GOOD * best.cost
+    ]
+    return LevelProfile(best, np.min(good, axis=0), np.max(good, axis=0))
+
+
+def _moved(problem: SimulationError, best: Minimum) -> Iterator[Minimum]:
+    """Yield minima with one level fixed, further and further from the best fit."""
+    for place in range(*problem.arm.blocks["log_level"].indices(problem.arm.parameters)):
+        for step in (-_STEP, _STEP):
+            theta = best.theta
+            for _ in range(_STEPS):
+                moved = theta.copy()
+                moved[place] += step
+                found = _with_one_fixed(problem, moved, place)
+                yield found
+                if not found.cost <= _EQUALLY_GOOD * best.cost:
+                    break
+                theta = found.theta
+
+
+def _with_one_fixed(problem: SimulationError, theta: FloatArray, place: int) -> Minimum:
+    """Return the minimum over all parameters but one."""
+    free = np.delete(np.arange(len(theta)), place)
+
+    def whole(part: FloatArray) -> FloatArray:
+        joined = theta.copy()
+        joined[free] = part
+        return joined
+
+    def normal(part: FloatArray) -> Normal:
+        cost, gradient, matrix = problem.normal(whole(part))
+        return Normal(cost, gradient[free], matrix[np.ix_(free, free)])
+
+    found = minimise(
+        theta[free], lambda part: problem.cost(whole(part)), normal, iterations=_ITERATIONS
+    )
+    return found._replace(theta=whole(found.theta))
