@@ -109,7 +109,7 @@ def trial(case: tuple[str, int, int | None]) -> Trial:
     payload_kg = experiment(name).payload_kg
     arm = RigParameters(payload_kg=payload_kg)
     true_hz = natural_frequencies_hz(arm)[:FLEXIBLE_MODES].tolist()
-    request = Request(order=order, reduction="mrm", update="c")
+    request = Request(train_fraction=0.5, order=order, reduction="mrm", update="c")
     outcome = run(simulated_record(name, seed), request)
     found, (whole,), trained = (
         outcome.identification,

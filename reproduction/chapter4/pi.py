@@ -117,8 +117,10 @@ def pi_case(code: str, seed: int) -> PiCase:
     outcome = identify_record(
         simulated_record(record, seed),
         Request(
+            train_fraction=0.5,
             method="orse_thesis",
             order=order,
+            feedthrough="no",
             reduction="mrmc",
             reduced_order=reduced_order,
             known_modes_hz=tuple(natural_frequencies_hz(arm)[:flexible_modes].tolist()),
