@@ -212,7 +212,7 @@ class Identification:
             return None
         try:
             return jackknife(self.records, self.gram.block_rows, self._estimate)
-        except DataError:
+        except (DataError, IdentificationError):  # too little is left without a segment
             return None
 
     @property

@@ -62,3 +62,15 @@ def test_cross_validation___outputs_of_noise_alone___shows_what_the_fit_hides() 
 def test_cross_validation___few_samples___is_left_out() -> None:
     data = record(random_model(0, 2, 1, 1), 90, seed=0)
     assert identify(data, order=2, block_rows=25).cross_validation is None
+
+
+@pytest.mark.parametrize("method", ["orse_iv", "pbsid"])
+def test_diagnostics___single_step_without_noise___have_no_figures_instead_of_an_error(
+    method: str,
+) -> None:
+    u = np.zeros((2000, 1))
+    u[300:] = 1.0
+    found = identify(IoData(u, step_by_step(arm_model(), u), dt_s=DT_S), method=method)
+    # Without the segment of the step, nothing moves.
+    assert len(found.mode_uncertainty) in (0, len(found.modes))
+    assert found.cross_validation is None or np.isfinite(found.cross_validation.error).all()

@@ -187,14 +187,15 @@ def test_report___at_400_pixels___has_no_small_and_no_cut_text(seen: Visit) -> N
 def test_report___in_a_browser___shows_every_part(seen: Visit) -> None:
     figures = seen.figures
     parts = ["Data", "Order", "Modes", "Poles", "Reduction", "Errors"]
-    galleries = ["Data matching", "Set-point following", "Frequency response"]
+    galleries = ["Data matching", "Set-point following", "Residuals", "Frequency response"]
     assert figures["headings"] == [*parts, *galleries, "The model"]
     assert figures["lost"] == 0
     assert set(figures["headers"]) == {
-        *("records", "channels", "clusters", "modes", "costs", "ranks", "errors")
+        *("records", "channels", "clusters", "modes", "costs", "ranks", "errors", "residuals")
     }
     assert figures["headers"]["ranks"][1::3] == ["By MRM: states", "By MSV: states"]
-    assert figures["headers"]["errors"] == ["Output", "Full, DMV", "Reduced, DMV", "Reduced, SFV"]
+    errors = ["Full, DMV", "Full, left out", "Reduced, DMV", "Reduced, SFV"]
+    assert figures["headers"]["errors"] == ["Output", *errors, "Fit, %"]
     assert figures["downloads"] == [f"c_dat3_0g{each}" for each in (".yaml", ".json", ".mat", ".h")]
     for words in ("Closed loop", "chi-square", "Data checks", "SHA-256 of its samples"):
         assert words in figures["words"]
@@ -202,7 +203,7 @@ def test_report___in_a_browser___shows_every_part(seen: Visit) -> None:
 
 def test_report___in_a_browser___names_every_plot(seen: Visit) -> None:
     plots = seen.figures["plots"]
-    # An input, two each for order and poles, one for the reduction, four outputs three times.
-    assert len(plots) == 1 + 2 + 2 + 1 + 3 * 4
+    # An input, two each for order and poles, one for the reduction, four outputs four times.
+    assert len(plots) == 1 + 2 + 2 + 1 + 4 * 4
     assert all(plot["label"] and plot["caption"] for plot in plots)
     assert all(0.3 < plot["ratio"] < 1.2 for plot in plots)
