@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 BAG = BAGS / "c_dat3_0g"
+OF_CHANNELS = ("inputs", "outputs", "clock", "held")
+OF_SEVERAL = ("each", "jobs", "dask")
 
 
 def command(graph: Graph, *arguments: str) -> Process:
@@ -34,7 +36,8 @@ def names_in(folder: Path) -> set[str]:
 
 def test_command___has_an_option_for_every_field_of_a_request() -> None:
     options = {option.name for option in identify.params}
-    assert {field.name for field in fields(Request)} == options - {"bags", "out", "export"}
+    of_files = {"bags", "out", "export", *OF_CHANNELS, *OF_SEVERAL}
+    assert {field.name for field in fields(Request)} == options - of_files
     defaults = {option.name: option.default for option in identify.params}
     for field in fields(Request):
         # What is not given has no default of its own, or an empty one.
@@ -46,7 +49,7 @@ def test_report_command___has_the_options_of_identify() -> None:
     of_identify, of_report = (
         {option.name for option in verb.params} for verb in (identify, report)
     )
-    assert of_identify - of_report == {"export"}
+    assert of_identify - of_report == {"export", *OF_SEVERAL}
     assert of_report <= of_identify
 
 
