@@ -184,7 +184,9 @@ def _next_step(
     level: Level, missed: float, worst_output: str, *, unseen: bool, defects: Sequence[str]
 ) -> str:
     if level == Level.GOOD:
-        return "use it" if unseen else "validate it on another record, then use it"
+        step = "use it" if unseen else "validate it on another record, then use it"
+        listed = ", ".join(dict.fromkeys(defects))
+        return f"{step}, but mind the data ({listed}), see the notes" if listed else step
     if defects:
         return f"mend the data first ({', '.join(dict.fromkeys(defects))}), see the notes"
     if missed > _AVOIDABLE:

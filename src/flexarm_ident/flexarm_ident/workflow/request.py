@@ -129,8 +129,9 @@ class Request:
             self._check_reduced_order(self.reduced_order)
         if (self.reduction == "mrmc") != bool(self.known_modes_hz):
             raise IdentificationError(
-                "reduction mrmc and known modes belong together, the frequencies in Hz of the "
-                "flexible modes that it keeps (known_modes_hz, --known-mode)"
+                "reduction mrmc and known modes belong together: give both, with the frequencies "
+                "in Hz of the flexible modes to keep, or neither (--reduction mrmc, --known-mode; "
+                "known_modes_hz)"
             )
 
     def _check_reduced_order(self, reduced_order: int) -> None:

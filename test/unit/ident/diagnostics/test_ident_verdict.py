@@ -71,6 +71,8 @@ def test_verdict___defects___are_the_next_step() -> None:
         np.array([0.95]), np.array([0.9]), ("y",), unseen=True, defects=("delay", "delay")
     )
     assert found.next_step == "mend the data first (delay), see the notes"
+    good = verdict(np.array([0.1]), np.array([0.9]), ("y",), unseen=True, defects=("offset",))
+    assert good.next_step == "use it, but mind the data (offset), see the notes"
 
 
 @pytest.mark.parametrize("noise", [0.1, 1.0])

@@ -39,9 +39,9 @@ def _build(subject: Subject) -> Iterator[Block]:
     request = outcome.request
     yield record_table(outcome)
     compensation = (
-        "Recorded Coulomb compensation is subtracted from the input."
+        "Coulomb compensation, where it was recorded, is subtracted from the input."
         if request.remove_compensation
-        else "The input is taken as recorded, with its Coulomb compensation."
+        else "The input is taken as recorded, with any Coulomb compensation."
     )
     filtered = ""
     if request.cutoff_hz is not None:

@@ -19,17 +19,27 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
 
 
+_SFV = (
+    "SFV, set-point following: the model gets the recorded set-point through the control law of "
+    "the experiment. "
+)
+_LEFT_OUT = (
+    "Left out: each fifth of the fitted data is simulated by a model of the same estimator and "
+    "order that was fitted to the others; a fit that follows noise has a larger error there. "
+)
+
+
 def _build(subject: Subject) -> Iterator[Block]:
-    yield _errors(subject.outcome)
+    outcome = subject.outcome
+    yield _errors(outcome)
     yield Words(
         "The error δ is the RMS of measured minus simulated output, divided by the RMS of the "
         "measured output (2-24), (2-25). 0 is a perfect model; 1 is no better than a line at zero. "
-        "DMV, data matching: the model gets the measured input. SFV, set-point following: the "
-        "model gets the recorded set-point through the control law of the experiment. Left out: "
-        "each fifth of the data is simulated by a model of the same estimator and order that was "
-        "fitted to the others; a fit that follows noise has a larger error there. Fit: of the "
-        "simulation for DMV, 100 (1 - NRMSE) with the output's mean removed, so that 100 is a "
-        "perfect model and 0 one that gives the mean."
+        "DMV, data matching: the model gets the measured input. "
+        + (_SFV if outcome.sfv is not None else "")
+        + (_LEFT_OUT if outcome.cross_validation is not None else "")
+        + "Fit: of the simulation for DMV, 100 (1 - NRMSE) with the output's mean removed, so that "
+        "100 is a perfect model and 0 one that gives the mean."
     )
 
 
