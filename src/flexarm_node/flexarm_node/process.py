@@ -115,6 +115,9 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         executor.shutdown(timeout_sec=_SHUTDOWN_S)
         node.destroy_node()
         try_shutdown()
+        # The interpreter's end puts the default back in the place of a handler, but lets this be.
+        for stop_signal in _STOP_SIGNALS:
+            signal.signal(stop_signal, signal.SIG_IGN)
     code = 1 if getattr(node, "failure", "") else 0
     if threading.active_count() > 1:
         _leave(code)
