@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, reject
 from hypothesis import strategies as st
 
 from flexarm_control import (
@@ -19,7 +20,11 @@ from flexarm_control import (
 )
 from flexarm_control.laws.switching import FADE_V, Handover
 from flexarm_core.channels import TRAVEL_V
+from flexarm_core.errors import SettingError
 from flexarm_daq.loop.limiter import LimiterSettings
+
+if TYPE_CHECKING:
+    from flexarm_control.laws.law_protocol import Law
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 ANY = st.floats()
@@ -40,6 +45,14 @@ def _values(table: dict[str, object], names: st.SearchStrategy[str]) -> st.Searc
     return names.flatmap(values_of)
 
 
+def built(name: str, values: dict[str, float]) -> Law:
+    """Return a law; one that refuses its values, in a clear error, is no example."""
+    try:
+        return build_law(name, values)
+    except SettingError:
+        reject()
+
+
 LAW_VALUES = _values(dict(LAWS), st.sampled_from(sorted(LAWS)))
 SIMPLE_REFERENCES = _values(dict(REFERENCES), st.sampled_from(["constant", "step", "square"]))
 
@@ -48,7 +61,7 @@ SIMPLE_REFERENCES = _values(dict(REFERENCES), st.sampled_from(["constant", "step
 def test_law___any_input_at_all___has_finite_outputs(
     law: tuple[str, dict[str, float]], volts: tuple[float, ...], reference_v: float
 ) -> None:
-    effort = build_law(*law).step(volts, reference_v)
+    effort = built(*law).step(volts, reference_v)
 
     assert math.isfinite(effort.effort_v)
     assert math.isfinite(effort.compensation_v)
@@ -58,7 +71,7 @@ def test_law___any_input_at_all___has_finite_outputs(
 def test_law___any_finite_sequence___stays_finite_and_within_the_drive(
     law: tuple[str, dict[str, float]], samples: list[tuple[float, ...]]
 ) -> None:
-    stepper = build_law(*law)
+    stepper = built(*law)
     for *volts, reference_v in samples:
         effort = stepper.step(volts, reference_v)
 
@@ -75,11 +88,11 @@ def test_law___any_finite_sequence___stays_finite_and_within_the_drive(
 def test_switch___any_two_laws___moves_the_command_by_no_more_than_the_slew_limit(
     laws: tuple[tuple[str, dict[str, float]], ...], samples: list[tuple[float, ...]], at: int
 ) -> None:
-    handover, alone = Handover(build_law(*laws[0])), build_law(*laws[1])
+    handover, alone = Handover(built(*laws[0])), built(*laws[1])
     before_v, alone_before_v = 0.0, 0.0
     for number, (*volts, reference_v) in enumerate(samples):
         if number == at:
-            handover.replace(build_law(*laws[1]))
+            handover.replace(built(*laws[1]))
         command_v = sum(handover.step(volts, reference_v))
         if number == at:
             # Whatever either law wants: the command stays where it was.
@@ -103,7 +116,7 @@ def test_switch___any_two_laws___moves_the_command_by_no_more_than_the_slew_limi
 def test_law___any_measurement___compensates_along_the_effort(
     law: tuple[str, dict[str, float]], volts: tuple[float, ...], reference_v: float
 ) -> None:
-    effort = build_law(*law).step(volts, reference_v)
+    effort = built(*law).step(volts, reference_v)
 
     level_v = law[1].get("compensation_v", 0.0)
     assert abs(effort.compensation_v) in (0.0, level_v)

@@ -166,7 +166,7 @@ def test_reduce_model___unstable_model___is_stabilised_first() -> None:
     data = record(unstable, 400, seed=5)
     found = identify(data, order=5, block_rows=10, stable=False)
     assert np.abs(np.linalg.eigvals(found.model.A)).max() == pytest.approx(1.002)
-    assert found.warnings == ("the model of order 5 is unstable",)
+    assert found.warnings == ("information: the model of order 5 is unstable",)
     reduced = reduce_model(found, data, order=4)
     assert np.abs(np.linalg.eigvals(reduced.model.A)).max() < 1.0
 
