@@ -218,7 +218,7 @@ def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
         answer.sfv = [*outcome.sfv.delta.tolist(), outcome.sfv.mean]
     if outcome.cross_validation is not None:
         left_out = outcome.cross_validation.error
-        answer.left_out = [*left_out.tolist(), float(left_out.mean())]
+        answer.left_out = [*left_out.tolist(), mean_error(left_out)]
     answer.report_path = str(results.folder)
     answer.success = True
     order, states = outcome.identification.order, outcome.model.nstates

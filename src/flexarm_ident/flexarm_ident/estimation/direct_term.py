@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.estimation.weighing import (
-    Candidate,
-    fitted,
+    candidate,
     spread,
     within_scatter,
     within_tolerance,
@@ -46,18 +45,7 @@ def calls_for_feedthrough(chosen: Choice, records: Sequence[IoData], *, stable: 
     pieces = spread(records)
     try:
         without, direct = (
-            Candidate(
-                selection,
-                fitted(
-                    selection,
-                    order,
-                    pieces,
-                    stable=stable,
-                    feedthrough=feedthrough,
-                    noise_weighted=False,
-                ),
-                pieces,
-            )
+            candidate(selection, order, pieces, stable=stable, feedthrough=feedthrough)
             for feedthrough in (False, True)
         )
     except IdentificationError:  # too unstable to simulate

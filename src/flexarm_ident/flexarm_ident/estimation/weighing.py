@@ -220,15 +220,13 @@ class Weighed:
         if (selection.method, order) in self._candidates:
             return
         with suppress(IdentificationError):  # too unstable to simulate
-            model = fitted(
+            made = candidate(
                 selection,
                 order,
                 self._records,
                 stable=self._stable,
                 feedthrough=self._feedthrough,
-                noise_weighted=False,
             )
-            made = Candidate(selection, model, self._records)
             if np.isfinite(made.error):
                 self._candidates[selection.method, order] = made
 
@@ -283,6 +281,22 @@ def spread(records: Sequence[IoData]) -> list[IoData]:
             with suppress(DataError):  # in a long hole
                 pieces.append(record.rows(slice(first, first + samples)))
     return pieces or list(records)
+
+
+def candidate(
+    selection: Selection, order: int, records: Sequence[IoData], *, stable: bool, feedthrough: bool
+) -> Candidate:
+    """Return the model of one estimator and order, fitted by the errors that it is weighed by.
+
+    Raises
+    ------
+    IdentificationError
+        If the model is so unstable that its response overflows.
+    """
+    model = fitted(
+        selection, order, records, stable=stable, feedthrough=feedthrough, noise_weighted=False
+    )
+    return Candidate(selection, model, records)
 
 
 def fitted(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import FloatArray, Progress
 
 _FIRST_DAMPING = 1e-2
 _SMALLEST_DAMPING = 1e-8
@@ -42,6 +43,7 @@ def minimise(
     *,
     iterations: int,
     tolerance: float = 1e-5,
+    on_step: Callable[[], None] = lambda: None,
 ) -> Minimum:
     """Minimise a sum of squares from a start; the result is never worse.
 
@@ -57,12 +59,15 @@ def minimise(
         Largest number of steps.
     tolerance : float
         Relative decrease of the cost below which the search stops.
+    on_step : callable
+        Called before the normal equations of each point.
 
     Returns
     -------
     Minimum
         The lowest point and the last normal matrix; its cost is infinite when the start overflows.
     """
+    on_step()
     start = normal(theta)
     best = Minimum(theta, start.cost, start.matrix)
     if not _finite(start):
@@ -84,6 +89,7 @@ def minimise(
         if gain == 0.0:
             break
         damping = max(damping / _LOWER, _SMALLEST_DAMPING)
+        on_step()
         trial_equations = normal(trial)
         if not _finite(trial_equations):
             break
@@ -92,6 +98,17 @@ def minimise(
         if gain < tolerance:
             break
     return best
+
+
+def steps_told(progress: Progress | None, stage: str, steps: int) -> Callable[[], None]:
+    """Return a callback for each step of a search, which tells the part of `steps` that is done."""
+    done = count()
+
+    def tell() -> None:
+        if progress is not None:
+            progress(stage, min(1.0, next(done) / steps))
+
+    return tell
 
 
 def _finite(equations: Normal) -> bool:

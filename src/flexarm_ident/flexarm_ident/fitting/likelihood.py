@@ -18,11 +18,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from flexarm_ident.fitting.levenberg_marquardt import minimise
+from flexarm_ident.fitting.levenberg_marquardt import minimise, steps_told
 from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.fitting.noise_filter import is_noise, whitening_filter
 from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.modes import ModeUncertainty, frequency_and_damping, modal_form
+from flexarm_ident.models.modes import (
+    ModeUncertainty,
+    frequency_and_damping,
+    is_defective,
+    modal_form,
+)
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.inverse import truncated_inverse
 
@@ -32,11 +37,8 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray, Progress
-    from flexarm_ident.fitting.levenberg_marquardt import Normal
     from flexarm_ident.records.iodata import IoData
 
-DEFECTIVE_CONDITION = 1e8
-"""Condition of the eigenvectors above which a model has no modal form."""
 # Fewer say more about the noise than about the model.
 _ERRORS_PER_PARAMETER = 20
 _ROUNDS = 3
@@ -98,22 +100,19 @@ def maximise_likelihood(
     errors = model.noutputs * sum(int(record.usable.sum()) for record in records)
     if errors < _ERRORS_PER_PARAMETER * parameters:
         return None
-    if np.linalg.cond(modal_form(model).vectors) > DEFECTIVE_CONDITION:
+    if is_defective(modal_form(model).vectors):
         return None
-    steps = 0
-
+    on_step = steps_told(progress, "refinement", _ROUNDS * _ITERATIONS)
     for _ in range(_ROUNDS):
         filters = _filters(_errors(model, starts, records))
         problem = ModalError(model, records, filters)
-
-        def normal(theta: FloatArray, problem: ModalError = problem) -> Normal:
-            nonlocal steps
-            if progress is not None:
-                progress("refinement", min(1.0, steps / (_ROUNDS * _ITERATIONS)))
-            steps += 1
-            return problem.normal(theta)
-
-        found = minimise(problem.pack(starts), problem.cost, normal, iterations=_ITERATIONS)
+        found = minimise(
+            problem.pack(starts),
+            problem.cost,
+            problem.normal,
+            iterations=_ITERATIONS,
+            on_step=on_step,
+        )
         if not np.isfinite(found.cost):
             return None
         model, starts = problem.unpack(found.theta)

@@ -18,6 +18,7 @@ from flexarm_ident.fitting.joint_regression import ModalProblem, SchurProblem, l
 from flexarm_ident.fitting.modal_regression import ModalRegression
 from flexarm_ident.fitting.schur_regression import SchurRegression
 from flexarm_ident.models.free_run import simulate, simulate_states
+from flexarm_ident.models.modes import is_defective
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Samples, Source
 
-_DEFECTIVE_CONDITION = 1e8
 _LARGEST_GROWTH = 100.0
 # Smallest noise that weights an output, as a part of its RMS.
 _SMALLEST_NOISE = 1e-4
@@ -176,7 +176,7 @@ def _fit(
             "samples: stabilise the model first"
         )
     problem: ModalProblem | SchurProblem
-    if np.linalg.cond(vectors) > _DEFECTIVE_CONDITION:
+    if is_defective(vectors):
         schur = SchurRegression(A, C, inputs, feedthrough=feedthrough)
         problem = SchurProblem(schur, records)
     else:

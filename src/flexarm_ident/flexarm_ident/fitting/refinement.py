@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_ident.fitting.levenberg_marquardt import minimise
-from flexarm_ident.fitting.likelihood import DEFECTIVE_CONDITION
+from flexarm_ident.fitting.levenberg_marquardt import minimise, steps_told
 from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.modes import modal_form
+from flexarm_ident.models.modes import is_defective, modal_form
 from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray, Progress
-    from flexarm_ident.fitting.levenberg_marquardt import Normal
     from flexarm_ident.records.iodata import IoData
 
 _ITERATIONS = 30
@@ -85,20 +83,16 @@ def refine_model(
     records = as_records(data)
     before = _errors(model, x0, records)
     unchanged = Refinement(model, tuple(x0), before, before)
-    form = modal_form(model)
-    if np.linalg.cond(form.vectors) > DEFECTIVE_CONDITION or not np.isfinite(before).all():
+    if is_defective(modal_form(model).vectors) or not np.isfinite(before).all():
         return unchanged
     problem = ModalError(model, records, relative_weights(records))
-    steps = 0
-
-    def normal(theta: FloatArray) -> Normal:
-        nonlocal steps
-        if progress is not None:
-            progress("refinement", min(1.0, steps / iterations))
-        steps += 1
-        return problem.normal(theta)
-
-    found = minimise(problem.pack(x0), problem.cost, normal, iterations=iterations)
+    found = minimise(
+        problem.pack(x0),
+        problem.cost,
+        problem.normal,
+        iterations=iterations,
+        on_step=steps_told(progress, "refinement", iterations),
+    )
     if not np.isfinite(found.cost):
         return unchanged
     refined, starts = problem.unpack(found.theta)

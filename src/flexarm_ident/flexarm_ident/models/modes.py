@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 # Its exponential is still a double.
 _LARGEST_LOG = 700.0
 _PERSISTENT = 1e-12
+_DEFECTIVE_CONDITION = 1e8
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,11 @@ class ModalForm:
         return [
             (int(i), int(i) + 1) if self.eigenvalues[i].imag > 0.0 else (int(i),) for i in upper
         ]
+
+
+def is_defective(vectors: ComplexArray | FloatArray) -> bool:
+    """Return whether eigenvectors, (states, states), are too close to each other for a basis."""
+    return bool(np.linalg.cond(vectors) > _DEFECTIVE_CONDITION)
 
 
 def modal_form(model: control.StateSpace) -> ModalForm:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flexarm_core.errors import DataError
+from flexarm_ident.fitting.validation import mean_error
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -78,10 +79,10 @@ def model_cells(outcome: Outcome) -> dict[str, str]:
         "rate_hz": _text(1.0 / record.dt_s),
         "method": outcome.identification.method,
         "order": str(outcome.model.nstates),
-        "error_mean": _text(float(outcome.dmv_errors.mean())),
+        "error_mean": _text(mean_error(outcome.dmv_errors)),
     }
     if outcome.cross_validation is not None:
-        cells["left_out_mean"] = _text(float(outcome.cross_validation.error.mean()))
+        cells["left_out_mean"] = _text(mean_error(outcome.cross_validation.error))
     for name, error in zip(record.outputs, outcome.dmv_errors.tolist(), strict=True):
         cells[f"error_{name}"] = _text(error)
     if outcome.friction is not None:

@@ -58,8 +58,6 @@ class Outcome:
         Data matching of the full model and of `model`, one per record.
     full_dmv_errors, dmv_errors : ndarray, (outputs,)
         Errors delta (2-25) of the full model and of `model` over all records together.
-    cross_validation : CrossValidation or None
-        Errors of the full model's estimator and order on blocks that were left out of the fit.
     sfv : Sfv or None
         Set-point following of `model` on the first record; None without a recorded reference.
     warnings : tuple of str
@@ -77,7 +75,6 @@ class Outcome:
     dmv: tuple[Dmv, ...]
     full_dmv_errors: FloatArray
     dmv_errors: FloatArray
-    cross_validation: CrossValidation | None
     sfv: Sfv | None
     warnings: tuple[str, ...]
 
@@ -85,6 +82,11 @@ class Outcome:
     def model(self) -> control.StateSpace:
         """The reduced model if there is one, else the full one."""
         return self.reduction.model if self.reduction else self.identification.model
+
+    @property
+    def cross_validation(self) -> CrossValidation | None:
+        """Errors of the full model's estimator and order on blocks left out of the fit."""
+        return self.identification.cross_validation
 
     @property
     def modes(self) -> tuple[Mode, ...]:

@@ -10,7 +10,8 @@ from flexarm_ident.records.preprocess import BIASES
 
 REDUCTIONS = ("none", "mrm", "msv", "mrmc")
 UPDATES = ("none", "b", "c")
-FEEDTHROUGH = ("auto", "yes", "no")
+FEEDTHROUGH = {"auto": None, "yes": True, "no": False}
+"""Values of `identify` by names; None leaves it to the data."""
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from flexarm_ident.records.iodata import Grade, IoData, as_records
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.reduction.modal import reduce_model
 from flexarm_ident.workflow.outcome import Outcome
+from flexarm_ident.workflow.request import FEEDTHROUGH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
 # The chosen reduced order may cost this much of the fit.
 _REDUCTION_COST = 1.04
 _SMALLEST_REDUCED_ORDER = 4
-_FEEDTHROUGH = {"auto": None, "yes": True, "no": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,6 @@ def run(
         dmv=dmv,
         full_dmv_errors=_joined_errors(full_dmv, powers),
         dmv_errors=_joined_errors(dmv, powers),
-        cross_validation=identification.cross_validation,
         sfv=sfv,
         warnings=_warnings(identification, reduction, omitted),
     )
@@ -174,7 +173,7 @@ def _identify(
         block_rows=request.block_rows,
         method=request.method,
         stable=request.stabilise,
-        feedthrough=_FEEDTHROUGH[request.feedthrough],
+        feedthrough=FEEDTHROUGH[request.feedthrough],
         friction=request.friction,
         refine=request.refine,
         progress=progress,

@@ -8,8 +8,8 @@ import pytest
 from scipy import linalg
 
 from flexarm_ident import IdentificationError, IoData, identify
-from flexarm_ident.fitting import output_fit
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs, fit_outputs
+from flexarm_ident.models import modes
 from flexarm_ident.models.free_run import simulate, simulate_states
 from support.ident_systems import DT_S, named, pulse_responses, random_model, record, step_by_step
 
@@ -57,7 +57,7 @@ def test_fit_inputs___noisy_records___equals_the_thesis_regression(
     *, feedthrough: bool, schur: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if schur:
-        monkeypatch.setattr(output_fit, "_DEFECTIVE_CONDITION", 0.0)
+        monkeypatch.setattr(modes, "_DEFECTIVE_CONDITION", 0.0)
     model = random_model(1, feedthrough=feedthrough)
     records = [record(model, 203, seed=1, noise=0.3), record(model, 64, seed=2, noise=0.3)]
     fit = fit_inputs(model.A, model.C, records, feedthrough=feedthrough)
@@ -133,7 +133,7 @@ def test_fit_inputs___noise_weighted___is_the_regression_weighted_by_its_own_res
     *, schur: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if schur:
-        monkeypatch.setattr(output_fit, "_DEFECTIVE_CONDITION", 0.0)
+        monkeypatch.setattr(modes, "_DEFECTIVE_CONDITION", 0.0)
     model = random_model(9, feedthrough=True)
     records = [record(model, 300, seed=9), record(model, 200, seed=10)]
     rng = np.random.default_rng(11)
@@ -249,7 +249,7 @@ def test_fit_inputs___holes___are_simulated_through_and_do_not_count(
     *, schur: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if schur:
-        monkeypatch.setattr(output_fit, "_DEFECTIVE_CONDITION", 0.0)
+        monkeypatch.setattr(modes, "_DEFECTIVE_CONDITION", 0.0)
     model = random_model(3)
     data = record(model, 500, seed=1)
     rng = np.random.default_rng(2)

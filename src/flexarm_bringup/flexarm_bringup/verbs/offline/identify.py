@@ -63,7 +63,7 @@ _REQUEST_OPTIONS = (
     ),
     click.option(
         "--feedthrough",
-        type=click.Choice(FEEDTHROUGH),
+        type=click.Choice(list(FEEDTHROUGH)),
         default="auto",
         show_default=True,
         help="Whether D is fitted.",
