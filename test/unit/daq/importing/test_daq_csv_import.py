@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
@@ -10,11 +11,13 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 
 from flexarm_bags.writer import RecordingError
+from flexarm_core.bounds import BoundError
 from flexarm_daq.importing.csv_import import CsvImportError, import_csv
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
 from flexarm_ident import identify
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
+from support.hostile_texts import doubled
 from support.project import PROJECT, SHARED
 
 if TYPE_CHECKING:
@@ -146,6 +149,17 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
         (["t,i,q", "0,1,1", "1,1,1", "2,1,1", "3.5,1,1", "4.5,1,1"], "1.5 s after t = 2 s"),
         (["t,i,q", "0,1,1", "0,1,1", "0,1,1"], "column t does not increase"),
         (["t,i,q", "2,1,1", "1,1,1", "0,1,1"], "column t does not increase"),
+        (
+            ["t,i,q", "0,1,1", "1e9,1,1", "2e9,1,1", "3e9,1,1"],
+            "a rate of 1e-09 Hz is outside 0.001 to 1e+06 Hz: times are in seconds",
+        ),
+        (
+            ["t,i,q", "0,1,1", "1e-12,1,1", "2e-12,1,1"],
+            "a rate of 1e+12 Hz is outside 0.001 to 1e+06 Hz",
+        ),
+        (["t,i,q", "0,1," + "2" * 2**20, "1,3,4"], "a line has 1048576 characters or more"),
+        (["t,i,q", "0,1," + "x" * 100_000, "1,3,4"], "line 2, column q: 'xxx"),
+        ([",".join(f"c{k}" for k in range(100_000)), "0"], "no column t; there are: c0, c1, c2"),
     ],
 )
 def test_import___bad_file___names_the_place(
@@ -160,6 +174,65 @@ def test_import___bad_file___names_the_place(
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "bag").exists()
+
+
+def drifting(first_hz: float, last_hz: float, samples: int) -> list[str]:
+    """Return a table whose rate changes evenly from row to row."""
+    steps_s = 1.0 / np.linspace(first_hz, last_hz, samples - 1)
+    times_s = np.concatenate([[0.0], np.cumsum(steps_s)])
+    return ["t,i,q", *(f"{time_s:.9f},1,{k}" for k, time_s in enumerate(times_s.tolist()))]
+
+
+def test_import___rate_that_drifts___is_refused_with_its_rates(tmp_path: Path) -> None:
+    # The middle is 0.06 / 8 of 1468 samples off even steps.
+    file = csv_file(tmp_path, drifting(500.0, 470.0, 1468))
+    said = r"column t has no even rate: 49\d\.\d* Hz at first, 47\d\.\d* Hz at last, up to 11\.\d"
+    with pytest.raises(CsvImportError, match=said):
+        import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+    assert not (tmp_path / "bag").exists()
+
+
+def test_import___clock_that_wanders_by_a_part_in_ten_thousand___is_taken(tmp_path: Path) -> None:
+    file = csv_file(tmp_path, drifting(500.0, 499.95, 5000))
+    summary = import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+    assert summary.rate_hz == pytest.approx(500.0, rel=1e-12)
+
+
+def test_import___longer_than_stamps_can_show___is_refused(tmp_path: Path) -> None:
+    file = csv_file(tmp_path, ["i,q", *["1,2"] * 2_200_000])
+    mapping = CsvMap(ONE_IN_ONE_OUT.inputs, ONE_IN_ONE_OUT.outputs, rate_hz=1e-3)
+    with pytest.raises(CsvImportError, match=r"2200000 rows at 0\.001 Hz last longer than 214"):
+        import_csv(file, mapping, tmp_path / "bag", typestore=typestore())
+    assert not (tmp_path / "bag").exists()
+
+
+def test_import___pipe___is_refused_unread(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "data.csv")
+    with pytest.raises(BoundError, match=r"data\.csv: is no plain file"):
+        import_csv(tmp_path / "data.csv", ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+
+
+@pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_import___broken_off___leaves_no_half_of_a_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: BaseException
+) -> None:
+    file = csv_file(tmp_path, ["t,i,q", "0,1,2", "1,3,4"])
+    written: list[int] = []
+
+    def full(*_: object) -> None:
+        written.append(1)
+        if len(written) > 2:
+            raise failure
+
+    with monkeypatch.context() as patched:
+        patched.setattr("mcap.writer.Writer.add_message", full)
+        said = "No space left on device; nothing is kept"
+        wanted = RecordingError if isinstance(failure, OSError) else KeyboardInterrupt
+        with pytest.raises(wanted) as caught:
+            import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+    assert wanted is KeyboardInterrupt or said in str(caught.value)
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["data.csv"]
+    import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 
 def test_import___missing_file___says_so(tmp_path: Path) -> None:
@@ -215,8 +288,30 @@ def test_import___any_numbers___come_back_exactly(
         ("time: t\nrate_hz: 5", "give either time"),
         ("inputs: []", "give either time"),
         ("time: 3\ninputs: [{column: i}]\noutputs: [{column: q}]", "time must be a text, not 3"),
-        ("rate_hz: 0\ninputs: [{column: i}]\noutputs: [{column: q}]", "positive number, not 0"),
-        ("rate_hz: yes\ninputs: [{column: i}]\noutputs: [{column: q}]", "positive number, not T"),
+        ("rate_hz: 0\ninputs: [{column: i}]\noutputs: [{column: q}]", "0.001 to 1e+06, not 0"),
+        ("rate_hz: yes\ninputs: [{column: i}]\noutputs: [{column: q}]", "0.001 to 1e+06, not T"),
+        (
+            "rate_hz: 1.0e-9\ninputs: [{column: i}]\noutputs: [{column: q}]",
+            "rate_hz must be a number of 0.001 to 1e+06, not 1e-09",
+        ),
+        (
+            "rate_hz: .nan\ninputs: [{column: i}]\noutputs: [{column: q}]",
+            "0.001 to 1e+06, not nan",
+        ),
+        (
+            "time: t\ninputs: [{column: i}]\noutputs: [{column: i, name: q}]",
+            "column i has two meanings: it is one of time, input and output",
+        ),
+        (
+            "time: t\ninputs: [{column: t}]\noutputs: [{column: q}]",
+            "column t has two meanings",
+        ),
+        (
+            f"rate_hz: {doubled(10)}\ninputs: [{{column: i}}]\noutputs: [{{column: q}}]",
+            "rate_hz must be a number of 0.001 to 1e+06, not [['x', 'x'], [[...",
+        ),
+        ("rate_hz: " + "9" * 5000, "a number has 5000 characters"),
+        ("rate_hz: " + "[" * 5000, "is nested deeper than 64 levels"),
         ("time: t\noutputs: [{column: q}]", "inputs must list at least one column"),
         ("time: t\ninputs: [{column: i}]\noutputs: q", "outputs must list at least one column"),
         ("time: t\ninputs: [i]\noutputs: [{column: q}]", r"inputs[0] needs a column"),
