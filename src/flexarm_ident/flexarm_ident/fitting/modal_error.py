@@ -27,10 +27,14 @@ if TYPE_CHECKING:
 
 _CHUNK = 2048
 _HALF = 0.5
+# Distance of an integrator's eigenvalue from 1.
+_INTEGRATOR = 1e-6
 
 
 class ModalError:
     """Cost and normal equations over modal parameters: A, B, C and the initial states; D stays.
+
+    An eigenvalue within 1e-6 of 1 is an integrator and stays, too.
 
     Parameters
     ----------
@@ -59,6 +63,8 @@ class ModalError:
             if len(group) > 1:
                 self._basis[:, group[1]] = vector.imag
         self._largest = max(1.0, float(np.abs(form.eigenvalues).max(initial=0.0)))
+        # At the limit of stability it would end every step that moves it outwards.
+        self._held = np.flatnonzero(np.abs(form.eigenvalues - 1.0) < _INTEGRATOR)
         self._filters = filters
         self._known = [[_known(record, len(taps)) for taps in filters] for record in records]
         self._n, self._r, self._m = model.nstates, model.ninputs, model.noutputs
@@ -130,6 +136,9 @@ class ModalError:
                     cost += float(product[-1, -1])
                     gradient[place] += product[:-1, -1]
                     matrix[np.ix_(place, place)] += product[:-1, :-1]
+        gradient[self._held] = 0.0
+        matrix[self._held], matrix[:, self._held] = 0.0, 0.0
+        matrix[self._held, self._held] = 1.0
         return Normal(cost, gradient, matrix)
 
     def _split(
