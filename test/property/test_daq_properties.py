@@ -62,19 +62,25 @@ def test_limiter___moderate_request___passes_untouched(
     assert limited == (effort_v + compensation_v, compensation_v, ())
 
 
-@given(st.lists(st.tuples(st.booleans(), st.integers(0, 5)), max_size=40))
-def test_watchdog___any_history___judges_by_the_last_feed(events: list[tuple[bool, int]]) -> None:
+@given(st.lists(st.tuples(st.integers(0, 8), st.integers(1, 4)), max_size=40))
+def test_watchdog___any_history___judges_by_the_sample_of_the_last_command(
+    events: list[tuple[int, int]],
+) -> None:
+    """Each event is a period later than the one before and answers a sample that many back."""
     watchdog = Watchdog(1.0, max_age_periods=3)
-    now_s = samples = 0
-    fed_s: int | None = None
-    for feeds, wait_s in events:
-        if feeds:
-            watchdog.fed(now_s)
-            fed_s, samples = now_s, 0
-        now_s += wait_s
-        samples += 1
-        is_stale = fed_s is None or now_s - fed_s >= 3 or samples >= 3
-        assert watchdog.stale(now_s) == is_stale
+    taken: list[int] = []
+    answered: int | None = None
+    for back, periods in events:
+        now = (taken[-1] if taken else 0) + periods
+        if answered is not None and now - answered >= 3:
+            answered = None
+        assert watchdog.stale(now, float(now)) is (answered is None)
+        taken.append(now)
+        wanted = taken[max(len(taken) - 1 - back, 0)]
+        assert watchdog.in_time(wanted) is (now - wanted < 3)
+        if now - wanted < 3:
+            watchdog.fed(wanted)
+            answered = wanted
 
 
 @settings(max_examples=30)

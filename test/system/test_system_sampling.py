@@ -161,7 +161,7 @@ def test_killed_controller___drive_goes_to_zero_and_stays(graph: Graph, tmp_path
         DiagnosticArray,
         "/diagnostics",
         lambda message: warnings.extend(
-            each.message for each in message.status if "no command since" in each.message
+            each.message for each in message.status if "no command in time since" in each.message
         ),
         qos.EVERY,
     )

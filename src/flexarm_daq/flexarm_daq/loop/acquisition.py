@@ -19,6 +19,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, NamedTuple
 
+from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.exchange import Exchange
 from flexarm_daq.loop.safety import Event
 from flexarm_node.statistics import Window
@@ -181,7 +182,8 @@ class Acquisition(Exchange):
         command = self._link.wait(timeout_s)
         if command is None:
             return False
-        if self._act(command, time.monotonic()):
+        # A late command may not act, but its sender is there: the next sample waits for it.
+        if self._act(command, time.monotonic()) in (Verdict.ACCEPTED, Verdict.LATE):
             self._is_answered = True
         return True
 

@@ -33,6 +33,8 @@ class Verdict(Enum):
     """It answers a sample that has an answer already."""
     AHEAD = "ahead"
     """It answers a sample that was not taken yet."""
+    LATE = "late"
+    """It answers a sample that is too old to drive by, or a number that no sample has."""
     FOREIGN = "foreign"
     """It does not continue the count of the commander in force."""
     CONFLICT = "conflict"
@@ -64,7 +66,7 @@ class Commander:
         self._last = None
         self._has_rival = False
 
-    def judge(self, command: Command, newest: int) -> Verdict:
+    def judge(self, command: Command, newest: int, *, in_time: bool = True) -> Verdict:
         """Judge a command by the number of the newest sample; only an accepted one may act.
 
         Parameters
@@ -73,6 +75,8 @@ class Commander:
             Command that has arrived.
         newest : int
             Number of the newest sample.
+        in_time : bool
+            False: the sample that the command answers is too old.
 
         Returns
         -------
@@ -82,6 +86,8 @@ class Commander:
         verdict = self._verdict(command, newest)
         if verdict is Verdict.FOREIGN:
             self._has_rival = True
+        if verdict is Verdict.ACCEPTED and not in_time:
+            verdict = Verdict.LATE
         if verdict is Verdict.ACCEPTED:
             if self._has_rival:
                 verdict = Verdict.CONFLICT

@@ -190,22 +190,23 @@ class Exchange:
         self._tick_s = now_s
         if self.commander.answered != self.sequence:
             self.unanswered += 1
+        self.missed += skipped
+        self.sequence += 1 + skipped
+        self.taken += 1
         in_force = self._applied
         self._look_for_faults(sample)
         if not self.safety.driving:
             self._let_go()
-        self.missed += skipped
-        self.sequence += 1 + skipped
-        self.taken += 1
         self._position_v = float(sample.volts[0])
         self._sample_time_s = sample.time_s
         if self.taken == 1:
             self._started_s = (sample.time_s, now_s)
         self._link.publish(Record(self.sequence, sample.time_s, now_s, sample.volts, *in_force))
 
-    def _act(self, command: Command, now_s: float) -> bool:
-        """Let a command act if it may; return whether it is accepted."""
-        verdict = self.commander.judge(command, self.sequence)
+    def _act(self, command: Command, now_s: float) -> Verdict:
+        """Let a command act if it may; return the verdict on it."""
+        in_time = self._watchdog.in_time(command.state_sequence)
+        verdict = self.commander.judge(command, self.sequence, in_time=in_time)
         if verdict is Verdict.CONFLICT:
             self.safety.on(
                 Event.TWO_COMMANDERS,
@@ -214,21 +215,21 @@ class Exchange:
             )
             self._write(_NOTHING)
         if verdict is not Verdict.ACCEPTED:
-            return False
-        self._watchdog.fed(self._sample_time_s)
+            return verdict
+        self._watchdog.fed(command.state_sequence)
         self.reply_s.add(now_s - self._tick_s)
         if self._emergency:
-            return True
+            return verdict
         self.safety.on(Event.COMMAND)
         if not self.safety.driving:
-            return True
+            return verdict
         limited = self._limiter.apply(
             command.effort_v, command.compensation_v, self._position_v, self._period_s
         )
         self.limited += bool(limited.reasons)
         self.limited_by.update(limited.reasons)
         self._write(Applied(limited.command_v, limited.compensation_v, command.sequence))
-        return True
+        return verdict
 
     def _lose_commander(self) -> None:
         """Take the drive to zero, since the commander in force is silent."""
@@ -248,7 +249,7 @@ class Exchange:
             self.safety.on(Event.SENSOR_FAULT, complaint)
         if self._emergency:
             self.safety.on(Event.EMERGENCY_STOP, "emergency stop")
-        if self._watchdog.stale(sample.time_s):
+        if self._watchdog.stale(self.sequence, sample.time_s):
             self.commander.release()
             self.safety.on(Event.STALE)
 

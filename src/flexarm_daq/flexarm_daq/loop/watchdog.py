@@ -1,18 +1,25 @@
-"""Watchdog on the age of the command: a silent controller must not drive the arm on."""
+"""Watchdog on the age of the command: a silent or a late controller must not drive the arm on."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from typing import NamedTuple
 
 from flexarm_core.errors import SettingError
 
 
-class Watchdog:
-    """Check of the age of the last command.
+class _Sample(NamedTuple):
+    sequence: int
+    time_s: float
 
-    The age of a command is counted in samples from the one that it answers. Since samples may be
-    missing, it is measured in time too. Half a period is allowed for samples that come a little
-    early or late.
+
+class Watchdog:
+    """Check of the age of the command in force.
+
+    A command is as old as the sample that it answers, whenever it arrives. Its age is counted in
+    samples. Since the numbers of samples come from the loop's clock, it is measured by the rig's
+    clock too. Half a period is allowed there for samples that come a little early or late.
 
     Parameters
     ----------
@@ -20,13 +27,6 @@ class Watchdog:
         Sampling period, s.
     max_age_periods : int
         Samples, or periods of time, after which a command is stale.
-
-    Attributes
-    ----------
-    feeds : int
-        Commands seen.
-    lapses : int
-        Number of times that a fresh command has turned stale.
 
     Raises
     ------
@@ -39,26 +39,41 @@ class Watchdog:
             raise SettingError(f"period_s must be positive, got {period_s}")
         if max_age_periods < 1:
             raise SettingError(f"max_age_periods must be at least 1, got {max_age_periods}")
-        self.feeds = 0
-        self.lapses = 0
         self._max_age_samples = max_age_periods
         self._max_age_s = period_s * (max_age_periods - 0.5)
-        self._fed_s = -math.inf
-        self._samples = 0
-        self._is_fresh = False
+        self._recent: deque[_Sample] = deque(maxlen=max_age_periods)
+        self._answered: _Sample | None = None
 
-    def fed(self, now_s: float) -> None:
-        """Note a command, with the monotonic time of the sample that it answers."""
-        self.feeds += 1
-        self._fed_s = now_s
-        self._samples = 0
-        self._is_fresh = True
+    def stale(self, sequence: int, time_s: float) -> bool:
+        """Take note of a sample, and return whether no command is young enough for it.
 
-    def stale(self, now_s: float) -> bool:
-        """Return whether the last command is too old, or none has come; called once per sample."""
-        self._samples += 1
-        is_old = self._samples >= self._max_age_samples or now_s - self._fed_s > self._max_age_s
-        if self._is_fresh and is_old:
-            self._is_fresh = False
-            self.lapses += 1
-        return not self._is_fresh
+        Parameters
+        ----------
+        sequence : int
+            Number of the sample's period.
+        time_s : float
+            Time of the sample by the rig's clock, s.
+        """
+        self._recent.append(_Sample(sequence, time_s))
+        if self._answered is not None and self._is_old(self._answered):
+            self._answered = None
+        return self._answered is None
+
+    def in_time(self, sequence: int) -> bool:
+        """Return whether a command that answers this sample is young enough to act now."""
+        sample = self._find(sequence)
+        return sample is not None and not self._is_old(sample)
+
+    def fed(self, sequence: int) -> None:
+        """Take note of a command in time, by the number of the sample that it answers."""
+        self._answered = self._find(sequence)
+
+    def _find(self, sequence: int) -> _Sample | None:
+        return next((each for each in reversed(self._recent) if each.sequence == sequence), None)
+
+    def _is_old(self, sample: _Sample) -> bool:
+        newest = self._recent[-1]
+        return (
+            newest.sequence - sample.sequence >= self._max_age_samples
+            or newest.time_s - sample.time_s > self._max_age_s
+        )

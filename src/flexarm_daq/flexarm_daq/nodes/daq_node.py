@@ -175,14 +175,16 @@ class DaqNode(LoopNode):
         return f"the drive is held at zero: {reason}" if reason else ""
 
     def warning(self) -> str:
-        """Return a line when the commands have stopped; empty otherwise."""
+        """Return a line when commands have stopped or come too late; empty otherwise."""
         acquisition = self._acquisition
         assert acquisition is not None  # noqa: S101 - asked only while the loop runs
         answered = acquisition.commander.answered
+        late = acquisition.commander.verdicts[Verdict.LATE]
         rate_hz = self.parameters.values()["rate_hz"]
-        if not answered or acquisition.sequence - answered < _SILENT_S * rate_hz:
+        if not (answered or late) or acquisition.sequence - answered < _SILENT_S * rate_hz:
             return ""
-        return f"no command since the one for sample {answered}: the drive is at zero"
+        since = f" since the one for sample {answered}" if answered else ""
+        return f"no command in time{since}: the drive is at zero"
 
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""

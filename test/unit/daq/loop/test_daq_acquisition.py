@@ -25,24 +25,6 @@ if TYPE_CHECKING:
     from flexarm_daq.loop.exchange import Record
 
 
-@pytest.mark.parametrize("max_age_periods", [1, 3, 5])
-def test_silent_controller___drive_goes_to_zero_after_the_age(
-    clock: Clock, max_age_periods: int
-) -> None:
-    def answer(record: Record) -> list[tuple[float, Command]]:
-        return [(0.0, reply(record, 2.0))] if record.sequence == 4 else []
-
-    bench = Bench(clock, answer, virtual=False, samples=15, max_age_periods=max_age_periods).run()
-
-    # In force from sample 4 on; stale at the sample that completes the age.
-    stale = 4 + max_age_periods
-    assert bench.commands_v == [0.0] * 4 + [2.0] * (stale - 4) + [0.0] * (15 - stale)
-    assert bench.rig.writes == [2.0, 0.0]
-    assert bench.rig.write_times_s[-1] == pytest.approx((stale - 1) * PERIOD_S, rel=1e-6)
-    assert {record.command_sequence for record in bench.link.records[stale:]} == {0}
-    assert bench.watchdog.lapses == 1
-
-
 def test_controller_that_comes_back___drives_again(clock: Clock) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:
         return [] if 2 <= record.sequence < 9 else [(0.0, reply(record, 2.0))]

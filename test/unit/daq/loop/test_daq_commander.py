@@ -45,6 +45,30 @@ def test_command___after_number_40_for_sample_100___is_judged(
     assert following(command(40, 100)).judge(command(sequence, sample), NEWEST) is verdict
 
 
+def test_command_in_turn___for_a_sample_too_old___is_late_and_changes_nothing() -> None:
+    commander = following(command(40, 100))
+    assert commander.judge(command(41, 101), NEWEST, in_time=False) is Verdict.LATE
+    assert commander.answered == 100
+    assert commander.judge(command(41, 101), NEWEST) is Verdict.ACCEPTED
+    assert commander.verdicts == {Verdict.ACCEPTED: 2, Verdict.LATE: 1}
+
+
+@pytest.mark.parametrize(
+    ("sequence", "sample", "verdict"),
+    [
+        (46, 105, Verdict.FOREIGN),
+        (39, 99, Verdict.OLD),
+        (41, 100, Verdict.CONFLICT),
+        (41, NEWEST + 1, Verdict.AHEAD),
+    ],
+)
+def test_command_out_of_turn___for_a_sample_too_old___is_judged_as_ever(
+    sequence: int, sample: int, verdict: Verdict
+) -> None:
+    commander = following(command(40, 100))
+    assert commander.judge(command(sequence, sample), NEWEST, in_time=False) is verdict
+
+
 def test_same_command_again___is_a_duplicate___with_another_stamp_a_conflict() -> None:
     commander = following(command(40, 100, stamp_ns=5))
     assert commander.judge(command(40, 100, stamp_ns=5), NEWEST) is Verdict.DUPLICATE

@@ -7,47 +7,82 @@ import pytest
 from flexarm_core.errors import SettingError
 from flexarm_daq.loop.watchdog import Watchdog
 
-
-def test_watchdog___before_any_command___is_stale_without_a_lapse() -> None:
-    watchdog = Watchdog(0.25)
-    assert watchdog.stale(0.0)
-    assert (watchdog.feeds, watchdog.lapses) == (0, 0)
+PERIOD_S = 0.25
 
 
-def test_command___at_the_sample_that_completes_its_age___is_stale() -> None:
-    watchdog = Watchdog(0.25, max_age_periods=3)
-    watchdog.fed(10.0)
-    assert [watchdog.stale(now_s) for now_s in (10.25, 10.5, 10.75)] == [False, False, True]
+def watchdog_at(*times_s: float, max_age_periods: int = 3) -> Watchdog:
+    """Return a watchdog that has seen the samples 1, 2, ... at these times."""
+    watchdog = Watchdog(PERIOD_S, max_age_periods)
+    for sequence, time_s in enumerate(times_s, start=1):
+        watchdog.stale(sequence, time_s)
+    return watchdog
+
+
+def test_watchdog___before_any_command___is_stale() -> None:
+    watchdog = Watchdog(PERIOD_S)
+    assert watchdog.stale(1, 0.0)
+    assert watchdog.stale(2, PERIOD_S)
+
+
+@pytest.mark.parametrize("arrival", [1, 2, 3])
+def test_command___whenever_it_arrives___is_stale_at_the_sample_that_completes_its_age(
+    arrival: int,
+) -> None:
+    """The age counts from the first sample, which the command answers."""
+    watchdog = watchdog_at(*(10.0 + PERIOD_S * k for k in range(arrival)))
+    assert watchdog.in_time(1)
+    watchdog.fed(1)
+    stale = [watchdog.stale(k + 1, 10.0 + PERIOD_S * k) for k in range(arrival, 5)]
+    assert stale == [k >= 3 for k in range(arrival, 5)]
+
+
+@pytest.mark.parametrize("max_age_periods", [1, 2, 3, 10])
+def test_command___of_the_full_age___is_not_in_time(max_age_periods: int) -> None:
+    watchdog = watchdog_at(*(PERIOD_S * k for k in range(50)), max_age_periods=max_age_periods)
+    in_time = [watchdog.in_time(sequence) for sequence in range(51)]
+    assert in_time == [sequence > 50 - max_age_periods for sequence in range(51)]
 
 
 def test_samples___that_come_close_after_a_late_one___count_all_the_same() -> None:
-    watchdog = Watchdog(0.25, max_age_periods=3)
-    watchdog.fed(10.2)
-    assert [watchdog.stale(now_s) for now_s in (10.25, 10.5, 10.75)] == [False, False, True]
+    watchdog = watchdog_at(10.2)
+    watchdog.fed(1)
+    stale = [watchdog.stale(k, now_s) for k, now_s in ((2, 10.25), (3, 10.5), (4, 10.75))]
+    assert stale == [False, False, True]
 
 
 @pytest.mark.parametrize(("now_s", "is_stale"), [(10.6, False), (10.65, True), (20.0, True)])
-def test_missing_samples___count_by_their_time(now_s: float, is_stale: bool) -> None:  # noqa: FBT001 - a parameter of the test
-    watchdog = Watchdog(0.25, max_age_periods=3)
-    watchdog.fed(10.0)
-    assert watchdog.stale(now_s) is is_stale
+def test_samples___that_come_late___count_by_their_time(now_s: float, is_stale: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    watchdog = watchdog_at(10.0)
+    watchdog.fed(1)
+    assert watchdog.stale(2, now_s) is is_stale
+    assert watchdog.in_time(1) is not is_stale
 
 
-def test_lapse___seen_many_times___counts_once() -> None:
-    watchdog = Watchdog(0.25)
-    watchdog.fed(0.0)
-    assert [watchdog.stale(now_s) for now_s in (1.0, 2.0, 3.0)] == [True] * 3
-    assert watchdog.lapses == 1
+@pytest.mark.parametrize(("sequence", "is_stale"), [(3, False), (4, True), (1000, True)])
+def test_missing_samples___count_by_their_numbers(sequence: int, is_stale: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    watchdog = watchdog_at(10.0)
+    watchdog.fed(1)
+    assert watchdog.stale(sequence, 10.0 + PERIOD_S) is is_stale
 
 
-def test_lapse___followed_by_a_command___is_over() -> None:
-    watchdog = Watchdog(0.25)
-    watchdog.fed(0.0)
-    watchdog.stale(1.0)
-    watchdog.fed(2.0)
-    assert not watchdog.stale(2.5)
-    assert watchdog.stale(2.75)
-    assert (watchdog.feeds, watchdog.lapses) == (2, 2)
+def test_number___that_no_sample_has___is_not_in_time() -> None:
+    watchdog = watchdog_at(10.0)
+    watchdog.stale(3, 10.5)
+    assert [watchdog.in_time(sequence) for sequence in (0, 1, 2, 3, 4)] == [
+        False,
+        True,
+        False,
+        True,
+        False,
+    ]
+
+
+def test_stale_command___followed_by_another___is_over() -> None:
+    watchdog = watchdog_at(0.0)
+    watchdog.fed(1)
+    assert [watchdog.stale(k, PERIOD_S * (k - 1)) for k in range(2, 8)] == [False] * 2 + [True] * 4
+    watchdog.fed(7)
+    assert [watchdog.stale(k, PERIOD_S * (k - 1)) for k in range(8, 11)] == [False, False, True]
 
 
 @pytest.mark.parametrize("period_s", [0.0, -1.0, math.nan, math.inf])
