@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from flexarm_core.errors import SettingError
-from flexarm_node.transport import set_up_for_a_loop
+from flexarm_node.transport import set_up_middleware
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,7 +74,7 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     if realtime:
         prefer_realtime()
         _lock_memory()
-        set_up_for_a_loop()
+    set_up_middleware(loop=realtime)
     if not _follows_parent():
         return 1
     signals, wakeup = os.pipe()

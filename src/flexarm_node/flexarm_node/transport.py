@@ -1,4 +1,8 @@
-"""Transport of a node with a loop: UDP, with a prompt repetition of lost messages.
+"""Transport of the nodes: none but loopback where that is asked for, and none that stops a loop.
+
+In the range LOCALHOST rmw_fastrtps finds this machine alone, but its sockets listen on every
+address, and a participant elsewhere that knows the ports can join. A profile that keeps the sockets
+on loopback takes the place of the range, in every process of flexarm.
 
 Fast DDS over shared memory stops a whole participant for a third of a second when a node joins
 late: it opens the newcomer's channel, and sleeps in a health check while it holds the lock that
@@ -25,6 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+_LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"
+_PEERS = "ROS_STATIC_PEERS"
 _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 _PROFILES = Path(__file__).with_name("profiles")
 
@@ -42,17 +48,20 @@ _VERSIONS = {
 }
 """By their library: that of ROS 2 Jazzy and that of Kilted."""
 _GIVEN: dict[str, str] = {}
-"""The environment as it was before it was set up for a loop."""
+"""The environment as it was before the middleware was set up."""
 _OWN_PROFILES = tuple(version.profile_variable for version in _VERSIONS.values())
 _SEGMENTS = "/dev/shm/fast"  # noqa: S108 - where Fast DDS keeps it
-_OWN_TRANSPORTS = (_TRANSPORTS, "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
+_OWN_TRANSPORTS = (_TRANSPORTS, _PEERS)
 
 
-def settings_for_a_loop(environment: Mapping[str, str], libraries: str) -> dict[str, str]:
-    """Return the environment variables that set up the middleware of a process with a loop.
+def middleware_settings(
+    environment: Mapping[str, str], libraries: str, *, loop: bool
+) -> dict[str, str]:
+    """Return the environment variables that set up the middleware of a process.
 
     There are none for a middleware other than Fast DDS. The user's settings stay: an own profile
-    replaces all, own transports or peers leave only the heartbeat to set.
+    replaces all, own peers or transports leave only the heartbeat of a loop to set. In the range
+    LOCALHOST own transports have no effect, with or without flexarm.
 
     Parameters
     ----------
@@ -60,19 +69,33 @@ def settings_for_a_loop(environment: Mapping[str, str], libraries: str) -> dict[
         Environment of the process.
     libraries : str
         Names of the libraries that the process has loaded, the middleware's among them.
+    loop : bool
+        True for the process of a node with a loop.
     """
     version = next((_VERSIONS[name] for name in _VERSIONS if name in libraries), None)
     if version is None or any(environment.get(key) for key in _OWN_PROFILES):
         return {}
+    if _is_private(environment) and not environment.get(_PEERS):
+        # With this range rmw_fastrtps makes transports of its own, shared memory among them, and
+        # heeds neither variable nor profile. The profile says what the range says.
+        loopback = str(_PROFILES / f"{version.name}_localhost.xml")
+        return {
+            _RANGE: "SYSTEM_DEFAULT",
+            _LOCALHOST_ONLY: "",
+            version.profile_variable: loopback,
+        }
+    if not loop:
+        return {}
     heartbeat = {version.profile_variable: str(_PROFILES / f"{version.name}.xml")}
-    if any(environment.get(key) for key in _OWN_TRANSPORTS):
-        return heartbeat
-    if environment.get(_RANGE, "").upper() != "LOCALHOST":
-        return {_TRANSPORTS: "UDPv4"} | heartbeat
-    # With this range rmw_fastrtps makes transports of its own, shared memory among them, and
-    # heeds neither variable nor profile. The profile says what the range says.
-    loopback = str(_PROFILES / f"{version.name}_localhost.xml")
-    return {_RANGE: "SYSTEM_DEFAULT", version.profile_variable: loopback}
+    own = any(environment.get(key) for key in _OWN_TRANSPORTS)
+    return heartbeat if own else {_TRANSPORTS: "UDPv4"} | heartbeat
+
+
+def _is_private(environment: Mapping[str, str]) -> bool:
+    return (
+        environment.get(_RANGE, "").upper() == "LOCALHOST"
+        or environment.get(_LOCALHOST_ONLY) == "1"
+    )
 
 
 def shared_memory_warning(environment: Mapping[str, str], maps: str) -> str:
@@ -95,11 +118,11 @@ def shared_memory_warning(environment: Mapping[str, str], maps: str) -> str:
     )
 
 
-def set_up_for_a_loop() -> None:
-    """Set up the middleware of this process for a loop; call it before `rclpy.init`."""
+def set_up_middleware(*, loop: bool = False) -> None:
+    """Set up the middleware of this process; call it before `rclpy.init`."""
     get_rmw_implementation_identifier()  # loads it
     _GIVEN.update(os.environ)
-    os.environ.update(settings_for_a_loop(_GIVEN, _mapped()))
+    os.environ.update(middleware_settings(_GIVEN, _mapped(), loop=loop))
 
 
 def complaint_about_transport() -> str:

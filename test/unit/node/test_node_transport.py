@@ -5,11 +5,13 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from flexarm_node.transport import settings_for_a_loop, shared_memory_warning
+from flexarm_node.transport import middleware_settings, shared_memory_warning
 
 FAST_DDS = "/opt/lib/libfastrtps.so.2.14"
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 LOCALHOST = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+PEERS = {"ROS_STATIC_PEERS": "10.0.0.1"}
+TRANSPORTS = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
 VERSIONS = [
     (FAST_DDS, PROFILE, "heartbeatPeriod"),
     ("libfastdds.so.3.2", "FASTDDS_DEFAULT_PROFILES_FILE", "heartbeat_period"),
@@ -23,49 +25,62 @@ def elements(profile: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("library", "variable", "heartbeat"), VERSIONS)
-@pytest.mark.parametrize("environment", [LOCALHOST, {}, {"ROS_STATIC_PEERS": "10.0.0.1"}])
-def test_settings___either_version___prompt_heartbeat_in_its_own_words(
+@pytest.mark.parametrize("environment", [LOCALHOST, {}, PEERS])
+def test_settings___loop_with_either_version___prompt_heartbeat_in_its_own_words(
     environment: dict[str, str], library: str, variable: str, heartbeat: str
 ) -> None:
-    found = elements(settings_for_a_loop(environment, library)[variable])
+    found = elements(middleware_settings(environment, library, loop=True)[variable])
 
     assert (heartbeat in found, found["sec"], found["nanosec"]) == (True, "0", "100000000")
 
 
+@pytest.mark.parametrize("loop", [True, False])
+@pytest.mark.parametrize(
+    "environment", [LOCALHOST, {"ROS_LOCALHOST_ONLY": "1"}, LOCALHOST | TRANSPORTS]
+)
 @pytest.mark.parametrize(("library", "variable", "_"), VERSIONS)
 def test_settings___localhost___profile_in_the_place_of_the_range(
-    library: str, variable: str, _: str
+    library: str, variable: str, _: str, environment: dict[str, str], *, loop: bool
 ) -> None:
-    settings = settings_for_a_loop(LOCALHOST, library)
+    settings = middleware_settings(environment, library, loop=loop)
 
     found = elements(settings.pop(variable))
-    assert settings == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
+    assert settings == {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+        "ROS_LOCALHOST_ONLY": "",
+    }
     assert (found["useBuiltinTransports"], found["type"]) == ("false", "UDPv4")
     assert found["address"] == "127.0.0.1"
 
 
 @pytest.mark.parametrize("environment", [{}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}])
-def test_settings___other_ranges___udp_to_every_address(environment: dict[str, str]) -> None:
-    settings = settings_for_a_loop(environment, FAST_DDS)
+def test_settings___loop_in_other_ranges___udp_to_every_address(
+    environment: dict[str, str],
+) -> None:
+    settings = middleware_settings(environment, FAST_DDS, loop=True)
 
     found = elements(settings.pop(PROFILE))
-    assert settings == {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+    assert settings == TRANSPORTS
     assert not {"participant", "transport_descriptors", "address"} & set(found)
 
 
-@pytest.mark.parametrize(
-    "own", ["FASTDDS_BUILTIN_TRANSPORTS", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY"]
-)
-def test_settings___transports_or_peers_of_the_user___stand(own: str) -> None:
-    settings = settings_for_a_loop({**LOCALHOST, own: "1"}, FAST_DDS)
+@pytest.mark.parametrize("own", [TRANSPORTS, PEERS, LOCALHOST | PEERS])
+def test_settings___loop_with_transports_or_peers_of_the_user___stand(own: dict[str, str]) -> None:
+    settings = middleware_settings(own, FAST_DDS, loop=True)
 
     assert "participant" not in elements(settings.pop(PROFILE))
     assert settings == {}
 
 
+@pytest.mark.parametrize("environment", [{}, TRANSPORTS, LOCALHOST | PEERS])
+def test_settings___no_loop_and_others_may_listen___nothing(environment: dict[str, str]) -> None:
+    assert middleware_settings(environment, FAST_DDS, loop=False) == {}
+
+
+@pytest.mark.parametrize("loop", [True, False])
 @pytest.mark.parametrize("own", [variable for _, variable, _ in VERSIONS])
-def test_settings___profile_of_the_user___is_the_only_one(own: str) -> None:
-    assert settings_for_a_loop({**LOCALHOST, own: "mine.xml"}, FAST_DDS) == {}
+def test_settings___profile_of_the_user___is_the_only_one(own: str, *, loop: bool) -> None:
+    assert middleware_settings({**LOCALHOST, own: "mine.xml"}, FAST_DDS, loop=loop) == {}
 
 
 @pytest.mark.parametrize(
@@ -85,4 +100,4 @@ def test_shared_memory___in_use___is_told_with_its_cause(
 
 
 def test_settings___other_middleware___nothing() -> None:
-    assert settings_for_a_loop(LOCALHOST, "/opt/lib/libddsc.so.0") == {}
+    assert middleware_settings(LOCALHOST, "/opt/lib/libddsc.so.0", loop=True) == {}

@@ -6,19 +6,19 @@ import fcntl
 import os
 import time
 from contextlib import contextmanager
-from pathlib import Path
-from tempfile import gettempdir
 from typing import TYPE_CHECKING, Any
-
-import yaml
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.client import NAMESPACE
 from flexarm_bringup.graph.processes import LaunchError, NodeProcesses, NodeProgram
 from flexarm_bringup.graph.session import ros_domain, session
+from flexarm_core.bounds import read_text_bytes, yaml_content
+from flexarm_core.errors import FlexarmError
+from flexarm_core.own_files import private_folder
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from flexarm_bringup.graph.operator import Operator
 
@@ -70,7 +70,7 @@ def running_graph(
     programs = [NodeProgram(*_NODES[name], parameters.get(name, {}), files) for name in nodes]
     processes = NodeProcesses(programs, log)
     checks = processes.check, processes.complaint
-    with _claimed_domain(), session("operator", *checks) as operator:
+    with claimed_domain(), session("operator", *checks) as operator:
         _require_free_domain(operator)
         with processes:
             for name in MANAGED:
@@ -84,8 +84,8 @@ def running_graph(
 def unknown_nodes(file: Path, known: Collection[str]) -> list[str]:
     """Return the unknown nodes in a parameter file of ROS 2; none if it cannot be read."""
     try:
-        content = yaml.safe_load(file.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        content = yaml_content(read_text_bytes(file).decode("utf-8"))
+    except (OSError, UnicodeDecodeError, FlexarmError):
         return []
     names = _named(content, "") if isinstance(content, dict) else iter(())
     return [name for name in names if "*" not in name and name not in known]
@@ -101,18 +101,21 @@ def _named(content: Mapping[str, Any], namespace: str) -> Iterator[str]:
 
 
 @contextmanager
-def _claimed_domain() -> Iterator[None]:
+def claimed_domain() -> Iterator[None]:
     """Keep a second graph of this machine out of the domain: discovery may take seconds to see it.
 
     Graphs of other users and nodes that were started by hand are left to discovery.
     """
     try:
         claim = os.open(
-            Path(gettempdir(), f"flexarm_domain_{ros_domain()}"), os.O_RDWR | os.O_CREAT
+            private_folder() / f"domain_{ros_domain()}",
+            os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC,
+            0o600,
         )
-    except PermissionError:
-        yield
-        return
+    except OSError as error:
+        raise LaunchError(
+            f"cannot claim the ROS domain: {error.filename}: {error.strerror}"
+        ) from error
     try:
         fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

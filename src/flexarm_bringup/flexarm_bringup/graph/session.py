@@ -16,6 +16,7 @@ from flexarm_bringup.console import interruption
 from flexarm_bringup.graph.client import NAMESPACE
 from flexarm_bringup.graph.operator import Operator
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_node.transport import set_up_middleware
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -29,6 +30,7 @@ def session(
 ) -> Iterator[Operator]:
     """Join the graph as a node of this name and yield its operator; see `Operator`."""
     with interruptible():
+        set_up_middleware()
         # Signals stay Python's.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:

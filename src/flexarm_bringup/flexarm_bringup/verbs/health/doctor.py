@@ -99,6 +99,9 @@ def _talk() -> str:
     import rclpy  # noqa: PLC0415 - may be what is missing
     from std_msgs.msg import Float64  # noqa: PLC0415
 
+    from flexarm_node.transport import set_up_middleware  # noqa: PLC0415
+
+    set_up_middleware()
     rclpy.init()
     heard: list[float] = []
     try:
