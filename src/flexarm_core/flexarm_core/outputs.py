@@ -27,7 +27,7 @@ class OutputError(FlexarmError):
     """A result would replace a file of somebody else, or cannot be written."""
 
 
-def is_own(file: Path) -> bool:
+def is_replaceable(file: Path) -> bool:
     """Return whether replacing a file loses nothing of somebody else: it has our mark, or nothing.
 
     A folder, a device or a dangling link is not our own.
@@ -65,7 +65,7 @@ def require_place(files: Iterable[Path], *, force: bool = False) -> None:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise OutputError(f"{file}: cannot be written: {reason}") from error
-        if not (force or is_own(file)):
+        if not (force or is_replaceable(file)):
             raise OutputError(
                 f"{file}: was not written by flexarm: move it away, write elsewhere, or replace it "
                 "with --force (a node: its parameter force)"

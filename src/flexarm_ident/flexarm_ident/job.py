@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_core.outputs import is_own, require_place
+from flexarm_core.outputs import is_replaceable, require_place
 from flexarm_ident.friction.dry_friction import friction_fields
 from flexarm_ident.models.files import FORMATS, save_model
 from flexarm_ident.models.model_parameters import model_parameters
@@ -301,7 +301,7 @@ def _commit(staging: Path, folder: Path) -> None:
     for suffix in FORMATS:
         # A format of an earlier model would contradict the new ones.
         stale = (folder / MODEL_FILE).with_suffix(suffix)
-        if not (staging / stale.name).exists() and is_own(stale):
+        if not (staging / stale.name).exists() and is_replaceable(stale):
             stale.unlink(missing_ok=True)
     for file in staging.iterdir():
         file.replace(folder / file.name)

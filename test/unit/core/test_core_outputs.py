@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_core.outputs import HEAD_BYTES, MARK, OutputError, is_own, require_place
+from flexarm_core.outputs import HEAD_BYTES, MARK, OutputError, is_replaceable, require_place
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,7 +28,7 @@ def names_in(folder: Path) -> set[str]:
 def test_file___with_the_mark_or_empty___may_be_replaced(tmp_path: Path, text: str) -> None:
     file = tmp_path / "file"
     file.write_text(text)
-    assert is_own(file)
+    assert is_replaceable(file)
     require_place([file])
     assert file.read_text() == text
 
@@ -37,7 +37,7 @@ def test_file___with_the_mark_or_empty___may_be_replaced(tmp_path: Path, text: s
 def test_file___of_somebody_else___is_refused_unless_forced(tmp_path: Path, text: str) -> None:
     missing, file = tmp_path / "missing", tmp_path / "file"
     file.write_text(text)
-    assert not is_own(file)
+    assert not is_replaceable(file)
     with pytest.raises(OutputError, match=r"file: was not written by flexarm: .* with --force"):
         require_place([missing, file])
     require_place([missing, file], force=True)
@@ -53,7 +53,7 @@ def test_link___counts_as_what_it_leads_to(tmp_path: Path) -> None:
     for target in (ours, mine, tmp_path / "nowhere"):
         link = tmp_path / f"to_{target.name}"
         link.symlink_to(target)
-        found[target.name] = is_own(link)
+        found[target.name] = is_replaceable(link)
     assert found == {"ours": True, "mine": False, "nowhere": False}
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_core.outputs import is_own
+from flexarm_core.outputs import is_replaceable
 from flexarm_ident.models.files import FORMATS, save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.models.ros_yaml import write_parameter_file
@@ -24,14 +24,14 @@ LONG_NAME = "a" * 2000
 def test_model___in_every_format___is_our_own(tmp_path: Path, suffix: str, name: str) -> None:
     file = tmp_path / f"model{suffix}"
     save_model(file, random_model(3), name=name, provenance={"source": LONG_NAME})
-    assert is_own(file)
+    assert is_replaceable(file)
 
 
 def test_parameter_file___is_our_own(tmp_path: Path) -> None:
     file = tmp_path / "gains.yaml"
     parameters = model_parameters("arm", random_model(3), provenance={})
     write_parameter_file(file, parameters, node="/flexarm/controller")
-    assert is_own(file)
+    assert is_replaceable(file)
 
 
 def test_page___with_and_without_a_section_more___is_our_own(tmp_path: Path) -> None:
@@ -39,4 +39,4 @@ def test_page___with_and_without_a_section_more___is_our_own(tmp_path: Path) -> 
     for text in (page, append_section(page, "More", [])):
         file = tmp_path / "page.html"
         file.write_text(text, "utf-8")
-        assert is_own(file)
+        assert is_replaceable(file)

@@ -16,7 +16,7 @@ from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.checks import EXAMPLES, passes
 from flexarm_bringup.verbs.checkout.folder import checkout
-from flexarm_core.outputs import MARK, is_own
+from flexarm_core.outputs import MARK, is_replaceable
 
 _BUILD = ".buildinfo"
 """File that Sphinx writes with a site."""
@@ -90,4 +90,4 @@ def build_site(root: Path, out: Path, *, force: bool = False) -> str:
 
 def _is_site(folder: Path) -> bool:
     build = folder / _BUILD
-    return build.is_file() and is_own(build)
+    return build.is_file() and is_replaceable(build)

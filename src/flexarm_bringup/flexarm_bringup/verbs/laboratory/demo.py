@@ -29,7 +29,7 @@ from flexarm_bringup.verbs.laboratory.demo_results import (
     write_results,
 )
 from flexarm_bringup.verbs.laboratory.options import PAYLOAD, paced
-from flexarm_core.outputs import MARK, OutputError, is_own, require_place
+from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_ident.job import result_files
@@ -104,7 +104,7 @@ def _make_room(settings: DemoSettings) -> None:
     models = result_files(out / MODELS_FOLDER / _EXPERIMENT, ())
     require_place([out / SUMMARY_FILE, out / REPORT_FILE, *models], force=force)
     bags = out / BAG_FOLDER
-    is_left_over = (bags / _LEFT_OVER).is_file() and is_own(bags / _LEFT_OVER)
+    is_left_over = (bags / _LEFT_OVER).is_file() and is_replaceable(bags / _LEFT_OVER)
     if bags.exists() and not (force or is_left_over):
         raise OutputError(
             f"{bags}: holds bags that were kept, or something else: move it away, choose another "
