@@ -25,7 +25,7 @@ from flexarm_bringup.verbs.laboratory.demo_results import (
     show_model,
     write_results,
 )
-from flexarm_bringup.verbs.laboratory.options import PAYLOAD, paced
+from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_msgs.srv import Identify
@@ -49,6 +49,7 @@ REPLY_DELAY_S = 6e-4
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True)
 @paced
 @click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag.")
+@ARM
 @examples(
     "demo",
     "demo --fast --payload 0.4 --seed 7",
@@ -72,7 +73,8 @@ def _run_demo(settings: DemoSettings) -> None:
     settings.pace.prepare()
     with _bag_folder(out / "bag", keep=settings.keep_bag) as bags:
         terminal.step("Starting the nodes: daq, controller, recorder, ident")
-        with running_graph(_start_parameters(settings), log) as (operator, _):
+        parameters = _start_parameters(settings)
+        with running_graph(parameters, log, namespace=settings.namespace) as (operator, _):
             terminal.step(_experiment_text(settings))
             bag = bags / "experiment"
             experiment = record_run(

@@ -47,6 +47,7 @@ class DemoSettings:
     seed: int
     pace: Pace
     keep_bag: bool
+    namespace: str
 
 
 @dataclass(frozen=True)
