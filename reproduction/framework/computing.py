@@ -21,6 +21,7 @@ import flexarm_control
 import flexarm_core
 import flexarm_daq
 import flexarm_ident
+from flexarm_core.own_files import is_own_file
 from flexarm_core.workers import Workers
 from flexarm_core.workers import computed as on_workers
 from reproduction.framework.findings import ReproductionError, Subject
@@ -82,11 +83,14 @@ class Store:
         self._folder = folder
 
     def find(self, calls: Iterable[Call]) -> dict[Call, Any]:
-        """Return the results that are there. A damaged file and an old source count as none."""
+        """Return the results that are there, of this user: a pickle runs what its writer says.
+
+        A damaged file and an old source count as none.
+        """
         found: dict[Call, Any] = {}
         for call in calls:
             path = self._path(call)
-            if not path.is_file():
+            if not (path.exists() and is_own_file(path)):
                 continue
             try:
                 # The whole file, so that one that was cut is told by its checksum.

@@ -84,6 +84,20 @@ def test_store___entry_of_another_call_in_its_place___counts_as_none(tmp_path: P
     assert store.find([CALL]) == {}
 
 
+def test_store___file_that_others_may_write_or_a_link___counts_as_none(tmp_path: Path) -> None:
+    store = Store(tmp_path / "store")
+    store.keep(CALL, 3)
+    (path,) = (tmp_path / "store").iterdir()
+    path.chmod(0o666)
+    assert store.find([CALL]) == {}
+
+    path.chmod(0o600)
+    assert store.find([CALL]) == {CALL: 3}
+    path.rename(tmp_path / "elsewhere")
+    path.symlink_to(tmp_path / "elsewhere")
+    assert store.find([CALL]) == {}
+
+
 def test_store___write_interrupted___leaves_what_was_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

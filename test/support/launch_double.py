@@ -138,7 +138,7 @@ def launched(arguments: Mapping[str, str]) -> tuple[list[Node], Context]:
 
 
 def _actions() -> list[Any]:
-    contents = {
+    contents: dict[str, dict[str, Any]] = {
         "launch": {"LaunchDescription": list},
         "launch.actions": {
             "DeclareLaunchArgument": DeclareLaunchArgument,

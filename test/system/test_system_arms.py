@@ -45,7 +45,7 @@ class Heard:
     def drive(self, arm: str) -> str:
         """Return the state of a drive as reported."""
         report = self.reports.get(f"/{arm}/daq", DiagnosticStatus())
-        return {each.key: each.value for each in report.values}.get("drive", "")
+        return str({each.key: each.value for each in report.values}.get("drive"))
 
 
 def start_arm(graph: Graph, arm: str, folder: Path, **arguments: str) -> dict[str, Process]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from flexarm_core.errors import BagError, one_line
+from flexarm_core.bounds import read_text_bytes, yaml_content
+from flexarm_core.errors import BagError, FlexarmError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -122,10 +123,10 @@ def read_information(bag: Path) -> dict[str, Any]:
         When it cannot be read or does not name the files.
     """
     try:
-        content = yaml.safe_load((bag / FILE_NAME).read_text("utf-8"))
+        content: Any = yaml_content(read_text_bytes(bag / FILE_NAME).decode("utf-8"))
         information = dict(content["rosbag2_bagfile_information"])
         names = information["relative_file_paths"]
-    except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError) as error:
+    except (OSError, FlexarmError, ValueError, KeyError, TypeError) as error:
         raise BagError(f"{FILE_NAME}: cannot be read: {one_line(error)}") from error
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
         raise BagError(f"{FILE_NAME}: cannot be read: relative_file_paths is no list of names")

@@ -23,7 +23,7 @@ from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from flexarm_bags.layout import MAGIC, RECORD_START, CutError, parse, summary_of, walk
 from flexarm_bags.metadata import RecordedTopic, TopicQos, read_information
 from flexarm_bags.schema import MessageDefinition
-from flexarm_bags.writer import BagWriter, RecordingError
+from flexarm_bags.writer import RecordingError, whole_bag
 from flexarm_core.errors import BagError, one_line
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
             topics.setdefault(found.name, found)
     if not topics:
         raise RecordingError(f"{damaged}: holds no whole message, nothing to repair")
-    with BagWriter(repaired, list(topics.values())) as bag:
+    with whole_bag(repaired, list(topics.values())) as bag:
         for file in files:
             for topic, message in file.messages():
                 bag.write(topic.name, message.data, message.log_time, message.publish_time)

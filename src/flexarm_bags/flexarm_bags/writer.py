@@ -12,8 +12,9 @@ system: a killed recorder loses only later messages. A last checksum covers the 
 from __future__ import annotations
 
 import os
+import shutil
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
@@ -25,7 +26,7 @@ from flexarm_bags.sequence import SequenceCheck
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
 LATEST_TIME_NS = 2**63 - 1
 
@@ -253,3 +254,23 @@ class BagWriter:
             f"{self.path}: cannot write: {error.strerror}; the first {self._kept.total} messages"
             f" are kept, get them with `flexarm bag repair {self.path} -o NEW`"
         ) from error
+
+
+@contextmanager
+def whole_bag(path: Path, topics: Sequence[RecordedTopic]) -> Iterator[BagWriter]:
+    """Open a new bag that is there as a whole in the end, or not at all.
+
+    What can be made again is not worth the half of it, which would stand in the way. A record of
+    an experiment cannot: for that there is `BagWriter`, whose parameters and errors are the same.
+    """
+    bag = BagWriter(path, topics)
+    try:
+        with bag:
+            yield bag
+    except BaseException as error:
+        shutil.rmtree(path, ignore_errors=True)
+        if isinstance(error, RecordingError) and isinstance(error.__cause__, OSError):
+            raise RecordingError(
+                f"{path}: cannot write: {error.__cause__.strerror}; nothing is kept"
+            ) from error
+        raise

@@ -1,8 +1,8 @@
 """Controller node: answers every sample of `state` with one `command` of a control law.
 
-The node is a managed node. The law, its gains and the reference are parameters. A change is checked
-as a whole and takes effect between two samples. While the node is not active, the watchdog of the
-DAQ node holds the drive at zero.
+The node is a managed node. The law, its gains, the model of its design and the reference are
+parameters. A change is checked as a whole and takes effect between two samples. While the node is
+not active, the watchdog of the DAQ node holds the drive at zero.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from std_msgs.msg import Float64
 
 from flexarm_control.laws.registry import LAWS, LawSpec, build_law
 from flexarm_control.laws.switching import Handover
+from flexarm_control.models.chosen_model import PREFIX, chosen_model
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.sample_rate import SampleRate, suits
 from flexarm_core.channels import TRAVEL_V
@@ -51,6 +52,11 @@ def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
 
 
+_MODEL = ParameterSpec(
+    "model",
+    "",
+    "model of the design: <name> of parameters models.<name>.*, or a file; empty: packaged, 300 g",
+)
 PARAMETERS = (
     ParameterSpec("law", "pd", "the control law", choices=tuple(LAWS)),
     ParameterSpec(
@@ -62,6 +68,7 @@ PARAMETERS = (
         for name, row in table.items()
         for spec in _under(name, row.parameters)
     ),
+    *(spec for row in LAWS.values() if row.design for spec in _under(row.name, (_MODEL,))),
 )
 _PARAMETER_NAMES = {spec.name for spec in PARAMETERS}
 
@@ -101,7 +108,8 @@ class Setup:
         if reference != TOPIC:
             profile = build_reference(reference, _below(reference, values))
         law_spec, gains = LAWS[name], _below(name, values)
-        return cls(law_spec, build_law(name, gains), law_spec.rate_hz(gains), profile)
+        model = chosen_model(gains.pop(_MODEL.name, ""), values)
+        return cls(law_spec, build_law(name, gains, model), law_spec.rate_hz(gains, model), profile)
 
     def check_rate(self, measured_hz: float | None) -> None:
         """Refuse samples at another rate than that of the law.
@@ -134,11 +142,12 @@ class ControllerNode(AnsweringNode):
         super().__init__(
             "controller",
             PARAMETERS,
-            accept=Setup.of,
+            open_group=PREFIX,
+            accept=self._on_request,
             apply=self._on_parameters,
             expected=(SettingError,),
         )
-        self._setup = Setup.of(self.parameters.values())
+        self._setup = self._accepted
         self._reference_v = 0.0
         # State of a run, which `begin` resets.
         self._handover = Handover(self._setup.law)
@@ -225,9 +234,13 @@ class ControllerNode(AnsweringNode):
         self._told_v, self._told_ns = self._reference_v, taken_ns
         self._references_out.publish(Float64(data=self._told_v))
 
-    def _on_parameters(self, values: Mapping[str, Any]) -> None:
+    def _on_request(self, values: Mapping[str, Any]) -> None:
+        """Check parameters: they make a setup, which is kept, since a design takes time."""
+        self._accepted = Setup.of(values)
+
+    def _on_parameters(self, _: Mapping[str, Any]) -> None:
         """Put accepted parameters into force, from the next sample on."""
-        before, self._setup = self._setup, Setup.of(values)
+        before, self._setup = self._setup, self._accepted
         if self.running and self._setup.law_spec is not before.law_spec:
             self.declare_commander()
 

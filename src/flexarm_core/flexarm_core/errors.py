@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+# A library's error may quote what it could not read.
+_LONGEST = 1000
+
 
 class FlexarmError(Exception):
     """Base of every error whose text is meant for the user.
@@ -27,5 +30,6 @@ class BagError(IdentificationError):
 
 
 def one_line(error: BaseException) -> str:
-    """Return the text of any error in one line, or its kind where it has no text."""
-    return " ".join(str(error).split()) or type(error).__name__
+    """Return the text of any error in one line, cut when long; its kind where it has no text."""
+    text = " ".join(str(error)[: 2 * _LONGEST].split()) or type(error).__name__
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} ..."

@@ -65,7 +65,7 @@ class LoopNode(LifecycleNode):
     ----------
     name : str
         Node name, in the namespace `/flexarm`.
-    specs, accept, apply
+    specs, open_group, accept, apply
         The node's parameters, see `Parameters`.
     expected : tuple of type
         Errors with a complete message. Others are reported with their place in the code.
@@ -76,13 +76,18 @@ class LoopNode(LifecycleNode):
         name: str,
         specs: Sequence[ParameterSpec],
         *,
+        open_group: str = "",
         accept: Callable[[Mapping[str, Any]], object] | None = None,
         apply: Callable[[Mapping[str, Any]], None] | None = None,
         expected: tuple[type[Exception], ...] = (),
     ) -> None:
-        super().__init__(name, namespace="/flexarm")
+        super().__init__(name, namespace="/flexarm", allow_undeclared_parameters=bool(open_group))
         self.parameters = Parameters(
-            self, (*specs, _AUTOSTART, _LISTENERS), accept=accept, apply=apply
+            self,
+            (*specs, _AUTOSTART, _LISTENERS),
+            open_group=open_group,
+            accept=accept,
+            apply=apply,
         )
         self._expected = expected
         self._trouble = ""

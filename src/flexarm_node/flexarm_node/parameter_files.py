@@ -11,7 +11,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
+from flexarm_core.bounds import read_text_bytes, yaml_content
+from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -37,8 +38,8 @@ def given_files(arguments: Sequence[str]) -> list[Path]:
 def sections(file: Path) -> list[str]:
     """Return the names of nodes, or patterns of names, in a file; none if it cannot be read."""
     try:
-        content = yaml.safe_load(file.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        content = yaml_content(read_text_bytes(file).decode("utf-8"))
+    except (OSError, UnicodeDecodeError, FlexarmError):
         return []
     return list(_named(content, "")) if isinstance(content, dict) else []
 

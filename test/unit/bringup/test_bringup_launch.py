@@ -49,7 +49,7 @@ def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path
     given = {"rate_hz": "500", "law": "pd", "bag": "2026", "params_file": "mine.yaml"}
     nodes, context = launched(given | {"namespace": "arm2"})
 
-    read = {}
+    read: dict[str, object] = {}
     for node in nodes:
         own, mine, *more = files_of(node.arguments(context, tmp_path))
         assert (own, mine) == (OWN, "mine.yaml")

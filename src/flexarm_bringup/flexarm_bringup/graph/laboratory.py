@@ -6,17 +6,17 @@ import fcntl
 import os
 import time
 from contextlib import contextmanager
-from pathlib import Path
-from tempfile import gettempdir
 from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import NAMESPACE, LaunchError, NodeProcesses, NodeProgram
 from flexarm_bringup.graph.session import ros_domain, session
+from flexarm_core.own_files import private_folder
 from flexarm_node.parameter_files import NODE_NAMES, unknown_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from flexarm_bringup.graph.operator import Operator
 
@@ -73,7 +73,7 @@ def running_graph(
     processes = NodeProcesses(programs, log)
     checks = processes.check, processes.complaint
     with (
-        _claimed_domain(namespace),
+        claimed_domain(namespace),
         session("operator", *checks, namespace=namespace) as operator,
     ):
         _require_free_domain(operator)
@@ -87,17 +87,21 @@ def running_graph(
 
 
 @contextmanager
-def _claimed_domain(namespace: str) -> Iterator[None]:
+def claimed_domain(namespace: str) -> Iterator[None]:
     """Keep a second graph of this arm out of the domain: discovery may take seconds to see it.
 
     Graphs of other users and nodes that were started by hand are left to discovery.
     """
-    name = f"flexarm_domain_{ros_domain()}{namespace.replace('/', '_')}"
     try:
-        claim = os.open(Path(gettempdir(), name), os.O_RDWR | os.O_CREAT)
-    except PermissionError:
-        yield
-        return
+        claim = os.open(
+            private_folder() / f"domain_{ros_domain()}{namespace.replace('/', '_')}",
+            os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC,
+            0o600,
+        )
+    except OSError as error:
+        raise LaunchError(
+            f"cannot claim the ROS domain: {error.filename}: {error.strerror}"
+        ) from error
     try:
         fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -11,18 +11,22 @@ import csv
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import islice
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.schema import describe
-from flexarm_bags.writer import BagWriter
+from flexarm_bags.writer import whole_bag
+from flexarm_core.bounds import require_plain_file, shown
 from flexarm_core.errors import FlexarmError
+from flexarm_daq.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
+    from typing import TextIO
 
     from numpy.typing import NDArray
     from rosbags.typesys.store import Msg, Typestore
@@ -33,8 +37,14 @@ IO_TOPIC = "/flexarm/io"
 CHANNELS_TOPIC = "/flexarm/io_channels"
 # Largest difference of a step from the median one: times are often printed with few digits.
 STEP_TOLERANCE = 0.1
-# Largest relative difference of a rate from a whole number of hertz that is rounded.
+# Largest relative difference of a rate from a whole number of hertz that is rounded, and largest
+# relative change of a rate within the file.
 WHOLE_RATE_TOLERANCE = 1e-3
+_HALF_A_STEP = 0.5
+# A line of a table has some hundred characters.
+_LINE_CHARACTERS = 1 << 20
+# Seconds of a stamp are an int32.
+_LATEST_S = 2**31 - 1
 _BLOCK_ROWS = 50_000
 _NS = 1_000_000_000
 
@@ -91,7 +101,10 @@ def import_csv(
     ------
     CsvImportError
         If the file cannot be read, lacks a column, has fewer than 2 rows, a cell that is no finite
-        number, or irregular time steps. The message names file, line and column.
+        number, irregular or drifting time steps, or times that stamps cannot show. The message
+        names file, line and column.
+    BoundError
+        If it is no plain file.
     RecordingError
         If the bag exists or cannot be written.
     """
@@ -104,12 +117,26 @@ def import_csv(
         values = table[:, 1:]
     if rate_hz is None:
         raise CsvImportError(f"{csv_path}: the map names neither a time column nor rate_hz")
+    _require_stamps(csv_path, len(values), rate_hz)
     digest = _hash(csv_path)
     source = f"{csv_path.name} sha256:{digest}"
     if mapping.description:
         source = f"{mapping.description}; {source}"
     _write(bag_path, typestore, mapping, values, rate_hz=rate_hz, source=source)
     return ImportSummary(bag_path, len(values), rate_hz, (len(values) - 1) / rate_hz, digest)
+
+
+def _require_stamps(path: Path, rows: int, rate_hz: float) -> None:
+    if not is_rate(rate_hz):
+        raise CsvImportError(
+            f"{path}: a rate of {rate_hz:.6g} Hz is outside {SLOWEST_HZ:g} to {FASTEST_HZ:g} Hz: "
+            "times are in seconds"
+        )
+    if (rows - 1) / rate_hz > _LATEST_S:
+        raise CsvImportError(
+            f"{path}: {rows} rows at {rate_hz:.6g} Hz last longer than {_LATEST_S} s, which stamps "
+            "cannot show: cut the file"
+        )
 
 
 def _hash(path: Path) -> str:
@@ -123,9 +150,10 @@ def _hash(path: Path) -> str:
 def _read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     """Return the columns as an array, (rows, columns)."""
     try:
+        require_plain_file(path)
         # utf-8-sig: spreadsheets put a byte order mark in front of the first name.
         with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
+            reader = csv.reader(_lines(file, path))
             header = [name.strip() for name in next(reader, [])]
             indices = _indices(header, columns, path)
             rows = ((reader.line_num, row) for row in reader if row)
@@ -141,11 +169,20 @@ def _read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     return table
 
 
+def _lines(file: TextIO, path: Path) -> Iterator[str]:
+    while line := file.readline(_LINE_CHARACTERS):
+        if len(line) == _LINE_CHARACTERS:
+            raise CsvImportError(f"{path}: a line has {_LINE_CHARACTERS} characters or more")
+        yield line
+
+
 def _indices(header: Sequence[str], columns: Sequence[str], path: Path) -> list[int]:
     for column in columns:
         if header.count(column) != 1:
             problem = "no column" if column not in header else "more than one column"
-            raise CsvImportError(f"{path}: {problem} {column}; there are: {', '.join(header)}")
+            raise CsvImportError(
+                f"{path}: {problem} {column}; there are: {shorten(', '.join(header), 500)}"
+            )
     return [header.index(column) for column in columns]
 
 
@@ -176,9 +213,9 @@ def _report_bad_cell(
             try:
                 number = float(cell)
             except ValueError as error:
-                raise CsvImportError(f"{where}: {cell!r} is not a number") from error
+                raise CsvImportError(f"{where}: {shown(cell)} is not a number") from error
             if not np.isfinite(number):
-                raise CsvImportError(f"{where}: {cell} is not finite; remove or fill the row")
+                raise CsvImportError(f"{where}: {number} is not finite; remove or fill the row")
 
 
 def _sampling_rate_hz(times_s: NDArray[np.float64], path: Path, column: str) -> float:
@@ -195,8 +232,27 @@ def _sampling_rate_hz(times_s: NDArray[np.float64], path: Path, column: str) -> 
             " resample or cut the file"
         )
     rate_hz = len(steps_s) / float(times_s[-1] - times_s[0])
+    _refuse_drift(times_s, rate_hz, path, column)
     whole = round(rate_hz)
     return float(whole) if abs(rate_hz - whole) <= WHOLE_RATE_TOLERANCE * rate_hz else rate_hz
+
+
+def _refuse_drift(times_s: NDArray[np.float64], rate_hz: float, path: Path, column: str) -> None:
+    """Refuse times whose steps change slowly: each is like the usual one, their sum is not.
+
+    A rate that changes evenly by a part d puts the middle of N samples d N / 8 samples off.
+    """
+    samples = np.arange(len(times_s))
+    off = np.abs((times_s - times_s[0]) * rate_hz - samples)
+    if off.max() <= _HALF_A_STEP + WHOLE_RATE_TOLERANCE * len(times_s) / 8:
+        return
+    tenth = max(1, len(times_s) // 10)
+    first_hz = tenth / float(times_s[tenth] - times_s[0])
+    last_hz = tenth / float(times_s[-1] - times_s[-1 - tenth])
+    raise CsvImportError(
+        f"{path}: column {column} has no even rate: {first_hz:.6g} Hz at first, {last_hz:.6g} Hz at"
+        f" last, up to {off.max():.1f} samples off even steps; resample the file"
+    )
 
 
 def _write(
@@ -242,7 +298,7 @@ def _write(
     )
     inputs = values[:, : len(input_names)]
     outputs = values[:, len(input_names) :]
-    with BagWriter(bag_path, topics) as bag:
+    with whole_bag(bag_path, topics) as bag:
         raw = bytes(typestore.serialize_cdr(info, info_type.__msgtype__))
         bag.write(CHANNELS_TOPIC, raw, 0, 0)
         for row in range(len(values)):

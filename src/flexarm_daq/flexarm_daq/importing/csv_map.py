@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import yaml
-
+from flexarm_core.bounds import YamlError, read_text_bytes, shown, yaml_content
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
@@ -15,6 +14,8 @@ if TYPE_CHECKING:
 
 _KEYS = {"time", "rate_hz", "inputs", "outputs", "closed_loop", "description"}
 _CHANNEL_KEYS = {"column", "name", "unit"}
+# Stamps count nanoseconds, and their seconds end at 2**31.
+SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
 
 
 class CsvMapError(FlexarmError):
@@ -76,17 +77,17 @@ def load_csv_map(path: Path) -> CsvMap:
         If the file cannot be read or a key is missing, unknown or of the wrong kind.
     """
     try:
-        content = yaml.safe_load(path.read_text("utf-8"))
+        content = yaml_content(read_text_bytes(path).decode("utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise CsvMapError(f"{path}: cannot read: {error}") from error
-    except yaml.YAMLError as error:
-        raise CsvMapError(f"{path}: no YAML: {' '.join(str(error).split())}") from error
+    except YamlError as error:
+        raise CsvMapError(f"{path}: {error}") from error
     if not isinstance(content, dict):
         raise CsvMapError(f"{path}: expected the keys {', '.join(sorted(_KEYS))}")
     _refuse_unknown(content, _KEYS, str(path))
     if ("time" in content) == ("rate_hz" in content):
         raise CsvMapError(f"{path}: give either time (a column) or rate_hz")
-    return CsvMap(
+    mapping = CsvMap(
         inputs=_channels(content, "inputs", path),
         outputs=_channels(content, "outputs", path),
         time=_text(content, "time", path) if "time" in content else None,
@@ -94,6 +95,13 @@ def load_csv_map(path: Path) -> CsvMap:
         closed_loop=_flag(content.get("closed_loop", False), path),
         description=_text(content, "description", path) if "description" in content else "",
     )
+    columns = mapping.columns()
+    for column in columns:
+        if columns.count(column) > 1:
+            raise CsvMapError(
+                f"{path}: column {column} has two meanings: it is one of time, input and output"
+            )
+    return mapping
 
 
 def _refuse_unknown(content: Mapping[object, object], known: set[str], where: str) -> None:
@@ -105,19 +113,27 @@ def _refuse_unknown(content: Mapping[object, object], known: set[str], where: st
 def _text(content: Mapping[str, object], key: str, where: object) -> str:
     value = content[key]
     if not isinstance(value, str) or not value.strip():
-        raise CsvMapError(f"{where}: {key} must be a text, not {value!r}")
+        raise CsvMapError(f"{where}: {key} must be a text, not {shown(value)}")
     return value.strip()
 
 
 def _rate(value: object, path: Path) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value <= 1e9:  # noqa: PLR2004 - stamps count nanoseconds
-        raise CsvMapError(f"{path}: rate_hz must be a positive number, not {value!r}")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_rate(value):
+        raise CsvMapError(
+            f"{path}: rate_hz must be a number of {SLOWEST_HZ:g} to {FASTEST_HZ:g}, not "
+            f"{shown(value)}"
+        )
     return float(value)
+
+
+def is_rate(rate_hz: float) -> bool:
+    """Return whether stamps can show a rate."""
+    return SLOWEST_HZ <= rate_hz <= FASTEST_HZ
 
 
 def _flag(value: object, path: Path) -> bool:
     if not isinstance(value, bool):
-        raise CsvMapError(f"{path}: closed_loop must be true or false, not {value!r}")
+        raise CsvMapError(f"{path}: closed_loop must be true or false, not {shown(value)}")
     return value
 
 

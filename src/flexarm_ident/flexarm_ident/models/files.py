@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexarm_core.bounds import BoundError, read_text_bytes
 from flexarm_ident.models.c_header import c_header
 from flexarm_ident.models.mat import mat_bytes, parameters_in_mat
 from flexarm_ident.models.model_parameters import (
@@ -50,10 +51,9 @@ def _json_bytes(_name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
 
 def _parameters_in_json(content: bytes) -> dict[str, object]:
     try:
-        tree = json.loads(content)
+        return flat_parameters(json.loads(content))
     except (ValueError, RecursionError) as error:
         raise ModelFileError(f"no JSON: {error}") from error
-    return flat_parameters(tree)
 
 
 FORMATS = {
@@ -148,9 +148,11 @@ def load_parameters(path: Path | str) -> dict[str, object]:
         readable = ", ".join(suffix for suffix, each in FORMATS.items() if each.decode)
         raise ModelFileError(f"{path}: this format is for compilers only: read one of {readable}")
     try:
-        return decode(Path(path).read_bytes())
+        return decode(read_text_bytes(Path(path)))
     except OSError as error:
         raise ModelFileError(f"{path}: {error.strerror}") from error
+    except BoundError as error:
+        raise ModelFileError(str(error)) from error
     except ModelFileError as error:
         raise ModelFileError(f"{path}: {error}") from error
 

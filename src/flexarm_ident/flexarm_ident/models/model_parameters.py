@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm_core.bounds import shown
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.models.state_space import state_space
 
@@ -33,6 +34,8 @@ _ROOT = "models"
 _MATRICES = ("a", "b", "c", "d")
 FIELDS = (*_MATRICES, "states", "input_names", "output_names", "dt_s", "hash")
 """Fields of the linear model; every further field is friction or provenance."""
+MOST_STATES = 10_000
+_LONGEST_NAME = 1000
 
 
 class ModelFileError(IdentificationError):
@@ -98,9 +101,11 @@ def model_from_parameters(name: str, parameters: Mapping[str, object]) -> contro
     fields = {field: parameters[prefix + field] for field in FIELDS}
     dt_s, states = fields["dt_s"], fields["states"]
     if not isinstance(dt_s, float) or not (math.isfinite(dt_s) and dt_s > 0.0):
-        raise ModelFileError(f"{prefix}dt_s must be a positive number of seconds: {dt_s!r}")
-    if not isinstance(states, int) or isinstance(states, bool) or states < 1:
-        raise ModelFileError(f"{prefix}states must be a whole number, 1 or more: {states!r}")
+        raise ModelFileError(f"{prefix}dt_s must be a positive number of seconds: {shown(dt_s)}")
+    if not isinstance(states, int) or isinstance(states, bool) or not 1 <= states <= MOST_STATES:
+        raise ModelFileError(
+            f"{prefix}states must be a whole number, 1 to {MOST_STATES}: {shown(states)}"
+        )
     inputs, outputs = (_names(prefix + key, fields[key]) for key in ("input_names", "output_names"))
     rows = (states, states, len(outputs), len(outputs))
     columns = (states, len(inputs), states, len(inputs))
@@ -180,7 +185,9 @@ def _entries(matrix: FloatArray) -> FloatArray:
 def _flat(tree: object, prefix: str) -> Iterator[tuple[str, object]]:
     if isinstance(tree, dict):
         for key, value in tree.items():
-            yield from _flat(value, f"{prefix}.{key}" if prefix else str(key))
+            if len(prefix) + len(key := str(key)) > _LONGEST_NAME:
+                raise ModelFileError(f"a parameter's name has more than {_LONGEST_NAME} characters")
+            yield from _flat(value, f"{prefix}.{key}" if prefix else key)
     elif prefix:
         yield prefix, tree
 
@@ -200,9 +207,9 @@ def _check_model(name: str, model: control.StateSpace) -> None:
 def _names(key: str, value: object) -> list[str]:
     names = list(value) if isinstance(value, (list, tuple)) else []
     if not names or not all(isinstance(name, str) for name in names):
-        raise ModelFileError(f"{key} must be a list of names: {value!r}")
+        raise ModelFileError(f"{key} must be a list of names: {shown(value)}")
     if len(set(names)) < len(names):
-        raise ModelFileError(f"{key} must differ: {names!r}")
+        raise ModelFileError(f"{key} must differ: {shown(names)}")
     return names
 
 

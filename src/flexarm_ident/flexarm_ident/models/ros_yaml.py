@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import yaml
 
+from flexarm_core.bounds import YamlError, yaml_content
 from flexarm_ident.models.model_parameters import (
     ModelFileError,
     flat_parameters,
@@ -73,9 +74,11 @@ def parameters_in_text(text: bytes) -> dict[str, object]:
         If it is no YAML.
     """
     try:
-        document = yaml.safe_load(text.decode("utf-8"))
-    except (ValueError, yaml.YAMLError) as error:
-        raise ModelFileError(f"no YAML: {' '.join(str(error).split())}") from error
+        document = yaml_content(text.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise ModelFileError(f"no YAML: {error}") from error
+    except YamlError as error:
+        raise ModelFileError(str(error)) from error
     nodes = document.values() if isinstance(document, dict) else ()
     parameters: dict[str, object] = {}
     for node in nodes:

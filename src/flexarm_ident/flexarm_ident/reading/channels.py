@@ -71,6 +71,9 @@ class Selection:
                 raise BagError(
                     f"two channels are called {name}: name them as NAME=TOPIC.FIELD, or take one"
                 )
+        both = {str(field) for field in self.inputs} & {str(field) for field in self.outputs}
+        if both:
+            raise BagError(f"{both.pop()} is an input and an output: take it as one of them")
         if self.clock not in (None, *CLOCKS):
             raise BagError(f"clock must be one of {', '.join(CLOCKS)}: {self.clock!r}")
 

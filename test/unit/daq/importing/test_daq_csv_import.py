@@ -15,6 +15,7 @@ from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_
 from flexarm_ident import identify
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
+from support.hostile_texts import doubled
 from support.project import PROJECT, SHARED
 
 if TYPE_CHECKING:
@@ -146,6 +147,17 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
         (["t,i,q", "0,1,1", "1,1,1", "2,1,1", "3.5,1,1", "4.5,1,1"], "1.5 s after t = 2 s"),
         (["t,i,q", "0,1,1", "0,1,1", "0,1,1"], "column t does not increase"),
         (["t,i,q", "2,1,1", "1,1,1", "0,1,1"], "column t does not increase"),
+        (
+            ["t,i,q", "0,1,1", "1e9,1,1", "2e9,1,1", "3e9,1,1"],
+            "a rate of 1e-09 Hz is outside 0.001 to 1e+06 Hz: times are in seconds",
+        ),
+        (
+            ["t,i,q", "0,1,1", "1e-12,1,1", "2e-12,1,1"],
+            "a rate of 1e+12 Hz is outside 0.001 to 1e+06 Hz",
+        ),
+        (["t,i,q", "0,1," + "2" * 2**20, "1,3,4"], "a line has 1048576 characters or more"),
+        (["t,i,q", "0,1," + "x" * 100_000, "1,3,4"], "line 2, column q: 'xxx"),
+        ([",".join(f"c{k}" for k in range(100_000)), "0"], "no column t; there are: c0, c1, c2"),
     ],
 )
 def test_import___bad_file___names_the_place(
@@ -215,8 +227,30 @@ def test_import___any_numbers___come_back_exactly(
         ("time: t\nrate_hz: 5", "give either time"),
         ("inputs: []", "give either time"),
         ("time: 3\ninputs: [{column: i}]\noutputs: [{column: q}]", "time must be a text, not 3"),
-        ("rate_hz: 0\ninputs: [{column: i}]\noutputs: [{column: q}]", "positive number, not 0"),
-        ("rate_hz: yes\ninputs: [{column: i}]\noutputs: [{column: q}]", "positive number, not T"),
+        ("rate_hz: 0\ninputs: [{column: i}]\noutputs: [{column: q}]", "0.001 to 1e+06, not 0"),
+        ("rate_hz: yes\ninputs: [{column: i}]\noutputs: [{column: q}]", "0.001 to 1e+06, not T"),
+        (
+            "rate_hz: 1.0e-9\ninputs: [{column: i}]\noutputs: [{column: q}]",
+            "rate_hz must be a number of 0.001 to 1e+06, not 1e-09",
+        ),
+        (
+            "rate_hz: .nan\ninputs: [{column: i}]\noutputs: [{column: q}]",
+            "0.001 to 1e+06, not nan",
+        ),
+        (
+            "time: t\ninputs: [{column: i}]\noutputs: [{column: i, name: q}]",
+            "column i has two meanings: it is one of time, input and output",
+        ),
+        (
+            "time: t\ninputs: [{column: t}]\noutputs: [{column: q}]",
+            "column t has two meanings",
+        ),
+        (
+            f"rate_hz: {doubled(10)}\ninputs: [{{column: i}}]\noutputs: [{{column: q}}]",
+            "rate_hz must be a number of 0.001 to 1e+06, not [['x', 'x'], [[...",
+        ),
+        ("rate_hz: " + "9" * 5000, "a number has 5000 characters"),
+        ("rate_hz: " + "[" * 5000, "is nested deeper than 64 levels"),
         ("time: t\noutputs: [{column: q}]", "inputs must list at least one column"),
         ("time: t\ninputs: [{column: i}]\noutputs: q", "outputs must list at least one column"),
         ("time: t\ninputs: [i]\noutputs: [{column: q}]", r"inputs[0] needs a column"),

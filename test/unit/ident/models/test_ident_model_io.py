@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import json
 import math
+import os
 from typing import TYPE_CHECKING, Any
 
 import control
@@ -15,8 +17,10 @@ from flexarm_ident.models.model_parameters import (
     model_from_parameters,
     model_hash,
     model_parameters,
+    nested_parameters,
 )
 from flexarm_ident.models.ros_yaml import write_parameter_file
+from support.hostile_texts import doubled, doubled_maps
 from support.ident_systems import DT_S, random_model
 
 if TYPE_CHECKING:
@@ -191,9 +195,10 @@ def test_model_from_parameters___missing_field___is_named(field: str) -> None:
         ("a", ["x"] * 9, r"a must be a list of numbers"),
         ("a", [[1.0], [1.0, 2.0]], r"a must be a list of numbers"),
         ("a", None, r"a must be a list of numbers"),
-        ("states", 0, r"states must be a whole number, 1 or more: 0"),
-        ("states", 3.0, r"states must be a whole number, 1 or more: 3\.0"),
-        ("states", True, r"states must be a whole number, 1 or more: True"),
+        ("states", 0, r"states must be a whole number, 1 to 10000: 0"),
+        ("states", 3.0, r"states must be a whole number, 1 to 10000: 3\.0"),
+        ("states", True, r"states must be a whole number, 1 to 10000: True"),
+        ("states", 10**4000, r"states must be a whole number, 1 to 10000: 1000"),
         ("dt_s", 0.0, r"dt_s must be a positive number of seconds: 0\.0"),
         ("dt_s", math.inf, r"dt_s must be a positive number of seconds: inf"),
         ("dt_s", "fast", r"dt_s must be a positive number of seconds: 'fast'"),
@@ -220,6 +225,16 @@ def test_model_from_parameters___bad_field___is_refused(
         (b"", r"no parameters models\.<name>\.\*"),
         (b"- 1\n- 2\n", r"no parameters models\.<name>\.\*"),
         (b"/**:\n  ros__parameters:\n    rate_hz: 300.0\n", r"no parameters models\.<name>"),
+        (
+            b"/**:\n  ros__parameters:\n    models: {arm: {a: %s}}\n" % doubled(40).encode(),
+            r"has more than 2",
+        ),
+        (
+            b"/**:\n  ros__parameters:\n    models: %s\n" % doubled_maps(40).encode(),
+            r"has more than 2",
+        ),
+        (b"/**: {ros__parameters: {x: !!int ''}}", r"no YAML"),
+        (b"/**: {ros__parameters: {" + b"x" * 1001 + b": {y: 1}}}", r"name has more than 1000"),
         (b"/**:\n  ros__parameters:\n    models: 3\n", r"no parameters models\.<name>\.\*"),
         (b"/**:\n  ros__parameters:\n    models:\n      arm: 3\n", r"models\.arm\.a is missing"),
     ],
@@ -230,6 +245,37 @@ def test_load_models___no_model_in_it___raises(
     path = tmp_path / "model.yaml"
     path.write_bytes(content)
     with pytest.raises(ModelFileError, match=rf"model\.yaml: .*{complaint}"):
+        load_models(path)
+
+
+def test_load_models___period_of_a_million_digits___is_refused_in_a_short_line(
+    tmp_path: Path,
+) -> None:
+    parameters = {**its_parameters(), "models.arm.dt_s": "9" * 1_000_000}
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(nested_parameters(parameters)))
+    with pytest.raises(ModelFileError, match="dt_s must be a positive number") as caught:
+        load_models(path)
+    assert len(str(caught.value)) < 500
+
+
+def test_load_models___deep_json___is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text('{"a":' * 900 + "1" + "}" * 900)
+    with pytest.raises(ModelFileError, match=r"model\.json: "):
+        load_models(path)
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".json", ".mat"])
+def test_load_models___pipe_or_long_file___is_refused_unread(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"model{suffix}"
+    os.mkfifo(path)
+    with pytest.raises(ModelFileError, match="is no plain file"):
+        load_models(path)
+    path.unlink()
+    path.touch()
+    os.truncate(path, 9 << 20)
+    with pytest.raises(ModelFileError, match="is longer than 8 MB"):
         load_models(path)
 
 

@@ -327,6 +327,11 @@ STATES = "position[shoulder], position[motor], effort[shoulder], effort[motor]" 
             ["u=/ft.wrench.force.x"],
             "two channels are called u: name them as NAME=TOPIC.FIELD",
         ),
+        (
+            ["u=/ft.wrench.force.x"],
+            ["y=/ft.wrench.force.x"],
+            "/ft.wrench.force.x is an input and an output: take it as one of them",
+        ),
     ],
 )
 def test_read___wrong_names___are_refused_with_what_there_is(

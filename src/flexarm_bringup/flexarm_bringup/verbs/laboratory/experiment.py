@@ -145,12 +145,17 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     _make_room(folder, entries, overwrite=settings.overwrite)
     settings.pace.prepare()
     parameters = {"daq": settings.pace.parameters() | {"seed": settings.seed}}
-    graph = {"files": settings.parameter_files, "namespace": settings.namespace}
     log = folder / "nodes.log"
     # A record is settled when the recorder has closed it: after the graph.
     with (
         ExitStack() as records,
-        running_graph(parameters, log, nodes=_NODES, **graph) as (operator, _),
+        running_graph(
+            parameters,
+            log,
+            nodes=_NODES,
+            files=settings.parameter_files,
+            namespace=settings.namespace,
+        ) as (operator, _),
     ):
         for number, entry in enumerate(entries, start=1):
             words = f"{entry.input_text}, {entry.samples} samples at {entry.rate_hz:g} Hz"

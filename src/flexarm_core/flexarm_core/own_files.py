@@ -1,0 +1,52 @@
+"""Files of this user alone: a private folder for what processes share, and who wrote a file."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from tempfile import gettempdir
+
+from flexarm_core.errors import FlexarmError
+
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+class OwnFileError(FlexarmError):
+    """A file or folder that another user could have put there or may change."""
+
+
+def private_folder() -> Path:
+    """Return a folder that only this user reads and writes, made where it is missing.
+
+    Names in the temporary folder can be guessed, and anybody may put a link there.
+
+    Raises
+    ------
+    OwnFileError
+        If what stands there is a link, no folder, another user's, or open to others.
+    OSError
+        If it cannot be made.
+    """
+    folder = Path(gettempdir(), f"flexarm-{os.getuid()}")
+    try:
+        folder.mkdir(mode=0o700)
+    except FileExistsError:
+        status = folder.lstat()
+        if not stat.S_ISDIR(status.st_mode) or not _is_mine(status, _OTHERS):
+            raise OwnFileError(
+                f"{folder}: is not a folder of this user alone (mode 0700): remove it, or set "
+                "TMPDIR to another folder"
+            ) from None
+    return folder
+
+
+def is_own_file(path: Path) -> bool:
+    """Return whether a plain file, no link, was written by this user and by nobody else."""
+    status = path.lstat()
+    return stat.S_ISREG(status.st_mode) and _is_mine(status, _OTHERS_WRITE)
+
+
+def _is_mine(status: os.stat_result, closed: int) -> bool:
+    return status.st_uid == os.getuid() and not status.st_mode & closed
