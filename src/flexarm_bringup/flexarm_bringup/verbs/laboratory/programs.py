@@ -55,9 +55,9 @@ def record(bag: Path, namespace: str) -> None:
 )
 @examples("play bags/c_dat3_0g", "play bags/c_dat3_0g --rate 2", "play bags/run1 --stand-in")
 def play(bag: Path, rate: float, *, loop: bool, stand_in: bool) -> None:
-    """Publish the messages of a bag with their timing, on the topics that it names.
+    """Publish the messages of a bag with their timing.
 
-    The service ~/play stops it.
+    The topics are those that the bag names. The service ~/play stops it.
     """
     parameters = {"bag": bag.absolute(), "rate": rate, "loop": loop, "stand_in": stand_in}
     _become(NodeProgram("flexarm_daq", "player_node", parameters).command())
