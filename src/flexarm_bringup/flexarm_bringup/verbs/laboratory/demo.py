@@ -28,7 +28,7 @@ from flexarm_bringup.verbs.laboratory.demo_results import (
     show_model,
     write_results,
 )
-from flexarm_bringup.verbs.laboratory.options import PAYLOAD, paced
+from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
 from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
@@ -58,6 +58,7 @@ _LEFT_OVER = ".flexarm"
 @paced
 @click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag.")
 @FORCE
+@ARM
 @examples(
     "demo",
     "demo --fast --payload 0.4 --seed 7",
@@ -79,7 +80,8 @@ def _run_demo(settings: DemoSettings) -> None:
     settings.pace.prepare()
     with _bag_folder(out / BAG_FOLDER, keep=settings.keep_bag) as bags:
         terminal.step("Starting the nodes: daq, controller, recorder, ident")
-        with running_graph(_start_parameters(settings), out / "nodes.log") as (operator, _):
+        parameters, log = _start_parameters(settings), out / "nodes.log"
+        with running_graph(parameters, log, namespace=settings.namespace) as (operator, _):
             terminal.step(_experiment_text(settings))
             bag = bags / _EXPERIMENT
             experiment = record_run(

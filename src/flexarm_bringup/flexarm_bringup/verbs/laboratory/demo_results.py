@@ -56,6 +56,7 @@ class DemoSettings:
     pace: Pace
     keep_bag: bool
     force: bool
+    namespace: str
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,7 @@ def tune_models(
         result = tune_gains(models, TuneRequest(**request))
     _show_certificate(tuple(models), result)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_parameter_file(out, dict(result.parameters), node="/flexarm/controller")
+    write_parameter_file(out, dict(result.parameters), node="/**/controller")
     gains = ", ".join(f"{name} {gain:.4f}" for name, gain in list(result.parameters.items())[:3])
     terminal.CONSOLE.print(f"J {result.criteria[0]:.4f}: {gains}; written to {out}")
 
