@@ -22,7 +22,7 @@ class Started(Exception):  # noqa: N818 - no error: the nodes would start now
 
 @pytest.fixture(autouse=True)
 def _no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    def start(*_: object) -> None:
+    def start(*_: object, **__: object) -> None:
         raise Started
 
     monkeypatch.setattr(program, "running_graph", start)
