@@ -81,7 +81,7 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
     assert flexarm("set", "controller", "pd.kp=2e0") == (0, "controller pd.kp: 1.0 -> 2.0")
     assert flexarm("set", "controller", "pd.kp=2", "pd.kq=2") == (
         1,
-        "flexarm: controller has no parameter pd.kq",
+        "flexarm: controller has no parameter pd.kq (nearest: pd.kp)",
     )
 
     code, said = flexarm("stop")

@@ -9,15 +9,15 @@ from abc import abstractmethod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from flexarm_core.errors import one_line
 from flexarm_core.specs import ParameterSpec
-from flexarm_node import qos
 from flexarm_node.parameters import Parameters
+from flexarm_node.reports import Reporter
 from flexarm_node.transport import complaint_about_transport
 from flexarm_node.waiting import has_every_reader, wait_until
 
@@ -96,7 +96,7 @@ class LoopNode(LifecycleNode):
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._ended = self.create_guard_condition(self._deactivate_ended)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.SENT)
+        self._reporter = Reporter(self)
         # On the node's own clock a wall clock set back would silence the reports.
         self._idle_reports = self.create_timer(
             _REPORT_S, self._report_idle, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -133,6 +133,10 @@ class LoopNode(LifecycleNode):
 
     def warning(self) -> str:
         """Return what a user should know of a loop that runs as it should; "" without a warning."""
+        return ""
+
+    def rig(self) -> str:
+        """Return the name of the rig that the node drives; empty for none."""
         return ""
 
     @property
@@ -289,13 +293,10 @@ class LoopNode(LifecycleNode):
             )
 
     def _report(self, status: DiagnosticStatus) -> None:
-        status.name = f"flexarm: {self.get_name()}"
         if self._trouble:
             status.level = DiagnosticStatus.ERROR
             status.message += f": {self._trouble}"
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self._reporter.publish(status, self.rig())
 
 
 def _listed(figures: Figures) -> list[KeyValue]:

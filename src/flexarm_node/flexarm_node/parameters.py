@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
+import sys
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import (
@@ -14,6 +14,8 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 
 from flexarm_core.errors import FlexarmError, SettingError
+from flexarm_core.nearest import nearest
+from flexarm_node.parameter_files import complaint, given_files
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -95,6 +97,9 @@ class Parameters:
             self._declare(spec)
         self._declare_open()
         self._refuse_unknown()
+        name = node.get_fully_qualified_name()
+        if misdirected := complaint(given_files(sys.argv), name):
+            raise SettingError(misdirected)
         self._values = self._read()
         reason = self._refusal(self._values)
         if reason:
@@ -151,8 +156,7 @@ class Parameters:
             )
 
     def _with_nearest(self, name: str) -> str:
-        near = get_close_matches(name, self._specs, n=1, cutoff=0.0)
-        return f"{name} (nearest: {near[0]})" if near else name
+        return name + nearest(name, self._specs)
 
     def _refusal(self, values: Mapping[str, Any]) -> str | None:
         for name, spec in self._specs.items():

@@ -11,10 +11,11 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
-from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_control.design.model_sources import load_models
 from flexarm_control.design.tuning_job import TUNINGS, TuneRequest
 from flexarm_control.design.tuning_job import tune as tune_gains
+from flexarm_core.outputs import require_place
 from flexarm_ident.models.ros_yaml import write_parameter_file
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 @click.option(
     "--delay", "delay_s", default=0.0, show_default=True, help="Loop delay, s, at most 0.05."
 )
+@FORCE
 @examples(
     "tune nominal:0 nominal:0.2 nominal:0.4",
     "tune nominal:0:flipped nominal:0.2:flipped nominal:0.4:flipped",
@@ -53,7 +55,7 @@ if TYPE_CHECKING:
     "tune --law ilqr out/150g/model.yaml",
     "tune --law pdpc_scheduled 0=out/a/model.yaml 0.15=out/b/model.yaml 0.3=out/c/model.yaml",
 )
-def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+def tune(models: tuple[str, ...], out: Path, *, force: bool, **options: Any) -> None:  # noqa: ANN401
     """Tune gains on models and write a --params-file.
 
     A model is a file from identify, a bag, or nominal:KG; KG=MODEL tells its payload.
@@ -62,10 +64,16 @@ def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: A
     """
     source = click.get_current_context().get_parameter_source
     given = {k: v for k, v in options.items() if source(k) is not ParameterSource.DEFAULT}
-    tune_models(models, out, **given)
+    tune_models(models, out, force=force, **given)
 
 
-def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # noqa: ANN401
+def tune_models(
+    names: tuple[str, ...],
+    out: Path,
+    *,
+    force: bool = False,
+    **request: Any,  # noqa: ANN401 - whatever its type
+) -> None:
     """Tune a law on models, show the certificate, write the gains.
 
     Parameters
@@ -74,20 +82,24 @@ def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # n
         Models, as the verb takes them.
     out : Path
         File of the gains.
+    force : bool
+        Another file than one of gains is replaced too.
     **request
         Fields of a `TuneRequest`.
 
     Raises
     ------
-    OSError
-        When the gains cannot be written; tried before the search.
+    OutputError
+        When the gains cannot be written, or would replace a file of somebody else; found before
+        the search.
     """
-    _make_writable(out)
+    require_place([out], force=force)
     with terminal.busy(f"tuning on {len(names)} model{'s' * (len(names) != 1)}"):
         models = load_models(names)
         result = tune_gains(models, TuneRequest(**request))
     _show_certificate(tuple(models), result)
-    write_parameter_file(out, dict(result.parameters), node="/flexarm/controller")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_parameter_file(out, dict(result.parameters), node="/**/controller")
     terminal.CONSOLE.print(
         f"J {result.criteria[0]:.4f}: {_of_first_law(result)}; written to {out}", markup=False
     )
@@ -120,15 +132,3 @@ def _of_first_law(result: TuneResult) -> str:
         f"{name} {each:.4g}" if isinstance(each, float) else f"{name} {each}"
         for name, each in values.items()
     )
-
-
-def _make_writable(out: Path) -> None:
-    """Make the folder of a file, and try that the file can be written, without a trace of it."""
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        is_new = not out.exists()
-        out.open("a").close()
-        if is_new:
-            out.unlink()
-    except OSError as error:
-        raise OSError(f"{out}: cannot be written: {error.strerror}") from error
