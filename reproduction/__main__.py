@@ -11,11 +11,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.verb_group import VerbGroup, examples
+from flexarm_bringup.console.verb_group import FORCE, VerbGroup, examples
+from flexarm_core.outputs import require_place
 from flexarm_core.workers import Workers
 from reproduction.contents import all_subjects
 from reproduction.framework.computing import Store, reproduce
-from reproduction.framework.document import write_document
+from reproduction.framework.document import pages_of, write_document
 from reproduction.framework.findings import Verdict, count
 from reproduction.framework.selection import select
 
@@ -47,6 +48,7 @@ def main() -> None:
 )
 @click.option("--jobs", type=click.IntRange(1), help="Processes; by default one per core.")
 @click.option("--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster.")
+@FORCE
 @examples(
     "reproduce --list",
     "reproduce table-2-4",
@@ -55,7 +57,7 @@ def main() -> None:
     "reproduce all --dask tcp://10.0.0.7:8786",
 )
 def command(
-    keys: tuple[str, ...], out: Path, jobs: int | None, dask: str, *, listing: bool
+    keys: tuple[str, ...], out: Path, jobs: int | None, dask: str, *, listing: bool, force: bool
 ) -> None:
     """Set tables, figures and claims of the thesis beside our own, with a verdict each."""
     if listing:
@@ -63,7 +65,7 @@ def command(
         return
     if not keys:
         raise click.UsageError("name a subject, such as table-2-4, or all; --list shows them")
-    sys.exit(reproduce_subjects(keys, out, Workers(jobs or -1, dask)))
+    sys.exit(reproduce_subjects(keys, out, Workers(jobs or -1, dask), force=force))
 
 
 def show_subjects(wanted: Sequence[str]) -> None:
@@ -74,10 +76,13 @@ def show_subjects(wanted: Sequence[str]) -> None:
     terminal.CONSOLE.print(table)
 
 
-def reproduce_subjects(wanted: Sequence[str], out: Path, workers: Workers) -> int:
+def reproduce_subjects(
+    wanted: Sequence[str], out: Path, workers: Workers, *, force: bool = False
+) -> int:
     """Run subjects, print them, write the pages; return the exit code."""
     subjects = all_subjects()
     chosen = select(subjects, wanted)
+    require_place(pages_of(chosen, out), force=force)
     try:
         with terminal.progress() as show:
             outcomes = reproduce(chosen, Store(CACHE), workers=workers, progress=show)

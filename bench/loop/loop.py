@@ -187,7 +187,7 @@ def _burn(_: Connection) -> None:
 def _keep(name: str, heard: dict[str, str]) -> Any:  # noqa: ANN401 - a callback
     def on_message(message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name == f"flexarm: {name}" and status.values:
+            if status.name == f"/flexarm/{name}" and status.values:
                 heard.update({each.key: each.value for each in status.values})
                 heard["time_s"] = repr(time.monotonic())
 

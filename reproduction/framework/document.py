@@ -6,6 +6,7 @@ import html
 import re
 from typing import TYPE_CHECKING
 
+from flexarm_core.outputs import MARK
 from reproduction.framework.findings import Subject, Verdict, count
 from reproduction.framework.selection import APPENDICES, page_of
 
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
     from reproduction.framework.computing import Outcome
     from reproduction.framework.findings import Finding, SideBySide, Subject
 
+INDEX = "index.md"
 PICTURES = "svg"
+_HEAD = f"<!-- {MARK} -->\n"
 _INTRODUCTION = """\
 Each table, figure and claim of the thesis beside what flexarm gives for it, with a verdict. Nothing
 here was written by hand: `./flexarm reproduce all -o docs/reproduction` runs the experiments on the
@@ -31,6 +34,12 @@ _TITLES = {"chapter": "Chapter {}", APPENDICES: "Appendices"}
 _MARKS = {Verdict.AGREES: "✔", Verdict.SAME_RANKING: "≈", Verdict.DIFFERS: "✘"}
 _PICTURE_WIDTH = 560
 _OURS = re.compile(r"(table|figure|claim|appendix)-[a-z0-9-]+-\d+\.svg")
+
+
+def pages_of(subjects: Sequence[Subject], folder: Path) -> list[Path]:
+    """Return the pages that `write_document` writes for subjects."""
+    pages = dict.fromkeys(page_of(subject.key) for subject in subjects)
+    return [folder / INDEX, *(folder / f"{page}.md" for page in pages)]
 
 
 def write_document(outcomes: Sequence[Outcome], folder: Path, *, complete: bool) -> None:
@@ -59,8 +68,8 @@ def write_document(outcomes: Sequence[Outcome], folder: Path, *, complete: bool)
         pages.setdefault(page_of(subject.key), []).append((subject, finding))
     for page, part in pages.items():
         sections = "\n".join(line for each in part for line in _section(*each))
-        (folder / f"{page}.md").write_text(f"# {_title(page)}\n{sections}\n", "utf-8")
-    (folder / "index.md").write_text("\n".join(_index(pages)) + "\n", "utf-8")
+        (folder / f"{page}.md").write_text(f"{_HEAD}# {_title(page)}\n{sections}\n", "utf-8")
+    (folder / INDEX).write_text(_HEAD + "\n".join(_index(pages)) + "\n", "utf-8")
     if complete:
         for old in pictures.iterdir():
             if _OURS.fullmatch(old.name) and old.name not in names:

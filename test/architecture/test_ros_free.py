@@ -27,6 +27,7 @@ CONNECTING = {
             "process",
             "loop_node",
             "answering_node",
+            "reports",
             "transport",
         )
     ),

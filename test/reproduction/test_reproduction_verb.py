@@ -61,6 +61,21 @@ def test_reproduce___subject___is_written_and_its_results_are_kept(tmp_path: Pat
     assert len(list((tmp_path / program.CACHE).iterdir())) == 1
 
 
+@pytest.mark.parametrize("name", ["index.md", "chapter-2.md"])
+def test_reproduce___page_of_somebody_else___is_refused_before_the_work(
+    tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_text("mine")
+    refused = flexarm("table-2-1", "-o", ".")
+    assert refused.exit_code == 1
+    assert f"{name}: was not written by flexarm" in refused.output
+    assert not (tmp_path / program.CACHE).exists()
+    assert (tmp_path / name).read_text() == "mine"
+    for more in (["--force"], []):
+        assert flexarm("table-2-1", "-o", ".", *more).exit_code == 0
+    assert "Because." in (tmp_path / "chapter-2.md").read_text("utf-8")
+
+
 def test_reproduce___finding___is_shown_with_both_figures_and_the_verdict() -> None:
     with terminal.CONSOLE.capture() as captured:
         result = flexarm("table-2-1")

@@ -26,9 +26,8 @@ try:
     from rclpy.signals import SignalHandlerOptions
 
     import flexarm_msgs.msg  # noqa: F401 - the workspace is built and sourced
-    from flexarm_bringup.graph.client import NAMESPACE
     from flexarm_bringup.graph.operator import Operator
-    from flexarm_bringup.graph.processes import LaunchError
+    from flexarm_bringup.graph.processes import NAMESPACE, LaunchError
     from flexarm_node.process import DIE_WITH_PARENT
 
     INSTALL = Path(os.environ["FLEXARM_INSTALL"])

@@ -31,13 +31,13 @@ def test_up___samples_and_records_until_ctrl_c(graph: Graph, tmp_path: Path) -> 
     graph.node.create_subscription(ArmState, "/flexarm/state", heard.append, qos.NEWEST)
     gains = tmp_path / "gains.yaml"
     write_parameter_file(gains, {"pdp.kp": 0.75}, node="/flexarm/controller")
-    mistyped = tmp_path / "mistyped.yaml"
-    write_parameter_file(mistyped, {"pdp.kp": 0.5}, node="/flexarm/controler")
+    others = tmp_path / "others.yaml"
+    write_parameter_file(others, {"fps": 30.0}, node="/flexarm/camera")
     options = ("--rate", "100", "--payload", "0.2", "--reference", "square", "--bag", str(bag))
-    control = ("--law", "pdp", "--params-file", str(gains), "--params-file", str(mistyped))
+    control = ("--law", "pdp", "--params-file", str(gains), "--params-file", str(others))
     process = graph.run([str(ROOT / "flexarm"), "up", *options, *control])
     process.wait_for("/flexarm is up: pdp at 100 Hz, reference: square. Ctrl-C ends it.")
-    note = f"note: {mistyped} is also for /flexarm/controler, no node here"
+    note = f"note: {others} is also for /flexarm/camera, no node here"
     assert note in process.printed.splitlines()
     request = GetParameters.Request(names=["pdp.kp"])
     response = graph.call(GetParameters, "controller/get_parameters", request)

@@ -1,36 +1,87 @@
-"""The whole graph on a ROS 2 installation: `ros2 launch flexarm_bringup laboratory.launch.py`."""
+"""The nodes of one arm: `ros2 launch flexarm_bringup laboratory.launch.py namespace:=arm2`.
 
-from launch.actions import DeclareLaunchArgument
+A set-point for it:
+`ros2 service call /arm2/set_reference flexarm_msgs/srv/SetReference "{reference_v: 3.0}"`
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
 
+if TYPE_CHECKING:
+    from launch.launch_context import LaunchContext
+
+_NODES = (
+    ("flexarm_daq", "recorder"),
+    ("flexarm_ident", "ident"),
+    ("flexarm_control", "controller"),
+    ("flexarm_daq", "daq"),
+)
+_SETTINGS = {
+    "rate_hz": ("daq", float, "sampling rate, Hz"),
+    "rig": ("daq", str, "simulated or nidaq"),
+    "law": ("controller", str, "control law, such as pd or pdpc"),
+    "bag": ("recorder", str, "folder of a bag, to be created: record from the start"),
+}
+"""Arguments that set the parameter of the same name: its node, type and description."""
+_AS_IN_FILES = " (default: as the parameter files say)"
+
 
 def generate_launch_description() -> LaunchDescription:
-    """Start daq, controller, recorder and ident; `bag:=FOLDER` records from the start."""
-    parameters = PathJoinSubstitution(
-        [FindPackageShare("flexarm_bringup"), "config", "laboratory.yaml"]
-    )
-    recording = {"bag": LaunchConfiguration("bag")}
+    """Start daq, controller, recorder and ident."""
     return LaunchDescription(
         [
-            DeclareLaunchArgument("params_file", default_value=parameters),
-            DeclareLaunchArgument("bag", default_value="''"),
-            *(
-                Node(
-                    package=package,
-                    executable=f"{name}_node",
-                    output="screen",
-                    parameters=[LaunchConfiguration("params_file"), *extra],
-                )
-                for package, name, extra in (
-                    ("flexarm_daq", "recorder", [recording]),
-                    ("flexarm_ident", "ident", []),
-                    ("flexarm_control", "controller", []),
-                    ("flexarm_daq", "daq", []),
-                )
+            DeclareLaunchArgument(
+                "namespace",
+                # That of PushRosNamespace around an include of this file.
+                default_value=LaunchConfiguration("ros_namespace", default="flexarm"),
+                description="namespace of the arm: one for each of several",
             ),
+            DeclareLaunchArgument(
+                "params_file",
+                default_value="",
+                description="parameter file that comes after flexarm_bringup/config/laboratory.yaml"
+                "; a section for /**/daq is for the node daq in any namespace",
+            ),
+            *(
+                DeclareLaunchArgument(
+                    name, default_value="", description=description + _AS_IN_FILES
+                )
+                for name, (_, _, description) in _SETTINGS.items()
+            ),
+            OpaqueFunction(function=_nodes),
         ]
     )
+
+
+def _nodes(context: LaunchContext) -> list[Node]:
+    """Return the nodes; what was given as an argument comes after the parameter files."""
+    own = PathJoinSubstitution([FindPackageShare("flexarm_bringup"), "config", "laboratory.yaml"])
+    files = [own, *filter(None, [LaunchConfiguration("params_file").perform(context)])]
+    given = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+        for name, (_, kind, _) in _SETTINGS.items()
+        if LaunchConfiguration(name).perform(context)
+    }
+    return [
+        Node(
+            package=package,
+            executable=f"{node}_node",
+            name=node,
+            namespace=LaunchConfiguration("namespace"),
+            output="screen",
+            parameters=[
+                *files,
+                *({name: given[name]} for name in given if _SETTINGS[name][0] == node),
+            ],
+        )
+        for package, node in _NODES
+    ]

@@ -22,7 +22,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from flexarm_core.errors import IdentificationError, one_line
+from flexarm_core.errors import FlexarmError, IdentificationError, one_line
 from flexarm_core.specs import ParameterSpec
 from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.fitting.validation import mean_error
@@ -54,6 +54,7 @@ PARAMETERS = (
         "output_folder", "~/.ros/flexarm/models", "where a folder per identified model is written"
     ),
     ParameterSpec("exports", "", "formats that are written beside model.yaml: any of json,mat,h"),
+    ParameterSpec("force", default=False, description="replace files that flexarm did not write"),
 )
 
 
@@ -121,7 +122,7 @@ class IdentNode(Node):
         except Cancelled as stopped:
             answer.message = f"{stopped}: nothing was written"
             self.get_logger().info(answer.message)
-        except (IdentificationError, OSError) as error:
+        except (FlexarmError, OSError) as error:
             answer.message = one_line(error)
             self.get_logger().error(answer.message)
         except Exception as error:  # noqa: BLE001 - a defect in one job does not end the node
@@ -161,7 +162,10 @@ class IdentNode(Node):
         settings = self._settings.values()
         root = Path(settings["output_folder"]).expanduser().absolute()
         folder, exports = root / model_name(bags[0]), parse_exports(settings["exports"])
-        return lambda report: identify_bags(bags, folder, request, exports=exports, progress=report)
+        force = settings["force"]
+        return lambda report: identify_bags(
+            bags, folder, request, exports=exports, force=force, progress=report
+        )
 
     def _keep(self, parameters: Mapping[str, Any]) -> None:
         known = []

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexarm_core.outputs import is_replaceable, require_place
 from flexarm_ident.friction.dry_friction import friction_fields
 from flexarm_ident.models.files import FORMATS, save_model
 from flexarm_ident.models.model_parameters import model_parameters
@@ -99,6 +100,7 @@ def identify_bags(
     *,
     channels: Selection | None = None,
     exports: Sequence[str] = (),
+    force: bool = False,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Results:
     """Read bags, identify one model, and write it with its report.
@@ -119,6 +121,8 @@ def identify_bags(
         hold samples of flexarm's own types. Chosen channels are read whole.
     exports : sequence of str
         Suffixes of further formats, see `models.files.parse_exports`.
+    force : bool
+        Files of these names that flexarm did not write are replaced too.
     progress : callable
         Called with the stage and the part of the whole that is done. An exception from it ends the
         job without a file.
@@ -127,9 +131,11 @@ def identify_bags(
     ------
     IdentificationError
         If the bags or the request do not allow an identification.
-    OSError
-        If the folder cannot be written.
+    OutputError
+        If the folder cannot be written, or has a file of these names from somebody else; found
+        before the work.
     """
+    require_place(result_files(folder, exports), force=force)
     report = whole(progress)
     measured, outcome = _identified(bags, request, channels, report)
     name = model_name(bags[0])
@@ -139,6 +145,7 @@ def identify_bags(
         measured,
         name=name,
         exports=exports,
+        force=force,
         before_commit=lambda: report("writing", 1.0),
     )
     return Results(name, folder, outcome, parameters)
@@ -150,6 +157,7 @@ def report_bags(
     request: Request,
     *,
     channels: Selection | None = None,
+    force: bool = False,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Results:
     """Identify as `identify_bags` does, and write the report alone, with the model inside.
@@ -159,6 +167,7 @@ def report_bags(
     file : Path
         HTML file. The other parameters and the errors are those of `identify_bags`.
     """
+    require_place([file], force=force)
     report = whole(progress)
     measured, outcome = _identified(bags, request, channels, report)
     name = model_name(bags[0])
@@ -179,6 +188,7 @@ def write_results(
     *,
     name: str,
     exports: Sequence[str] = (),
+    force: bool = False,
     before_commit: Callable[[], None] = lambda: None,
 ) -> dict[str, ParameterValue]:
     """Write `model.yaml`, ready for `--params-file`, `report.html`, and further formats.
@@ -198,6 +208,8 @@ def write_results(
         Name of the model.
     exports : sequence of str
         Suffixes of `models.files.FORMATS` beside `.yaml`.
+    force : bool
+        Files of these names that flexarm did not write are replaced too.
     before_commit : callable
         Called when all is written but nothing is in its place; an exception leaves no trace.
 
@@ -210,21 +222,28 @@ def write_results(
     ------
     ModelFileError
         When the model cannot be written in one of the formats.
-    OSError
-        When the folder cannot be written.
+    OutputError
+        When the folder cannot be written, or has a file of these names from somebody else.
     """
+    *model_files, _ = files = result_files(folder, exports)
+    require_place(files, force=force)
     subject, provenance = _subject(name, outcome, measured)
-    model_files = [Path(MODEL_FILE), *(Path(MODEL_FILE).with_suffix(each) for each in exports)]
     place = folder.absolute().name
-    listed = replace(subject, files=[f"{place}/{file}" for file in model_files])
+    listed = replace(subject, files=[f"{place}/{file.name}" for file in model_files])
     report = render_report(listed, title=_title(name))
     with _staging(folder) as staging:
         for file in model_files:
-            save_model(staging / file, outcome.model, name=name, provenance=provenance)
+            save_model(staging / file.name, outcome.model, name=name, provenance=provenance)
         (staging / REPORT_FILE).write_text(report, encoding="utf-8")
         before_commit()
         _commit(staging, folder)
     return dict(subject.parameters)
+
+
+def result_files(folder: Path, exports: Sequence[str]) -> list[Path]:
+    """Return the files of `write_results`: the model in its formats, and last the report."""
+    model = folder / MODEL_FILE
+    return [model, *map(model.with_suffix, exports), folder / REPORT_FILE]
 
 
 def _identified(
@@ -282,7 +301,7 @@ def _commit(staging: Path, folder: Path) -> None:
     for suffix in FORMATS:
         # A format of an earlier model would contradict the new ones.
         stale = (folder / MODEL_FILE).with_suffix(suffix)
-        if not (staging / stale.name).exists():
+        if not (staging / stale.name).exists() and is_replaceable(stale):
             stale.unlink(missing_ok=True)
     for file in staging.iterdir():
         file.replace(folder / file.name)

@@ -9,15 +9,15 @@ from abc import abstractmethod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from flexarm_core.errors import one_line
 from flexarm_core.specs import ParameterSpec
-from flexarm_node import qos
 from flexarm_node.parameters import Parameters
+from flexarm_node.reports import Reporter
 from flexarm_node.transport import complaint_about_transport
 from flexarm_node.waiting import has_every_reader, wait_until
 
@@ -65,7 +65,7 @@ class LoopNode(LifecycleNode):
     ----------
     name : str
         Node name, in the namespace `/flexarm`.
-    specs, accept, apply
+    specs, open_group, accept, apply
         The node's parameters, see `Parameters`.
     expected : tuple of type
         Errors with a complete message. Others are reported with their place in the code.
@@ -76,13 +76,18 @@ class LoopNode(LifecycleNode):
         name: str,
         specs: Sequence[ParameterSpec],
         *,
+        open_group: str = "",
         accept: Callable[[Mapping[str, Any]], object] | None = None,
         apply: Callable[[Mapping[str, Any]], None] | None = None,
         expected: tuple[type[Exception], ...] = (),
     ) -> None:
-        super().__init__(name, namespace="/flexarm")
+        super().__init__(name, namespace="/flexarm", allow_undeclared_parameters=bool(open_group))
         self.parameters = Parameters(
-            self, (*specs, _AUTOSTART, _LISTENERS), accept=accept, apply=apply
+            self,
+            (*specs, _AUTOSTART, _LISTENERS),
+            open_group=open_group,
+            accept=accept,
+            apply=apply,
         )
         self._expected = expected
         self._trouble = ""
@@ -91,7 +96,7 @@ class LoopNode(LifecycleNode):
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._ended = self.create_guard_condition(self._deactivate_ended)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.SENT)
+        self._reporter = Reporter(self)
         # On the node's own clock a wall clock set back would silence the reports.
         self._idle_reports = self.create_timer(
             _REPORT_S, self._report_idle, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -128,6 +133,10 @@ class LoopNode(LifecycleNode):
 
     def warning(self) -> str:
         """Return what a user should know of a loop that runs as it should; "" without a warning."""
+        return ""
+
+    def rig(self) -> str:
+        """Return the name of the rig that the node drives; empty for none."""
         return ""
 
     @property
@@ -284,13 +293,10 @@ class LoopNode(LifecycleNode):
             )
 
     def _report(self, status: DiagnosticStatus) -> None:
-        status.name = f"flexarm: {self.get_name()}"
         if self._trouble:
             status.level = DiagnosticStatus.ERROR
             status.message += f": {self._trouble}"
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self._reporter.publish(status, self.rig())
 
 
 def _listed(figures: Figures) -> list[KeyValue]:

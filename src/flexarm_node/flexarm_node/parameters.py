@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
+import sys
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import (
@@ -14,6 +14,8 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 
 from flexarm_core.errors import FlexarmError, SettingError
+from flexarm_core.nearest import nearest
+from flexarm_node.parameter_files import complaint, given_files
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 # Not of one node: what rclpy declares with a topic, and models, whose files are for every node.
 _OPEN = ("qos_overrides.", "models.")
+_ANY_TYPE = ParameterDescriptor(dynamic_typing=True)
 
 
 def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
@@ -59,6 +62,10 @@ class Parameters:
         The node that owns them.
     specs : sequence of ParameterSpec
         The table. Overrides from the command line or a parameter file are checked against it.
+    open_group : str
+        Beginning of the names of parameters that are taken without a table, such as ``models.``.
+        Their values are given to `accept` and `apply` with the others. The node must allow
+        undeclared parameters.
     accept : callable, optional
         Called with the complete set of values after a change, before it is made. A FlexarmError
         from it refuses the whole change with that line. It must not act on the values.
@@ -77,16 +84,22 @@ class Parameters:
         node: Node,
         specs: Sequence[ParameterSpec],
         *,
+        open_group: str = "",
         accept: Callable[[Mapping[str, Any]], object] | None = None,
         apply: Callable[[Mapping[str, Any]], None] | None = None,
     ) -> None:
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
+        self._open_group = open_group
         self._accept = accept
         self._apply = apply
         for spec in specs:
             self._declare(spec)
+        self._declare_open()
         self._refuse_unknown()
+        name = node.get_fully_qualified_name()
+        if misdirected := complaint(given_files(sys.argv), name):
+            raise SettingError(misdirected)
         self._values = self._read()
         reason = self._refusal(self._values)
         if reason:
@@ -99,7 +112,23 @@ class Parameters:
         return self._values
 
     def _read(self) -> Values:
-        return {name: self._node.get_parameter(name).value for name in self._specs}
+        names = [*self._specs, *self._open_names()]
+        return {name: self._node.get_parameter(name).value for name in names}
+
+    def _open_names(self) -> list[str]:
+        if not self._open_group:
+            return []
+        group = self._open_group.removesuffix(".")
+        return [f"{group}.{name}" for name in self._node.get_parameters_by_prefix(group)]
+
+    def _declare_open(self) -> None:
+        for name, given in self._overrides().items():
+            if self._is_open(name):
+                self._node.declare_parameter(name, given.value, _ANY_TYPE)
+
+    def _overrides(self) -> Mapping[str, Parameter]:
+        given: Mapping[str, Parameter] = self._node._parameter_overrides  # noqa: SLF001 - rclpy tells it in no other way
+        return given
 
     def _declare(self, spec: ParameterSpec) -> None:
         try:
@@ -115,9 +144,10 @@ class Parameters:
             ) from None
 
     def _refuse_unknown(self) -> None:
-        given = self._node._parameter_overrides  # noqa: SLF001 - rclpy tells it in no other way
         unknown = [
-            name for name in given if not (self._node.has_parameter(name) or name.startswith(_OPEN))
+            name
+            for name in self._overrides()
+            if not (self._node.has_parameter(name) or name.startswith(_OPEN))
         ]
         if unknown:
             raise SettingError(
@@ -126,8 +156,7 @@ class Parameters:
             )
 
     def _with_nearest(self, name: str) -> str:
-        near = get_close_matches(name, self._specs, n=1, cutoff=0.0)
-        return f"{name} (nearest: {near[0]})" if near else name
+        return name + nearest(name, self._specs)
 
     def _refusal(self, values: Mapping[str, Any]) -> str | None:
         for name, spec in self._specs.items():
@@ -141,12 +170,32 @@ class Parameters:
         return None
 
     def _on_set(self, changes: Sequence[Parameter]) -> SetParametersResult:
-        ours = {change.name: change.value for change in changes if change.name in self._specs}
-        reason = self._refusal(self._values | ours) if ours else None
+        if unknown := [change.name for change in changes if self._is_unknown(change.name)]:
+            named = ", ".join(map(self._with_nearest, unknown))
+            return SetParametersResult(successful=False, reason=f"no parameter {named}")
+        ours = {change.name: change.value for change in changes if self._is_ours(change.name)}
+        reason = self._refusal(self._with(ours)) if ours else None
         return SetParametersResult(successful=reason is None, reason=reason or "")
 
+    def _with(self, changes: Values) -> Values:
+        """Return the values after a change; an open parameter without a value is deleted by it."""
+        values = self._values | changes
+        deleted = [name for name in values if name not in self._specs and values[name] is None]
+        return {name: value for name, value in values.items() if name not in deleted}
+
+    def _is_ours(self, name: str) -> bool:
+        return name in self._specs or self._is_open(name)
+
+    def _is_open(self, name: str) -> bool:
+        return bool(self._open_group) and name.startswith(self._open_group)
+
+    def _is_unknown(self, name: str) -> bool:
+        # A node that allows undeclared parameters would take a misspelt name.
+        allowed = self._is_ours(name) or self._node.has_parameter(name) or name.startswith(_OPEN)
+        return bool(self._open_group) and not allowed
+
     def _on_changed(self, changes: Sequence[Parameter]) -> None:
-        if not any(change.name in self._specs for change in changes):
+        if not any(self._is_ours(change.name) for change in changes):
             return
         # Read once and kept: rclpy takes milliseconds for it, at the cost of a loop beside it.
         self._values = self._read()

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flexarm_core.outputs import MARK, OutputError
 from flexarm_ident import IdentificationError, IoData, job, read_bag
 from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.job import identify_bags, model_name, whole
@@ -42,7 +43,7 @@ def a_bag(path: Path, samples: int = 600, seed: int = 1) -> Path:
 @pytest.fixture
 def short_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a line stand for the report, where its file matters and not what it shows."""
-    monkeypatch.setattr(job, "render_report", lambda subject, **_: f"{subject.name}\n")
+    monkeypatch.setattr(job, "render_report", lambda subject, **_: f"{subject.name} {MARK}\n")
 
 
 def names_in(folder: Path) -> set[str]:
@@ -177,6 +178,47 @@ def test_identify_bags___again_into_the_same_folder___leaves_nothing_stale(tmp_p
     identify_bags([bag], out, replace(QUICK, order=5, reduced_order=5))
     assert names_in(out) == {"model.yaml", "report.html", "notes.txt"}
     assert load_model(out / "model.yaml").nstates == 5
+
+
+def refuse_to_read(*_: object) -> None:
+    raise AssertionError("the work has begun")
+
+
+@pytest.mark.parametrize("name", ["model.yaml", "model.h", "report.html"])
+def test_identify_bags___file_of_somebody_else___is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    bag, out = a_bag(tmp_path / "run"), tmp_path / "out"
+    out.mkdir()
+    (out / name).write_text("mine")
+    monkeypatch.setattr(job, "read_record", refuse_to_read)
+    with pytest.raises(OutputError, match=rf"out/{name}: was not written by flexarm.*--force"):
+        identify_bags([bag], out, QUICK, exports=(".h",))
+    assert names_in(out) == {name}
+    assert (out / name).read_text() == "mine"
+
+
+@pytest.mark.usefixtures("short_report")
+def test_identify_bags___forced___replaces_what_it_writes_and_nothing_else(tmp_path: Path) -> None:
+    bag, out = a_bag(tmp_path / "run"), tmp_path / "out"
+    out.mkdir()
+    for name in ("model.yaml", "model.h"):
+        (out / name).write_text("mine")
+    identify_bags([bag], out, QUICK, force=True)
+    assert load_model(out / "model.yaml").nstates == 4
+    assert (out / "model.h").read_text() == "mine"
+
+
+@pytest.mark.usefixtures("short_report")
+def test_identify_bags___format_that_is_not_asked_for___of_somebody_else_stays(
+    tmp_path: Path,
+) -> None:
+    bag, out = a_bag(tmp_path / "run"), tmp_path / "out"
+    out.mkdir()
+    (out / "model.h").write_text("mine")
+    identify_bags([bag], out, QUICK)
+    identify_bags([bag], out, QUICK)
+    assert (out / "model.h").read_text() == "mine"
 
 
 @pytest.mark.usefixtures("short_report")

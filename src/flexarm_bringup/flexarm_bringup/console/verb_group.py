@@ -26,6 +26,8 @@ _FOLDER = Path(__file__).parents[1] / "verbs"
 
 RUN_ON = {"ignore_unknown_options": True, "allow_interspersed_args": False}
 """Settings of a verb that hands its arguments on."""
+FORCE = click.option("--force", is_flag=True, help="Replace files that flexarm did not write too.")
+"""Option of a verb that writes results."""
 
 
 class VerbGroup(click.Group):

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
     from rclpy.task import Future
 
-NAMESPACE = "/flexarm"
 SERVICE_S = 30.0
 """Deadline of operations that usually take a moment."""
 _UNHEARD_S = 3.0
@@ -33,12 +32,12 @@ _POLL_S = 0.1
 
 
 class GraphClient:
-    """Client of the nodes of one graph.
+    """Client of the nodes of one arm.
 
     Parameters
     ----------
     node : Node
-        Node for the clients and the readers.
+        Node for the clients and the readers, in the namespace of the arm.
     executor : SingleThreadedExecutor
         Executor that spins it.
     check : callable
@@ -58,6 +57,15 @@ class GraphClient:
     ) -> None:
         """Hand every message of a topic to a function, while something is waited for."""
         self.node.create_subscription(kind, topic, heard, profile)
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of the arm."""
+        return str(self.node.get_namespace())
+
+    def full_name(self, name: str) -> str:
+        """Return the full name of a node of this arm."""
+        return f"{self.namespace.rstrip('/')}/{name}"
 
     def nodes(self) -> set[str]:
         """Return the full names of the nodes that are there."""
@@ -85,8 +93,7 @@ class GraphClient:
         Discovery announces them in the order in which they were made. So a node that answers the
         newest client knows all of them, and none of its later answers is dropped.
         """
-        parameters = f"{NAMESPACE}/{name}/get_parameters"
-        client = self.node.create_client(GetParameters, parameters)
+        client = self.node.create_client(GetParameters, f"{name}/get_parameters")
         try:
             self._ask(client, GetParameters.Request(), timeout_s, patience_s=_READ_UNHEARD_S)
         finally:
@@ -121,7 +128,7 @@ class GraphClient:
         """Return the client of a service below the namespace: only the first is discovered."""
         key = (service, name)
         if key not in self._clients:
-            self._clients[key] = self.node.create_client(service, f"{NAMESPACE}/{name}")
+            self._clients[key] = self.node.create_client(service, name)
         return self._clients[key]
 
     def _ask(
@@ -133,7 +140,7 @@ class GraphClient:
         patience_s: float,
         unheard: Callable[[], object | None] = lambda: None,
     ) -> Any:  # noqa: ANN401 - the service's own response type
-        service = client.srv_name
+        service = client.service_name
         self.wait(client.service_is_ready, f"service {service}", max(timeout_s, SERVICE_S))
         deadline_s = time.monotonic() + timeout_s
         answers: list[Future[Any]] = []

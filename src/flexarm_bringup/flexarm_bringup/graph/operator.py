@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool
 
-from flexarm_bringup.graph.client import NAMESPACE, SERVICE_S, GraphClient
+from flexarm_bringup.graph.client import SERVICE_S, GraphClient
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.graph.run_watch import STATE, Run, RunWatch
+from flexarm_bringup.graph.run_watch import Run, RunWatch
+from flexarm_core.nearest import nearest
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
@@ -24,8 +25,7 @@ if TYPE_CHECKING:
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
-_COMMAND = f"{NAMESPACE}/command"
-_SENDS = {"daq": STATE, "controller": _COMMAND, "experiment": _COMMAND}
+_SENDS = {"daq": "state", "controller": "command", "experiment": "command"}
 """The first message of each node with a loop goes to this topic."""
 _RECORD = "recorder/record"
 _IDENTIFY_S = 900.0
@@ -116,7 +116,9 @@ class Operator(GraphClient):
         found = self._values(name, parameters)
         if not found:  # a node answers with nothing when it does not know one of them
             unknown = [each for each in parameters if not self._values(name, (each,))]
-            raise LaunchError(f"{name} has no parameter {', '.join(unknown or parameters)}")
+            known = self.call(ListParameters, f"{name}/list_parameters", ListParameters.Request())
+            named = (f"{each}{nearest(each, known.result.names)}" for each in unknown or parameters)
+            raise LaunchError(f"{name} has no parameter {', '.join(named)}")
         return dict(zip(parameters, map(parameter_value_to_python, found), strict=True))
 
     def _values(self, name: str, parameters: tuple[str, ...]) -> Sequence[ParameterValue]:

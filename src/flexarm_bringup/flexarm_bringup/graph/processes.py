@@ -19,10 +19,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from types import TracebackType
 
+NAMESPACE = "/flexarm"
+"""Namespace of an arm that is given none."""
 _PATIENCE_S = 8.0
 _AFTER = {"daq_node": ": a board keeps its last voltage, so at a real rig press the emergency stop"}
 """Advice for the user when the process of a node was killed."""
-_LOGGER = re.compile(r"\[flexarm\.(\w+)")
+_LOGGER = re.compile(r"\] \[[\w.]+\.(\w+)\]: ")
 
 
 class LaunchError(FlexarmError):
@@ -37,12 +39,12 @@ class NodeProgram:
     executable: str
     parameters: Mapping[str, Any]
     files: tuple[Path, ...] = ()
+    namespace: str = NAMESPACE
 
     def command(self) -> list[str]:
         """Return the command line that starts it."""
         line = [str(find_executable(self.package, self.executable))]
-        if self.parameters or self.files:
-            line.append("--ros-args")
+        line += ["--ros-args", "-r", f"__ns:={self.namespace}"]
         for file in self.files:
             line += ["--params-file", str(file)]
         for name, value in self.parameters.items():
@@ -140,7 +142,7 @@ class NodeProcesses:
 
     def complaint(self, node: str) -> str:
         """Return the last error that a node has logged, or nothing."""
-        marks = "[ERROR]", f"[flexarm.{node}]: "
+        marks = "[ERROR]", f".{node}]: "
         logged = (line for line in reversed(self._printed()) if all(mark in line for mark in marks))
         return next(logged, "").rpartition(marks[1])[2]
 

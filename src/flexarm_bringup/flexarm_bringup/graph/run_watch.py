@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from flexarm_bringup.graph.client import NAMESPACE
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_text
@@ -15,7 +14,6 @@ from flexarm_node.stamps import stamp_text
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-STATE = f"{NAMESPACE}/state"
 STALLED_S = 30.0
 """A run with hardly a new sample in this time has stalled."""
 _SLOWEST = 10
@@ -38,7 +36,7 @@ class RunWatch:
     Parameters
     ----------
     node : Node
-        Node for the readers; whoever waits spins it.
+        Node for the readers, in the namespace of the arm; whoever waits spins it.
 
     Attributes
     ----------
@@ -48,6 +46,7 @@ class RunWatch:
 
     def __init__(self, node: Node) -> None:
         self._node = node
+        self._reporter = f"{node.get_namespace().rstrip('/')}/daq"
         self.sequence = 0
         self._sampled_s = ""
         self._figures: dict[str, str] | None = None
@@ -60,7 +59,7 @@ class RunWatch:
             topic = "/diagnostics"
             self._node.create_subscription(DiagnosticArray, topic, self._on_report, qos.EVERY)
         self._figures = {}
-        self._reader = self._node.create_subscription(ArmState, STATE, self._on_state, qos.NEWEST)
+        self._reader = self._node.create_subscription(ArmState, "state", self._on_state, qos.NEWEST)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -100,5 +99,5 @@ class RunWatch:
 
     def _on_report(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name == "flexarm: daq":
+            if status.name == self._reporter:
                 self._figures = {each.key: each.value for each in status.values}

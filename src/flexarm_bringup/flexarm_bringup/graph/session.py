@@ -13,9 +13,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from flexarm_bringup.console import interruption
-from flexarm_bringup.graph.client import NAMESPACE
 from flexarm_bringup.graph.operator import Operator
-from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.processes import NAMESPACE, LaunchError
 from flexarm_node.transport import set_up_middleware
 
 if TYPE_CHECKING:
@@ -27,14 +26,16 @@ def session(
     name: str,
     check: Callable[[], None] = lambda: None,
     complaint: Callable[[str], str] = lambda _: "",
+    *,
+    namespace: str = NAMESPACE,
 ) -> Iterator[Operator]:
-    """Join the graph as a node of this name and yield its operator; see `Operator`."""
+    """Join the graph of an arm as a node of this name and yield its operator; see `Operator`."""
     with interruptible():
         set_up_middleware()
         # Signals stay Python's.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:
-            node = rclpy.create_node(name, namespace=NAMESPACE)
+            node = rclpy.create_node(name, namespace=namespace)
             executor = SingleThreadedExecutor()
             executor.add_node(node)
             yield Operator(node, executor, check, complaint)

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 _SLOW_FREQUENCIES, _FREQUENCIES = 1500, 7500
 _SLOWEST = 1e-5
+LOWEST_HZ = 0.2
+"""Frequency below which crossings do not count, Hz: slow poles are those of friction."""
 
 
 class Crossing(NamedTuple):
@@ -103,53 +105,24 @@ class LoopResponse:
     """Loop (4-2) of one model, for evaluation with many gains; parameters as for `margins`."""
 
     def __init__(
-        self, model: control.StateSpace, *, delay_s: float = 0.0, lowest_hz: float = 0.2
+        self, model: control.StateSpace, *, delay_s: float = 0.0, lowest_hz: float = LOWEST_HZ
     ) -> None:
         check_arm_model(model)
         self.model = delayed(model, delay_s)
         self._lowest_hz = lowest_hz
-        nyquist_hz = 0.5 / model.dt
-        self._frequency_hz: FloatArray = np.union1d(
-            np.geomspace(_SLOWEST * nyquist_hz, 0.01 * nyquist_hz, _SLOW_FREQUENCIES),
-            np.linspace(0.01 * nyquist_hz, nyquist_hz, _FREQUENCIES),
-        )
+        self._frequency_hz = margin_frequencies_hz(model)
         self._response = frequency_response(self.model, self._frequency_hz)
 
     def margins(self, gains: PdpGains) -> Margins:
         """Return the margins for these gains."""
         position, strain, speed = self._response[:, [POSITION, MIDDLE_STRAIN, SPEED]].T
-        forward = gains.kp * position
-        inner = 1.0 + gains.ksg * strain + gains.kd * speed
-        phase_crossings = _phase_crossings(self._frequency_hz, forward, inner)
-        gain_crossings = _gain_crossings(self._frequency_hz, forward, inner)
-        disk, disk_hz = self._disk(forward, inner)
-        stable = self._is_stable(gains)
-        sign = 1.0 if stable else -1.0
-        gain = _closest([c for c in phase_crossings if c.frequency_hz >= self._lowest_hz])
-        # A slow loop has its crossover below the limit; the last crossing then counts.
-        phase = _closest(
-            [c for c in gain_crossings if c.frequency_hz >= self._lowest_hz]
-            or list(gain_crossings[-1:])
+        return loop_margins(
+            self._frequency_hz,
+            gains.kp * position,
+            1.0 + gains.ksg * strain + gains.kd * speed,
+            stable=self._is_stable(gains),
+            lowest_hz=self._lowest_hz,
         )
-        return Margins(
-            gain_margin_db=sign * abs(gain.margin),
-            gain_margin_hz=gain.frequency_hz,
-            phase_margin_deg=sign * abs(phase.margin),
-            phase_margin_hz=phase.frequency_hz,
-            phase_crossings=phase_crossings,
-            gain_crossings=gain_crossings,
-            disk_margin=disk if stable else 0.0,
-            disk_margin_hz=disk_hz,
-            stable=stable,
-        )
-
-    def _disk(self, forward: ComplexArray, inner: ComplexArray) -> tuple[float, float]:
-        counts = self._frequency_hz >= self._lowest_hz
-        # 1 + L and 1 - L are both multiplied by the inner loop, which has no poles of its own.
-        with np.errstate(divide="ignore"):
-            sizes = 2.0 * np.abs(inner + forward)[counts] / np.abs(inner - forward)[counts]
-        nearest = int(np.argmin(sizes))
-        return float(sizes[nearest]), float(self._frequency_hz[counts][nearest])
 
     def _is_stable(self, gains: PdpGains) -> bool:
         A, B, C, D = self.model.A, self.model.B, self.model.C, self.model.D
@@ -158,8 +131,69 @@ class LoopResponse:
         return bool(np.max(np.abs(np.linalg.eigvals(closed))) < 1.0)
 
 
+def margin_frequencies_hz(model: control.StateSpace) -> FloatArray:
+    """Return the frequencies of a search for crossings, Hz, up to half the sampling rate."""
+    nyquist_hz = 0.5 / model.dt
+    frequency_hz: FloatArray = np.union1d(
+        np.geomspace(_SLOWEST * nyquist_hz, 0.01 * nyquist_hz, _SLOW_FREQUENCIES),
+        np.linspace(0.01 * nyquist_hz, nyquist_hz, _FREQUENCIES),
+    )
+    return frequency_hz
+
+
+def loop_margins(
+    frequency_hz: FloatArray,
+    forward: ComplexArray,
+    inner: ComplexArray,
+    *,
+    stable: bool,
+    lowest_hz: float = LOWEST_HZ,
+) -> Margins:
+    """Return the margins of the loop L = forward / inner by its response.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, (frequencies,)
+        Frequencies, Hz, of `margin_frequencies_hz`.
+    forward, inner : ndarray of complex, (frequencies,)
+        Numerator and denominator of the loop, both without poles of the other.
+    stable : bool
+        Whether the closed loop is stable.
+    lowest_hz : float
+        As in `margins`.
+    """
+    phase_crossings = _phase_crossings(frequency_hz, forward, inner)
+    gain_crossings = _gain_crossings(frequency_hz, forward, inner)
+    counts = frequency_hz >= lowest_hz
+    # 1 + L and 1 - L are both multiplied by the inner loop, which has no poles of its own.
+    with np.errstate(divide="ignore"):
+        sizes = 2.0 * np.abs(inner + forward)[counts] / np.abs(inner - forward)[counts]
+    nearest = int(np.argmin(sizes))
+    sign = 1.0 if stable else -1.0
+    gain = _closest([c for c in phase_crossings if c.frequency_hz >= lowest_hz])
+    # A slow loop has its crossover below the limit; the last crossing then counts.
+    phase = _closest(
+        [c for c in gain_crossings if c.frequency_hz >= lowest_hz] or list(gain_crossings[-1:])
+    )
+    return Margins(
+        gain_margin_db=sign * abs(gain.margin),
+        gain_margin_hz=gain.frequency_hz,
+        phase_margin_deg=sign * abs(phase.margin),
+        phase_margin_hz=phase.frequency_hz,
+        phase_crossings=phase_crossings,
+        gain_crossings=gain_crossings,
+        disk_margin=float(sizes[nearest]) if stable else 0.0,
+        disk_margin_hz=float(frequency_hz[counts][nearest]),
+        stable=stable,
+    )
+
+
 def margins(
-    model: control.StateSpace, gains: PdpGains, *, delay_s: float = 0.0, lowest_hz: float = 0.2
+    model: control.StateSpace,
+    gains: PdpGains,
+    *,
+    delay_s: float = 0.0,
+    lowest_hz: float = LOWEST_HZ,
 ) -> Margins:
     """Return gain, phase and disk margins of the PDP loop (4-2), opened at the position error.
 

@@ -69,3 +69,18 @@ class Compensation(CompensationLevel):
 
     error_threshold_v: float = setting(0.05, 0.0, 1.0, "V", "position error from which it acts")
     speed_threshold_v: float = setting(0.05, 0.0, 1.0, "V", "speed signal from which it acts")
+
+    def command_v(self, effort_v: float, error_v: float, speed_v: float) -> float:
+        """Return the compensation u_c (4-8) at an effort, a position error and a speed, all V."""
+        if abs(error_v) < self.error_threshold_v and abs(speed_v) < self.speed_threshold_v:
+            return 0.0
+        return self.compensation_v if effort_v >= 0.0 else -self.compensation_v
+
+
+@dataclass(frozen=True)
+class OptionalCompensation(Compensation):
+    """Conditional Coulomb friction compensation (4-8) of a law that has none by default."""
+
+    compensation_v: float = setting(
+        0.0, 0.0, 2.0, "V", "Coulomb friction compensation level, 0 for none"
+    )

@@ -13,9 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_control.laws.gains import OptionalCompensation
 from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
-from flexarm_control.models.arm_model import POSITION, check_arm_model, check_no_feedthrough
-from flexarm_core.channels import MAX_COMMAND_V
+from flexarm_control.models.arm_model import (
+    POSITION,
+    SPEED,
+    check_arm_model,
+    check_no_feedthrough,
+)
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import Bounded, setting
 
@@ -174,15 +179,24 @@ class Ilqr:
     saturation, and the sum of the errors is held while the drive is saturated, so neither winds up.
     A measurement beyond 100 V is a fault: the answer is zero and the states do not change.
 
+    A model from data without the compensation is that of an arm whose friction is compensated. So
+    the law can compensate as well, as in (4-8), with the speed of the observer.
+
     Parameters
     ----------
     design : IlqrDesign
         Gains of the controller.
+    compensation : OptionalCompensation, optional
+        Level and thresholds of (4-8); none by default, as in the thesis.
     """
 
-    def __init__(self, design: IlqrDesign) -> None:
+    def __init__(
+        self, design: IlqrDesign, compensation: OptionalCompensation | None = None
+    ) -> None:
         model, measured = design.model, list(design.channels)
         self._design = design
+        self._compensation = compensation if compensation is not None else OptionalCompensation()
+        self._speed = np.array(model.C[SPEED])
         a = model.A - design.observer @ model.C[measured]
         # One product gives the next state from state, effort and measured outputs.
         self._move = np.ascontiguousarray(np.hstack([a, model.B, design.observer]))
@@ -210,13 +224,20 @@ class Ilqr:
         integral_v = self._integral_v + error_v
         feedback_v = float(np.dot(design.kc, self._state))
         effort_v = design.kp * reference_v + design.ki * integral_v - feedback_v
-        answer = limited(effort_v)
-        if -MAX_COMMAND_V <= effort_v <= MAX_COMMAND_V or effort_v * error_v < 0.0:
+        answer = limited(effort_v, self._compensation_v(effort_v, error_v))
+        if effort_v == answer.effort_v or effort_v * error_v < 0.0:
             self._integral_v = integral_v
         known[self._order] = answer.effort_v
         np.dot(self._move, known, out=self._next)
         self._state[:] = self._next
         return answer
+
+    def _compensation_v(self, effort_v: float, error_v: float) -> float:
+        """Return the compensation (4-8), V."""
+        if not self._compensation.compensation_v:
+            return 0.0
+        speed_v = float(np.dot(self._speed, self._state))
+        return self._compensation.command_v(effort_v, error_v, speed_v)
 
     def reset(self) -> None:
         """Return to the state before the first sample."""

@@ -58,12 +58,8 @@ class Pdpc:
         gains, compensation = self.gains, self.compensation
         error_v, speed_v = reference_v - volts[0], volts[3]
         effort_v = gains.kp * error_v - gains.kd * speed_v - gains.ksg * volts[2]
-        at_set_point = (
-            abs(error_v) < compensation.error_threshold_v
-            and abs(speed_v) < compensation.speed_threshold_v
-        )
-        if self.conditional and at_set_point:
-            return limited(effort_v)
+        if self.conditional:
+            return limited(effort_v, compensation.command_v(effort_v, error_v, speed_v))
         level_v = compensation.compensation_v
         return limited(effort_v, level_v if effort_v >= 0.0 else -level_v)
 

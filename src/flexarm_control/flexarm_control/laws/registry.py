@@ -10,12 +10,13 @@ from flexarm_control.laws.gains import (
     Compensation,
     CompensationLevel,
     Coulomb,
+    OptionalCompensation,
     PdGains,
     PdpGains,
     PiGains,
     Sampling,
 )
-from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
+from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, IlqrWeights, design_ilqr
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
 from flexarm_control.laws.payload import PayloadDetection, PayloadEstimate
 from flexarm_control.laws.pd import Pd
@@ -23,6 +24,7 @@ from flexarm_control.laws.pdpc import Pdp, Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest
 from flexarm_control.laws.pdpc_scheduled import ScheduledPdpc, ScheduleGains
 from flexarm_control.laws.pi import Pi
+from flexarm_control.laws.regulator_loop import stabilising_design
 from flexarm_control.models.nominal_models import identified_model
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import (
@@ -50,11 +52,13 @@ class LawSpec:
     name, title : str
         Name, as the ROS parameter `law` has it, and one line for the choice of a law.
     build : callable
-        Constructor of the law from one instance of each of `settings`; `build_law` calls it.
+        Constructor of the law from one instance of each of `settings`; `build_law` calls it. With a
+        `design`, the first argument is the result of that in place of the weights.
     settings : tuple of Bounded classes
         Tables of the gains and other parameters, with the thesis's values as defaults.
-    design_model : callable or None
-        Constructor of the model of the design, whose rate is that of the law.
+    design : callable or None
+        Design of the law from a model and an instance of the first of `settings`, its weights; the
+        rate of the law is that of the model.
     tuning : str
         Name of the tuning of its gains, a key of `design.tuning_job.TUNINGS`; empty for none.
     payload : callable or None
@@ -67,7 +71,7 @@ class LawSpec:
     title: str
     build: Callable[..., Law]
     settings: tuple[type[Bounded], ...]
-    design_model: Callable[[], control.StateSpace] | None = None
+    design: Callable[[control.StateSpace, Any], IlqrDesign] | None = None
     tuning: str = ""
     payload: Callable[[Any], PayloadEstimate] | None = None
     uses_outputs: tuple[int, ...] = (0, 1, 2, 3)
@@ -77,10 +81,15 @@ class LawSpec:
         """Table of all parameters."""
         return tuple(spec for kind in self.settings for spec in parameter_specs(kind))
 
-    def rate_hz(self, values: Mapping[str, float]) -> float | None:
-        """Return the sampling rate of the law, Hz, by its parameters; None if it suits any rate."""
-        if self.design_model is not None:
-            return 1.0 / float(self.design_model().dt)
+    def rate_hz(
+        self, values: Mapping[str, float], model: control.StateSpace | None = None
+    ) -> float | None:
+        """Return the sampling rate of the law, Hz; None if it suits any rate.
+
+        Values and model are as for `build_law`.
+        """
+        if self.design is not None:
+            return 1.0 / float((model or identified_model()).dt)
         usual = {spec.name: spec.default for spec in self.parameters}
         rate_hz = (usual | dict(values)).get("rate_hz")
         return float(rate_hz) if isinstance(rate_hz, int | float) else None
@@ -132,18 +141,20 @@ _ROWS = (
     ),
     LawSpec(
         "ilqr",
-        "integral plus LQR control from the position, on a model with 300 g (section 4.4)",
-        lambda weights: Ilqr(design_ilqr(identified_model(), weights)),
-        (IlqrWeights,),
-        design_model=identified_model,
+        "integral plus LQR control from the position, designed on a model (section 4.4)",
+        Ilqr,
+        (IlqrWeights, OptionalCompensation),
+        design=design_ilqr,
+        tuning="ilqr",
         uses_outputs=_POSITION,
     ),
     LawSpec(
         "lqg",
-        "integral plus LQR control from all four signals, on a model with 300 g: a baseline",
-        lambda weights: Ilqr(design_lqg(identified_model(), weights)),
-        (LqgWeights,),
-        design_model=identified_model,
+        "integral plus LQR control from all four signals, designed on a model: a baseline",
+        Ilqr,
+        (LqgWeights, OptionalCompensation),
+        design=design_lqg,
+        tuning="lqg",
     ),
     LawSpec(
         "pdpc_plus",
@@ -157,6 +168,7 @@ _ROWS = (
         "PDPC whose gains follow the payload that it detects (chapter 5)",
         ScheduledPdpc,
         (ScheduleGains, Compensation, PayloadDetection),
+        tuning="pdpc_scheduled",
         payload=lambda law: law.payload,
     ),
 )
@@ -165,7 +177,11 @@ _ROWS = (
 LAWS: Mapping[str, LawSpec] = MappingProxyType({row.name: row for row in _ROWS})
 
 
-def build_law(name: str, values: Mapping[str, float] | None = None) -> Law:
+def build_law(
+    name: str,
+    values: Mapping[str, float] | None = None,
+    model: control.StateSpace | None = None,
+) -> Law:
     """Build a law from its name and parameters.
 
     Parameters
@@ -174,6 +190,9 @@ def build_law(name: str, values: Mapping[str, float] | None = None) -> Law:
         Key of `LAWS`.
     values : mapping of str to float, optional
         Parameters that differ from their defaults.
+    model : control.StateSpace, optional
+        Identified model that a law with a design is designed on; by default the packaged model of
+        the arm with 300 g. Other laws have none.
 
     Returns
     -------
@@ -183,10 +202,25 @@ def build_law(name: str, values: Mapping[str, float] | None = None) -> Law:
     Raises
     ------
     SettingError
-        When the law or a parameter is unknown, or a value is outside its range.
+        When the law or a parameter is unknown, a value is outside its range, or there is no
+        stabilising design.
     """
     if name not in LAWS:
         raise SettingError(f"no law {name!r}; choose one of {', '.join(LAWS)}")
     spec, values = LAWS[name], values or {}
     refuse_unknown(name, spec.parameters, values)
-    return spec.build(*(select(kind, values) for kind in spec.settings))
+    first, *others = (select(kind, values) for kind in spec.settings)
+    if spec.design is None:
+        return spec.build(first, *others)
+    return spec.build(_designed(spec.design, first, model), *others)
+
+
+def _designed(
+    design: Callable[[control.StateSpace, Any], IlqrDesign],
+    weights: Any,  # noqa: ANN401 - those of the design
+    model: control.StateSpace | None,
+) -> IlqrDesign:
+    """Return the design on a model; the packaged one is reduced already."""
+    if model is None:
+        return design(identified_model(), weights)
+    return stabilising_design(design, model, weights)

@@ -22,7 +22,13 @@ from flexarm_daq.loop.safety import COUNTED
 from flexarm_daq.loop.self_test import run_self_test
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
 from flexarm_daq.loop.watchdog import Watchdog
-from flexarm_daq.nodes.rig_choice import RIG_PARAMETERS, is_virtual, make_rig, wants_self_test
+from flexarm_daq.nodes.rig_choice import (
+    RIG_PARAMETERS,
+    is_virtual,
+    make_rig,
+    rig_name,
+    wants_self_test,
+)
 from flexarm_daq.nodes.topic_link import TopicLink
 from flexarm_daq.rigs.faulty import Fault, FaultyRig
 from flexarm_daq.rigs.rig_protocol import Rig, RigError
@@ -185,6 +191,10 @@ class DaqNode(LoopNode):
             return ""
         since = f" since the one for sample {answered}" if answered else ""
         return f"no command in time{since}: the drive is at zero"
+
+    def rig(self) -> str:
+        """Return the name of the rig."""
+        return rig_name(self.parameters.values())
 
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ament_index_python.packages import get_package_share_directory
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -34,6 +34,7 @@ from flexarm_msgs.msg import ArmState, ChannelInfo, CommanderInfo, IoSample, Mot
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
+from flexarm_node.reports import Reporter
 from flexarm_node.waiting import RawMessage, RawTopicsWaiter
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class RecorderNode(Node):
         )
         self._stopping = threading.Event()
         self.failure = ""
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", qos.SENT)
+        self._reporter = Reporter(self)
         self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/record", self._on_record)
         if self._settings.values()["bag"]:
@@ -179,7 +180,7 @@ class RecorderNode(Node):
         return text
 
     def _report(self) -> None:
-        status = DiagnosticStatus(name="flexarm: recorder", message="not recording")
+        status = DiagnosticStatus(message="not recording")
         writer = self._writer
         if writer is not None:
             complaints = writer.sequences.complaints()
@@ -190,9 +191,7 @@ class RecorderNode(Node):
         if self.failure:
             status.level = DiagnosticStatus.ERROR
             status.message = self.failure
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+        self._reporter.publish(status)
 
     def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         answer: Future[str] = Future()

@@ -62,6 +62,12 @@ RIG_PARAMETERS = (
 """Parameters of the DAQ node that choose and describe the rig."""
 
 
+def rig_name(values: Mapping[str, Any]) -> str:
+    """Return the name of the chosen rig, with that of its board."""
+    name: str = values["rig"]
+    return f"{name} {values['nidaq.device']}" if name == "nidaq" else name
+
+
 def is_virtual(values: Mapping[str, Any]) -> bool:
     """Return whether the parameters `time` and `rig` mean sampling in virtual time."""
     return bool(

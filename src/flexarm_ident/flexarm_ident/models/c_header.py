@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
+from flexarm_core.outputs import MARK
 from flexarm_ident.models.model_parameters import FIELDS, model_fields
 
 if TYPE_CHECKING:
@@ -46,7 +47,8 @@ def c_header(name: str, parameters: Mapping[str, ParameterValue]) -> str:
     }
     origin = {key: value for key, value in fields.items() if key not in FIELDS}
     lines = [
-        f"/* Model {_remark(name)}: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k].",
+        f"/* {MARK}",
+        f" * Model {_remark(name)}: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k].",
         " * Matrices are row-major, the period is in seconds.",
         *(f" * {key}: {_remark(value)}" for key, value in origin.items()),
         f" * hash: {fields['hash']}",

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_core.bounds import BoundError, read_text_bytes
+from flexarm_core.outputs import MARK_KEY
 from flexarm_ident.models.c_header import c_header
 from flexarm_ident.models.mat import mat_bytes, parameters_in_mat
 from flexarm_ident.models.model_parameters import (
@@ -45,7 +46,7 @@ class Format:
 
 
 def _json_bytes(_name: str, parameters: Mapping[str, ParameterValue]) -> bytes:
-    tree = nested_parameters(parameters)
+    tree = MARK_KEY | nested_parameters(parameters)
     return (json.dumps(tree, ensure_ascii=False, indent=1) + "\n").encode()
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from flexarm_core.errors import one_line
+from flexarm_core.outputs import MARK
 from flexarm_ident.models.model_parameters import (
     FIELDS,
     ModelFileError,
@@ -30,7 +31,7 @@ _VARIABLES = (*_MATRICES, "dt", *_NAMES, "name", "hash")
 # The header's free text, where scipy puts the date. The same model has to give the same file,
 # and a damaged file can crash scipy's reader, so ours carry a digest of all that follows.
 _HEADER_SIZE = 116
-_OURS = b"MATLAB 5.0 MAT-file, flexarm, SHA-256 "
+_OURS = f"MATLAB 5.0 MAT-file, {MARK}, SHA-256 ".encode()
 
 
 def mat_bytes(name: str, parameters: Mapping[str, ParameterValue]) -> bytes:

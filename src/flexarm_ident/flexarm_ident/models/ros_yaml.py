@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import yaml
 
 from flexarm_core.bounds import YamlError, yaml_content
+from flexarm_core.outputs import MARK
 from flexarm_ident.models.model_parameters import (
     ModelFileError,
     flat_parameters,
@@ -62,7 +63,7 @@ def parameter_text(parameters: Mapping[str, ParameterValue], *, node: str = "/**
         allow_unicode=True,
         width=100,
     )
-    return text
+    return f"# {MARK}\n{text}"
 
 
 def parameters_in_text(text: bytes) -> dict[str, object]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import jinja2
 
 from flexarm_core.errors import IdentificationError
+from flexarm_core.outputs import MARK
 from flexarm_ident.report.sections import sections
 from flexarm_ident.report.summary import cautions, summary
 
@@ -102,6 +103,7 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters["rendered"] = _rendered
+    environment.globals["mark"] = MARK
     return environment
 
 

@@ -121,7 +121,9 @@ def read_rows(file: Path) -> dict[str, Row]:
         return {}
     try:
         with file.open(newline="", encoding="utf-8") as stream:
-            lines = list(csv.DictReader(stream, strict=True))
+            table = csv.DictReader(stream, strict=True)
+            _require_columns(table.fieldnames)
+            lines = list(table)
             rows = [
                 Row(line["bag"], {column: text for column, text in line.items() if text})
                 for line in lines
@@ -129,6 +131,13 @@ def read_rows(file: Path) -> dict[str, Row]:
     except (OSError, UnicodeDecodeError, csv.Error, KeyError, AttributeError) as error:
         raise DataError(f"{file}: no table of a series: {error}; move it away") from error
     return {row.bag: row for row in rows}
+
+
+def _require_columns(found: Sequence[str] | None) -> None:
+    """Refuse the columns of another table; an empty file has none and is refilled."""
+    for column in ("bag", *_LAST):
+        if found is not None and column not in found:
+            raise csv.Error(f"no column {column}")
 
 
 def write_rows(file: Path, rows: Sequence[Row]) -> None:

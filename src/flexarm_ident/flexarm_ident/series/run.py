@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_core.errors import DataError, FlexarmError, one_line
+from flexarm_core.outputs import MARK, require_place
 from flexarm_core.workers import Workers, computed
 from flexarm_ident.job import REPORT_FILE, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
@@ -62,6 +63,7 @@ class _Task:
     request: Request
     channels: Selection | None
     exports: tuple[str, ...]
+    force: bool
     known: Row | None
 
 
@@ -72,6 +74,7 @@ def identify_each(
     *,
     channels: Selection | None = None,
     exports: Sequence[str] = (),
+    force: bool = False,
     workers: Workers | None = None,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Series:
@@ -88,7 +91,7 @@ def identify_each(
     folder : Path
         Folder of the results: `models.csv`, `trend.svg`, `index.html`, and a folder per bag with
         what `job.identify_bags` writes. Rows of other bags in its table stay.
-    request, channels, exports
+    request, channels, exports, force
         As in `job.identify_bags`, the same for all.
     workers : Workers, optional
         Processes, by default one per core. Those of a cluster need the bags and the folder under
@@ -101,10 +104,11 @@ def identify_each(
     ------
     DataError
         If two bags would have the same folder, or the table cannot be read.
-    OSError
-        If the folder cannot be written.
+    OutputError
+        If the folder cannot be written, or has a picture or a page of somebody else.
     """
     places = _places(bags)
+    require_place([folder / TREND_FILE, folder / PAGE_FILE], force=force)
     folder.mkdir(parents=True, exist_ok=True)
     table = folder / TABLE_FILE
     rows = read_rows(table)
@@ -116,6 +120,7 @@ def identify_each(
             request,
             channels,
             tuple(exports),
+            force,
             rows.get(str(bag)),
         )
         for bag, place in places.items()
@@ -157,7 +162,9 @@ def _row(task: _Task) -> tuple[Row, bool]:
         cells |= {"request_sha256": request_sha256}
         outcome = run([record], task.request)
         name = model_name(task.bag)
-        write_results(task.folder, outcome, [record], name=name, exports=task.exports)
+        write_results(
+            task.folder, outcome, [record], name=name, exports=task.exports, force=task.force
+        )
         cells |= model_cells(outcome)
     except (FlexarmError, OSError) as error:
         cells["failure"] = one_line(error)
@@ -174,7 +181,7 @@ def _show(folder: Path, rows: Sequence[Row]) -> None:
     modelled = [row for row in rows if not row.failure]
     picture = trend_plot(modelled) if modelled else ""
     if picture:
-        (folder / TREND_FILE).write_text(picture, encoding="utf-8")
+        (folder / TREND_FILE).write_text(f"<!-- {MARK} -->\n{picture}", encoding="utf-8")
     places = _places([Path(row.bag) for row in modelled])
     reports = {str(bag): f"{place}/{REPORT_FILE}" for bag, place in places.items()}
     page = trend_page(rows, picture, reports, TABLE_FILE)

@@ -25,9 +25,10 @@ def test_node_program___parameter___is_read_back_as_given(
     monkeypatch: pytest.MonkeyPatch, value: object, read: object
 ) -> None:
     monkeypatch.setattr(processes, "find_executable", lambda *_: Path("/bin/node"))
-    command = NodeProgram("flexarm_daq", "player_node", {"bag": value}).command()
-    assert command[:3] == ["/bin/node", "--ros-args", "-p"]
-    name, _, text = command[3].partition(":=")
+    program = NodeProgram("flexarm_daq", "player_node", {"bag": value}, namespace="/arm2")
+    *start, assignment = program.command()
+    assert start == ["/bin/node", "--ros-args", "-r", "__ns:=/arm2", "-p"]
+    name, _, text = assignment.partition(":=")
     assert name == "bag"
     assert yaml.safe_load(text) == read
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import distributed
@@ -11,6 +12,7 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin
 
 from flexarm_core.errors import DataError
+from flexarm_core.outputs import MARK, OutputError
 from flexarm_core.workers import Workers
 from flexarm_ident import job, load_model, selection
 from flexarm_ident.series import run as series_run
@@ -65,7 +67,7 @@ def computed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return run(records, request)  # type: ignore[arg-type]
 
     monkeypatch.setattr(series_run, "run", noted)
-    monkeypatch.setattr(job, "render_report", lambda subject, **_: f"{subject.name}\n")
+    monkeypatch.setattr(job, "render_report", lambda subject, **_: f"{subject.name} {MARK}\n")
     return seen
 
 
@@ -76,6 +78,35 @@ def each(bags: Sequence[Path], out: Path, request: Request = QUICK) -> series_ru
 def close_to_the_rig(row: Row) -> bool:
     frequencies = [row.number(f"frequency_{number}") for number in (1, 2)]
     return frequencies == pytest.approx(MODES_HZ, rel=0.005)
+
+
+@pytest.mark.parametrize("name", ["index.html", "trend.svg"])
+def test_each___page_of_somebody_else___is_refused_before_the_work(
+    tmp_path: Path, bags: list[Path], computed: list[str], name: str
+) -> None:
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(OutputError, match=f"{name}: was not written by flexarm: .*--force"):
+        each(bags, tmp_path)
+    assert (tmp_path / name).read_text() == "mine"
+    assert not computed
+
+
+def test_each___report_of_somebody_else_in_a_bags_folder___fails_that_bag_alone(
+    tmp_path: Path, bags: list[Path], computed: list[str]
+) -> None:
+    out = tmp_path / "out"
+    each(bags[:2], out)
+    report = next(out.glob("*day_0/report.html"))
+    report.write_text("mine")
+    series = each(bags[:2], out, replace(QUICK, order=5))
+    assert "report.html: was not written by flexarm" in series.rows[0].failure
+    assert series.rows[1].failure == ""
+    assert report.read_text() == "mine"
+    assert len(computed) == 4
+    again = identify_each(
+        bags[:2], out, replace(QUICK, order=5), channels=CHOSEN, force=True, workers=HERE
+    )
+    assert (again.failed, again.skipped) == (0, 1)
 
 
 @pytest.mark.usefixtures("computed")
@@ -93,7 +124,7 @@ def test_each___bags_of_one_rig___have_a_row_and_a_folder_each(
     assert len(table) == 5
     assert table[0].startswith("bag,begun,verdict,samples,rate_hz,method,order,error_mean,")
     page = (out / "index.html").read_text()
-    assert (out / "trend.svg").read_text() in page
+    assert (out / "trend.svg").read_text().partition("\n")[2] in page
     for day, row in zip(range(3), [series.rows[0], *series.rows[2:]], strict=True):
         assert close_to_the_rig(row)
         assert row.number("damping_1") == pytest.approx(0.03, abs=0.003)

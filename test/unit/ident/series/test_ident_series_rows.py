@@ -49,9 +49,10 @@ def test_row___of_record_and_request___is_known() -> None:
     assert not Row("a", {**made, "failure": "too short"}).is_of("r", "q")
 
 
-def test_table___of_something_else___is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", ["t,u\n1,2\n", "bag,price\nred,12\n"])
+def test_table___of_something_else___is_refused(tmp_path: Path, text: str) -> None:
     file = tmp_path / "models.csv"
-    file.write_text("t,u\n1,2\n")
+    file.write_text(text)
     with pytest.raises(DataError, match=r"models\.csv: no table of a series: .* move it away"):
         read_rows(file)
 

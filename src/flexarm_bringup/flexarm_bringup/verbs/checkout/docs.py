@@ -12,11 +12,14 @@ from tempfile import TemporaryDirectory
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.checks import EXAMPLES, passes
 from flexarm_bringup.verbs.checkout.folder import checkout
+from flexarm_core.outputs import MARK, is_replaceable
 
+_BUILD = ".buildinfo"
+"""File that Sphinx writes with a site."""
 _NOT_REPRODUCED = """\
 # The thesis, reproduced
 
@@ -33,8 +36,9 @@ Not in this checkout. `./flexarm reproduce all -o docs/reproduction` makes it.
     show_default=True,
     help="Folder of the site.",
 )
+@FORCE
 @examples("docs")
-def docs(out: Path) -> None:
+def docs(out: Path, *, force: bool) -> None:
     """Build the pages as a site, and run their examples.
 
     The site works offline.
@@ -42,26 +46,30 @@ def docs(out: Path) -> None:
     root = checkout("pages")
     hold = passes("examples", EXAMPLES, root)
     terminal.step(f"site: {out / 'index.html'}")
-    warnings = build_site(root, out)
+    warnings = build_site(root, out, force=force)
     if warnings:
         terminal.CONSOLE.print(warnings, markup=False)
     sys.exit(0 if hold and not warnings else 1)
 
 
-def build_site(root: Path, out: Path) -> str:
+def build_site(root: Path, out: Path, *, force: bool = False) -> str:
     """Build the site from a checkout, in place of an older one; return the warnings, a line each.
 
     Raises
     ------
     LaunchError
-        Without Sphinx, or when `out` holds something else than a site.
+        Without Sphinx, or when `out` holds something else than a site of ours and `force` is not
+        set.
     """
     try:
         from sphinx.cmd.build import build_main  # noqa: PLC0415 - may be missing
     except ImportError as error:
         raise LaunchError(f"{error}: install requirements/dev.in") from error
-    if out.exists() and any(out.iterdir()) and not (out / ".buildinfo").is_file():
-        raise LaunchError(f"{out} holds something else than a site: choose another folder")
+    if out.exists() and any(out.iterdir()) and not (force or _is_site(out)):
+        raise LaunchError(
+            f"{out} holds something else than a site of flexarm: choose another folder, or replace "
+            "all in it with --force"
+        )
     with TemporaryDirectory(prefix="flexarm-docs-") as scratch:
         pages, site = Path(scratch, "docs"), Path(scratch, "site")
         # Sphinx writes the pages of the reference beside the others.
@@ -72,7 +80,14 @@ def build_site(root: Path, out: Path) -> str:
             (pages / "reproduction" / "index.md").write_text(_NOT_REPRODUCED, "utf-8")
         with redirect_stderr(io.StringIO()) as said:
             build_main(["-b", "html", "-q", "-N", str(pages), str(site)])
-        if (site / ".buildinfo").is_file():
+        if (site / _BUILD).is_file():
+            words = (site / _BUILD).read_text("utf-8")
+            (site / _BUILD).write_text(f"# {MARK}\n{words}", "utf-8")
             shutil.rmtree(out, ignore_errors=True)
             shutil.copytree(site, out, ignore=shutil.ignore_patterns(".doctrees"))
     return said.getvalue().replace(f"{pages}/", "docs/")
+
+
+def _is_site(folder: Path) -> bool:
+    build = folder / _BUILD
+    return build.is_file() and is_replaceable(build)

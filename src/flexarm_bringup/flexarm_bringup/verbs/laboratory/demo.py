@@ -14,20 +14,25 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.runs.recorded_run import record_run
 from flexarm_bringup.verbs.laboratory.demo_results import (
+    BAG_FOLDER,
+    REPORT_FILE,
     SET_POINT_V,
+    SUMMARY_FILE,
     DemoResults,
     DemoSettings,
     show_model,
     write_results,
 )
-from flexarm_bringup.verbs.laboratory.options import PAYLOAD, paced
+from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
+from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_ident.job import result_files
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
@@ -39,6 +44,9 @@ STEP_SAMPLES = 3000
 REDUCED_ORDER = 10
 # A reply takes about that long over DDS.
 REPLY_DELAY_S = 6e-4
+MODELS_FOLDER = "models"
+_EXPERIMENT = "experiment"
+_LEFT_OVER = ".flexarm"
 
 
 @click.command()
@@ -49,6 +57,8 @@ REPLY_DELAY_S = 6e-4
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True)
 @paced
 @click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag.")
+@FORCE
+@ARM
 @examples(
     "demo",
     "demo --fast --payload 0.4 --seed 7",
@@ -65,16 +75,15 @@ def demo(**settings: Any) -> None:  # noqa: ANN401
 
 def _run_demo(settings: DemoSettings) -> None:
     out = settings.out
-    out.mkdir(parents=True, exist_ok=True)
-    log = out / "nodes.log"
-    log.unlink(missing_ok=True)
+    _make_room(settings)
     true_modes_hz = natural_frequencies_hz(RigParameters(payload_kg=settings.payload_kg)).tolist()
     settings.pace.prepare()
-    with _bag_folder(out / "bag", keep=settings.keep_bag) as bags:
+    with _bag_folder(out / BAG_FOLDER, keep=settings.keep_bag) as bags:
         terminal.step("Starting the nodes: daq, controller, recorder, ident")
-        with running_graph(_start_parameters(settings), log) as (operator, _):
+        parameters, log = _start_parameters(settings), out / "nodes.log"
+        with running_graph(parameters, log, namespace=settings.namespace) as (operator, _):
             terminal.step(_experiment_text(settings))
-            bag = bags / "experiment"
+            bag = bags / _EXPERIMENT
             experiment = record_run(
                 operator, "controller", bag, EXPERIMENT_SAMPLES, text="exciting the arm"
             )
@@ -91,10 +100,28 @@ def _run_demo(settings: DemoSettings) -> None:
     write_results(settings, DemoResults(experiment, response, controlled, true_modes_hz))
 
 
+def _make_room(settings: DemoSettings) -> None:
+    """Refuse, before any work, to replace what somebody else or `--keep-bag` left in the folder."""
+    out, force = settings.out, settings.force
+    models = result_files(out / MODELS_FOLDER / _EXPERIMENT, ())
+    require_place([out / SUMMARY_FILE, out / REPORT_FILE, *models], force=force)
+    bags = out / BAG_FOLDER
+    is_left_over = (bags / _LEFT_OVER).is_file() and is_replaceable(bags / _LEFT_OVER)
+    if bags.exists() and not (force or is_left_over):
+        raise OutputError(
+            f"{bags}: holds bags that were kept, or something else: move it away, choose another "
+            "--out, or replace it with --force"
+        )
+
+
 @contextmanager
 def _bag_folder(folder: Path, *, keep: bool) -> Iterator[Path]:
     """Give an empty folder for bags; remove it at the end, whatever the end is, unless kept."""
     shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    if not keep:
+        # A run that is killed leaves the folder: the next one may remove it.
+        (folder / _LEFT_OVER).write_text(f"{MARK}\n", "utf-8")
     try:
         yield folder.absolute()
     finally:
@@ -120,7 +147,10 @@ def _start_parameters(settings: DemoSettings) -> dict[str, dict[str, Any]]:
             "varying_square.longest_s": 5.0,
             "varying_square.seed": settings.seed,
         },
-        "ident": {"output_folder": str((settings.out / "models").absolute())},
+        "ident": {
+            "output_folder": str((settings.out / MODELS_FOLDER).absolute()),
+            "force": settings.force,
+        },
     }
 
 

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from flexarm_bringup.console import terminal
 from flexarm_bringup.runs.pace import Pace
 from flexarm_control.design.criteria import step_figures
+from flexarm_core.outputs import MARK_KEY
 from flexarm_ident.provenance import samples_hash
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 from flexarm_ident.report.content.blocks import Plots, Words
@@ -35,18 +36,27 @@ if TYPE_CHECKING:
     from flexarm_msgs.srv import Identify
 
 SET_POINT_V = 3.0
+SUMMARY_FILE = "summary.json"
+REPORT_FILE = "report.html"
+BAG_FOLDER = "bag"
 VERSIONED = ("flexarm_bringup", "numpy", "scipy", "control", "numba", "rosbags", "mcap")
 
 
 @dataclass(frozen=True)
 class DemoSettings:
-    """Choices of the user; `keep_bag` keeps the two bags in the folder of the results."""
+    """Choices of the user.
+
+    `keep_bag` keeps the two bags in the folder of the results, `force` replaces what somebody else
+    or an earlier `keep_bag` left there.
+    """
 
     out: Path
     payload_kg: float
     seed: int
     pace: Pace
     keep_bag: bool
+    force: bool
+    namespace: str
 
 
 @dataclass(frozen=True)
@@ -87,21 +97,22 @@ def write_results(settings: DemoSettings, results: DemoResults) -> None:
     blocks = _step_blocks(time_s, step, figures)
     report = Path(results.response.report_path, "report.html").read_text(encoding="utf-8")
     longer = append_section(report, "Controlled step", blocks)
-    (out / "report.html").write_text(longer, encoding="utf-8")
-    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    (out / REPORT_FILE).write_text(longer, encoding="utf-8")
+    (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     settled = f"{figures.settling_s:.2f} s" if math.isfinite(figures.settling_s) else "-"
     terminal.CONSOLE.print(
         f"  mean error over the last 2 s {figures.mean_error_v:+.4f} V, "
         f"overshoot {100 * figures.overshoot:.1f} %, settled after {settled}"
     )
-    kept = str(out / "bag") if settings.keep_bag else "removed, --keep-bag keeps them"
-    terminal.step(f"Report: {out / 'report.html'}. Bags: {kept}")
+    kept = str(out / BAG_FOLDER) if settings.keep_bag else "removed, --keep-bag keeps them"
+    terminal.step(f"Report: {out / REPORT_FILE}. Bags: {kept}")
 
 
 def _summary(settings: DemoSettings, results: DemoResults, figures: StepFigures) -> dict[str, Any]:
     response, experiment = results.response, results.experiment
     both = (experiment, results.step)
     return {
+        **MARK_KEY,
         "payload_kg": settings.payload_kg,
         "seed": settings.seed,
         "time": "real" if settings.pace is Pace.REAL else "virtual",

@@ -20,7 +20,7 @@ from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
-from flexarm_bringup.verbs.laboratory.options import PARAMETER_FILES, paced
+from flexarm_bringup.verbs.laboratory.options import ARM, PARAMETER_FILES, paced
 from flexarm_daq.experiments import catalogue as experiments
 from flexarm_daq.loop.limiter import LimiterSettings
 from flexarm_ident.provenance import samples_hash
@@ -54,6 +54,8 @@ class ExperimentSettings:
     parameter_files : tuple of Path
         As for `--params-file` of ROS 2, such as the wiring of a board; the parameters of an
         experiment come after them.
+    namespace : str
+        Namespace of the arm.
     payload_kg : float, optional
         Payload instead of the experiment's own.
     """
@@ -63,6 +65,7 @@ class ExperimentSettings:
     seed: int
     overwrite: bool
     parameter_files: tuple[Path, ...]
+    namespace: str
     payload_kg: float | None = None
 
 
@@ -88,6 +91,7 @@ def _run_options(function: Callable[..., None]) -> Callable[..., None]:
         ),
         click.option("--overwrite", is_flag=True, help="Replace bags that are there."),
         PARAMETER_FILES,
+        ARM,
     )
     for option in reversed(options):
         function = option(function)
@@ -141,12 +145,17 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
     _make_room(folder, entries, overwrite=settings.overwrite)
     settings.pace.prepare()
     parameters = {"daq": settings.pace.parameters() | {"seed": settings.seed}}
-    files = settings.parameter_files
     log = folder / "nodes.log"
     # A record is settled when the recorder has closed it: after the graph.
     with (
         ExitStack() as records,
-        running_graph(parameters, log, nodes=_NODES, files=files) as (operator, _),
+        running_graph(
+            parameters,
+            log,
+            nodes=_NODES,
+            files=settings.parameter_files,
+            namespace=settings.namespace,
+        ) as (operator, _),
     ):
         for number, entry in enumerate(entries, start=1):
             words = f"{entry.input_text}, {entry.samples} samples at {entry.rate_hz:g} Hz"

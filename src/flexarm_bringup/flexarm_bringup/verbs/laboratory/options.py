@@ -7,13 +7,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.validate_namespace import validate_namespace
 
 from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.graph.processes import NAMESPACE
 from flexarm_bringup.runs.pace import Pace
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+
+def _absolute(_: click.Context, __: click.Parameter, value: str) -> str:
+    namespace = f"/{value.strip('/')}"
+    try:
+        validate_namespace(namespace)
+    except InvalidNamespaceException:
+        raise click.BadParameter(f"{value!r} is no namespace, such as arm2 or lab/arm2") from None
+    return namespace
+
+
+ARM = click.option(
+    "--namespace",
+    default=NAMESPACE.strip("/"),
+    show_default=True,
+    callback=_absolute,
+    help="Which arm: the namespace of its nodes.",
+)
 PAYLOAD = click.option(
     "--payload",
     "payload_kg",

@@ -10,6 +10,7 @@ import click
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import RUN_ON, examples
 from flexarm_bringup.graph.processes import NodeProgram, find_executable
+from flexarm_bringup.verbs.laboratory.options import ARM
 
 
 @click.command(context_settings=RUN_ON)
@@ -27,13 +28,16 @@ def run(package: str, executable: str, arguments: tuple[str, ...]) -> None:
 
 @click.command()
 @click.argument("bag", type=click.Path(path_type=Path))
-@examples("record out/run1")
-def record(bag: Path) -> None:
+@ARM
+@examples("record out/run1", "record out/run1 --namespace arm2")
+def record(bag: Path, namespace: str) -> None:
     """Record the running graph until Ctrl-C.
 
     The bag holds state, command, reference and who commands.
     """
-    _become(NodeProgram("flexarm_daq", "recorder_node", {"bag": bag.absolute()}).command())
+    parameters = {"bag": bag.absolute()}
+    program = NodeProgram("flexarm_daq", "recorder_node", parameters, namespace=namespace)
+    _become(program.command())
 
 
 @click.command()
@@ -53,7 +57,7 @@ def record(bag: Path) -> None:
 def play(bag: Path, rate: float, *, loop: bool, stand_in: bool) -> None:
     """Publish the messages of a bag with their timing.
 
-    The service ~/play stops it.
+    The topics are those that the bag names. The service ~/play stops it.
     """
     parameters = {"bag": bag.absolute(), "rate": rate, "loop": loop, "stand_in": stand_in}
     _become(NodeProgram("flexarm_daq", "player_node", parameters).command())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -9,64 +10,107 @@ import click
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
-from rclpy.duration import Duration
-from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.graph.client import NAMESPACE
 from flexarm_bringup.graph.laboratory import MANAGED
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import ros_domain, session
-from flexarm_core.channels import TRAVEL_V
+from flexarm_bringup.verbs.laboratory.options import ARM
+from flexarm_core.nearest import nearest
+from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
-from flexarm_node.waiting import has_every_reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from rclpy.task import Future
 
     from flexarm_bringup.graph.operator import Operator
 
 _NAME = "remote"
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _DISCOVERY_S = 4.0
-_ACKNOWLEDGED = Duration(seconds=3)
 _DIAGNOSTICS = "/diagnostics"
-_OURS = "flexarm: "
-_REPORTING = {f"{_OURS}{name}" for name in ("recorder", "controller", "daq")}
-"""Reports of a laboratory: with these, nothing more has to be waited for."""
+_REPORTING = {"recorder", "controller", "daq"}
+"""Nodes of a laboratory: with their reports, nothing more has to be waited for."""
+_STOP = "emergency_stop"
 
 
 @click.command()
-@examples("stop")
-def stop() -> None:
+@ARM
+@click.option("--all", "everything", is_flag=True, help="Every arm that is found.")
+@examples("stop", "stop --namespace arm2", "stop --all")
+def stop(*, namespace: str, everything: bool) -> None:
     """Stop the drive until the DAQ node is deactivated.
 
     It takes seconds to start: at a real rig, press the button.
     """
-    with _attached("daq") as operator:
-        response = operator.call(Trigger, "emergency_stop", Trigger.Request())
+    if everything:
+        _stop_every_arm()
+        return
+    with _attached("daq", namespace) as operator:
+        response = operator.call(Trigger, _STOP, Trigger.Request())
     terminal.CONSOLE.print(response.message, markup=False)
 
 
+def _stop_every_arm() -> None:
+    """Stop each arm as soon as it is found, and look for others as long as discovery may take."""
+    asked: dict[str, list[Future[Any]]] = {}
+    stopped: set[str] = set()
+    deadline_s = time.monotonic() + _DISCOVERY_S
+    with session(_NAME) as operator:
+        while time.monotonic() < deadline_s:
+            for service in _stops(operator) - stopped:
+                # Until it answers: the first answers may be lost, a stop can be repeated.
+                call = operator.client(Trigger, service).call_async(Trigger.Request())
+                asked.setdefault(service, []).append(call)
+            operator.spin()
+            for service, calls in asked.items():
+                answers = [call.result() for call in calls if call.done()]
+                if answers and service not in stopped:
+                    stopped.add(service)
+                    arm = service.removesuffix(f"/{_STOP}")
+                    terminal.CONSOLE.print(f"{arm}: {answers[0].message}", markup=False)
+    if silent := sorted(asked.keys() - stopped):
+        raise LaunchError(f"no answer from {', '.join(silent)}: press the button at the rig")
+    if not stopped:
+        raise LaunchError(_nobody("arm"))
+
+
+def _stops(operator: Operator) -> set[str]:
+    """Return the emergency stops of the arms that are there."""
+    topics = operator.node.get_topic_names_and_types()
+    arms = {
+        topic.rpartition("/")[0]
+        for topic, kinds in topics
+        if any(kind.startswith("flexarm_msgs/") for kind in kinds)
+    }
+    services = {service for service, _ in operator.node.get_service_names_and_types()}
+    return {f"{arm}/{_STOP}" for arm in arms} & services
+
+
 @click.command()
-@examples("status")
-def status() -> None:
+@ARM
+@examples("status", "status --namespace arm2")
+def status(namespace: str) -> None:
     """Show state, reasons, rates and counts of every running node."""
     newest: dict[str, DiagnosticStatus] = {}
+    ours = f"{namespace.rstrip('/')}/"
 
     def hear(message: DiagnosticArray) -> None:
         for report in message.status:
-            if report.name.startswith(_OURS):
-                newest[report.name] = report
+            if report.name.startswith(ours):
+                newest[report.name.removeprefix(ours)] = report
 
-    with session(_NAME) as operator:
+    with session(_NAME, namespace=namespace) as operator:
         operator.listen(DiagnosticArray, _DIAGNOSTICS, qos.EVERY, hear)
 
         def complete() -> bool:
-            known = operator.node.count_publishers(_DIAGNOSTICS)
-            return newest.keys() >= _REPORTING and len(newest) >= known
+            publishers = operator.node.get_publishers_info_by_topic(_DIAGNOSTICS)
+            known = [each for each in publishers if each.node_namespace == namespace]
+            return newest.keys() >= _REPORTING and len(newest) >= len(known)
 
         try:
             operator.wait(complete, "reports", _DISCOVERY_S)
@@ -74,43 +118,34 @@ def status() -> None:
             if not newest:
                 raise LaunchError(_nobody("node that reports")) from None
     for name, report in sorted(newest.items()):
-        terminal.CONSOLE.print(f"{name.removeprefix(_OURS)}: {report.message}", markup=False)
+        terminal.CONSOLE.print(f"{name}: {report.message}", markup=False)
         for each in report.values:
             terminal.CONSOLE.print(f"    {each.key:36s} {each.value}", markup=False)
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
 @click.argument("volts", type=float)
+@ARM
 @examples("reference 1.5", "reference -3")
-def reference(volts: float) -> None:
-    """Send one set-point, V, to the running controller."""
-    if not abs(volts) <= TRAVEL_V:
-        raise LaunchError(f"{volts:g} V is beyond the travel, +-{TRAVEL_V:.3f} V")
-    with _attached("controller") as operator:
-        source = operator.values("controller", ("reference",))["reference"]
-        if source != "topic":
-            raise LaunchError(
-                f"the controller follows its own reference, {source}: "
-                "flexarm set controller reference=topic"
-            )
-        publisher = operator.node.create_publisher(Float64, f"{NAMESPACE}/reference", qos.NEWEST)
-        operator.acquaint("controller")
-        operator.wait(
-            lambda: has_every_reader(operator.node, [publisher], least=1), "the controller"
-        )
-        publisher.publish(Float64(data=volts))
-        publisher.wait_for_all_acked(_ACKNOWLEDGED)
-    terminal.CONSOLE.print(f"set-point {volts:g} V")
+def reference(volts: float, namespace: str) -> None:
+    """Give the running controller a set-point, V, and say what is in force."""
+    with _attached("controller", namespace) as operator:
+        request = SetReference.Request(reference_v=volts)
+        response = operator.call(SetReference, "set_reference", request)
+    if not response.success:
+        raise LaunchError(response.message)
+    terminal.CONSOLE.print(f"set-point {response.reference_v:g} V")
 
 
 @click.command("set")
 @click.argument("node")
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE...")
+@ARM
 @examples("set controller law=pdpc_plus", "set daq max_command_v=2 payload_kg=0.2")
-def set_(node: str, assignments: tuple[str, ...]) -> None:
+def set_(node: str, assignments: tuple[str, ...], namespace: str) -> None:
     """Set parameters of a running node, all or none."""
     wanted = dict(_parsed(each) for each in assignments)
-    with _attached(node) as operator:
+    with _attached(node, namespace) as operator:
         present = operator.values(node, tuple(wanted))
         changes = {key: _as_kind(value, present[key]) for key, value in wanted.items()}
         operator.set_parameters(node, changes)
@@ -120,10 +155,11 @@ def set_(node: str, assignments: tuple[str, ...]) -> None:
 
 @click.command()
 @click.argument("node", type=click.Choice(MANAGED))
+@ARM
 @examples("activate daq")
-def activate(node: str) -> None:
+def activate(node: str, namespace: str) -> None:
     """Activate a running node: daq, controller or experiment."""
-    with _attached(node) as operator:
+    with _attached(node, namespace) as operator:
         before = operator.state(node).id
         if before == State.PRIMARY_STATE_ACTIVE:
             raise LaunchError(
@@ -138,10 +174,11 @@ def activate(node: str) -> None:
 
 @click.command()
 @click.argument("node", type=click.Choice(MANAGED))
+@ARM
 @examples("deactivate daq")
-def deactivate(node: str) -> None:
+def deactivate(node: str, namespace: str) -> None:
     """Deactivate a running node; the drive goes to zero."""
-    with _attached(node) as operator:
+    with _attached(node, namespace) as operator:
         before = operator.state(node)
         if before.id != State.PRIMARY_STATE_ACTIVE:
             raise LaunchError(f"{node} is not active but {before.label}")
@@ -151,14 +188,15 @@ def deactivate(node: str) -> None:
 
 
 @contextmanager
-def _attached(name: str) -> Iterator[Operator]:
-    """Give an operator of a graph in which a node is running."""
-    with session(_NAME) as operator:
-        wanted = f"{NAMESPACE}/{name}"
+def _attached(name: str, namespace: str) -> Iterator[Operator]:
+    """Give an operator of an arm of which a node is running."""
+    with session(_NAME, namespace=namespace) as operator:
+        wanted = operator.full_name(name)
         try:
             operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
         except LaunchError:
-            raise LaunchError(_nobody(f"node {wanted}")) from None
+            others = operator.nodes() - {operator.full_name(_NAME)}
+            raise LaunchError(_nobody(f"node {wanted}") + nearest(wanted, others)) from None
         yield operator
 
 

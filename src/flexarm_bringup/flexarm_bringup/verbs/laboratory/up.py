@@ -15,6 +15,7 @@ from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.laboratory.options import (
+    ARM,
     PARAMETER_FILES,
     PAYLOAD,
     REAL_TIME,
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 _REPLACE = (
     "the drive is at zero; for another one: "
-    "flexarm run flexarm_control controller_node --ros-args -p autostart:=true"
+    "flexarm run flexarm_control controller_node --ros-args -r __ns:={} -p autostart:=true"
 )
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
@@ -47,6 +48,7 @@ class _Settings:
     bag: Path | None
     pace: Pace
     parameter_files: tuple[Path, ...]
+    namespace: str
 
 
 @click.command()
@@ -64,16 +66,18 @@ class _Settings:
     type=click.Choice(["topic", "step", "square", "varying_square"]),
     default="topic",
     show_default=True,
-    help="Set-points from /flexarm/reference, or a built-in profile.",
+    help="Set-points from the topic `reference`, or a built-in profile.",
 )
 @click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
 @click.option("--law", default="pdpc", show_default=True, help=f"Law: {', '.join(LAWS)}.")
 @REAL_TIME
 @PARAMETER_FILES
+@ARM
 @examples(
     "up",
     "up --rate 500 --payload 0.2 --reference square",
     "up --bag out/run1 --law pdpc_plus --params-file out/gains.yaml",
+    "up --namespace arm2",
 )
 def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
     """Run daq, controller, recorder and ident until Ctrl-C.
@@ -100,10 +104,12 @@ def _run_graph(settings: _Settings) -> None:
         log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
         complaints = _Complaints(log)
         try:
-            with running_graph(parameters, log.absolute(), files=settings.parameter_files) as (
-                operator,
-                processes,
-            ):
+            with running_graph(
+                parameters,
+                log.absolute(),
+                files=settings.parameter_files,
+                namespace=settings.namespace,
+            ) as (operator, processes):
                 _start(operator, settings)
                 _stay(operator, processes, complaints)
         finally:
@@ -124,7 +130,7 @@ def _start(operator: Operator, settings: _Settings) -> None:
     operator.activate("controller")
     operator.start_sampling()
     terminal.CONSOLE.print(
-        f"/flexarm is up: {settings.law} at {settings.rate_hz:g} Hz, "
+        f"{settings.namespace} is up: {settings.law} at {settings.rate_hz:g} Hz, "
         f"reference: {settings.reference}. Ctrl-C ends it."
     )
 
@@ -139,7 +145,8 @@ def _stay(operator: Operator, processes: NodeProcesses, complaints: _Complaints)
         nonlocal loss
         complaints.show(_COMPLAINTS)
         if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
-            terminal.CONSOLE.print(f"{loss}: {_REPLACE}", markup=False)
+            replace = _REPLACE.format(operator.namespace)
+            terminal.CONSOLE.print(f"{loss}: {replace}", markup=False)
         return False
 
     try:

@@ -11,7 +11,7 @@ from click.shell_completion import CompletionItem
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
-from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
 from flexarm_bringup.verbs.offline.series import model_each
 from flexarm_core.workers import Workers
@@ -154,6 +154,7 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.option(
     "--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster, for --each."
 )
+@FORCE
 @examples(
     "identify bags/c_dat3_0g",
     "identify bags/c_dat3_0g --reduction mrm --reduced-order 10 --update b -o out/c3",
@@ -170,6 +171,7 @@ def identify(
     each: bool,
     jobs: int | None,
     dask: str,
+    force: bool,
     **options: Any,  # noqa: ANN401
 ) -> None:
     """Identify a model from bags; write parameters and report."""
@@ -177,14 +179,26 @@ def identify(
     if each:
         workers = Workers(jobs or -1, dask)
         model_each(
-            bags, out, Request(**options), channels=channels, exports=exports, workers=workers
+            bags,
+            out,
+            Request(**options),
+            channels=channels,
+            exports=exports,
+            force=force,
+            workers=workers,
         )
         return
     if jobs is not None or dask:
         raise click.UsageError("--jobs and --dask belong to --each")
     with terminal.progress() as show:
         results = job.identify_bags(
-            bags, out, Request(**options), channels=channels, exports=exports, progress=show
+            bags,
+            out,
+            Request(**options),
+            channels=channels,
+            exports=exports,
+            force=force,
+            progress=show,
         )
     _show(results, f"results in {out}")
 
@@ -201,20 +215,23 @@ def identify(
 )
 @channel_options
 @_request_options
+@FORCE
 @examples(
     "report bags/c_dat3_0g",
     "report out/run1 out/run2 -o arm.html",
     "report bags/c_dat3_0g --reduction mrmc --known-mode 9.4 --known-mode 24 --known-mode 45",
     "report bags/quanser_2dsfl --reduction none",
 )
-def report(bags: tuple[Path, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+def report(bags: tuple[Path, ...], out: Path, *, force: bool, **options: Any) -> None:  # noqa: ANN401
     """Identify, reduce by MRM, refit B; write one HTML file."""
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
     channels = taken_channels(options)
     with terminal.progress() as show:
-        results = job.report_bags(bags, out, Request(**options), channels=channels, progress=show)
+        results = job.report_bags(
+            bags, out, Request(**options), channels=channels, force=force, progress=show
+        )
     _show(results, f"report in {out}")
 
 

@@ -29,6 +29,7 @@ def model_each(
     *,
     channels: Selection | None,
     exports: Sequence[str],
+    force: bool,
     workers: Workers,
 ) -> None:
     """Identify one model per bag and print them; exit code 1 when a bag has none."""
@@ -39,6 +40,7 @@ def model_each(
             request,
             channels=channels,
             exports=exports,
+            force=force,
             workers=workers,
             progress=show,
         )

@@ -11,9 +11,11 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
-from flexarm_bringup.console.verb_group import examples
-from flexarm_control.design.tuning_job import TUNINGS, TuneRequest, load_models
+from flexarm_bringup.console.verb_group import FORCE, examples
+from flexarm_control.design.model_sources import load_models
+from flexarm_control.design.tuning_job import TUNINGS, TuneRequest
 from flexarm_control.design.tuning_job import tune as tune_gains
+from flexarm_core.outputs import require_place
 from flexarm_ident.models.ros_yaml import write_parameter_file
 
 if TYPE_CHECKING:
@@ -34,7 +36,8 @@ if TYPE_CHECKING:
     type=click.Choice(tuple(TUNINGS)),
     default="pdp",
     show_default=True,
-    help="pi: one model, no weights, no margins.",
+    help="pi: one model, no weights, no margins; pdpc_scheduled: three payloads; ilqr and lqg: "
+    "designed on the first model, checked on all.",
 )
 @click.option("--error-weight", type=FiniteRange(0.0), default=0.5, show_default=True)
 @click.option("--strain-weight", type=FiniteRange(0.0), default=0.5, show_default=True)
@@ -43,25 +46,34 @@ if TYPE_CHECKING:
 @click.option(
     "--delay", "delay_s", default=0.0, show_default=True, help="Loop delay, s, at most 0.05."
 )
+@FORCE
 @examples(
     "tune nominal:0 nominal:0.2 nominal:0.4",
     "tune nominal:0:flipped nominal:0.2:flipped nominal:0.4:flipped",
     "tune bags/c_dat3_0g bags/c_dat3_400g",
     "tune out/a/model.yaml out/b/model.yaml --delay 0.001 -o out/gains.yaml",
+    "tune --law ilqr out/150g/model.yaml",
+    "tune --law pdpc_scheduled 0=out/a/model.yaml 0.15=out/b/model.yaml 0.3=out/c/model.yaml",
 )
-def tune(models: tuple[str, ...], out: Path, **options: Any) -> None:  # noqa: ANN401
+def tune(models: tuple[str, ...], out: Path, *, force: bool, **options: Any) -> None:  # noqa: ANN401
     """Tune gains on models and write a --params-file.
 
-    A model is a file from identify, a bag, or nominal:KG.
+    A model is a file from identify, a bag, or nominal:KG; KG=MODEL tells its payload.
 
     nominal:KG:flipped turns the sign of the middle gauge y3, which the thesis seems to have had.
     """
     source = click.get_current_context().get_parameter_source
     given = {k: v for k, v in options.items() if source(k) is not ParameterSource.DEFAULT}
-    tune_models(models, out, **given)
+    tune_models(models, out, force=force, **given)
 
 
-def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # noqa: ANN401
+def tune_models(
+    names: tuple[str, ...],
+    out: Path,
+    *,
+    force: bool = False,
+    **request: Any,  # noqa: ANN401 - whatever its type
+) -> None:
     """Tune a law on models, show the certificate, write the gains.
 
     Parameters
@@ -70,22 +82,27 @@ def tune_models(names: tuple[str, ...], out: Path, **request: Any) -> None:  # n
         Models, as the verb takes them.
     out : Path
         File of the gains.
+    force : bool
+        Another file than one of gains is replaced too.
     **request
         Fields of a `TuneRequest`.
 
     Raises
     ------
-    OSError
-        When the gains cannot be written; tried before the search.
+    OutputError
+        When the gains cannot be written, or would replace a file of somebody else; found before
+        the search.
     """
-    _make_writable(out)
+    require_place([out], force=force)
     with terminal.busy(f"tuning on {len(names)} model{'s' * (len(names) != 1)}"):
         models = load_models(names)
         result = tune_gains(models, TuneRequest(**request))
     _show_certificate(tuple(models), result)
-    write_parameter_file(out, dict(result.parameters), node="/flexarm/controller")
-    gains = ", ".join(f"{name} {gain:.4f}" for name, gain in list(result.parameters.items())[:3])
-    terminal.CONSOLE.print(f"J {result.criteria[0]:.4f}: {gains}; written to {out}")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_parameter_file(out, dict(result.parameters), node="/**/controller")
+    terminal.CONSOLE.print(
+        f"J {result.criteria[0]:.4f}: {_of_first_law(result)}; written to {out}", markup=False
+    )
 
 
 def _show_certificate(names: tuple[str, ...], result: TuneResult) -> None:
@@ -103,17 +120,15 @@ def _show_certificate(names: tuple[str, ...], result: TuneResult) -> None:
         )
     if table.row_count:
         terminal.CONSOLE.print(table)
-    for note in result.notes:
-        terminal.CONSOLE.print(f"  {note}")
+    for line in (*result.explanation, *result.notes):
+        terminal.CONSOLE.print(f"  {line}", markup=False)
 
 
-def _make_writable(out: Path) -> None:
-    """Make the folder of a file, and try that the file can be written, without a trace of it."""
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        is_new = not out.exists()
-        out.open("a").close()
-        if is_new:
-            out.unlink()
-    except OSError as error:
-        raise OSError(f"{out}: cannot be written: {error.strerror}") from error
+def _of_first_law(result: TuneResult) -> str:
+    """Return the parameters of the first law; those of others have the same values."""
+    law = next(iter(result.parameters)).partition(".")[0] + "."
+    values = {name: each for name, each in result.parameters.items() if name.startswith(law)}
+    return ", ".join(
+        f"{name} {each:.4g}" if isinstance(each, float) else f"{name} {each}"
+        for name, each in values.items()
+    )

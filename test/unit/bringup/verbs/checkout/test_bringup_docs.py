@@ -17,6 +17,7 @@ from click.testing import CliRunner
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.checks import DOCTEST
 from flexarm_bringup.verbs.checkout.docs import build_site, docs
+from flexarm_core.outputs import is_replaceable
 from support.project import PROJECT
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def test_example_that_does_not_hold___is_shown(tmp_path: Path) -> None:
 def test_site___pages_of_the_checkout___build_without_a_warning(tmp_path: Path) -> None:
     site = tmp_path / "site"
     assert build_site(ROOT, site) == ""
+    assert is_replaceable(site / ".buildinfo")
     pages = {page.relative_to(site).with_suffix(".md") for page in site.rglob("*.html")}
     written = {page.relative_to(ROOT / "docs") for page in (ROOT / "docs").rglob("*.md")}
     assert written - {Path("README.md")} <= pages
@@ -72,11 +74,13 @@ def test_site___pages_of_the_checkout___build_without_a_warning(tmp_path: Path) 
         assert not re.search(r'(src|<link[^>]* href)="(https?:)?//', text), page
 
 
-def test_site___folder_with_something_else___is_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine", "utf-8")
-    with pytest.raises(LaunchError, match="holds something else than a site"):
+@pytest.mark.parametrize("name", ["mine.txt", ".buildinfo"])
+def test_site___folder_with_something_else___is_left_alone(tmp_path: Path, name: str) -> None:
+    """Also one with a site that Sphinx made of other pages."""
+    (tmp_path / name).write_text("# Sphinx build info version 1\n", "utf-8")
+    with pytest.raises(LaunchError, match=r"holds something else than a site of flexarm.*--force"):
         build_site(ROOT, tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 def test_docs___outside_a_checkout___says_where_to_go(

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from flexarm_bringup.verbs.offline.tune import tune, tune_models
 from flexarm_control.design.tuning import tune_pdp
 from flexarm_core.errors import SettingError
+from flexarm_core.outputs import MARK, OutputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,15 +44,31 @@ def test_gains___that_cannot_be_written___are_refused_before_the_search(
     (tmp_path / "file").touch()
     (tmp_path / "folder").mkdir()
     # The model is none either, which shows what was looked at first.
-    with pytest.raises(OSError, match=f"{name}: cannot be written: "):
+    with pytest.raises(OutputError, match=f"{name}: cannot be written: "):
         tune_models(("nominal:none",), tmp_path / name)
 
 
 def test_gains___that_are_not_found___leave_what_was_there(tmp_path: Path) -> None:
     old, new = tmp_path / "old.yaml", tmp_path / "new.yaml"
-    old.write_text("old")
+    old.write_text(f"# {MARK}\nold")
     for out in (old, new):
         with pytest.raises(SettingError):
             tune_models(("nominal:none",), out)
-    assert old.read_text() == "old"
+    assert old.read_text() == f"# {MARK}\nold"
     assert not new.exists()
+
+
+def test_file_of_somebody_else___is_refused_before_the_search___and_replaced_when_forced(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "gains.yaml"
+    out.write_text("mine")
+    with pytest.raises(OutputError, match=r"gains\.yaml: was not written by flexarm: .*--force"):
+        tune_models(("nominal:none",), out)
+    assert out.read_text() == "mine"
+    words = ["nominal:0", "--law", "pi", "-o", str(out)]
+    # Its own gains of the first run need no force in the second.
+    for more in (["--force"], []):
+        done = CliRunner().invoke(tune, [*words, *more])
+        assert done.exit_code == 0, done.output
+    assert "ros__parameters" in out.read_text()

@@ -1,0 +1,52 @@
+"""Margins of the loop of a state feedback with observer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_control.design.margins import Margins, loop_margins, margin_frequencies_hz
+from flexarm_control.laws.regulator_loop import closed_loop, controller_model, pole_radius
+from flexarm_control.models.arm_model import (
+    OUTPUTS,
+    check_arm_model,
+    check_no_feedthrough,
+    delayed,
+    frequency_response,
+)
+from flexarm_ident.models.state_space import state_space
+
+if TYPE_CHECKING:
+    import control
+
+    from flexarm_control.laws.ilqr import IlqrDesign
+
+
+class RegulatorLoop:
+    """Loop of one model, for evaluation with many designs; parameters as for `margins`."""
+
+    def __init__(self, model: control.StateSpace, *, delay_s: float = 0.0) -> None:
+        check_arm_model(model)
+        self.model = delayed(model, delay_s)
+        check_no_feedthrough(self.model)
+        self._frequency_hz = margin_frequencies_hz(model)
+        self._response = frequency_response(self.model, self._frequency_hz)
+
+    def margins(self, design: IlqrDesign) -> Margins:
+        """Return gain, phase and disk margins of the loop, opened at the effort.
+
+        All that the controller does comes together in the effort. A factor there changes every
+        loop of the controller at once.
+        """
+        law = controller_model(design)
+        # The transposed system has one input, as `frequency_response` wants it.
+        measured = slice(len(OUTPUTS))
+        turned = state_space(law.A.T, law.C.T, law.B.T[measured], law.D.T[measured], law.dt)
+        gains = frequency_response(turned, self._frequency_hz)
+        return loop_margins(
+            self._frequency_hz,
+            -np.sum(gains * self._response, axis=1),
+            np.ones(len(self._frequency_hz), dtype=complex),
+            stable=pole_radius(closed_loop(design, self.model)) < 1.0,
+        )

@@ -1,0 +1,87 @@
+"""Files that a program writes: it replaces only its own, and finds what it cannot write first."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import tempfile
+from contextlib import suppress
+from typing import TYPE_CHECKING, Final
+
+from flexarm_core.errors import FlexarmError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+MARK: Final = "written by flexarm"
+"""Words within the first `HEAD_BYTES` of each file that may be replaced."""
+MARK_KEY: Final = {"written_by": "flexarm"}
+"""The mark in a file of keys and values, such as JSON."""
+HEAD_BYTES: Final = 1024
+_MARK = re.compile(rb"written[ _]by\W{1,5}flexarm")
+
+
+class OutputError(FlexarmError):
+    """A result would replace a file of somebody else, or cannot be written."""
+
+
+def is_replaceable(file: Path) -> bool:
+    """Return whether replacing a file loses nothing of somebody else: it has our mark, or nothing.
+
+    A folder, a device or a dangling link is not our own.
+    """
+    if not file.is_file():
+        return not (file.exists() or file.is_symlink())
+    try:
+        with file.open("rb") as stream:
+            head = stream.read(HEAD_BYTES)
+    except OSError:
+        return False
+    return not head or _MARK.search(head) is not None
+
+
+def require_place(files: Iterable[Path], *, force: bool = False) -> None:
+    """Refuse, before any work, a file that cannot be written or is not our own.
+
+    Nothing is created.
+
+    Parameters
+    ----------
+    files : iterable of Path
+        Files that will be written; their folders may be missing.
+    force : bool
+        Files of others may be replaced too.
+
+    Raises
+    ------
+    OutputError
+        For the first such file, with its name and the way out.
+    """
+    for file in files:
+        try:
+            _try_to_write(file)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise OutputError(f"{file}: cannot be written: {reason}") from error
+        if not (force or is_replaceable(file)):
+            raise OutputError(
+                f"{file}: was not written by flexarm: move it away, write elsewhere, or replace it "
+                "with --force (a node: its parameter force)"
+            )
+
+
+def _try_to_write(file: Path) -> None:
+    """Open a file for writing, or else a file without a name where its folder is or will be."""
+    # A name that no file can have is an error here, and "no such file" everywhere else.
+    with suppress(FileNotFoundError, NotADirectoryError):
+        file.lstat()
+    if file.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if file.is_file():
+        with file.open("ab"):
+            return
+    folder = next(each for each in file.absolute().parents if each.exists())
+    with tempfile.TemporaryFile(dir=folder):
+        pass

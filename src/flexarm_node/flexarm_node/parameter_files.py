@@ -1,0 +1,92 @@
+"""Parameter files of ROS 2: whom their sections are for.
+
+ROS 2 passes over a section for a node that does not exist without a word, and with it a misspelt
+node's safety limits. A node that is given such a file and no section of its own does not start.
+"""
+
+from __future__ import annotations
+
+import re
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flexarm_core.bounds import read_text_bytes, yaml_content
+from flexarm_core.errors import FlexarmError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping, Sequence
+
+NODE_NAMES = ("daq", "controller", "experiment", "recorder", "ident", "tuner", "player")
+"""The nodes of flexarm, without their namespace."""
+_PARAMETERS = "ros__parameters"
+_FILE = "--params-file"
+_BEGIN, _END = "--ros-args", "--"
+
+
+def given_files(arguments: Sequence[str]) -> list[Path]:
+    """Return the parameter files of a command line."""
+    files: list[Path] = []
+    is_ros = False
+    for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
+        is_ros = word == _BEGIN or (is_ros and word != _END)
+        if is_ros and word == _FILE:
+            files.append(Path(following))
+    return files
+
+
+def sections(file: Path) -> list[str]:
+    """Return the names of nodes, or patterns of names, in a file; none if it cannot be read."""
+    try:
+        content = yaml_content(read_text_bytes(file).decode("utf-8"))
+    except (OSError, UnicodeDecodeError, FlexarmError):
+        return []
+    return list(_named(content, "")) if isinstance(content, dict) else []
+
+
+def is_for(section: str, node: str) -> bool:
+    """Return whether a section is for a node; `*` is one part of a name, `**` any number."""
+    pattern = re.escape(section).replace(r"/\*\*", r"(/\w+)*").replace(r"/\*", r"/\w+")
+    return re.fullmatch(pattern, node) is not None
+
+
+def unknown_nodes(file: Path, known: Collection[str]) -> list[str]:
+    """Return the sections of a file that are for none of the known nodes."""
+    return [name for name in sections(file) if not any(is_for(name, node) for node in known)]
+
+
+def complaint(files: Sequence[Path], node: str) -> str:
+    """Return what is wrong with the sections of a node's files; empty when nothing is.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        The files that the node was given.
+    node : str
+        Its full name.
+    """
+    own = node.rpartition("/")[2]
+    for file in files:
+        # A section for everybody names nobody.
+        names = [name for name in sections(file) if "*" not in _last(name)]
+        if any(is_for(name, node) for name in names):
+            continue
+        for name in names:
+            if _last(name) == own:
+                return f"{file} has parameters for {name} and none for {node}: write /**/{own}"
+            if _last(name) not in NODE_NAMES and get_close_matches(_last(name), [own], cutoff=0.65):
+                return f"{file} has parameters for {name}, no node here (nearest: {node})"
+    return ""
+
+
+def _last(name: str) -> str:
+    return name.rpartition("/")[2]
+
+
+def _named(content: Mapping[str, Any], namespace: str) -> Iterator[str]:
+    for key, below in content.items():
+        name = f"{namespace}/{str(key).strip('/')}"
+        if isinstance(below, dict) and _PARAMETERS in below:
+            yield name
+        elif isinstance(below, dict):
+            yield from _named(below, name)

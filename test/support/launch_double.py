@@ -1,0 +1,161 @@
+"""Double of `launch` and `launch_ros`, which no package index has: as much as our file uses.
+
+It follows launch_ros of Jazzy (`actions/node.py`, `utilities/namespace_utils.py`): parameters and
+files reach a node as files in their order, and a relative namespace goes below the pushed one.
+"""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+from unittest import mock
+
+import yaml
+
+from support.project import PROJECT
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+FILE = PROJECT / "src/flexarm_bringup/launch/laboratory.launch.py"
+Context = dict[str, str]
+
+
+class LaunchConfiguration:
+    """Value of an argument, or a default."""
+
+    def __init__(self, name: str, default: str | None = None) -> None:
+        self.name = name
+        self.default = default
+
+    def perform(self, context: Context) -> str:
+        """Return the value in a context."""
+        value = context.get(self.name, self.default)
+        assert value is not None, self.name
+        return value
+
+
+@dataclass
+class FindPackageShare:
+    """Share folder of a package, here that of the sources."""
+
+    package: str
+
+    def perform(self, _: Context) -> str:
+        """Return the folder."""
+        return str(PROJECT / "src" / self.package)
+
+
+@dataclass
+class PathJoinSubstitution:
+    """Path made of parts."""
+
+    parts: list[Any]
+
+    def perform(self, context: Context) -> str:
+        """Return the path."""
+        return "/".join(_text(part, context) for part in self.parts)
+
+
+@dataclass
+class ParameterValue:
+    """Value of a parameter with its type."""
+
+    value: LaunchConfiguration
+    value_type: type
+
+
+@dataclass
+class DeclareLaunchArgument:
+    """Argument of a launch file."""
+
+    name: str
+    default_value: Any
+    description: str
+
+
+@dataclass
+class OpaqueFunction:
+    """Function that makes actions when the launch has its arguments."""
+
+    function: Callable[[Context], list[Node]]
+
+
+@dataclass
+class Node:
+    """Node to start."""
+
+    package: str
+    executable: str
+    name: str
+    namespace: Any
+    output: str
+    parameters: list[Any] = field(default_factory=list)
+
+    def arguments(self, context: Context, folder: Path) -> list[str]:
+        """Return the ROS arguments of the command line; files for parameters go into a folder."""
+        space = _text(self.namespace, context)
+        if not space.startswith("/"):
+            space = f"{context.get('ros_namespace', '').rstrip('/')}/{space}"
+        line = ["--ros-args", "-r", f"__node:={self.name}", "-r", f"__ns:={space}"]
+        for number, each in enumerate(self.parameters):
+            file = _text(each, context)
+            if isinstance(each, dict):
+                file = str(folder / f"{self.name}_{number}.yaml")
+                values = {
+                    name: value.value_type(value.value.perform(context))
+                    for name, value in each.items()
+                }
+                content = {f"{space}/{self.name}": {"ros__parameters": values}}
+                (folder / f"{self.name}_{number}.yaml").write_text(yaml.dump(content))
+            line += ["--params-file", file]
+        return line
+
+
+def _text(value: Any, context: Context) -> str:  # noqa: ANN401 - a text or a substitution
+    return value.perform(context) if hasattr(value, "perform") else str(value)
+
+
+def declared() -> dict[str, DeclareLaunchArgument]:
+    """Return the arguments of the launch file by their names."""
+    return {each.name: each for each in _actions() if isinstance(each, DeclareLaunchArgument)}
+
+
+def launched(arguments: Mapping[str, str]) -> tuple[list[Node], Context]:
+    """Return the nodes of the launch file with these arguments, and the context for them."""
+    context = dict(arguments)
+    nodes: list[Node] = []
+    for action in _actions():
+        if isinstance(action, DeclareLaunchArgument):
+            context.setdefault(action.name, _text(action.default_value, context))
+        else:
+            nodes += action.function(context)
+    return nodes, context
+
+
+def _actions() -> list[Any]:
+    contents: dict[str, dict[str, Any]] = {
+        "launch": {"LaunchDescription": list},
+        "launch.actions": {
+            "DeclareLaunchArgument": DeclareLaunchArgument,
+            "OpaqueFunction": OpaqueFunction,
+        },
+        "launch.substitutions": {
+            "LaunchConfiguration": LaunchConfiguration,
+            "PathJoinSubstitution": PathJoinSubstitution,
+        },
+        "launch_ros": {},
+        "launch_ros.actions": {"Node": Node},
+        "launch_ros.parameter_descriptions": {"ParameterValue": ParameterValue},
+        "launch_ros.substitutions": {"FindPackageShare": FindPackageShare},
+    }
+    modules = {name: ModuleType(name) for name in contents}
+    for name, module in modules.items():
+        vars(module).update(contents[name])
+    with mock.patch.dict(sys.modules, modules):
+        made: list[Any] = runpy.run_path(str(FILE))["generate_launch_description"]()
+    return made

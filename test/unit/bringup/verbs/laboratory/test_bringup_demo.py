@@ -1,0 +1,75 @@
+"""Files that the demo finds in its folder, without any node."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from click.testing import CliRunner
+
+from flexarm_bringup.verbs.laboratory import demo as program
+from flexarm_core.outputs import MARK, OutputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from click.testing import Result
+
+
+class Started(Exception):  # noqa: N818 - no error: the nodes would start now
+    """The demo has begun to work."""
+
+
+@pytest.fixture(autouse=True)
+def _no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    def start(*_: object, **__: object) -> None:
+        raise Started
+
+    monkeypatch.setattr(program, "running_graph", start)
+
+
+def demo(out: Path, *more: str) -> Result:
+    return CliRunner().invoke(program.demo, ["--fast", "--out", str(out), *more])
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["report.html", "summary.json", "models/experiment/model.yaml", "bag/mine.mcap", "bag"],
+)
+@pytest.mark.parametrize("keep", [(), ("--keep-bag",)])
+def test_demo___what_it_did_not_write___is_refused_before_the_nodes_start(
+    tmp_path: Path, name: str, keep: tuple[str, ...]
+) -> None:
+    mine = tmp_path / name
+    mine.parent.mkdir(parents=True, exist_ok=True)
+    mine.write_text("mine")
+    refused = demo(tmp_path, *keep)
+    assert isinstance(refused.exception, OutputError), refused.output
+    assert str(tmp_path / name.split("/mine", maxsplit=1)[0]) in str(refused.exception)
+    assert "--force" in str(refused.exception)
+    assert mine.read_text() == "mine"
+
+
+def test_demo___bags_that_were_kept___stay_until_forced(tmp_path: Path) -> None:
+    assert isinstance(demo(tmp_path, "--keep-bag").exception, Started)
+    kept = tmp_path / "bag" / "experiment"
+    kept.mkdir()
+    for again in ((), ("--keep-bag",)):
+        assert isinstance(demo(tmp_path, *again).exception, OutputError)
+        assert kept.exists()
+    assert isinstance(demo(tmp_path, "--force").exception, Started)
+    assert not kept.exists()
+
+
+def test_demo___bags_of_a_run_that_was_killed___are_removed(tmp_path: Path) -> None:
+    left_over = tmp_path / "bag" / "experiment"
+    left_over.mkdir(parents=True)
+    (tmp_path / "bag" / ".flexarm").write_text(MARK)
+    assert isinstance(demo(tmp_path).exception, Started)
+    assert not (tmp_path / "bag").exists()
+
+
+def test_demo___log_of_an_earlier_run___is_kept(tmp_path: Path) -> None:
+    (tmp_path / "nodes.log").write_text("mine")
+    assert isinstance(demo(tmp_path).exception, Started)
+    assert (tmp_path / "nodes.log").read_text() == "mine"
