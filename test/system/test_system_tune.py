@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from rclpy.parameter import Parameter
 
+from flexarm_control.models.nominal_models import identified_model
+from flexarm_ident.models.files import save_model
 from flexarm_msgs.srv import Tune
 from support.system_graph import ROOT, Graph
 
@@ -77,3 +79,20 @@ def test_verb___writes_a_parameter_file_for_the_controller(graph: Graph, tmp_pat
     assert graph.state_of("controller") == "unconfigured"
     assert graph.transition("controller", "configure")
     assert "unknown" not in controller.printed
+
+
+def test_service___gives_a_regulator_with_its_model_that_a_running_controller_takes(
+    graph: Graph, tmp_path: Path
+) -> None:
+    file = tmp_path / "model.yaml"
+    save_model(file, identified_model(), name="C_dat11", provenance={})
+    for name in ("tuner", "controller"):
+        graph.start(name)
+
+    response = graph.call(Tune, "tune", Tune.Request(law="ilqr", models=[str(file)]), 120.0)
+
+    assert response.success, response.message
+    assert min(response.gain_margins_db) >= 10.0
+    given = {each.name: Parameter.from_parameter_msg(each).value for each in response.parameters}
+    assert given["ilqr.model"] == "C_dat11"
+    assert graph.refusal("controller", given | {"law": "ilqr"}) == ""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from flexarm_control.design.tuning_job import TuneRequest, load_models, tune
+from flexarm_control.design.model_sources import load_models
+from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_core.errors import SettingError, one_line
 from flexarm_msgs.srv import Tune
 from flexarm_node import qos

@@ -68,6 +68,23 @@ def strain_itae(base_strain_v: RealArray, middle_strain_v: RealArray, *, dt_s: f
     return total
 
 
+def step_itae(y: RealArray, *, dt_s: float) -> tuple[float, float]:
+    """Return E of (4-4) and Y of (4-5), s^2, of a response to a step of 1 V.
+
+    Parameters
+    ----------
+    y : ndarray, (samples, 4)
+        Position, base strain, middle strain and speed, V, the first sample at the step.
+    dt_s : float
+        Sampling period, s.
+    """
+    position_v, base_strain_v, middle_strain_v, _ = y.T
+    return (
+        position_itae(position_v, 1.0, dt_s=dt_s),
+        strain_itae(base_strain_v, middle_strain_v, dt_s=dt_s),
+    )
+
+
 @dataclass(frozen=True)
 class StepFigures:
     """Figures of one step response.

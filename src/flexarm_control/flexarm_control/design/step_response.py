@@ -34,7 +34,7 @@ def pdp_step_response(model: control.StateSpace, gains: PdpGains, samples: int) 
     """
     feedback = np.array([[gains.kp, 0.0, gains.ksg, gains.kd]])
     closed = model.A - model.B @ feedback @ model.C
-    return _constant_input_response(closed, gains.kp * model.B, model.C, samples)
+    return constant_input_response(closed, gains.kp * model.B, model.C, samples)
 
 
 def pi_step_response(model: control.StateSpace, gains: PiGains, samples: int) -> FloatArray:
@@ -51,15 +51,18 @@ def pi_step_response(model: control.StateSpace, gains: PiGains, samples: int) ->
         [[model.A - error_gain * model.B @ position, integral_gain * model.B], [-position, 1.0]]
     )
     outputs = np.hstack([model.C, np.zeros((len(model.C), 1))])
-    return _constant_input_response(
+    return constant_input_response(
         closed, np.vstack([error_gain * model.B, [[1.0]]]), outputs, samples
     )
 
 
-def _constant_input_response(
+def constant_input_response(
     A: FloatArray, b: FloatArray, C: FloatArray, samples: int
 ) -> FloatArray:
-    """Return the response from rest to a constant input of 1; each pass doubles its length."""
+    """Return the response from rest to a constant input of 1, (samples, outputs).
+
+    A is (states, states), b (states, 1) and C (outputs, states); each pass doubles the length.
+    """
     order = len(A)
     power = np.block([[A, b], [np.zeros((1, order)), 1.0]])
     states = np.zeros((order + 1, 1))

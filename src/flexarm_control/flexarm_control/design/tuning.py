@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_control.design.criteria import itae, position_itae, strain_itae
+from flexarm_control.design.criteria import itae, step_itae
 from flexarm_control.design.margins import LoopResponse, Margins
+from flexarm_control.design.requirements import Requirements, check_delay
 from flexarm_control.design.search import Search, gain_values, search, unconstrained
 from flexarm_control.design.step_response import pdp_step_response, pi_step_response
 from flexarm_control.laws.gains import PdpGains, PiGains
 from flexarm_control.models.arm_model import (
-    BASE_STRAIN,
-    MIDDLE_STRAIN,
     POSITION,
     check_arm_model,
     check_no_feedthrough,
@@ -35,14 +34,16 @@ PDP_BOUNDS = ((0.005, 1.0), (0.05, 15.0), (0.005, 2.0))
 PDP_STARTS = (PdpGains(0.3, 1.0, 0.1), PdpGains(0.594, 4.266, 0.254), PdpGains(0.8, 4.0, 0.5))
 #: Bounds of the search of Table 4-1: Kp, Ki.
 PI_BOUNDS = ((0.005, 2.0), (5e-6, 0.2))
+#: Further starting points, for models on which the first ones do not agree.
+PDP_MORE_STARTS = (
+    PdpGains(0.2, 2.0, 0.05),
+    PdpGains(0.4, 8.0, 0.3),
+    PdpGains(0.5, 2.0, 1.5),
+    PdpGains(0.7, 3.0, 0.7),
+    PdpGains(0.95, 6.0, 1.0),
+)
 #: Starting points for the PI law; the first is that of Table 4-1.
 PI_STARTS = (PiGains(0.3, 0.01), PiGains(1.0, 0.1))
-
-# Largest margins in the search, whose arithmetic needs finite numbers.
-_MOST_DB, _MOST_DEG = 60.0, 180.0
-# A longer delay adds many states to the models, and no loop of the arm is stable with it.
-_MOST_DELAY_S = 0.05
-_ACTIVE_WITHIN_DB, _ACTIVE_WITHIN_DEG = 0.1, 0.5
 
 
 @dataclass(frozen=True)
@@ -138,17 +139,8 @@ def tune_pdp(
     SettingError
         When a model or value cannot be used or no search meets the constraints.
     """
-    _check_weights(error_weight, strain_weight)
-    if not 0.0 < gain_margin_db <= _MOST_DB:
-        raise SettingError(
-            f"gain_margin_db = {gain_margin_db:g} dB; must be above 0 and at most {_MOST_DB:g} dB"
-        )
-    if not 0.0 < phase_margin_deg < _MOST_DEG:
-        raise SettingError(
-            f"phase_margin_deg = {phase_margin_deg:g} deg; must be above 0 and below"
-            f" {_MOST_DEG:g} deg"
-        )
-    _check_delay(delay_s)
+    wanted = Requirements(error_weight, strain_weight, gain_margin_db, phase_margin_deg)
+    check_delay(delay_s)
     if not models or not starts:
         raise SettingError("tuning needs at least one model and one starting point")
     loops = [LoopResponse(model, delay_s=delay_s) for model in models]
@@ -159,14 +151,10 @@ def tune_pdp(
         return np.array([_error_and_strain(loop.model, gains, duration_s) for loop in loops])
 
     def criterion(values: FloatArray) -> float:
-        sums = parts(PdpGains(*values)).sum(axis=0)
-        return float(error_weight * sums[0] + strain_weight * sums[1])
+        return wanted.criterion(parts(PdpGains(*values)))
 
     def excess(values: FloatArray) -> FloatArray:
-        found = [loop.margins(PdpGains(*values)) for loop in loops]
-        gain = np.clip([m.gain_margin_db for m in found], -_MOST_DB, _MOST_DB)
-        phase = np.clip([m.phase_margin_deg for m in found], -_MOST_DEG, _MOST_DEG)
-        return np.concatenate([gain - gain_margin_db, phase - phase_margin_deg])
+        return wanted.excess([loop.margins(PdpGains(*values)) for loop in loops])
 
     searches = tuple(search(PdpGains, criterion, start, bounds, excess) for start in starts)
     feasible = [found for found in searches if found.feasible]
@@ -184,7 +172,7 @@ def tune_pdp(
         error_itae=tuple(errors.tolist()),
         strain_itae=tuple(strains.tolist()),
         margins=margins,
-        active=_active(best.gains, margins, gain_margin_db, phase_margin_deg, bounds),
+        active=(*wanted.active(margins), *_at_bounds(best.gains, bounds)),
         searches=searches,
         gain_spread=max(
             float(np.max(np.abs(gain_values(found.gains) - gain_values(best.gains))))
@@ -221,7 +209,7 @@ def tune_pi(
     SettingError
         When the model or the delay cannot be used or there is no starting point.
     """
-    _check_delay(delay_s)
+    check_delay(delay_s)
     if not starts:
         raise SettingError("tuning needs at least one starting point")
     check_arm_model(model)
@@ -240,49 +228,20 @@ def tune_pi(
     return PiTuning(best.gains, best.criterion, searches)
 
 
-def _check_weights(error_weight: float, strain_weight: float) -> None:
-    for name, weight in (("error_weight", error_weight), ("strain_weight", strain_weight)):
-        if not 0.0 <= weight < np.inf:
-            raise SettingError(f"{name} = {weight:g}; must be finite and not negative")
-    if error_weight == strain_weight == 0.0:
-        raise SettingError("error_weight = 0 and strain_weight = 0; one must be above 0")
-
-
-def _check_delay(delay_s: float) -> None:
-    if not 0.0 <= delay_s <= _MOST_DELAY_S:
-        raise SettingError(f"delay_s = {delay_s:g} s; must be 0 to {_MOST_DELAY_S:g} s")
-
-
 def _error_and_strain(
     model: control.StateSpace, gains: PdpGains, duration_s: float
 ) -> tuple[float, float]:
-    y = pdp_step_response(model, gains, _samples(model, duration_s))
-    return (
-        position_itae(y[:, POSITION], 1.0, dt_s=model.dt),
-        strain_itae(y[:, BASE_STRAIN], y[:, MIDDLE_STRAIN], dt_s=model.dt),
-    )
+    samples = _samples(model, duration_s)
+    return step_itae(pdp_step_response(model, gains, samples), dt_s=float(model.dt))
 
 
 def _samples(model: control.StateSpace, duration_s: float) -> int:
     return round(duration_s / float(model.dt))
 
 
-def _active(
-    gains: PdpGains,
-    margins: Sequence[Margins],
-    gain_margin_db: float,
-    phase_margin_deg: float,
-    bounds: tuple[tuple[float, float], ...],
-) -> tuple[str, ...]:
-    found = []
-    for number, margin in enumerate(margins, start=1):
-        if margin.gain_margin_db <= gain_margin_db + _ACTIVE_WITHIN_DB:
-            found.append(f"gain margin of model {number}")
-        if margin.phase_margin_deg <= phase_margin_deg + _ACTIVE_WITHIN_DEG:
-            found.append(f"phase margin of model {number}")
-    for name, value, (lower, upper) in zip(
-        ("kp", "kd", "ksg"), gain_values(gains), bounds, strict=True
-    ):
-        if np.isclose(value, (lower, upper)).any():
-            found.append(f"bound of {name}")
-    return tuple(found)
+def _at_bounds(gains: PdpGains, bounds: tuple[tuple[float, float], ...]) -> list[str]:
+    return [
+        f"bound of {name}"
+        for (name, value), ends in zip(vars(gains).items(), bounds, strict=True)
+        if np.isclose(value, ends).any()
+    ]

@@ -1,20 +1,30 @@
-"""Tuning job: models by name, file or bag in, gains as parameters out."""
+"""Tuning job: models and a request in, parameters of the controller out."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexarm_control.design.tuning import tune_pdp, tune_pi
+from flexarm_control.design.model_sources import parameter_name, payload_kg
+from flexarm_control.design.regulator_tuning import EFFORTS, tune_regulator
+from flexarm_control.design.requirements import Requirements
+from flexarm_control.design.tuning import (
+    PDP_BOUNDS,
+    PDP_MORE_STARTS,
+    PDP_STARTS,
+    PI_BOUNDS,
+    tune_pdp,
+    tune_pi,
+)
+from flexarm_control.design.tuning_words import confirmation, explained, searched, starts_agree
+from flexarm_control.laws.gains import Compensation
+from flexarm_control.laws.ilqr import IlqrWeights, RegulatorWeights, design_ilqr
+from flexarm_control.laws.lqg import LqgWeights, design_lqg
+from flexarm_control.laws.pdpc_scheduled import ScheduleGains
 from flexarm_control.laws.registry import LAWS
-from flexarm_control.models.nominal_models import nominal_model
-from flexarm_core.errors import IdentificationError, SettingError
-from flexarm_ident.models import files
-from flexarm_ident.reading.read import read_bag_report
-from flexarm_ident.workflow.request import Request
-from flexarm_ident.workflow.stages import run
+from flexarm_core.errors import SettingError
+from flexarm_ident.models.model_parameters import model_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -22,12 +32,18 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_control.design.margins import Margins
+    from flexarm_control.design.tuning import PdpTuning
     from flexarm_control.laws.gains import PdpGains, PiGains
+    from flexarm_control.laws.ilqr import IlqrDesign
+    from flexarm_ident.models.model_parameters import ParameterValue
 
-_NOMINAL = "nominal:"
-_FLIPPED = ":flipped"
-# Largest difference of gains of one minimum, V/V.
-_SPREAD = 0.05
+    Models = Mapping[str, control.StateSpace]
+
+_WeightsT = TypeVar("_WeightsT", bound=RegulatorWeights)
+
+# Its compensation leaves little friction for the sum of errors, which overshoots with more.
+_REGULATOR_KI = 1e-4
+_SCHEDULE = ("light", "medium", "heavy")
 
 
 @dataclass(frozen=True)
@@ -39,9 +55,9 @@ class TuneRequest:
     law : str
         Key of `TUNINGS`; the gains are those of every law that names this tuning in its row.
     error_weight, strain_weight : float or None
-        W_E and W_sg of (4-3); None takes those of `tune_pdp`. PI has none.
+        W_E and W_sg of (4-3); None takes those of `Requirements`. PI has none.
     gain_margin_db, phase_margin_deg : float or None
-        Least margins on every model; None takes those of `tune_pdp`. PI has none.
+        Least margins on every model; None takes those of `Requirements`. PI has none.
     delay_s : float
         Loop delay, s.
     """
@@ -58,76 +74,41 @@ class TuneRequest:
         names = ("error_weight", "strain_weight", "gain_margin_db", "phase_margin_deg")
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
+    def requirements(self) -> Requirements:
+        """Return weights and margins, checked."""
+        return Requirements(**self.constraints())
+
 
 @dataclass(frozen=True)
 class TuneResult:
-    """Gains with their certificate.
+    """Parameters with their certificate.
 
     Attributes
     ----------
-    parameters : mapping of str to float
-        Gains by the parameter names of the controller node, such as ``pdpc.kp``.
+    parameters : mapping of str to value
+        Gains by the parameter names of the controller node, such as ``pdpc.kp``; for ILQR and LQG
+        also the model of the design, as ``models.<name>.*``.
     criteria : tuple of float
-        J, then the sums of E and Y for PDP; J alone for PI.
+        J, then the sums of E and Y; J alone for PI.
+    explanation : tuple of str
+        What the figures are and what was searched, in words.
     margins, error_itae, strain_itae : tuple
         One per model; empty for PI.
     notes : tuple of str
-        Active constraints and the agreement of the starts, in words.
+        Active constraints and how sure the result is, in words.
     """
 
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, ParameterValue]
     criteria: tuple[float, ...]
+    explanation: tuple[str, ...]
     margins: tuple[Margins, ...] = ()
     error_itae: tuple[float, ...] = ()
     strain_itae: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
-    """Load models from files, identify them from bags, or take nominal ones.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Model files (YAML, JSON, MAT), bags (identified, reduced by MRM and updated by B),
-        ``nominal:0.2`` for the nominal model with 0.2 kg, ``nominal:0.2:flipped`` for it with the
-        sign of y3 inverted.
-
-    Returns
-    -------
-    dict of str to control.StateSpace
-        Models by name.
-
-    Raises
-    ------
-    SettingError
-        When a file, bag or payload has no model.
-    """
-    models: dict[str, control.StateSpace] = {}
-    for name in names:
-        if name.startswith(_NOMINAL):
-            models[name] = nominal_model(
-                _payload_kg(name.removesuffix(_FLIPPED)),
-                flip_middle_strain=name.endswith(_FLIPPED),
-            )
-            continue
-        if not Path(name).exists():
-            raise SettingError(
-                f"{name}: no such file: name a file from identify, a bag, or nominal:KG"
-            )
-        try:
-            if Path(name).is_dir():
-                models[name] = _identified(Path(name))
-                continue
-            found = files.load_models(name)
-        except IdentificationError as error:
-            raise SettingError(str(error)) from error
-        models.update({f"{name} {key}": model for key, model in found.items()})
-    return models
-
-
-def tune(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
-    """Tune one law, (4-1) or (4-3).
+def tune(models: Models, request: TuneRequest) -> TuneResult:
+    """Tune one law, by (4-1) or (4-3).
 
     Raises
     ------
@@ -135,60 +116,135 @@ def tune(models: Mapping[str, control.StateSpace], request: TuneRequest) -> Tune
         When the law cannot be tuned, or no gains meet the request.
     """
     if request.law not in TUNINGS:
-        raise SettingError(f"law {request.law!r} is not tunable; choose {' or '.join(TUNINGS)}")
+        *others, last = TUNINGS
+        raise SettingError(
+            f"law {request.law!r} is not tunable; choose {', '.join(others)} or {last}"
+        )
     return TUNINGS[request.law](models, request)
 
 
-def _tune_pi(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
+def _tune_pi(models: Models, request: TuneRequest) -> TuneResult:
     if len(models) != 1:
         raise SettingError(f"pi is tuned on one model, got {len(models)}")
     unused = request.constraints()
     if unused:
         raise SettingError(f"pi is tuned without {', '.join(unused)}: leave that out or take pdp")
     found = tune_pi(next(iter(models.values())), delay_s=request.delay_s)
-    return TuneResult(_parameters("pi", found.gains), (found.criterion,))
-
-
-def _tune_pdp(models: Mapping[str, control.StateSpace], request: TuneRequest) -> TuneResult:
-    found = tune_pdp(list(models.values()), delay_s=request.delay_s, **request.constraints())
-    feasible = sum(search.feasible for search in found.searches)
-    word = "agree" if found.gain_spread <= _SPREAD else "do NOT agree"
-    starts = (
-        f"{feasible} of {len(found.searches)} starts met the constraints and {word}; "
-        f"gains differ by at most {found.gain_spread:.3g}"
+    explanation = (
+        "J: integral of time times the error of a step of 1 V (4-1), V s^2; smaller is better",
+        searched(("kp", "ki"), PI_BOUNDS),
     )
+    return TuneResult(_gain_parameters("pi", found.gains), (found.criterion,), explanation)
+
+
+def _tune_pdp(models: Models, request: TuneRequest) -> TuneResult:
+    found = _confirmed_pdp(list(models.values()), request)
+    return _pdp_result(found, request, _gain_parameters("pdp", found.gains))
+
+
+def _tune_schedule(models: Models, request: TuneRequest) -> TuneResult:
+    """Tune gains for all payloads together, and for each of three alone."""
+    if len(models) != len(_SCHEDULE):
+        raise SettingError(
+            f"pdpc_scheduled has gains at three payloads, {', '.join(_SCHEDULE)}; "
+            f"got {len(models)} models"
+        )
+    names = sorted(models, key=payload_kg)
+    found = _confirmed_pdp(list(models.values()), request)
+    rows: dict[str, float] = {}
+    notes = []
+    for row, name in zip(_SCHEDULE, names, strict=True):
+        kg, alone = payload_kg(name), _confirmed_pdp([models[name]], request)
+        values = {"kg": kg, **asdict(alone.gains)}
+        rows |= {f"{row}_{key}": value for key, value in values.items()}
+        notes.append(f"{kg:g} kg alone: J {alone.criterion:.4g}, {confirmation(alone)}")
+    # The law checks the payloads.
+    gains = ScheduleGains(**asdict(found.gains), **rows)
+    return _pdp_result(found, request, _prefixed("pdpc_scheduled", asdict(gains)), notes)
+
+
+def _tune_ilqr(models: Models, request: TuneRequest) -> TuneResult:
+    return _tune_regulator("ilqr", design_ilqr, IlqrWeights(ki=_REGULATOR_KI), models, request)
+
+
+def _tune_lqg(models: Models, request: TuneRequest) -> TuneResult:
+    return _tune_regulator("lqg", design_lqg, LqgWeights(ki=_REGULATOR_KI), models, request)
+
+
+def _tune_regulator(
+    law: str,
+    design: Callable[[control.StateSpace, _WeightsT], IlqrDesign],
+    weights: _WeightsT,
+    models: Models,
+    request: TuneRequest,
+) -> TuneResult:
+    wanted = request.requirements()
+    found = tune_regulator(list(models.values()), design, weights, wanted, delay_s=request.delay_s)
+    first = next(iter(models))
+    name = parameter_name(first)
+    values = {"model": name, **asdict(found.weights), **asdict(Compensation())}
+    modes = ", ".join(f"{mode_hz:.1f}" for mode_hz in found.modes_hz)
     return TuneResult(
-        _parameters("pdp", found.gains),
+        _prefixed(law, values) | model_parameters(name, models[first], provenance={}),
         (found.criterion, sum(found.error_itae), sum(found.strain_itae)),
+        (
+            *explained(wanted),
+            f"tried: {len(EFFORTS)} effort weights from {EFFORTS[0]:g} to {EFFORTS[-1]:g}",
+        ),
         found.margins,
         found.error_itae,
         found.strain_itae,
-        (f"active: {', '.join(found.active) or 'none'}", starts),
+        (
+            f"active: {', '.join(found.active) or 'none'}",
+            f"designed on {first}: rigid motion and modes at {modes} Hz; margins: whole models",
+        ),
     )
 
 
-def _parameters(tuning: str, gains: PdpGains | PiGains) -> dict[str, float]:
+def _confirmed_pdp(models: Sequence[control.StateSpace], request: TuneRequest) -> PdpTuning:
+    """Tune from the usual starts, and from more where those do not agree."""
+    constraints = request.constraints()
+    found = tune_pdp(models, delay_s=request.delay_s, **constraints)
+    if starts_agree(found):
+        return found
+    starts = (*PDP_STARTS, *PDP_MORE_STARTS)
+    return tune_pdp(models, delay_s=request.delay_s, starts=starts, **constraints)
+
+
+def _pdp_result(
+    found: PdpTuning,
+    request: TuneRequest,
+    parameters: Mapping[str, ParameterValue],
+    notes: Sequence[str] = (),
+) -> TuneResult:
+    return TuneResult(
+        parameters,
+        (found.criterion, sum(found.error_itae), sum(found.strain_itae)),
+        (*explained(request.requirements()), searched(("kp", "kd", "ksg"), PDP_BOUNDS)),
+        found.margins,
+        found.error_itae,
+        found.strain_itae,
+        (f"active: {', '.join(found.active) or 'none'}", confirmation(found), *notes),
+    )
+
+
+def _gain_parameters(tuning: str, gains: PdpGains | PiGains) -> dict[str, ParameterValue]:
     """Return the gains as parameters of every law that the tuning is for."""
-    return {
-        f"{row.name}.{name}": float(gain)
-        for row in LAWS.values()
-        if row.tuning == tuning
-        for name, gain in asdict(gains).items()
-    }
+    rows = (row.name for row in LAWS.values() if row.tuning == tuning)
+    return {key: value for name in rows for key, value in _prefixed(name, asdict(gains)).items()}
+
+
+def _prefixed(law: str, values: Mapping[str, ParameterValue]) -> dict[str, ParameterValue]:
+    return {f"{law}.{name}": value for name, value in values.items()}
 
 
 #: Every tuning by the name that the rows of the laws have for it.
-TUNINGS: Mapping[str, Callable[[Mapping[str, control.StateSpace], TuneRequest], TuneResult]] = (
-    MappingProxyType({"pdp": _tune_pdp, "pi": _tune_pi})
+TUNINGS: Mapping[str, Callable[[Models, TuneRequest], TuneResult]] = MappingProxyType(
+    {
+        "pdp": _tune_pdp,
+        "pi": _tune_pi,
+        "pdpc_scheduled": _tune_schedule,
+        "ilqr": _tune_ilqr,
+        "lqg": _tune_lqg,
+    }
 )
-
-
-def _identified(bag: Path) -> control.StateSpace:
-    return run(read_bag_report(bag).data, Request(reduction="mrm", update="b")).model
-
-
-def _payload_kg(name: str) -> float:
-    try:
-        return float(name.removeprefix(_NOMINAL))
-    except ValueError as error:
-        raise SettingError(f"{name}: write the payload in kg, such as nominal:0.2") from error

@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 _ASK_EVERY = 10
 _RAMP_S = 0.05
 """Time constant of a change of gains, s, so that the command does not jump."""
-_MEDIUM = (0.01, 0.3, "kg", "payload of the medium gains")
-_HEAVY = (0.31, 1.0, "kg", "payload of the heavy gains")
+_LIGHT = (0.0, 1.0, "kg", "payload of the light gains")
+_MEDIUM = (0.0, 1.0, "kg", "payload of the medium gains")
+_HEAVY = (0.0, 1.0, "kg", "payload of the heavy gains")
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,7 @@ class GainSchedule:
                 f"a schedule needs as many payloads as gains, got {len(self.payloads_kg)} "
                 f"and {len(self.gains)}"
             )
-        if any(after <= before for before, after in pairwise(self.payloads_kg)):
-            raise SettingError(f"payloads_kg = {self.payloads_kg} must increase")
+        _check_increasing(self.payloads_kg)
 
     def at(self, payload_kg: float) -> PdpGains:
         """Return the gains for a payload in kg; outside the schedule, those of its end."""
@@ -73,6 +73,11 @@ class GainSchedule:
                 share = (payload_kg - payloads[index - 1]) / (payloads[index] - payloads[index - 1])
                 return between(gains[index - 1], gains[index], share)
         return gains[-1]
+
+
+def _check_increasing(payloads_kg: tuple[float, ...]) -> None:
+    if any(after <= before for before, after in pairwise(payloads_kg)):
+        raise SettingError(f"payloads_kg = {payloads_kg} must increase")
 
 
 def between(from_gains: PdpGains, to_gains: PdpGains, share: float) -> PdpGains:
@@ -96,12 +101,13 @@ class ScheduleGains(Bounded):
     Raises
     ------
     SettingError
-        When a value is outside its range; the heavy payload is above the medium one.
+        When a value is outside its range, or the payloads do not increase.
     """
 
     kp: float = setting(0.4903, *KP)
     kd: float = setting(4.3328, *KD)
     ksg: float = setting(0.005, *KSG)
+    light_kg: float = setting(0.0, *_LIGHT)
     light_kp: float = setting(0.55, *KP)
     light_kd: float = setting(3.0, *KD)
     light_ksg: float = setting(0.05, *KSG)
@@ -114,6 +120,10 @@ class ScheduleGains(Bounded):
     heavy_kd: float = setting(3.75, *KD)
     heavy_ksg: float = setting(0.0, *KSG)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_increasing((self.light_kg, self.medium_kg, self.heavy_kg))
+
     @property
     def robust(self) -> PdpGains:
         """Gains for every payload."""
@@ -123,7 +133,7 @@ class ScheduleGains(Bounded):
     def schedule(self) -> GainSchedule:
         """Gains over the payload."""
         return GainSchedule(
-            (0.0, self.medium_kg, self.heavy_kg),
+            (self.light_kg, self.medium_kg, self.heavy_kg),
             (
                 PdpGains(self.light_kp, self.light_kd, self.light_ksg),
                 PdpGains(self.medium_kp, self.medium_kd, self.medium_ksg),

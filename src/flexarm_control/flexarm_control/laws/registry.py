@@ -168,6 +168,7 @@ _ROWS = (
         "PDPC whose gains follow the payload that it detects (chapter 5)",
         ScheduledPdpc,
         (ScheduleGains, Compensation, PayloadDetection),
+        tuning="pdpc_scheduled",
         payload=lambda law: law.payload,
     ),
 )

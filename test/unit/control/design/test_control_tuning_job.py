@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from inspect import signature
 from typing import TYPE_CHECKING
@@ -9,8 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_control import ControlError, nominal_model, tune_pdp, tune_pi
-from flexarm_control.design.tuning_job import TuneRequest, load_models, tune
+from flexarm_control import ControlError, build_law, nominal_model, tune_pdp, tune_pi
+from flexarm_control.design.model_sources import load_models
+from flexarm_control.design.tuning_job import TuneRequest, tune
+from flexarm_control.models.chosen_model import chosen_model
+from flexarm_control.models.nominal_models import identified_model
 from flexarm_ident.models.files import save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.models.ros_yaml import write_parameter_file
@@ -105,5 +109,71 @@ def test_tune___pi_with_what_it_does_not_use___is_refused_even_for_the_usual_val
 
 
 def test_tune___unknown_law___is_refused() -> None:
-    with pytest.raises(ControlError, match="pdp or pi"):
-        tune({}, TuneRequest("lqg"))
+    with pytest.raises(ControlError, match="pdpc_scheduled, ilqr or lqg"):
+        tune({}, TuneRequest("pd"))
+
+
+@pytest.mark.parametrize("law", ["ilqr", "lqg"])
+def test_tune___regulator___gives_model_and_weights_that_the_law_is_built_of(
+    law: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "300g.yaml"
+    save_model(file, identified_model(), name="C_dat11", provenance={})
+
+    result = tune(load_models([str(file)]), TuneRequest(law, delay_s=0.001))
+
+    parameters = dict(result.parameters)
+    assert parameters[f"{law}.model"] == "C_dat11"
+    model = chosen_model("C_dat11", parameters)
+    assert model is not None
+    np.testing.assert_array_equal(model.A, identified_model().A)
+    values = {
+        name.removeprefix(f"{law}."): value
+        for name, value in parameters.items()
+        if name.startswith(f"{law}.") and isinstance(value, float)
+    }
+    build_law(law, values, model).step((0.0,) * 4, 1.0)
+    assert result.margins[0].gain_margin_db >= 10.0
+    assert result.margins[0].phase_margin_deg >= 55.0
+
+
+def test_tune___schedule___has_a_row_for_each_payload_and_gains_for_all() -> None:
+    names = ["nominal:0.4", "nominal:0", "0.15=nominal:0.2"]
+
+    result = tune(load_models(names), TuneRequest("pdpc_scheduled"))
+
+    values = {name.partition(".")[2]: value for name, value in result.parameters.items()}
+    assert [values[f"{row}_kg"] for row in ("light", "medium", "heavy")] == [0.0, 0.15, 0.4]
+    for row, kg in (("light", 0.0), ("medium", 0.2), ("heavy", 0.4)):
+        alone = tune_pdp([nominal_model(kg)]).gains
+        assert values[f"{row}_kd"] == pytest.approx(alone.kd, abs=0.05)
+    build_law("pdpc_scheduled", values)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("names", "complaint"),
+    [
+        (["nominal:0", "nominal:0.2"], "at three payloads, light, medium, heavy; got 2 models"),
+        (["nominal:0", "0=nominal:0.2", "nominal:0.4"], "must increase"),
+    ],
+)
+def test_tune___schedule_of_other_payloads___is_refused(names: list[str], complaint: str) -> None:
+    with pytest.raises(ControlError, match=complaint):
+        tune(load_models(names), TuneRequest("pdpc_scheduled"))
+
+
+def test_tune___schedule_of_a_file_without_its_payload___is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "model.yaml"
+    save_model(file, nominal_model(0.2), name="arm", provenance={})
+    names = ["nominal:0", str(file), "nominal:0.4"]
+
+    with pytest.raises(ControlError, match=r"write its payload in kg before it, such as 0\.15="):
+        tune(load_models(names), TuneRequest("pdpc_scheduled"))
+
+
+def test_tune___whatever_the_law___explains_its_figures() -> None:
+    models = load_models(["nominal:0"])
+    for law in ("pdp", "pi", "lqg"):
+        said = " ".join(tune(models, TuneRequest(law)).explanation)
+        assert "J: " in said
+        assert re.search("searched|tried", said)

@@ -12,7 +12,8 @@ from rich.table import Table
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import FORCE, examples
-from flexarm_control.design.tuning_job import TUNINGS, TuneRequest, load_models
+from flexarm_control.design.model_sources import load_models
+from flexarm_control.design.tuning_job import TUNINGS, TuneRequest
 from flexarm_control.design.tuning_job import tune as tune_gains
 from flexarm_core.outputs import require_place
 from flexarm_ident.models.ros_yaml import write_parameter_file
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
     type=click.Choice(tuple(TUNINGS)),
     default="pdp",
     show_default=True,
-    help="pi: one model, no weights, no margins.",
+    help="pi: one model, no weights, no margins; pdpc_scheduled: three payloads; ilqr and lqg: "
+    "designed on the first model, checked on all.",
 )
 @click.option("--error-weight", type=FiniteRange(0.0), default=0.5, show_default=True)
 @click.option("--strain-weight", type=FiniteRange(0.0), default=0.5, show_default=True)
@@ -50,11 +52,13 @@ if TYPE_CHECKING:
     "tune nominal:0:flipped nominal:0.2:flipped nominal:0.4:flipped",
     "tune bags/c_dat3_0g bags/c_dat3_400g",
     "tune out/a/model.yaml out/b/model.yaml --delay 0.001 -o out/gains.yaml",
+    "tune --law ilqr out/150g/model.yaml",
+    "tune --law pdpc_scheduled 0=out/a/model.yaml 0.15=out/b/model.yaml 0.3=out/c/model.yaml",
 )
 def tune(models: tuple[str, ...], out: Path, *, force: bool, **options: Any) -> None:  # noqa: ANN401
     """Tune gains on models and write a --params-file.
 
-    A model is a file from identify, a bag, or nominal:KG.
+    A model is a file from identify, a bag, or nominal:KG; KG=MODEL tells its payload.
 
     nominal:KG:flipped turns the sign of the middle gauge y3, which the thesis seems to have had.
     """
@@ -96,8 +100,9 @@ def tune_models(
     _show_certificate(tuple(models), result)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_parameter_file(out, dict(result.parameters), node="/**/controller")
-    gains = ", ".join(f"{name} {gain:.4f}" for name, gain in list(result.parameters.items())[:3])
-    terminal.CONSOLE.print(f"J {result.criteria[0]:.4f}: {gains}; written to {out}")
+    terminal.CONSOLE.print(
+        f"J {result.criteria[0]:.4f}: {_of_first_law(result)}; written to {out}", markup=False
+    )
 
 
 def _show_certificate(names: tuple[str, ...], result: TuneResult) -> None:
@@ -115,5 +120,15 @@ def _show_certificate(names: tuple[str, ...], result: TuneResult) -> None:
         )
     if table.row_count:
         terminal.CONSOLE.print(table)
-    for note in result.notes:
-        terminal.CONSOLE.print(f"  {note}")
+    for line in (*result.explanation, *result.notes):
+        terminal.CONSOLE.print(f"  {line}", markup=False)
+
+
+def _of_first_law(result: TuneResult) -> str:
+    """Return the parameters of the first law; those of others have the same values."""
+    law = next(iter(result.parameters)).partition(".")[0] + "."
+    values = {name: each for name, each in result.parameters.items() if name.startswith(law)}
+    return ", ".join(
+        f"{name} {each:.4g}" if isinstance(each, float) else f"{name} {each}"
+        for name, each in values.items()
+    )

@@ -1,0 +1,57 @@
+"""Certificate of a tuning in words: what was searched, and how sure the result is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_control.design.requirements import Requirements
+    from flexarm_control.design.tuning import PdpTuning
+
+# Largest difference of gains of one minimum, V/V.
+_SPREAD = 0.05
+# Part of J below which a difference is none that a step on the arm would show.
+_SAME = 0.01
+
+
+def starts_agree(found: PdpTuning) -> bool:
+    """Return whether all starts that met the constraints ended at the same gains."""
+    return found.gain_spread <= _SPREAD
+
+
+def confirmation(found: PdpTuning) -> str:
+    """Return in words whether the starts confirm each other, and what to do if not."""
+    feasible = [search for search in found.searches if search.feasible]
+    starts = f"{len(feasible)} of {len(found.searches)} starts met the constraints"
+    if len(feasible) == 1:
+        return f"{starts}: no other start confirms the gains, so try them on the arm with care"
+    if starts_agree(found):
+        return f"{starts} and agree; gains differ by at most {found.gain_spread:.3g}"
+    near = [each for each in feasible if each.criterion <= (1.0 + _SAME) * found.criterion]
+    spread = f"{starts} and do NOT agree: gains differ by up to {found.gain_spread:.3g}"
+    if len(near) > 1:
+        return (
+            f"{spread}; {len(near)} ends have the best J within {100 * _SAME:.0f} %. J hardly "
+            "depends on the gains: compare steps on the arm, or tune on several payloads together"
+        )
+    return (
+        f"{spread}; the best is written, and no other start confirms it. Compare its step with "
+        "that of the default gains, or tune on several payloads together"
+    )
+
+
+def explained(wanted: Requirements) -> tuple[str, ...]:
+    """Return what E, Y and J are."""
+    return (
+        "E: time-weighted error of the position (4-4), Y: of both gauges (4-5), s^2, steps of 1 V",
+        f"J: {wanted.error_weight:g} sum E + {wanted.strain_weight:g} sum Y (4-3), best smallest",
+        f"least margins: {wanted.gain_margin_db:g} dB, {wanted.phase_margin_deg:g} deg each model",
+    )
+
+
+def searched(names: Sequence[str], bounds: Sequence[tuple[float, float]]) -> str:
+    """Return between which bounds gains were searched."""
+    ranges = zip(names, bounds, strict=True)
+    return f"searched: {', '.join(f'{name} {low:g} to {high:g}' for name, (low, high) in ranges)}"

@@ -1,0 +1,38 @@
+"""What a tuning says of its starts."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from flexarm_control.design.search import Search
+from flexarm_control.design.tuning import PdpTuning
+from flexarm_control.design.tuning_words import confirmation
+from flexarm_control.laws.gains import PdpGains
+
+Ends = list[tuple[float, float, bool]]
+
+
+def tuned(ends: Ends) -> PdpTuning:
+    """Tuning whose starts ended at these Kd, J and feasibility."""
+    searches = tuple(
+        Search(PdpGains(), PdpGains(kd=kd), criterion, feasible) for kd, criterion, feasible in ends
+    )
+    feasible = [each for each in searches if each.feasible]
+    best = min(feasible, key=lambda each: each.criterion)
+    spread = max(abs(each.gains.kd - best.gains.kd) for each in feasible)
+    return PdpTuning(best.gains, best.criterion, (), (), (), (), searches, spread)
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [
+        ([(4.0, 1.0, True), (4.01, 1.0, True)], "2 of 2 starts met the constraints and agree"),
+        ([(4.0, 1.0, True), (4.5, 1.002, True)], "do NOT agree.*2 ends have the best J.*compare"),
+        ([(4.0, 1.0, True), (4.5, 1.1, True)], "do NOT agree.*no other start confirms it. Compare"),
+        ([(4.0, 1.0, True), (4.5, 0.9, False)], "1 of 2 .*no other start confirms.*with care"),
+    ],
+)
+def test_starts___that_agree_or_not___are_told_with_what_to_do(ends: Ends, words: str) -> None:
+    assert re.search(words, confirmation(tuned(ends)))
