@@ -54,12 +54,11 @@ class HangingJob:
 class Caller:
     """Node that calls the identification beside it, in the same executor."""
 
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.work = HangingJob()
         monkeypatch.setattr(ident_node, "identify_bags", self.work)
         monkeypatch.setattr(ident_node, "_STOP_S", 0.3)
         self.ident = ident_node.IdentNode()
-        assert folder.is_dir()
         self.node = rclpy.create_node("caller", namespace="/flexarm")
         self.service = self.node.create_client(Identify, "identify")
         self.canceller = self.node.create_client(Trigger, "ident/cancel")
@@ -80,9 +79,13 @@ class Caller:
     def begin(self) -> Any:  # noqa: ANN401 - a future
         """Call, and wait until the job hangs."""
         future = self.identify()
-        eventually(lambda: self.ident._at_work is not None, "the job")
-        eventually(lambda: self.ident._at_work.job.stage == "gram", "its stage")
+        eventually(self.is_at_work, "the job")
         return future
+
+    def is_at_work(self) -> bool:
+        """Return whether the job has come to where it hangs."""
+        at_work = self.ident._at_work
+        return at_work is not None and at_work.job.stage == "gram"
 
     def close(self) -> None:
         self.work.let_go.set()
@@ -112,7 +115,7 @@ def caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Caller]:
         domain_id=domain,
         signal_handler_options=SignalHandlerOptions.NO,
     )
-    made = Caller(tmp_path, monkeypatch)
+    made = Caller(monkeypatch)
     yield made
     made.close()
     rclpy.try_shutdown()
@@ -149,7 +152,7 @@ def test_job_that_hangs___is_given_up_when_cancelled___and_can_write_nothing(
 
 def test_goal_that_hangs___is_cancelled(caller: Caller) -> None:
     handle = answer_of(caller.action.send_goal_async(IdentifyBags.Goal(bag_uris=["run1"])))
-    eventually(lambda: caller.ident._at_work is not None, "the job")
+    eventually(caller.is_at_work, "the job")
     ended = handle.get_result_async()
     answer_of(handle.cancel_goal_async())
     assert answer_of(ended).status == GoalStatus.STATUS_CANCELED
