@@ -179,12 +179,12 @@ class _BlockRun:
         size, inputs = len(group), [n + i * r + j for i in group for j in range(r)]
         self.columns = [*group, *inputs, *(n + n * r + i for i in group)]
         count = len(self.columns)
-        self._d_A, self._d_B = np.zeros((count, size, size)), np.zeros((count, size, r))
-        self._d_A[0] = np.eye(size)
+        self._d_A, self._d_B = np.zeros((size, size, count)), np.zeros((size, r, count))
+        self._d_A[..., 0] = np.eye(size)
         if size > 1:
-            self._d_A[1] = [[0.0, 1.0], [-1.0, 0.0]]
+            self._d_A[..., 1] = [[0.0, 1.0], [-1.0, 0.0]]
         for entry in range(size * r):
-            self._d_B[size + entry, entry // r, entry % r] = 1.0
+            self._d_B[entry // r, entry % r, size + entry] = 1.0
         self._x, self._d_x = start[self.states], np.zeros((size, count))
         self._d_x[:, -size:] = np.eye(size)
 

@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 
 
 class ArmMatrices(NamedTuple):
-    """Discrete member of the family and its derivatives, one per parameter."""
+    """Discrete member of the family, and its derivatives by the parameters it depends on.
+
+    The parameters are the last axis of the derivatives, and the first of all in the family.
+    """
 
     A: FloatArray
     B: FloatArray
@@ -68,8 +71,13 @@ class FlexibleArm:
         return 2 * self._coordinates + 2 * len(self.elastic)
 
     @property
+    def motions(self) -> int:
+        """Number of coordinates and speeds, which tell the initial state."""
+        return 2 * self._coordinates
+
+    @property
     def parameters(self) -> int:
-        """Number of parameters."""
+        """Number of parameters, without those of initial states."""
         return int(self.blocks["offset"].stop)
 
     @cached_property
@@ -120,6 +128,28 @@ class FlexibleArm:
         """Return the constant parts of the inputs, (inputs,)."""
         return theta[self.blocks["offset"]].copy()
 
+    def initial_state(self, theta: FloatArray, motion: FloatArray) -> FloatArray:
+        """Return the state, (states,), of given coordinates and speeds, (motions,).
+
+        The filters have settled on them. Free filters that are faster than the sampling would begin
+        anywhere, and decay unseen.
+        """
+        return np.concatenate([motion, self._settled(theta) @ motion])
+
+    def initial_state_slopes(self, theta: FloatArray, motion: FloatArray) -> FloatArray:
+        """Return its derivatives by parameters and motion, (states, parameters + motions)."""
+        n, r, e = self._coordinates, self.inputs, len(self.elastic)
+        slopes = np.zeros((self.states, self.parameters + self.motions))
+        slopes[: 2 * n, self.parameters :] = np.eye(2 * n)
+        slopes[2 * n :, self.parameters :] = self._settled(theta)
+        for i in range(e):
+            own = slice(
+                self.blocks["gauges"].start + i * e, self.blocks["gauges"].start + i * e + e
+            )
+            slopes[2 * n + 2 * i, own] = motion[r:n]
+            slopes[2 * n + 2 * i + 1, own] = motion[n + r :]
+        return slopes
+
     def discrete(self, theta: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
         """Return A and B for an input that is held over the sampling period `dt_s` (2-2)."""
         A, B, _, _ = self._continuous(theta)
@@ -130,11 +160,13 @@ class FlexibleArm:
         """Return A and B as `discrete` does, and their derivatives."""
         A, B, d_A, d_B = self._continuous(theta)
         joined = self._joined(A, B) * dt_s
-        d_A_step, d_B_step = np.zeros_like(d_A), np.zeros_like(d_B)
-        for p in range(self.blocks["log_ratio"].stop):
+        first = self.blocks["log_ratio"].stop
+        d_A_step, d_B_step = np.zeros((*A.shape, first)), np.zeros((*B.shape, first))
+        for p in range(first):
             change = self._joined(d_A[p], d_B[p]) * dt_s
             change_step = scipy.linalg.expm_frechet(joined, change, compute_expm=False)
-            d_A_step[p], d_B_step[p] = self._parted(np.asarray(change_step, dtype=np.float64))
+            parted = self._parted(np.asarray(change_step, dtype=np.float64))
+            d_A_step[..., p], d_B_step[..., p] = parted
         return ArmMatrices(*self._parted(scipy.linalg.expm(joined)), d_A_step, d_B_step)
 
     @property
@@ -195,6 +227,14 @@ class FlexibleArm:
             wider[:] = 2.0 * A[high]
             wider[high] = A[high, high]
             d_A[self.blocks["log_ratio"].start + i, high, high] = A[high, high]
+
+    def _settled(self, theta: FloatArray) -> FloatArray:
+        """Return the map from coordinates and speeds to settled filters."""
+        n, r, e = self._coordinates, self.inputs, len(self.elastic)
+        gauges = theta[self.blocks["gauges"]].reshape(e, e)
+        settled = np.zeros((2 * e, 2 * n))
+        settled[::2, r:n] = settled[1::2, n + r :] = gauges
+        return settled
 
     def _joined(self, A: FloatArray, B: FloatArray) -> FloatArray:
         joined = np.zeros((self.states + self.inputs,) * 2)

@@ -21,17 +21,19 @@ _LEAST_INDEPENDENCE = 0.05
 
 
 class Part(NamedTuple):
-    """Record, smoothed and decimated, with the weights of its residuals and its initial state."""
+    """Record, smoothed and decimated, with the weights of its residuals."""
 
     u: FloatArray
     y: FloatArray
     weight: FloatArray
-    x0: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationError:
     """Sum of squared relative errors of the free simulations, and of the offsets' prior.
+
+    The arm's parameters are followed by the initial coordinates and speeds of each record: a record
+    may begin anywhere.
 
     Attributes
     ----------
@@ -49,6 +51,10 @@ class SimulationError:
     parts: tuple[Part, ...]
     dt_s: float
     prior: FloatArray
+
+    def initial_state(self, theta: FloatArray, record: int) -> FloatArray:
+        """Return the initial state of a record, (states,)."""
+        return self.arm.initial_state(theta, theta[self._start(record)])
 
     def cost(self, theta: FloatArray) -> float:
         """Return the sum; infinite where a simulation overflows."""
@@ -69,18 +75,18 @@ class SimulationError:
         return [
             part.weight
             * (
-                run(A, B, self.arm.speed, levels, part.u - offsets, part.x0)[0]
+                run(A, B, self.arm.speed, levels, part.u - offsets, self.initial_state(theta, i))[0]
                 @ self.arm.output_matrix.T
                 - part.y
             )
-            for part in self.parts
+            for i, part in enumerate(self.parts)
         ]
 
     def normal(self, theta: FloatArray) -> Normal:
         """Return the normal equations."""
         from flexarm_ident.models.stick_slip import run_sensitivity  # noqa: PLC0415 - numba loads slowly
 
-        arm, count = self.arm, self.arm.parameters
+        arm, own, count = self.arm, self.arm.parameters, len(theta)
         nothing = Normal(np.inf, np.zeros(count), np.eye(count))
         if not np.isfinite(self.cost(theta)):
             return nothing
@@ -89,31 +95,37 @@ class SimulationError:
         if not (np.isfinite(d_A).all() and np.isfinite(d_B).all()):
             return nothing
         levels, offsets = arm.levels(theta), arm.offsets(theta)
-        d_levels, d_u = np.zeros((arm.inputs, count)), np.zeros((arm.inputs, count))
+        # Of the initial motions, a record depends on its own alone.
+        d_levels, d_u = np.zeros((2, arm.inputs, own + arm.motions))
         d_levels[:, arm.blocks["log_level"]] = np.diag(levels)
         d_u[:, arm.blocks["offset"]] = -np.eye(arm.inputs)
-        d_x0 = np.zeros((arm.states, count))
         gradient, matrix = np.zeros(count), np.zeros((count, count))
         gradient[arm.blocks["offset"]] = self.prior**2 * offsets
         matrix[arm.blocks["offset"], arm.blocks["offset"]] = np.diag(self.prior**2)
         cost = float(np.sum((self.prior * offsets) ** 2))
-        for part in self.parts:
-            u = part.u - offsets
+        for i, part in enumerate(self.parts):
+            start = self._start(i)
             try:
                 x, d_x = run_sensitivity(
-                    A, B, arm.speed, levels, u, part.x0, d_A, d_B, d_levels, d_u, d_x0
+                    *(A, B, arm.speed, levels, part.u - offsets, self.initial_state(theta, i)),
+                    *(d_A, d_B, d_levels, d_u, arm.initial_state_slopes(theta, theta[start])),
                 )
             except np.linalg.LinAlgError:
                 return nothing
+            places = np.r_[:own, start]
             # A wild start overflows; its normal equations are then not finite, and it is dropped.
             with np.errstate(over="ignore", invalid="ignore"):
                 residual = (part.weight * (x @ arm.output_matrix.T - part.y)).ravel()
                 jacobian = np.matmul(arm.output_matrix, d_x) * part.weight[:, :, np.newaxis]
-                jacobian = jacobian.reshape(-1, count)
+                jacobian = jacobian.reshape(-1, len(places))
                 cost += float(residual @ residual)
-                gradient += jacobian.T @ residual
-                matrix += jacobian.T @ jacobian
+                gradient[places] += jacobian.T @ residual
+                matrix[np.ix_(places, places)] += jacobian.T @ jacobian
         return Normal(cost, gradient, matrix)
+
+    def _start(self, record: int) -> slice:
+        first = self.arm.parameters + record * self.arm.motions
+        return slice(first, first + self.arm.motions)
 
 
 def deviations(problem: SimulationError, best: Minimum) -> FloatArray:

@@ -19,6 +19,7 @@ from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
 from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
 from flexarm_ident.friction.layout import drive_columns
 from flexarm_ident.friction.level_profile import profile_levels
+from flexarm_ident.friction.random_starts import RandomStarts
 from flexarm_ident.models.state_space import state_space
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.signals import bandwidth_hz, live_samples, smoothed
@@ -65,7 +66,7 @@ class ArmFit:
     model : control.StateSpace
         Discrete model from the net input, at the records' own period.
     x0 : tuple of ndarray, (states,)
-        Initial state of each record: at rest at its first position.
+        Initial state of each record, fitted with the arm.
     friction : DryFriction
         Coulomb friction and offset of each input.
     error : ndarray, (outputs,)
@@ -94,14 +95,14 @@ def fit_arm(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> ArmFit:
-    """Fit a flexible arm with dry friction to records that start at rest.
+    """Fit a flexible arm with dry friction to records that start anywhere, at rest or moving.
 
     Long records are fitted by their leading parts.
 
     Parameters
     ----------
     data : IoData or sequence of IoData
-        Records as measured, without compensation in the input; each starts at rest.
+        Records as measured, without compensation in the input.
     drives : sequence of Drive
         The position that each input drives, one per input.
     seed : int
@@ -134,7 +135,7 @@ def fit_arm(
         positions,
         decimation,
     )
-    draw = _Starts(problem, band_hz, np.random.default_rng(seed))
+    draw = RandomStarts(problem, band_hz, np.random.default_rng(seed))
     finalists: list[Minimum] = []
     for number in range(_BATCHES):
         finalists += _finalists(problem, draw, number, report)
@@ -152,7 +153,7 @@ def fit_arm(
 
 
 def _finalists(
-    problem: SimulationError, draw: _Starts, batch: int, report: Progress
+    problem: SimulationError, draw: RandomStarts, batch: int, report: Progress
 ) -> list[Minimum]:
     """Return the minima of the most promising starts of one batch."""
     begun, share = batch / _BATCHES, 0.9 / _BATCHES
@@ -172,49 +173,6 @@ def _is_confirmed(minima: Sequence[Minimum]) -> bool:
     """Return whether two starts have reached the lowest cost, or nearly so."""
     lowest, second, *_ = sorted(each.cost for each in minima)
     return second <= _CONFIRMED * lowest
-
-
-class _Starts:
-    """Random starts around the scales of the records."""
-
-    def __init__(self, problem: SimulationError, band_hz: float, rng: np.random.Generator) -> None:
-        self._arm, self._rng, self._band_hz = problem.arm, rng, band_hz
-        driven = list(problem.arm.positions)
-        u = np.vstack([part.u for part in problem.parts])
-        speed = [np.gradient(part.y[:, driven], problem.dt_s, axis=0) for part in problem.parts]
-        acceleration = np.vstack([np.gradient(v, problem.dt_s, axis=0) for v in speed])
-        self._u = np.sqrt(np.mean(u**2, axis=0))
-        self._speed = np.sqrt(np.mean(np.vstack(speed) ** 2, axis=0))
-        self._acceleration = np.sqrt(np.mean(acceleration**2, axis=0))
-        y = np.vstack([part.y for part in problem.parts])
-        self._y = np.sqrt(np.mean(y**2, axis=0))
-
-    def start(self) -> FloatArray:
-        arm, r, e = self._arm, self._arm.inputs, len(self._arm.elastic)
-        n = r + e
-        # Elastic coordinates move by about one, their stiffness is one.
-        gain = self._spread(1.0 / self._u, 0.0, 3.0)
-        mass = gain * self._spread(self._u / self._acceleration, -2.0, 1.0)
-        frequency_hz = self._spread(np.full(e, self._band_hz), -2.0, 0.0)
-        diagonal = np.sqrt(np.concatenate([mass, (2.0 * np.pi * frequency_hz) ** -2.0]))
-        mixed = self._rng.normal(size=(n, n + 1))
-        mixed = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
-        viscous = gain * self._spread(self._u / self._speed, -3.0, -1.0)
-        damping = np.sqrt(np.concatenate([viscous, 0.04 * diagonal[r:]]))
-        theta = np.zeros(arm.parameters)
-        lower = np.tril_indices(n)
-        root = np.linalg.cholesky(mixed @ mixed.T * np.outer(diagonal, diagonal))
-        theta[arm.blocks["mass"]] = root[lower]
-        theta[arm.blocks["damping"]] = np.diag(damping)[lower]
-        theta[arm.blocks["log_gain"]] = np.log(gain)
-        theta[arm.blocks["gauges"]] = np.diag(self._y[list(arm.elastic)]).ravel()
-        bandwidth = 2.0 * np.pi * self._spread(np.full(e, self._band_hz), -1.0, 1.0)
-        theta[arm.blocks["log_bandwidth"]] = np.log(bandwidth)
-        theta[arm.blocks["log_level"]] = np.log(self._spread(self._u, -1.5, 0.5))
-        return theta
-
-    def _spread(self, scale: FloatArray, low: float, high: float) -> FloatArray:
-        return np.asarray(scale * np.exp(self._rng.uniform(low, high, len(scale))))
 
 
 def _positions(record: IoData, drives: Sequence[Drive]) -> tuple[int, ...]:
@@ -250,8 +208,8 @@ def _problem(
     arm = FlexibleArm(positions, _signs(smooth, positions, records[0].dt_s), outputs)
     step = slice(None, None, decimation)
     parts = tuple(
-        Part(_held(u, decimation), y[step], live[step] * scale, initial_state(arm, record))
-        for (u, y), live, record in zip(smooth, lives, records, strict=True)
+        Part(_held(u, decimation), y[step], live[step] * scale)
+        for (u, y), live in zip(smooth, lives, strict=True)
     )
     return SimulationError(arm, parts, dt_s, _COST_OF_ZERO_ERROR / (_ZERO_ERROR * peak))
 
@@ -292,13 +250,6 @@ def _signs(
     return tuple(float(sign) for sign in np.where(power < 0.0, -1.0, 1.0))
 
 
-def initial_state(arm: FlexibleArm, record: IoData) -> FloatArray:
-    """Return rest at a record's first position, (states,)."""
-    x0 = np.zeros(arm.states)
-    x0[: arm.inputs] = record.y[0, list(arm.positions)]
-    return x0
-
-
 def _result(
     problem: SimulationError,
     profile: LevelProfile,
@@ -326,7 +277,7 @@ def _result(
         deviation[arm.blocks["offset"]],
         arm.speed,
     )
-    x0 = tuple(initial_state(arm, record) for record in records)
+    x0 = tuple(problem.initial_state(best.theta, i) for i in range(len(records)))
     missed, total = np.zeros(arm.outputs), np.zeros(arm.outputs)
     for record, live, start in zip(records, lives, x0, strict=True):
         y, _ = simulate_with_friction(model, friction, record.u, start)

@@ -175,9 +175,9 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
     ----------
     A, B, speed, levels, u, x0
         As in `run`; `speed` does not depend on the parameters.
-    d_A : ndarray, (parameters, states, states)
-        Derivative of A.
-    d_B : ndarray, (parameters, states, inputs)
+    d_A : ndarray, (states, states, first parameters)
+        Derivative of A, which only the first of all parameters change.
+    d_B : ndarray, (states, inputs, first parameters)
         Derivative of B.
     d_levels, d_u : ndarray, (inputs, parameters)
         Derivatives of the levels and of a constant part of the inputs.
@@ -192,7 +192,7 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
         Their derivatives.
     """
     samples, states, inputs = len(u), len(A), B.shape[1]
-    parameters = len(d_A)
+    parameters, first = d_x0.shape[1], d_A.shape[2]
     x, forces = run(A, B, speed, levels, u, x0)
     gain = speed @ B
     d_x = np.empty((samples, states, parameters))
@@ -200,12 +200,14 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
     for k in range(samples):
         d_x[k] = now
         ahead = product(A, now) + product(B, d_u)
-        for p in range(parameters):
-            for i in range(states):
-                for j in range(states):
-                    ahead[i, p] += d_A[p, i, j] * x[k, j]
-                for j in range(inputs):
-                    ahead[i, p] += d_B[p, i, j] * (u[k, j] - forces[k, j])
+        for i in range(states):
+            for j in range(states):
+                for p in range(first):
+                    ahead[i, p] += d_A[i, j, p] * x[k, j]
+            for j in range(inputs):
+                net = u[k, j] - forces[k, j]
+                for p in range(first):
+                    ahead[i, p] += d_B[i, j, p] * net
         d_speed = product(speed, ahead)
         d_force = force_derivative(d_speed, gain, forces[k], levels, d_levels)
         now = ahead - product(B, d_force)

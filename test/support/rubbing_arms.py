@@ -1,0 +1,125 @@
+"""Arms with dry friction in their joints, simulated in fine steps by bristles.
+
+Friction is the force of a stiff bristle that slides where it would exceed the joint's level (Dahl's
+law in its limit). That is another formulation than the project's implicit one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_core.compilation import compiled
+from flexarm_ident import IoData
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+DT_S = 0.005
+_FINE = 25
+_YIELD_RAD = 1e-4
+_NOISE_RAD = (1e-3, 1e-4)
+# More than any record has, so that a longer record begins as a shorter one does.
+_STEPS = 100
+
+
+class Rubbing(NamedTuple):
+    """Friction of each joint: Coulomb level, the rise at rest above it, and its Stribeck speed."""
+
+    levels: tuple[float, ...]
+    rises: tuple[float, ...] = (0.0, 0.0)
+    speed_rad_s: float = 0.1
+
+
+def rubbing_arm(rubbing: Rubbing, *, seed: int = 0, samples: int = 3000, skip: int = 0) -> IoData:
+    """Return a record of an arm with one or two joints under position loops.
+
+    Parameters
+    ----------
+    rubbing : Rubbing
+        Friction; its levels tell the number of joints.
+    seed : int
+        Seed of the references and of the noise.
+    samples : int
+        Length of the record.
+    skip : int
+        Samples before the record, which therefore begins in mid-motion.
+    """
+    joints, rng = len(rubbing.levels), np.random.default_rng(seed)
+    # Rotations of hub and link's end of each joint by joint angles and bends, which add up.
+    hub, end = np.zeros((2, joints, 2 * joints))
+    for i in range(joints):
+        hub[i, : i + 1] = end[i, : i + 1] = 1.0
+        hub[i, joints : joints + i] = end[i, joints : joints + i + 1] = 1.0
+    weights = 0.5 ** np.arange(joints)
+    mass = 0.4 * hub.T @ np.diag(weights) @ hub + 0.05 * end.T @ np.diag(weights) @ end
+    stiffness = np.concatenate([np.zeros(joints), 30.0 * weights])
+    damping = np.concatenate([0.8 * weights, 0.4 * weights])
+    total = skip + samples
+    u, q = _run(
+        np.linalg.inv(mass),
+        stiffness,
+        damping,
+        *(np.array(rubbing.levels), np.array(rubbing.rises[:joints]), rubbing.speed_rad_s),
+        _references(rng, total, joints),
+        *(3.0 * weights, 0.4 * weights),
+    )
+    y = q + rng.normal(size=q.shape) * np.repeat(_NOISE_RAD, joints)
+    names = [f"{name}{i + 1}_rad" for name in ("joint", "bend") for i in range(joints)]
+    inputs = tuple(f"drive{i + 1}_a" for i in range(joints))
+    return IoData(
+        u[skip:], y[skip:], dt_s=DT_S, inputs=inputs, outputs=tuple(names), closed_loop=True
+    )
+
+
+def _references(rng: np.random.Generator, samples: int, joints: int) -> Array:
+    """Return steps of random heights and lengths with a slow sine on top."""
+    references = np.empty((samples, joints))
+    for joint in range(joints):
+        edges = np.cumsum(rng.integers(150, 450, size=_STEPS))
+        heights = rng.uniform(-1.5, 1.5, size=_STEPS + 1)
+        steps = heights[np.searchsorted(edges, np.arange(samples), side="right")]
+        sine = np.sin(np.arange(samples) * DT_S * rng.uniform(0.8, 1.2) + rng.uniform(0.0, 6.0))
+        references[:, joint] = steps + 0.5 * sine
+    return references
+
+
+@compiled
+def _run(  # noqa: PLR0917 (compiled code has no keyword arguments)
+    flexibility: Array,
+    stiffness: Array,
+    damping: Array,
+    levels: Array,
+    rises: Array,
+    speed_rad_s: float,
+    references: Array,
+    stiff: Array,
+    calm: Array,
+) -> tuple[Array, Array]:
+    """Return inputs and coordinates of a position loop, in semi-implicit fine steps."""
+    samples, joints = references.shape
+    n = len(stiffness)
+    q, v, force, bristle = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(joints)
+    us, qs = np.empty((samples, joints)), np.empty((samples, n))
+    h = DT_S / _FINE
+    for k in range(samples):
+        qs[k] = q
+        for i in range(joints):
+            us[k, i] = stiff[i] * (references[k, i] - q[i]) - calm[i] * v[i]
+        for _ in range(_FINE):
+            for i in range(n):
+                force[i] = -stiffness[i] * q[i] - damping[i] * v[i]
+            for i in range(joints):
+                level = levels[i] + rises[i] * np.exp(-((v[i] / speed_rad_s) ** 2))
+                bristle[i] += h * v[i] * levels[i] / _YIELD_RAD
+                bristle[i] = min(max(bristle[i], -level), level)
+                force[i] += us[k, i] - bristle[i]
+            for i in range(n):
+                for j in range(n):
+                    v[i] += h * flexibility[i, j] * force[j]
+            for i in range(n):
+                q[i] += h * v[i]
+    return us, qs
