@@ -54,13 +54,13 @@ def rubbing_arm(rubbing: Rubbing, *, seed: int = 0, samples: int = 3000, skip: i
     for i in range(joints):
         hub[i, : i + 1] = end[i, : i + 1] = 1.0
         hub[i, joints : joints + i] = end[i, joints : joints + i + 1] = 1.0
-    weights = 0.5 ** np.arange(joints)
-    mass = 0.4 * hub.T @ np.diag(weights) @ hub + 0.05 * end.T @ np.diag(weights) @ end
+    weights: Array = np.array([0.5**i for i in range(joints)])
+    mass: Array = 0.4 * hub.T @ np.diag(weights) @ hub + 0.05 * end.T @ np.diag(weights) @ end
     stiffness = np.concatenate([np.zeros(joints), 30.0 * weights])
     damping = np.concatenate([0.8 * weights, 0.4 * weights])
     total = skip + samples
     u, q = _run(
-        np.linalg.inv(mass),
+        np.asarray(np.linalg.inv(mass), dtype=np.float64),
         stiffness,
         damping,
         *(np.array(rubbing.levels), np.array(rubbing.rises[:joints]), rubbing.speed_rad_s),

@@ -13,7 +13,7 @@ from flexarm_ident.subspace.inverse import truncated_inverse
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import BoolArray, FloatArray
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.friction.arm import FlexibleArm
 
@@ -33,7 +33,8 @@ class SimulationError:
     """Sum of squared relative errors of the free simulations, and of the offsets' prior.
 
     The arm's parameters are followed by the initial coordinates and speeds of each record: a record
-    may begin anywhere.
+    may begin anywhere. Where a gauge is dead at the beginning, nothing tells the first deflection,
+    which stays what it was at the start of a search.
 
     Attributes
     ----------
@@ -105,10 +106,12 @@ class SimulationError:
         cost = float(np.sum((self.prior * offsets) ** 2))
         for i, part in enumerate(self.parts):
             start = self._start(i)
+            d_x0 = arm.initial_state_slopes(theta, theta[start])
+            d_x0[:, own + np.flatnonzero(self.untold(part))] = 0.0
             try:
                 x, d_x = run_sensitivity(
                     *(A, B, arm.speed, levels, part.u - offsets, self.initial_state(theta, i)),
-                    *(d_A, d_B, d_levels, d_u, arm.initial_state_slopes(theta, theta[start])),
+                    *(d_A, d_B, d_levels, d_u, d_x0),
                 )
             except np.linalg.LinAlgError:
                 return nothing
@@ -122,6 +125,12 @@ class SimulationError:
                 gradient[places] += jacobian.T @ residual
                 matrix[np.ix_(places, places)] += jacobian.T @ jacobian
         return Normal(cost, gradient, matrix)
+
+    def untold(self, part: Part) -> BoolArray:
+        """Return which first coordinates and speeds nothing tells, (motions,)."""
+        driven = np.zeros(self.arm.inputs, dtype=np.bool_)
+        dead = part.weight[0, list(self.arm.elastic)] == 0.0
+        return np.concatenate([driven, dead, driven, dead])
 
     def _start(self, record: int) -> slice:
         first = self.arm.parameters + record * self.arm.motions

@@ -8,7 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.friction.arm_error import SimulationError
+    from flexarm_ident.friction.arm_error import Part, SimulationError
 
 # Samples of a record's beginning that tell its first speeds: half a period.
 _BEGINNING = 5
@@ -29,7 +29,7 @@ class RandomStarts:
 
     def __init__(self, problem: SimulationError, band_hz: float, rng: np.random.Generator) -> None:
         self._arm, self._rng, self._band_hz = problem.arm, rng, band_hz
-        self._dt_s = problem.dt_s
+        self._problem = problem
         driven = list(problem.arm.positions)
         u = np.vstack([part.u for part in problem.parts])
         speed = [np.gradient(part.y[:, driven], problem.dt_s, axis=0) for part in problem.parts]
@@ -39,7 +39,7 @@ class RandomStarts:
         self._acceleration = np.sqrt(np.mean(acceleration**2, axis=0))
         y = np.vstack([part.y for part in problem.parts])
         self._y = np.sqrt(np.mean(y**2, axis=0))
-        self._motions = [self._motion(part.y) for part in problem.parts]
+        self._motions = [self._motion(part) for part in problem.parts]
 
     def start(self) -> FloatArray:
         """Return parameters of an arm and the first motion of each record."""
@@ -67,10 +67,10 @@ class RandomStarts:
         theta[arm.blocks["log_level"]] = np.log(self._spread(self._u, -1.5, 0.5))
         return np.concatenate([theta, *self._motions])
 
-    def _motion(self, y: FloatArray) -> FloatArray:
+    def _motion(self, part: Part) -> FloatArray:
         """Return coordinates and speeds at the beginning of a record."""
-        times_s = self._dt_s * np.arange(_BEGINNING)
-        speed, place = np.polyfit(times_s, y[:_BEGINNING], 1)
+        times_s = self._problem.dt_s * np.arange(_BEGINNING)
+        speed, place = np.polyfit(times_s, part.y[:_BEGINNING], 1)
         elastic = list(self._arm.elastic)
         for change in (place, speed):
             change[elastic] = np.divide(
@@ -80,7 +80,8 @@ class RandomStarts:
                 where=self._y[elastic] > 0.0,
             )
         order = [*self._arm.positions, *elastic]
-        return np.concatenate([place[order], speed[order]])
+        motion = np.concatenate([place[order], speed[order]])
+        return np.where(self._problem.untold(part), 0.0, motion)
 
     def _spread(self, scale: FloatArray, low: float, high: float) -> FloatArray:
         return np.asarray(scale * np.exp(self._rng.uniform(low, high, len(scale))))

@@ -173,7 +173,9 @@ def test_arm___derivatives___agree_with_differences() -> None:
         above, below = arm.discrete(theta + change, 0.01), arm.discrete(theta - change, 0.01)
         for slope, high, low in zip(matrices[2:], above, below, strict=True):
             expected = (high - low) / (2.0 * step)
-            assert slope[..., p] == pytest.approx(expected, abs=1e-5 * max(1.0, np.abs(expected).max()))
+            assert slope[..., p] == pytest.approx(
+                expected, abs=1e-5 * max(1.0, np.abs(expected).max())
+            )
 
 
 def test_arm_error___gradient_through_stick_and_slip___agrees_with_differences() -> None:
