@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     from flexarm_bringup.runs.recorded_run import RecordedRun
     from flexarm_control.design.criteria import StepFigures
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.records.iodata import IoData
     from flexarm_msgs.msg import ModeSummary
     from flexarm_msgs.srv import Identify
 
@@ -39,8 +41,7 @@ class ControlledStep(NamedTuple):
     def of(cls, recorded: RecordedRun) -> ControlledStep:
         """Return a run with the figures of its step."""
         data = recorded.reading.data
-        time_s = data.dt_s * np.arange(len(data))
-        return cls(recorded, step_figures(time_s, data.y[:, 0], SET_POINT_V))
+        return cls(recorded, step_figures(_time_s(data), data.y[:, 0], SET_POINT_V))
 
     @property
     def text(self) -> str:
@@ -71,10 +72,13 @@ class ControlledStep(NamedTuple):
             f"overshoot {100 * figures.overshoot:.1f} %, "
             f"within 5 % after {figures.settling_s:.2f} s."
         )
-        time_s = data.dt_s * np.arange(len(data))
         set_point_v = np.full(len(data), SET_POINT_V)
-        plot = step_plot(time_s, data.y, set_point_v, data.u[:, 0])
+        plot = step_plot(_time_s(data), data.y, set_point_v, data.u[:, 0])
         return Words(words), Plots((("", plot),))
+
+
+def _time_s(data: IoData) -> FloatArray:
+    return np.arange(len(data), dtype=np.float64) * data.dt_s
 
 
 def given_parameters(response: Identify.Response) -> dict[str, Any]:
