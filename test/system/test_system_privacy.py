@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -88,3 +89,14 @@ def test_up___listens_on_loopback_alone_and_so_do_its_nodes(graph: Graph) -> Non
     with_sockets = [addresses for addresses in seen.values() if addresses]
     assert with_sockets == [{_LOOPBACK}] * 5
     assert all(graph.survivors(executable(name).name) for name in ("recorder", "ident"))
+
+
+@pytest.mark.skipif("_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in os.environ, reason="needs the wheels")
+def test_security___without_its_libraries___is_refused_in_one_line(graph: Graph) -> None:
+    graph.environment["ROS_SECURITY_ENABLE"] = "true"
+    node = graph.run_node("recorder", {})
+    verb = graph.run([str(ROOT / "flexarm"), "status"])
+    assert (node.exit_code(), verb.exit_code()) == (2, 1)
+    (line,) = node.printed.splitlines()
+    assert line.startswith("ROS_SECURITY_ENABLE=true: the ROS 2 of these Python packages is built")
+    assert verb.printed == f"flexarm: {line}\n"

@@ -92,4 +92,7 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
         "flexarm: daq is active already; what holds it ends with: deactivate daq",
     )
     graph.wait(lambda: states[-1].command_v == 0.0, "the drive at zero")
-    assert flexarm("reference", "7") == (1, "flexarm: 7 V is beyond the travel, +-6.857 V")
+    assert flexarm("reference", "7") == (
+        1,
+        "flexarm: reference 7 V refused: the travel is +-6.857 V",
+    )

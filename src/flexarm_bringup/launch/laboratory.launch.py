@@ -1,4 +1,8 @@
-"""The nodes of one arm: `ros2 launch flexarm_bringup laboratory.launch.py namespace:=arm2`."""
+"""The nodes of one arm: `ros2 launch flexarm_bringup laboratory.launch.py namespace:=arm2`.
+
+A set-point for it:
+`ros2 service call /arm2/set_reference flexarm_msgs/srv/SetReference "{reference_v: 3.0}"`
+"""
 
 from __future__ import annotations
 

@@ -22,9 +22,11 @@ from flexarm_core.channels import TRAVEL_V
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import ParameterSpec
 from flexarm_msgs.msg import ArmState, MotorCommand, PayloadEstimate
+from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
+from flexarm_node.shared_topic import SharedTopic
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -37,8 +39,10 @@ if TYPE_CHECKING:
 _TELL_AGAIN_NS = 1_000_000_000
 # Shortest time between two estimates of the payload.
 _PAYLOAD_NS = 100_000_000
+# A stream of set-points that are refused is told so often.
+_REFUSED_S = 5.0
 TOPIC = "topic"
-"""The reference comes from the topic `reference` and not from a built-in profile."""
+"""The reference comes from the service and the topic, and not from a built-in profile."""
 
 
 def _under(prefix: str, specs: tuple[ParameterSpec, ...]) -> list[ParameterSpec]:
@@ -60,7 +64,10 @@ _MODEL = ParameterSpec(
 PARAMETERS = (
     ParameterSpec("law", "pd", "the control law", choices=tuple(LAWS)),
     ParameterSpec(
-        "reference", TOPIC, "a built-in profile, or the topic", choices=(TOPIC, *REFERENCES)
+        "reference",
+        TOPIC,
+        "a built-in profile; topic: the service set_reference and the topic reference",
+        choices=(TOPIC, *REFERENCES),
     ),
     *(
         spec
@@ -149,6 +156,8 @@ class ControllerNode(AnsweringNode):
         )
         self._setup = self._accepted
         self._reference_v = 0.0
+        self._references: SharedTopic[Float64] | None = None
+        self.create_service(SetReference, "set_reference", self._on_set_reference)
         # State of a run, which `begin` resets.
         self._handover = Handover(self._setup.law)
         self._rate = SampleRate()
@@ -165,22 +174,28 @@ class ControllerNode(AnsweringNode):
     def make_topics(self) -> None:
         """Make the topics of the loop."""
         super().make_topics()
-        self._references_out = self.create_publisher(Float64, "reference", qos.STATUS_SENT)
-        self._payloads = self.create_publisher(PayloadEstimate, "payload", qos.STATUS)
-        self._references_in = self.create_subscription(
-            Float64, "reference", self._on_reference, qos.NEWEST
+        self._references = SharedTopic(
+            self,
+            Float64,
+            "reference",
+            sent=qos.STATUS_SENT,
+            read=qos.NEWEST,
+            heard=self._on_reference,
         )
+        self._payloads = self.create_publisher(PayloadEstimate, "payload", qos.STATUS)
 
     def release_topics(self) -> None:
         """Release the topics."""
         super().release_topics()
-        self.destroy_publisher(self._references_out)
+        if self._references is not None:
+            self._references.close()
+            self._references = None
         self.destroy_publisher(self._payloads)
-        self.destroy_subscription(self._references_in)
 
     def publishers(self) -> tuple[Publisher, ...]:
         """Return the publishers whose messages a recorder needs in full before a run ends."""
-        return (*super().publishers(), self._references_out)
+        shared = () if self._references is None else (self._references.publisher,)
+        return (*super().publishers(), *shared)
 
     def prepare(self) -> None:
         """Prepare a run, and publish the set-point."""
@@ -190,7 +205,7 @@ class ControllerNode(AnsweringNode):
         super().prepare()
         if self._setup.profile is None:
             # A record needs the set-point in force from its first sample on.
-            self._references_out.publish(Float64(data=self._reference_v))
+            self._publish_reference()
 
     def begin(self) -> None:
         """Forget an earlier run of samples."""
@@ -224,7 +239,7 @@ class ControllerNode(AnsweringNode):
 
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""
-        yield {"law": self._setup.law_spec.name}
+        yield {"law": self._setup.law_spec.name, "set-point V": f"{self._reference_v:g}"}
         yield from super().figures()
 
     def _tell_reference(self, taken_ns: int) -> None:
@@ -232,7 +247,7 @@ class ControllerNode(AnsweringNode):
         if self._reference_v == self._told_v and taken_ns - self._told_ns < _TELL_AGAIN_NS:
             return
         self._told_v, self._told_ns = self._reference_v, taken_ns
-        self._references_out.publish(Float64(data=self._told_v))
+        self._publish_reference()
 
     def _on_request(self, values: Mapping[str, Any]) -> None:
         """Check parameters: they make a setup, which is kept, since a design takes time."""
@@ -244,17 +259,38 @@ class ControllerNode(AnsweringNode):
         if self.running and self._setup.law_spec is not before.law_spec:
             self.declare_commander()
 
+    def _publish_reference(self) -> None:
+        if self._references is not None:
+            self._references.publish(Float64(data=self._reference_v))
+
     def _on_reference(self, message: Float64) -> None:
-        """Take the reference from the topic."""
-        if self._setup.profile is not None:
-            # The node's own publications arrive here too, and a built-in profile has precedence.
-            return
-        if not abs(message.data) <= TRAVEL_V:
-            self.get_logger().error(
-                f"reference {message.data} V refused: the travel is +-{TRAVEL_V:.3f} V"
-            )
+        """Take the set-point from the topic."""
+        if refusal := self._refusal(message.data):
+            self.get_logger().error(refusal, throttle_duration_sec=_REFUSED_S)
             return
         self._reference_v = message.data
+
+    def _on_set_reference(
+        self, request: SetReference.Request, response: SetReference.Response
+    ) -> SetReference.Response:
+        """Take the set-point of a call, and publish it for recorders and viewers."""
+        response.message = self._refusal(request.reference_v)
+        response.success = not response.message
+        if response.success:
+            self._reference_v = request.reference_v
+            self._publish_reference()
+        response.reference_v = self._reference_v
+        return response
+
+    def _refusal(self, reference_v: float) -> str:
+        """Return why a set-point does not come into force; empty when it does."""
+        refused = f"reference {reference_v:g} V refused: "
+        if self._setup.profile is not None:
+            name = self.parameters.values()["reference"]
+            return f"{refused}the controller follows its own, {name}: set reference to {TOPIC}"
+        if not abs(reference_v) <= TRAVEL_V:
+            return f"{refused}the travel is +-{TRAVEL_V:.3f} V"
+        return ""
 
 
 def main() -> int:

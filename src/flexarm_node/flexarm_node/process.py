@@ -74,7 +74,6 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     if realtime:
         prefer_realtime()
         _lock_memory()
-    set_up_middleware(loop=realtime)
     if not _follows_parent():
         return 1
     signals, wakeup = os.pipe()
@@ -83,11 +82,8 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     for stop_signal in _STOP_SIGNALS:
         signal.signal(stop_signal, _leave_to_wakeup)
     try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:
-        sys.stderr.write(f"wrong ROS arguments: {' '.join(str(error).split())}\n")
-        return 2
-    try:
+        set_up_middleware(loop=realtime)
+        _begin()
         node = make_node()
     except SettingError as error:
         sys.stderr.write(f"{error}\n")
@@ -122,6 +118,13 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
     if threading.active_count() > 1:
         _leave(code)
     return code
+
+
+def _begin() -> None:
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise SettingError(f"wrong ROS arguments: {' '.join(str(error).split())}") from None
 
 
 def _leave(code: int) -> None:

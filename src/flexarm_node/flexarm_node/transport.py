@@ -25,12 +25,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rclpy.utilities import get_rmw_implementation_identifier
 
+from flexarm_core.errors import SettingError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"
 _PEERS = "ROS_STATIC_PEERS"
+_SECURITY = "ROS_SECURITY_ENABLE"
+_SECURED = "librmw_fastrtps_shared_cpp.so"
+# From the message of a rmw_fastrtps that was built without security; another one has no such text.
+_NO_SECURITY = b"doesn't have the security libraries"
 _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 _PROFILES = Path(__file__).with_name("profiles")
 
@@ -118,9 +124,41 @@ def shared_memory_warning(environment: Mapping[str, str], maps: str) -> str:
     )
 
 
+def require_security(environment: Mapping[str, str], maps: str) -> None:
+    """Refuse to go on unprotected, or with an error of the middleware, when SROS2 is asked for.
+
+    Parameters
+    ----------
+    environment : mapping of str to str
+        Environment of the process.
+    maps : str
+        Memory map of the process with the middleware in it, one line each.
+
+    Raises
+    ------
+    SettingError
+        When the middleware is built without it.
+    """
+    if environment.get(_SECURITY, "").lower() != "true":
+        return
+    libraries = {line.split()[-1] for line in maps.splitlines() if _SECURED in line}
+    if any(_NO_SECURITY in Path(library).read_bytes() for library in libraries):
+        raise SettingError(
+            f"{_SECURITY}=true: the ROS 2 of these Python packages is built without SROS2; "
+            "use a ROS 2 installation, or unset it and see who may drive in docs/safety.md"
+        )
+
+
 def set_up_middleware(*, loop: bool = False) -> None:
-    """Set up the middleware of this process; call it before `rclpy.init`."""
+    """Set up the middleware of this process; call it before `rclpy.init`.
+
+    Raises
+    ------
+    SettingError
+        When SROS2 is asked for and missing.
+    """
     get_rmw_implementation_identifier()  # loads it
+    require_security(os.environ, _mapped())
     _GIVEN.update(os.environ)
     os.environ.update(middleware_settings(_GIVEN, _mapped(), loop=loop))
 

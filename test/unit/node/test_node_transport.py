@@ -5,7 +5,12 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from flexarm_node.transport import middleware_settings, shared_memory_warning
+from flexarm_core.errors import SettingError
+from flexarm_node.transport import (
+    middleware_settings,
+    require_security,
+    shared_memory_warning,
+)
 
 FAST_DDS = "/opt/lib/libfastrtps.so.2.14"
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -101,3 +106,26 @@ def test_shared_memory___in_use___is_told_with_its_cause(
 
 def test_settings___other_middleware___nothing() -> None:
     assert middleware_settings(LOCALHOST, "/opt/lib/libddsc.so.0", loop=True) == {}
+
+
+@pytest.mark.parametrize(
+    ("asked", "text", "refused"),
+    [
+        ("true", b"Fast DDS doesn't have the security libraries", True),
+        ("true", b"dds.sec.auth.plugin", False),
+        ("false", b"Fast DDS doesn't have the security libraries", False),
+        ("", b"Fast DDS doesn't have the security libraries", False),
+    ],
+)
+def test_security___asked_for_and_not_built_in___is_refused(
+    tmp_path: Path, asked: str, text: bytes, *, refused: bool
+) -> None:
+    library = tmp_path / "librmw_fastrtps_shared_cpp.so"
+    library.write_bytes(b"\x7fELF" + text)
+    maps = f"7f00-7f10 r-xp 00000000 00:1a 5 {library}\n7f10-7f20 rw-p 00000000 00:00 0\n"
+    environment = {"ROS_SECURITY_ENABLE": asked}
+    if refused:
+        with pytest.raises(SettingError, match="built without SROS2; use a ROS 2 installation"):
+            require_security(environment, maps)
+    else:
+        require_security(environment, maps)

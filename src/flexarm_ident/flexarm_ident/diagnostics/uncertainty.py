@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
-from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import ModeUncertainty, frequency_and_damping, modal_form
-from flexarm_ident.models.state_space import stabilise, state_space
+from flexarm_ident.models.state_space import WAYS, state_space
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.segments import SEGMENTS, cut, rows, segment_grams
 
@@ -149,8 +149,9 @@ def frequency_response_uncertainty(
     grid = np.asarray(frequencies_hz, dtype=np.float64)
 
     def response(matrices: StateMatrices, data: Sequence[IoData]) -> ComplexArray:
-        A, _ = stabilise(matrices.A)
-        fit = fit_inputs(A, matrices.C, data, feedthrough=feedthrough, noise_weighted=True)
+        A, fit, *_ = fit_stable(
+            *(matrices.A, matrices.C, data, WAYS), feedthrough=feedthrough, noise_weighted=True
+        )
         model = state_space(A, fit.B, matrices.C, fit.D, data[0].dt_s)
         return frequency_response(model, grid)
 

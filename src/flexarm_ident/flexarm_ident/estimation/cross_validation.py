@@ -16,14 +16,16 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.diagnostics.uncertainty import jackknife
-from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs
+from flexarm_ident.fitting.output_fit import fit_initial_states
+from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.state_space import stabilise, state_space
+from flexarm_ident.models.state_space import state_space
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.models.state_space import Way
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.subspace_protocol import StateMatrices
@@ -51,8 +53,8 @@ def cross_validate(
     records: Sequence[IoData],
     block_rows: int,
     estimate: Callable[[BlockGram], StateMatrices],
+    ways: Sequence[Way],
     *,
-    stable: bool,
     feedthrough: bool,
     noise_weighted: bool,
 ) -> CrossValidation:
@@ -66,8 +68,8 @@ def cross_validate(
         Block rows of the products that the estimate needs.
     estimate : callable
         Function from products to A and C, of one estimator and one order.
-    stable : bool
-        Whether unstable eigenvalues are moved.
+    ways : sequence of Way
+        Ways to move unstable eigenvalues; none: they stay.
     feedthrough : bool
         Whether D is fitted.
     noise_weighted : bool
@@ -85,9 +87,10 @@ def cross_validate(
     for matrices, others, block in zip(
         found.replicates, found.remainders, found.left_out, strict=True
     ):
-        A = stabilise(matrices.A)[0] if stable else matrices.A
-        fit = fit_inputs(
-            A, matrices.C, others, feedthrough=feedthrough, noise_weighted=noise_weighted
+        A, fit, *_ = fit_stable(
+            *(matrices.A, matrices.C, others, ways),
+            feedthrough=feedthrough,
+            noise_weighted=noise_weighted,
         )
         record = records[block.record]
         model = state_space(A, fit.B, matrices.C, fit.D, record.dt_s)

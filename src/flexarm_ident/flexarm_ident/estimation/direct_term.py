@@ -12,12 +12,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.estimation.weighing import (
-    candidate,
-    spread,
-    within_scatter,
-    within_tolerance,
-)
+from flexarm_ident.estimation.candidates import candidate
+from flexarm_ident.estimation.weighing import spread, within_scatter, within_tolerance
 from flexarm_ident.subspace.feedback import reaches_inputs
 
 if TYPE_CHECKING:

@@ -199,7 +199,7 @@ class Identification:
                 self.records,
                 self.gram.block_rows,
                 self._estimate,
-                stable=self.stable,
+                METHODS[self.method].ways if self.stable else (),
                 feedthrough=bool(np.any(self.model.D)),
                 noise_weighted=METHODS[self.method].noise_weighted,
             )

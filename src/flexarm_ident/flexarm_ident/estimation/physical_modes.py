@@ -12,9 +12,9 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.models.modes import ranked_modes
-from flexarm_ident.models.state_space import stabilise, state_space
+from flexarm_ident.models.state_space import WAYS, state_space
 from flexarm_ident.records.preprocess import output_scale
 
 if TYPE_CHECKING:
@@ -104,9 +104,10 @@ def _modes(
 ) -> tuple[Mode, ...]:
     """Return the modes of a model of one order; none when it is too unstable to be fitted."""
     raw = space.matrices(order)
-    A, _ = stabilise(raw.A)
     try:
-        fit = fit_inputs(A, raw.C, records, feedthrough=feedthrough, noise_weighted=True)
+        A, fit, *_ = fit_stable(
+            *(raw.A, raw.C, records, WAYS), feedthrough=feedthrough, noise_weighted=True
+        )
     except IdentificationError:
         return ()
     model = state_space(A, fit.B, raw.C, fit.D, records[0].dt_s)

@@ -6,11 +6,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
+from flexarm_ident.estimation.candidates import fitted
 from flexarm_ident.estimation.direct_term import calls_for_feedthrough
 from flexarm_ident.estimation.identification import Identification
 from flexarm_ident.estimation.simulation_fit import refined, with_friction
 from flexarm_ident.estimation.streaming import excerpt
-from flexarm_ident.estimation.weighing import Choice, fitted, weigh
+from flexarm_ident.estimation.weighing import Choice, weigh
 from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.subspace.choice import estimate, select_method
@@ -174,7 +175,7 @@ def _linear_model(
 ) -> Identification:
     """Return the model of the chosen order, without the records."""
     selection, order = chosen
-    model, fit, moved = fitted(
+    model, fit, moved, way = fitted(
         selection,
         order,
         records,
@@ -189,6 +190,8 @@ def _linear_model(
         notes.append(f"{subject} of order {order} {verb} moved into the unit circle")
     elif not is_stable(model.A):
         notes.append(f"the model of order {order} is unstable")
+    if way == "integrator":
+        notes.append("the model integrates: an eigenvalue next to 1 was taken for exactly that")
     return Identification(
         model=model,
         x0=fit.x0,

@@ -22,18 +22,13 @@ rule of one standard error.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import count, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from flexarm_core.errors import DataError, FlexarmError, IdentificationError
-from flexarm_ident.fitting.output_fit import fit_inputs
-from flexarm_ident.fitting.validation import mean_error
-from flexarm_ident.models.free_run import simulate
-from flexarm_ident.models.state_space import stabilise, state_space
+from flexarm_ident.estimation.candidates import candidate
 from flexarm_ident.subspace.choice import estimate_from
 from flexarm_ident.subspace.gram import block_gram
 from flexarm_ident.subspace.methods import METHODS
@@ -42,10 +37,8 @@ from flexarm_ident.subspace.order import largest_order
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import control
-
-    from flexarm_core.arrays import FloatArray, Progress
-    from flexarm_ident.fitting.output_fit import OutputFit
+    from flexarm_core.arrays import Progress
+    from flexarm_ident.estimation.candidates import Candidate
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
     from flexarm_ident.subspace.choice import Selection
@@ -60,7 +53,6 @@ WEIGHED_SAMPLES = 20_000
 # Of a longer record several pieces: a sweep reaches its resonances late.
 _PIECES = 4
 _RECORDS = 8
-_PARTS = 8
 # Errors in units of the smallest.
 _TOLERANCE = 1.03
 _TOLERANCE_IN_FEEDBACK = 1.35
@@ -74,60 +66,6 @@ class Choice(NamedTuple):
 
     selection: Selection
     order: int
-
-
-class Fitted(NamedTuple):
-    """Model of one order with its fit, and the number of eigenvalues that were moved."""
-
-    model: control.StateSpace
-    fit: OutputFit
-    moved: int
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """Model of one estimator and order, fitted to some records.
-
-    Attributes
-    ----------
-    selection : Selection
-        Estimator and its result.
-    fitted : Fitted
-        Model and fit.
-    records : sequence of IoData
-        The records.
-    """
-
-    selection: Selection
-    fitted: Fitted
-    records: Sequence[IoData]
-
-    @property
-    def order(self) -> int:
-        """Number of states."""
-        return int(self.fitted.model.nstates)
-
-    @property
-    def name(self) -> str:
-        """Estimator and order in messages."""
-        return f"{self.selection.method} of order {self.order}"
-
-    @property
-    def error(self) -> float:
-        """Mean of the outputs' relative errors (2-25)."""
-        return mean_error(self.fitted.fit.error)
-
-    @cached_property
-    def parts(self) -> FloatArray:
-        """Squared relative errors over parts of the records, (parts, outputs)."""
-        model, starts = self.fitted.model, self.fitted.fit.x0
-        missed = [
-            (record.y - simulate(model, record.u, start))[record.usable]
-            for record, start in zip(self.records, starts, strict=True)
-        ]
-        power = np.sum([np.sum(record.y[record.usable] ** 2, axis=0) for record in self.records], 0)
-        parts = [np.sum(part**2, axis=0) for part in np.array_split(np.vstack(missed), _PARTS)]
-        return np.asarray(parts / np.where(power > 0.0, power, 1.0))
 
 
 def weigh(
@@ -281,50 +219,6 @@ def spread(records: Sequence[IoData]) -> list[IoData]:
             with suppress(DataError):  # in a long hole
                 pieces.append(record.rows(slice(first, first + samples)))
     return pieces or list(records)
-
-
-def candidate(
-    selection: Selection, order: int, records: Sequence[IoData], *, stable: bool, feedthrough: bool
-) -> Candidate:
-    """Return the model of one estimator and order, fitted by the errors that it is weighed by.
-
-    Raises
-    ------
-    IdentificationError
-        If the model is so unstable that its response overflows.
-    """
-    model = fitted(
-        selection, order, records, stable=stable, feedthrough=feedthrough, noise_weighted=False
-    )
-    return Candidate(selection, model, records)
-
-
-def fitted(
-    found: Selection,
-    order: int,
-    records: Sequence[Source],
-    *,
-    stable: bool,
-    feedthrough: bool,
-    noise_weighted: bool,
-) -> Fitted:
-    """Return the model of one order, with B, D and the initial states fitted to records.
-
-    Without `noise_weighted` the fit minimises the errors by which models are weighed.
-
-    Raises
-    ------
-    IdentificationError
-        If the model is so unstable that its response overflows.
-    """
-    raw = found.space.matrices(order)
-    A, moved = stabilise(raw.A) if stable else (raw.A, 0)
-    fit = fit_inputs(A, raw.C, records, feedthrough=feedthrough, noise_weighted=noise_weighted)
-    first = records[0]
-    model = state_space(
-        A, fit.B, raw.C, fit.D, first.dt_s, inputs=first.inputs, outputs=first.outputs
-    )
-    return Fitted(model, fit, moved)
 
 
 def most_parsimonious(candidates: Sequence[Candidate], best: Candidate) -> Candidate:

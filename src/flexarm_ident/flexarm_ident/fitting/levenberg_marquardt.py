@@ -43,6 +43,7 @@ def minimise(
     *,
     iterations: int,
     tolerance: float = 1e-5,
+    allowed: Callable[[FloatArray], FloatArray] = lambda theta: theta,
     on_step: Callable[[], None] = lambda: None,
 ) -> Minimum:
     """Minimise a sum of squares from a start; the result is never worse.
@@ -59,6 +60,8 @@ def minimise(
         Largest number of steps.
     tolerance : float
         Relative decrease of the cost below which the search stops.
+    allowed : callable
+        Projection of a step's end onto the parameters that are allowed, such as stable models.
     on_step : callable
         Called before the normal equations of each point.
 
@@ -80,7 +83,7 @@ def minimise(
         gain = 0.0
         for _ in range(_TRIALS):
             step = np.linalg.solve(equations.matrix + np.diag(damping * weight), equations.gradient)
-            trial = best.theta - step
+            trial = allowed(best.theta - step)
             lower = cost(trial)
             if np.isfinite(lower) and lower < best.cost:
                 gain = (best.cost - lower) / best.cost

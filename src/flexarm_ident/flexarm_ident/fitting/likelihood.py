@@ -110,6 +110,7 @@ def maximise_likelihood(
             problem.pack(starts),
             problem.cost,
             problem.normal,
+            allowed=problem.allowed,
             iterations=_ITERATIONS,
             on_step=on_step,
         )

@@ -27,10 +27,14 @@ if TYPE_CHECKING:
 
 _CHUNK = 2048
 _HALF = 0.5
+# Integrators of `state_space.stabilise` just fit inside.
+_LARGEST_RADIUS = 1.0 - 1e-8
 
 
 class ModalError:
     """Cost and normal equations over modal parameters: A, B, C and the initial states; D stays.
+
+    No eigenvalue leaves the unit circle, but for one that begins outside.
 
     Parameters
     ----------
@@ -58,7 +62,7 @@ class ModalError:
             self._basis[:, group[0]] = vector.real
             if len(group) > 1:
                 self._basis[:, group[1]] = vector.imag
-        self._largest = max(1.0, float(np.abs(form.eigenvalues).max(initial=0.0)))
+        self._largest = max(_LARGEST_RADIUS, float(np.abs(form.eigenvalues).max(initial=0.0)))
         self._filters = filters
         self._known = [[_known(record, len(taps)) for taps in filters] for record in records]
         self._n, self._r, self._m = model.nstates, model.ninputs, model.noutputs
@@ -87,11 +91,20 @@ class ModalError:
         model = with_matrices(self._model, A=T @ A @ inverse, B=T @ B, C=C @ inverse)
         return model, tuple(T @ start for start in starts)
 
+    def allowed(self, theta: FloatArray) -> FloatArray:
+        """Return parameters whose eigenvalues are no larger than allowed, the others unchanged."""
+        allowed, at = theta.copy(), 0
+        for group in self._groups:
+            entries = slice(at, at + len(group))
+            radius = float(np.linalg.norm(theta[entries]))
+            if radius > self._largest:
+                allowed[entries] *= self._largest / radius
+            at += len(group)
+        return allowed
+
     def cost(self, theta: FloatArray) -> float:
-        """Return the sum of squares; infinite beyond the unit circle and the start."""
+        """Return the sum of squares."""
         A, B, C, starts = self._split(theta)
-        if np.abs(np.linalg.eigvals(A)).max(initial=0.0) > self._largest:
-            return np.inf
         total = 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             for record, start, known in zip(self._records, starts, self._known, strict=True):

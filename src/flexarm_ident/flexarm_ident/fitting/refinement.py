@@ -90,6 +90,7 @@ def refine_model(
         problem.pack(x0),
         problem.cost,
         problem.normal,
+        allowed=problem.allowed,
         iterations=iterations,
         on_step=steps_told(progress, "refinement", iterations),
     )

@@ -6,7 +6,7 @@ therefore imported with the first model.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -19,7 +19,15 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
 STABLE_RADIUS = 0.9999
-"""Largest magnitude of an eigenvalue that was moved (section 3.2, third example)."""
+"""Magnitude that the thesis gives an unstable eigenvalue (section 3.2, third example)."""
+Way = Literal["mirror", "clamp", "integrator"]
+"""Way to move an unstable eigenvalue."""
+WAYS: tuple[Way, ...] = ("mirror", "clamp", "integrator")
+"""All of them."""
+# Estimates of an integrator's eigenvalue lie within that distance of 1.
+_NEAR_ONE = 2.0 / 3000.0
+# A time constant of 100 million samples, and clear of the rounding of eigenvalues.
+_INTEGRATOR_RADIUS = 1.0 - 1e-8
 
 
 def state_space(
@@ -83,30 +91,42 @@ def is_stable(A: FloatArray) -> bool:
     return bool(np.abs(np.linalg.eigvals(A)).max(initial=0.0) < 1.0)
 
 
-def stabilise(A: FloatArray) -> tuple[FloatArray, int]:
+def stabilise(A: FloatArray, way: Way = "mirror") -> tuple[FloatArray, int]:
     """Move the eigenvalues on or outside the unit circle inside, keeping the other modes.
 
-    An eigenvalue is mirrored at the unit circle, which keeps its frequency and turns growth into
-    decay of the same rate. Its magnitude is at most 0.9999, the thesis's value for 1.0000235.
+    The frequencies stay. There are three ways:
+
+    - ``mirror``: the magnitude r becomes 1/r, which turns growth into decay of the same rate, and
+      0.9999 at most;
+    - ``clamp``: the magnitude becomes 0.9999, as the thesis does with 1.0000235;
+    - ``integrator``: as ``clamp``, but an eigenvalue less than 2/3000 from 1, on either side of the
+      circle, is an integrator and becomes 1 - 1e-8. 0.9999 is a time constant of 10,000 samples,
+      which a free hub does not have.
 
     Parameters
     ----------
     A : ndarray, (states, states)
         State matrix.
+    way : {"mirror", "clamp", "integrator"}
+        Way to move them.
 
     Returns
     -------
     ndarray, (states, states)
-        The stable matrix; `A` itself when it is stable already.
+        The stable matrix; `A` itself when there is nothing to move.
     int
-        Number of eigenvalues that were moved.
+        Number of eigenvalues on or outside the unit circle.
     """
     eigenvalues, vectors = np.linalg.eig(A)
     radius = np.abs(eigenvalues)
     outside = radius >= 1.0
-    if not outside.any():
+    near = (np.abs(eigenvalues - 1.0) < _NEAR_ONE) & (way == "integrator")
+    if not (outside | near).any():
         return A, 0
-    target = np.where(outside, np.minimum(1.0 / radius, STABLE_RADIUS), radius)
+    inner = np.full_like(radius, STABLE_RADIUS)
+    if way == "mirror":
+        np.divide(1.0, radius, out=inner, where=radius > 1.0 / STABLE_RADIUS)
+    target = np.where(near, _INTEGRATOR_RADIUS, np.where(outside, inner, radius))
     moved = eigenvalues * np.divide(target, radius, out=np.ones_like(radius), where=radius > 0.0)
     stable = np.linalg.solve(vectors.T, (vectors * moved).T).T.real
     largest = np.abs(np.linalg.eigvals(stable)).max()

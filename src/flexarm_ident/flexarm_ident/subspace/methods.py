@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from flexarm_core.errors import IdentificationError
+from flexarm_ident.models.state_space import WAYS
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.orse import innovation_scaled, past_instruments, plain
 from flexarm_ident.subspace.pbsid import predictor_space
@@ -17,6 +18,7 @@ from flexarm_ident.subspace.pbsid import predictor_space
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from flexarm_ident.models.state_space import Way
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.subspace_protocol import Subspace
@@ -53,6 +55,8 @@ class Method:
         Whether the fit of B weights the outputs by their noise.
     weighed : bool
         Whether 'auto' weighs it.
+    ways : tuple of Way
+        Ways to move unstable eigenvalues, the best of which is taken.
     bears_feedback : bool
         Whether it is unbiased where inputs were computed from the outputs.
     """
@@ -64,6 +68,7 @@ class Method:
     help: str
     noise_weighted: bool = True
     weighed: bool = True
+    ways: tuple[Way, ...] = WAYS
     bears_feedback: bool = False
 
     def shifts(self, block_rows: int) -> int:
@@ -102,6 +107,7 @@ _ROWS = (
         help="the thesis's own scaling, to reproduce it",
         noise_weighted=False,
         weighed=False,
+        ways=("clamp",),
     ),
 )
 METHODS = {row.name: row for row in _ROWS}

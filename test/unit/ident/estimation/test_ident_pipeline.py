@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from flexarm_ident import DataError, IdentificationError, IoData, identify, validate_dmv
 from flexarm_ident.subspace.order import suggest_order
@@ -211,3 +212,25 @@ def test_identify___every_method___fits_the_arm(method: str) -> None:
     assert np.all(found.fit_error < 0.2)
     assert found.diagram.orders
     assert len(found.mode_uncertainty) == len(found.modes)
+
+
+@pytest.mark.parametrize("kind", ["integrator", "free hub"])
+@pytest.mark.parametrize("seed", range(3))
+def test_identify___free_motion___simulates_and_is_kept_by_the_refinement(
+    seed: int, kind: str
+) -> None:
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([-1.0, 1.0], 200), 30)
+    u -= u.mean()
+    drag = [1.0, -0.999] if kind == "free hub" else [1.0]
+    travel = lfilter([0.0, 0.01], [1.0, -1.0], lfilter([1.0], drag, u))
+    pole = 0.98 * np.exp(0.2j)
+    bend = lfilter([0.0, 0.02], np.poly([pole, pole.conjugate()]).real, u)
+    y = np.column_stack([travel + 0.1 * travel.std() * bend / bend.std(), bend])
+    y += 0.01 * y.std(axis=0) * rng.normal(size=y.shape)
+    data = IoData(u, y, dt_s=DT_S, inputs=("u",), outputs=("travel", "bend"))
+    found = identify(data, method="auto")
+    # The noise alone costs 0.010.
+    assert found.fit_error.mean() < 0.015
+    better = identify(data, method="auto", refine=True)
+    assert better.fit_error.mean() < 1.001 * found.fit_error.mean()

@@ -10,13 +10,8 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData, identify, validate_dmv
-from flexarm_ident.estimation.weighing import (
-    WEIGHED_SAMPLES,
-    Candidate,
-    fitted,
-    most_parsimonious,
-    spread,
-)
+from flexarm_ident.estimation.candidates import Candidate, fitted
+from flexarm_ident.estimation.weighing import WEIGHED_SAMPLES, most_parsimonious, spread
 from flexarm_ident.subspace.choice import estimate
 from flexarm_ident.subspace.methods import METHODS
 from support.ident_systems import DT_S, random_model, record, square_wave

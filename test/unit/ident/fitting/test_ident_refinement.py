@@ -51,6 +51,40 @@ def test_minimise___rosenbrock___agrees_with_scipy() -> None:
     assert found.theta == pytest.approx(expected, abs=1e-5)
 
 
+def test_minimise___allowed_half_plane___ends_at_its_edge() -> None:
+    # |theta - (2, 3)|^2 with theta_0 <= 1 has its minimum at (1, 3).
+    def normal(p: Array) -> Normal:
+        e = p - [2.0, 3.0]
+        return Normal(float(e @ e), e, np.eye(2))
+
+    found = minimise(
+        np.zeros(2),
+        lambda p: normal(p).cost,
+        normal,
+        iterations=200,
+        tolerance=1e-14,
+        allowed=lambda p: np.minimum(p, [1.0, np.inf]),
+    )
+    assert found.theta == pytest.approx([1.0, 3.0], abs=1e-6)
+
+
+def test_modal_error___unstable_parameters___come_back_to_the_circle() -> None:
+    model = random_model(4)
+    data = [record(model, 120, 1, noise=0.1)]
+    problem = ModalError(model, data, relative_weights(data))
+    theta = problem.pack([np.zeros(model.nstates)])
+    np.testing.assert_array_equal(problem.allowed(theta), theta)
+    outside = theta.copy()
+    outside[: model.nstates] *= 3.0
+    within, _ = problem.unpack(problem.allowed(outside))
+    found, wanted = np.linalg.eigvals(within.A), 3.0 * np.linalg.eigvals(model.A)
+    assert np.abs(found).max() < 1.0
+    # The frequencies stay, and so does what lies inside.
+    for eigenvalue in wanted:
+        radius = min(abs(eigenvalue), 1.0 - 1e-8)
+        assert np.abs(found - radius * eigenvalue / abs(eigenvalue)).min() < 1e-6
+
+
 def test_minimise___start_overflows___is_returned() -> None:
     start = np.array([1.0])
     nothing = Normal(np.inf, np.zeros(1), np.eye(1))

@@ -11,7 +11,7 @@ from flexarm_ident.models.modes import (
     mode_singular_values,
     ranked_modes,
 )
-from flexarm_ident.models.state_space import is_stable, stabilise
+from flexarm_ident.models.state_space import Way, is_stable, stabilise
 from support.ident_systems import DT_S, arm_model, named, random_model, record, step_by_step
 
 
@@ -137,6 +137,33 @@ def test_stabilise___thesis_example___goes_to_0_9999_and_keeps_the_rest() -> Non
     found = np.linalg.eigvals(stable)
     for expected in (0.9999, 0.5, np.exp(1j) / 1.2, np.exp(-1j) / 1.2):
         assert np.abs(found - expected).min() < 1e-9
+
+
+def unstable(T: np.ndarray) -> np.ndarray:
+    """A pair of magnitude 1.0003, and real eigenvalues 1.0004 and 1.001."""
+    A = np.zeros((4, 4))
+    A[:2, :2] = 1.0003 * np.array([[np.cos(0.2), np.sin(0.2)], [-np.sin(0.2), np.cos(0.2)]])
+    A[2, 2], A[3, 3] = 1.0004, 1.001
+    return np.asarray(T @ A @ np.linalg.inv(T))
+
+
+@pytest.mark.parametrize(
+    ("way", "pair", "near", "far"),
+    [
+        ("mirror", 1.0 / 1.0003, 1.0 / 1.0004, 1.0 / 1.001),
+        ("clamp", 0.9999, 0.9999, 0.9999),
+        ("integrator", 0.9999, 1.0 - 1e-8, 0.9999),
+    ],
+)
+def test_stabilise___each_way___has_its_magnitudes(
+    way: Way, pair: float, near: float, far: float
+) -> None:
+    stable, moved = stabilise(unstable(np.random.default_rng(8).normal(size=(4, 4))), way)
+    assert moved == 4
+    assert is_stable(stable)
+    found = np.linalg.eigvals(stable)
+    for expected in (pair * np.exp(0.2j), near, far):
+        assert np.abs(found - expected).min() < 1e-6
 
 
 def test_stabilise___stable_matrix___is_returned_as_it_is() -> None:

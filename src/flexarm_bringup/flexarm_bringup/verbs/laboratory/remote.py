@@ -10,8 +10,6 @@ import click
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
-from rclpy.duration import Duration
-from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from flexarm_bringup.console import terminal
@@ -20,10 +18,9 @@ from flexarm_bringup.graph.laboratory import MANAGED
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import ros_domain, session
 from flexarm_bringup.verbs.laboratory.options import ARM
-from flexarm_core.channels import TRAVEL_V
 from flexarm_core.nearest import nearest
+from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
-from flexarm_node.waiting import has_every_reader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,7 +32,6 @@ if TYPE_CHECKING:
 _NAME = "remote"
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _DISCOVERY_S = 4.0
-_ACKNOWLEDGED = Duration(seconds=3)
 _DIAGNOSTICS = "/diagnostics"
 _REPORTING = {"recorder", "controller", "daq"}
 """Nodes of a laboratory: with their reports, nothing more has to be waited for."""
@@ -132,24 +128,13 @@ def status(namespace: str) -> None:
 @ARM
 @examples("reference 1.5", "reference -3")
 def reference(volts: float, namespace: str) -> None:
-    """Send one set-point, V, to the running controller."""
-    if not abs(volts) <= TRAVEL_V:
-        raise LaunchError(f"{volts:g} V is beyond the travel, +-{TRAVEL_V:.3f} V")
+    """Give the running controller a set-point, V, and say what is in force."""
     with _attached("controller", namespace) as operator:
-        source = operator.values("controller", ("reference",))["reference"]
-        if source != "topic":
-            raise LaunchError(
-                f"the controller follows its own reference, {source}: "
-                "flexarm set controller reference=topic"
-            )
-        publisher = operator.node.create_publisher(Float64, "reference", qos.NEWEST)
-        operator.acquaint("controller")
-        operator.wait(
-            lambda: has_every_reader(operator.node, [publisher], least=1), "the controller"
-        )
-        publisher.publish(Float64(data=volts))
-        publisher.wait_for_all_acked(_ACKNOWLEDGED)
-    terminal.CONSOLE.print(f"set-point {volts:g} V")
+        request = SetReference.Request(reference_v=volts)
+        response = operator.call(SetReference, "set_reference", request)
+    if not response.success:
+        raise LaunchError(response.message)
+    terminal.CONSOLE.print(f"set-point {response.reference_v:g} V")
 
 
 @click.command("set")

@@ -1,0 +1,126 @@
+"""Set-points by the documented ways: each is in force, and stays so."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from std_msgs.msg import Float64
+
+from flexarm_msgs.srv import SetReference
+from flexarm_node import qos
+from flexarm_node.shared_topic import SharedTopic
+from support.system_graph import ROOT, Graph
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = pytest.mark.system
+
+
+def in_force(graph: Graph) -> float:
+    """Return the set-point in force: a refusal tells it and changes nothing."""
+    response = graph.call(SetReference, "set_reference", SetReference.Request(reference_v=math.nan))
+    assert not response.success
+    return float(response.reference_v)
+
+
+def set_reference(graph: Graph, reference_v: float) -> SetReference.Response:
+    """Call the service."""
+    request = SetReference.Request(reference_v=reference_v)
+    response: SetReference.Response = graph.call(SetReference, "set_reference", request)
+    return response
+
+
+@pytest.fixture
+def running(graph: Graph, tmp_path: Path) -> Graph:
+    """Return a loop that runs and is recorded."""
+    graph.start("recorder", {"bag": str(tmp_path / "bag")})
+    graph.start("controller", {"law": "pd"})
+    graph.start("daq")
+    graph.activate_loop()
+    graph.operator.start_sampling()
+    return graph
+
+
+def test_set_points_by_the_service___beside_a_recorder___are_all_in_force_and_told(
+    running: Graph,
+) -> None:
+    told: list[float] = []
+    running.node.create_subscription(
+        Float64, "reference", lambda message: told.append(message.data), qos.EVERY
+    )
+    given = np.linspace(-2.0, 2.0, 100).tolist()
+    running.operator.acquaint("controller")
+
+    replies = [set_reference(running, reference_v) for reference_v in given]
+
+    assert [(reply.success, reply.reference_v) for reply in replies] == [
+        (True, pytest.approx(each)) for each in given
+    ]
+    running.wait(lambda: told[-100:] == given, "every set-point on the topic")
+    assert in_force(running) == pytest.approx(given[-1])
+
+
+def test_shared_topic___hears_others_and_not_itself(graph: Graph) -> None:
+    heard: list[float] = []
+    shared: SharedTopic[Float64] = SharedTopic(
+        graph.node,
+        Float64,
+        "shared",
+        sent=qos.SENT,
+        read=qos.EVERY,
+        heard=lambda message: heard.append(message.data),
+    )
+    other = graph.node.create_publisher(Float64, "shared", qos.SENT)
+    graph.wait(lambda: shared.publisher.get_subscription_count() == 1, "the node itself")
+    graph.wait(lambda: other.get_subscription_count() == 1, "the other")
+
+    for number in range(20):
+        shared.publish(Float64(data=-1.0))
+        other.publish(Float64(data=float(number)))
+        graph.wait(lambda number=number: number in heard, "the other's message")  # type: ignore[misc]
+
+    assert heard == [float(number) for number in range(20)]
+
+
+def test_set_points_by_the_verb_and_by_a_stream___are_in_force(running: Graph) -> None:
+    process = running.run([str(ROOT / "flexarm"), "reference", "-1.25"])
+    assert process.exit_code() == 0
+    assert process.printed == "set-point -1.25 V\n"
+    assert in_force(running) == pytest.approx(-1.25)
+
+    stream = running.node.create_publisher(Float64, "reference", qos.SENT)
+
+    def follows() -> bool:
+        stream.publish(Float64(data=0.75))
+        return in_force(running) == pytest.approx(0.75)
+
+    running.wait(follows, "the stream")
+
+
+@pytest.mark.parametrize(
+    ("reference_v", "profile", "reason"),
+    [
+        (7.0, "topic", "reference 7 V refused: the travel is +-6.857 V"),
+        (-math.inf, "topic", "reference -inf V refused: the travel is +-6.857 V"),
+        (
+            1.0,
+            "step",
+            "reference 1 V refused: the controller follows its own, step: set reference to topic",
+        ),
+    ],
+)
+def test_set_point_that_cannot_be_in_force___is_refused_with_the_one_that_is(
+    graph: Graph, reference_v: float, profile: str, reason: str
+) -> None:
+    graph.start("controller", {"reference": "topic"})
+    assert set_reference(graph, 0.5).success
+    assert graph.refusal("controller", {"reference": profile}) == ""
+
+    response = set_reference(graph, reference_v)
+
+    assert (response.success, response.message) == (False, reason)
+    assert response.reference_v == pytest.approx(0.5)

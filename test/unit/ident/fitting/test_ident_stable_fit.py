@@ -1,0 +1,49 @@
+"""Ways to move an unstable eigenvalue, chosen by simulation error."""
+
+import control
+import numpy as np
+import pytest
+
+from flexarm_ident import IoData
+from flexarm_ident.fitting.stable_fit import fit_stable
+from flexarm_ident.models.state_space import WAYS
+
+RATE_HZ = 300.0
+
+
+def record(A: np.ndarray, samples: int = 3000) -> tuple[np.ndarray, IoData]:
+    """Return C, and a record of a model with the state matrix."""
+    rng = np.random.default_rng(4)
+    C = rng.normal(size=(2, len(A)))
+    model = control.ss(A, rng.normal(size=(len(A), 1)), C, 0.0, 1.0 / RATE_HZ)
+    u = np.repeat(rng.choice([-1.0, 1.0], samples // 30), 30)
+    y = control.forced_response(model, inputs=u).outputs.T
+    return C, IoData(u, y, dt_s=1.0 / RATE_HZ, inputs=("u",), outputs=("a", "b"))
+
+
+@pytest.mark.parametrize(
+    ("truth", "estimate", "way", "radius"),
+    [
+        (1.0, 1.0003, "integrator", 1.0 - 1e-8),
+        (0.997, 1.003, "mirror", 1.0 / 1.003),
+        (0.9999, 1.005, "clamp", 0.9999),
+    ],
+)
+def test_fit_stable___slow_state___goes_where_the_record_says(
+    truth: float, estimate: float, way: str, radius: float
+) -> None:
+    C, data = record(np.diag([truth, 0.9]))
+    found = fit_stable(
+        np.diag([estimate, 0.9]), C, [data], WAYS, feedthrough=False, noise_weighted=False
+    )
+    assert (found.way, found.unstable) == (way, 1)
+    assert found.A[0, 0] == pytest.approx(radius, abs=1e-12)
+    assert found.fit.error.max() < 0.05
+
+
+def test_fit_stable___stable_matrix_or_no_way___stays() -> None:
+    C, data = record(np.diag([0.99, 0.9]))
+    for A, ways in ((np.diag([0.99, 0.9]), WAYS), (np.diag([1.0001, 0.9]), ())):
+        found = fit_stable(A, C, [data], ways, feedthrough=False, noise_weighted=False)
+        assert (found.way, found.unstable) == (None, 0)
+        np.testing.assert_array_equal(found.A, A)
