@@ -21,6 +21,7 @@ ROSDEP = {
     "jinja2": "python3-jinja2",
     "joblib": "python3-joblib",
     "matplotlib": "python3-matplotlib",
+    "lz4": "python3-lz4",
     "mcap": "python3-mcap",
     "numba": "python3-numba",
     "numpy": "python3-numpy",

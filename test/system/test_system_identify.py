@@ -258,6 +258,18 @@ def test_model_file___is_taken_by_a_node_that_identifies_again(
         assert graph.stop(node, signal.SIGINT) == 0
 
 
+def test_report_of_somebody_else___is_refused_by_name_and_stays(
+    laboratory: Graph, tmp_path: Path
+) -> None:
+    bag = arm_bag(tmp_path / "mine", 1200)
+    report = Path(identify(laboratory, bag, order=4, block_rows=20).report_path) / "report.html"
+    report.write_text("mine")
+    response = identify(laboratory, bag, order=4, block_rows=20)
+    assert not response.success
+    assert response.message.startswith(f"{report}: was not written by flexarm")
+    assert report.read_text() == "mine"
+
+
 def test_good_bag___is_what_the_wrong_ones_are_compared_with(
     laboratory: Graph, tmp_path: Path
 ) -> None:

@@ -221,6 +221,11 @@ def test_recorder___says_what_it_cannot_do(graph: Graph, tmp_path: Path) -> None
         "set the parameter bag to the folder to create",
     )
 
+    assert graph.refusal("recorder", {"bag": "~no_such_user/run"}) == ""
+    homeless = record(on=True)
+    assert not homeless.success
+    assert "no home folder of ~no_such_user is known" in homeless.message
+
     existing = write_bag(tmp_path / "existing", [reference(START_NS, 1.0)])
     assert graph.refusal("recorder", {"bag": str(existing)}) == ""
     second = record(on=True)

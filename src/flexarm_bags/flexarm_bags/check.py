@@ -6,22 +6,24 @@ It covers every bit that a checksum or a second copy protects.
 from __future__ import annotations
 
 import sqlite3
-import tempfile
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-import yaml
-import zstandard
 from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
-from flexarm_bags.chunks import Messages
+from flexarm_bags.bounds import PACKED, bounded, require_bounded_file, require_bounded_messages
 from flexarm_bags.content import ContentCheck
+from flexarm_bags.known_types import require_known_order
 from flexarm_bags.mcap_check import McapExamination, TopicMessages
 from flexarm_bags.metadata import read_information
-from flexarm_core.errors import BagError, one_line
+from flexarm_bags.records.chunks import Messages
+from flexarm_bags.schema import DefinitionError
+from flexarm_core.bounds import YamlError, shown, yaml_content
+from flexarm_core.errors import BagError, FlexarmError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
 
 _OURS = "flexarm"
 _BATCH = 20_000
-_COPY_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -88,9 +89,16 @@ class _Check:
     def result(self) -> BagCheck:
         information = self._information()
         with ExitStack() as stack:
-            reader = self._opened(stack)
-            for messages in self._messages(information, reader, stack):
-                self._content.add(messages)
+            try:
+                plain = self._bounded(information, stack)
+            except FlexarmError as error:
+                self._problems.append(str(error).removeprefix(f"{self._path}: "))
+            else:
+                # Without metadata rosbags finds no bag in a folder.
+                is_bag = bool(information) or not self._path.is_dir()
+                reader = self._opened(plain, stack) if is_bag else None
+                for messages in self._messages(information, reader, plain):
+                    self._content.add(messages)
         if information:
             self._compare(information)
         self._content.judge()
@@ -107,18 +115,34 @@ class _Check:
             self._problems.append(str(error))
             return {}
 
-    def _opened(self, stack: ExitStack) -> AnyReader | None:
+    def _bounded(self, information: Mapping[str, Any], stack: ExitStack) -> Path:
+        """Return the bag, or its plain copy where it is compressed."""
+        if information or not self._path.is_dir():
+            return stack.enter_context(bounded(self._path))
+        for file in self._present():
+            require_bounded_file(file)
+        return self._path
+
+    def _present(self) -> list[Path]:
+        return sorted([*self._path.glob("*.mcap*"), *self._path.glob("*.db3*")])
+
+    def _opened(self, plain: Path, stack: ExitStack) -> AnyReader | None:
         """Open the bag for its definitions, which rosbags compares with their type hashes."""
         try:
-            reader = stack.enter_context(AnyReader([self._path]))
+            reader = stack.enter_context(AnyReader([plain]))
+            require_bounded_messages(reader)
             self._content.connect(reader)
         except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
             self._problems.append(f"cannot be opened: {one_line(error)}")
             return None
+        try:
+            require_known_order(reader, get_typestore(Stores.ROS2_JAZZY))
+        except DefinitionError as error:
+            self._problems.append(str(error))
         return reader
 
     def _messages(
-        self, information: Mapping[str, Any], reader: AnyReader | None, stack: ExitStack
+        self, information: Mapping[str, Any], reader: AnyReader | None, plain_bag: Path
     ) -> Iterator[TopicMessages]:
         names = information.get("relative_file_paths")
         files = [self._path]
@@ -126,7 +150,7 @@ class _Check:
             # A folder without readable metadata still shows its files.
             stored = (PurePath(name).name for name in names or ())
             files = [self._path / name for name in stored]
-            present = sorted([*self._path.glob("*.mcap*"), *self._path.glob("*.db3*")])
+            present = self._present()
             self._problems += [f"{file.name}: is missing" for file in files if not file.exists()]
             if names is not None:
                 strange = [file.name for file in present if file not in files]
@@ -135,9 +159,9 @@ class _Check:
         compressed = str(information.get("compression_mode") or "").lower()
         plain = compressed != "message"
         for stored_file in files:
-            file = self._decompressed(stored_file, stack)
-            if file is None:
-                continue
+            file = stored_file
+            if plain_bag != self._path:
+                file = plain_bag / stored_file.name.removesuffix(PACKED)
             if file.suffix == ".mcap":
                 yield from self._mcap(file, information, hand_on=plain)
             elif file.suffix == ".db3":
@@ -147,21 +171,6 @@ class _Check:
                 self._problems.append(f"{file.name}: is neither .mcap nor .db3")
         if not plain and reader is not None:
             yield from self._one_by_one(reader)
-
-    def _decompressed(self, file: Path, stack: ExitStack) -> Path | None:
-        if file.suffix != ".zstd":
-            return file
-        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="flexarm_check_"))
-        plain = Path(folder, file.stem)
-        try:
-            with file.open("rb") as source, plain.open("wb") as target:
-                reader = zstandard.ZstdDecompressor().stream_reader(source)
-                while part := reader.read(_COPY_BYTES):
-                    target.write(part)
-        except (OSError, zstandard.ZstdError) as error:
-            self._problems.append(f"{file.name}: cannot be decompressed: {one_line(error)}")
-            return None
-        return plain
 
     def _mcap(
         self, file: Path, information: Mapping[str, Any], *, hand_on: bool
@@ -180,8 +189,8 @@ class _Check:
         if information and examination.library.startswith(_OURS):
             # Our writer stores it twice in the same words.
             try:
-                said = yaml.safe_load(text or "")
-            except yaml.YAMLError:
+                said = yaml_content(text or "")
+            except YamlError:
                 said = None
             if said != information:
                 self._problems.append("metadata.yaml: differs from its copy inside the file")
@@ -215,7 +224,7 @@ class _Check:
         content = self._content
         try:
             said = {
-                entry["topic_metadata"]["name"]: (
+                str(entry["topic_metadata"]["name"]): (
                     entry["message_count"],
                     entry["topic_metadata"]["type"],
                 )
@@ -229,16 +238,16 @@ class _Check:
             return
         if total != content.total:
             self._problems.append(
-                f"metadata.yaml: says {total} messages, there are {content.total}"
+                f"metadata.yaml: says {shown(total)} messages, there are {content.total}"
             )
         for name, topic in content.topics.items():
             count, type_name = said.get(name, (None, None))
             if count != topic.count:
                 self._problems.append(
-                    f"{name}: metadata.yaml says {count} messages, there are {topic.count}"
+                    f"{name}: metadata.yaml says {shown(count)} messages, there are {topic.count}"
                 )
             if type_name != topic.type_name:
-                self._problems.append(f"{name}: metadata.yaml says type {type_name}")
+                self._problems.append(f"{name}: metadata.yaml says type {shown(type_name)}")
         times_ns = (content.first_ns, content.last_ns - content.first_ns)
         if content.total and (first_ns, duration_ns) != times_ns:
             self._problems.append("metadata.yaml: does not have the times of the messages")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_bags.columns import CdrError, Member, decode, members
 from flexarm_bags.reader import (
     ARM_STATE,
     CHANNEL_INFO,
@@ -16,6 +15,7 @@ from flexarm_bags.reader import (
     MOTOR_COMMAND,
     REFERENCE,
 )
+from flexarm_bags.records.columns import CdrError, Member, decode, members
 from flexarm_bags.timeline import clock_problems, number_problems, restarts
 from flexarm_core.errors import one_line
 
@@ -41,6 +41,7 @@ EXPECTED = {
 
 _SAMPLED = frozenset({ARM_STATE, IO_SAMPLE})
 _NUMBERED = _SAMPLED | {MOTOR_COMMAND}
+_NEEDED = ("header.stamp.sec", "header.stamp.nanosec", "sequence")
 
 
 @dataclass
@@ -49,6 +50,7 @@ class TopicContent:
 
     type_name: str
     layout: tuple[Member, ...] | None
+    is_numbered: bool
     count: int = 0
     numbers: list[Integers] = field(default_factory=list)
     stamps_ns: list[Integers] = field(default_factory=list)
@@ -107,7 +109,12 @@ class ContentCheck:
                 layout = None
             if layout and any(member.is_list for member in layout):
                 layout = None
-            self.topics[name] = TopicContent(type_name, layout)
+            there = {member.name for member in layout or ()}
+            lacking = [member for member in _NEEDED if member not in there]
+            is_numbered = type_name in _NUMBERED
+            if is_numbered and lacking:
+                self._problems.append(f"{name}: {type_name} is without {', '.join(lacking)}")
+            self.topics[name] = TopicContent(type_name, layout, is_numbered and not lacking)
         ours = {
             name.rpartition("/")[0]
             for name, topic in self.topics.items()
@@ -146,7 +153,7 @@ class ContentCheck:
             if column.dtype.kind == "f" and not np.isfinite(column).all():
                 row = first + int(np.argwhere(~np.isfinite(column))[0][0])
                 self._complain(found.topic, name, f"{name} is not finite in message {row}")
-        if topic.type_name in _NUMBERED:
+        if topic.is_numbered:
             seconds = columns["header.stamp.sec"].astype(np.int64)
             nanoseconds = columns["header.stamp.nanosec"].astype(np.int64)
             if np.any(nanoseconds >= 10**9) or np.any(seconds < 0):

@@ -18,8 +18,20 @@ import numpy as np
 from mcap import records
 from mcap.opcode import Opcode
 
-from flexarm_bags.chunks import Messages, gathered, heads_at
-from flexarm_bags.layout import CHECKSUM, MAGIC, RECORD_START, CutError, chunk_content, parse, walk
+from flexarm_bags.records.chunks import Messages, gathered, heads_at
+from flexarm_bags.records.layout import (
+    CHECKSUM,
+    INDEX_ENTRY,
+    MAGIC,
+    RECORD_START,
+    CutError,
+    chunk_content,
+    chunk_records,
+    fingerprint,
+    parse,
+    record_content,
+    walk,
+)
 from flexarm_core.errors import one_line
 
 if TYPE_CHECKING:
@@ -39,12 +51,10 @@ class TopicMessages(NamedTuple):
 class _ChunkSeen(NamedTuple):
     """Facts of a chunk that its index repeats."""
 
-    start: int
     length: int
     compression: str
     sizes: tuple[int, int]
     times_ns: tuple[int, int]
-    entries: dict[int, list[tuple[int, int]]]
 
 
 @dataclass
@@ -74,6 +84,10 @@ class McapExamination:
     counts: Counter[int] = field(default_factory=Counter)
     library: str = ""
     _chunks: dict[int, _ChunkSeen] = field(default_factory=dict)
+    _fingerprints: dict[tuple[int, ...], int] = field(default_factory=dict)
+    # Of the last chunk: its place, and the entries of the index that follows it.
+    _chunk_at: int = -1
+    _entries: dict[int, NDArray[np.void]] = field(default_factory=dict)
     _index_at: dict[int, dict[int, int]] = field(default_factory=dict)
     _times_ns: list[int] = field(default_factory=list)
     _chunk_indexes: set[int] = field(default_factory=set)
@@ -119,16 +133,17 @@ class McapExamination:
         except CutError as error:
             self._problem(str(error))
             return
-        if data[end:] != MAGIC:
+        if data[end : end + len(MAGIC) + 1] != MAGIC:
             self._problem(f"does not end as an MCAP file at byte {end}")
         self._compare()
 
     def _take(self, data: mmap.mmap, start: int, opcode: int, end: int) -> Iterator[TopicMessages]:
         self._seen[opcode] += 1
-        content = data[start + RECORD_START.size : end]
+        first = start + RECORD_START.size
         if opcode == Opcode.ATTACHMENT:
-            self._attachment(content, start)
+            self._attachment(memoryview(data)[first:end], start)
             return
+        content = record_content(data, first, end)
         record, length = parse(opcode, content)
         if record is None:
             self._problem(f"the record at byte {start} is of the unknown kind {opcode}")
@@ -147,7 +162,7 @@ class McapExamination:
         else:
             self._plain(record, start)
 
-    def _attachment(self, content: bytes, start: int) -> None:
+    def _attachment(self, content: memoryview, start: int) -> None:
         (checksum,) = CHECKSUM.unpack(content[-CHECKSUM.size :])
         if checksum and crc32(content[: -CHECKSUM.size]) != checksum:
             self._problem(f"the attachment at byte {start} does not have its checksum")
@@ -199,16 +214,19 @@ class McapExamination:
             for channel in np.unique(heads["channel"]).tolist():
                 chosen = heads["channel"] == channel
                 parts[channel] = (heads[chosen], offsets[chosen])
-                times = heads["log_time"][chosen].tolist()
-                entries[channel] = list(zip(times, offsets[chosen].tolist(), strict=True))
-        every = [time_ns for found in entries.values() for time_ns, _ in found] or [0]
+                entries[channel] = np.empty(np.count_nonzero(chosen), INDEX_ENTRY)
+                entries[channel]["log_time"] = heads["log_time"][chosen]
+                entries[channel]["offset"] = offsets[chosen]
         times_ns = (chunk.message_start_time, chunk.message_end_time)
-        if times_ns != (min(every), max(every)):
+        every = heads["log_time"] if len(offsets) else np.zeros(1, np.uint64)
+        if times_ns != (int(every.min()), int(every.max())):
             self._problem(f"the chunk at byte {start} does not have the times of its messages")
         sizes = (len(chunk.data), len(content))
-        self._chunks[start] = _ChunkSeen(
-            start, end - start, chunk.compression, sizes, times_ns, entries
-        )
+        self._chunks[start] = _ChunkSeen(end - start, chunk.compression, sizes, times_ns)
+        self._chunk_at, self._entries = start, entries
+        first = self._fingerprints.setdefault(fingerprint(chunk), start)
+        if first != start and entries:
+            self._problem(f"the chunk at byte {start} is that of byte {first} again")
         for channel, part in parts.items():
             yield self._counted(channel, gathered(content, *part))
 
@@ -216,7 +234,7 @@ class McapExamination:
         """Walk a chunk; return the positions of its messages."""
         data = content.tobytes()
         found = []
-        for opcode, start, end in walk(data):
+        for opcode, start, end in chunk_records(data):
             position = start - RECORD_START.size
             if opcode == Opcode.MESSAGE:
                 found.append(position)
@@ -229,9 +247,10 @@ class McapExamination:
     def _message_index(self, index: records.MessageIndex, start: int) -> None:
         if not self._chunks:
             raise ValueError("an index without a chunk before it")
-        chunk = self._chunks[max(self._chunks)]
-        self._index_at.setdefault(chunk.start, {})[index.channel_id] = start
-        if sorted(index.records) != sorted(chunk.entries.get(index.channel_id, [])):
+        self._index_at.setdefault(self._chunk_at, {})[index.channel_id] = start
+        stated = np.array(index.records, INDEX_ENTRY)
+        found = self._entries.get(index.channel_id, np.empty(0, INDEX_ENTRY))
+        if not np.array_equal(np.sort(stated), np.sort(found)):
             self._problem(f"the index at byte {start} does not point at the messages of its chunk")
 
     def _chunk_index(self, index: records.ChunkIndex) -> None:

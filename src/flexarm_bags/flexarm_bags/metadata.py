@@ -102,7 +102,7 @@ def require_bag(path: Path) -> None:
     if not path.exists():
         raise BagError(f"{path}: no such bag")
     if path.is_dir():
-        if not (path / FILE_NAME).is_file():
+        if not (path / FILE_NAME).exists():
             raise BagError(f"{path}: no bag: the folder has no {FILE_NAME}{repair_advice(path)}")
     elif path.suffix not in {".mcap", ".db3"}:
         raise BagError(f"{path}: no bag: expected a rosbag2 folder or a .mcap or .db3 file")
@@ -127,7 +127,8 @@ def read_information(bag: Path) -> dict[str, Any]:
         information = dict(content["rosbag2_bagfile_information"])
         names = information["relative_file_paths"]
     except (OSError, FlexarmError, ValueError, KeyError, TypeError) as error:
-        raise BagError(f"{FILE_NAME}: cannot be read: {one_line(error)}") from error
+        text = one_line(error).removeprefix(f"{bag / FILE_NAME}: ")
+        raise BagError(f"{FILE_NAME}: cannot be read: {text}") from error
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
         raise BagError(f"{FILE_NAME}: cannot be read: relative_file_paths is no list of names")
     return information

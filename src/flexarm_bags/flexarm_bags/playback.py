@@ -14,7 +14,9 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
 
+from flexarm_bags.bounds import bounded, require_bounded_messages
 from flexarm_bags.metadata import TopicQos, repair_advice, require_bag
+from flexarm_core.bounds import BoundError
 from flexarm_core.errors import BagError, FlexarmError, one_line
 
 if TYPE_CHECKING:
@@ -151,10 +153,13 @@ class PlaybackPlan:
 def _opened(bag: Path) -> Iterator[AnyReader]:
     """Open a bag; whatever its parsers raise on a damaged file becomes one line."""
     try:
-        with AnyReader([bag]) as reader:
+        with bounded(bag, unpacks=True) as plain, AnyReader([plain]) as reader:
+            require_bounded_messages(reader)
             yield reader
     except (PlaybackError, GeneratorExit):
         raise
+    except BoundError as error:
+        raise PlaybackError(f"{bag}: {str(error).removeprefix(f'{bag}: ')}") from error
     except Exception as error:
         raise PlaybackError(f"{bag}: cannot read: {one_line(error)}{repair_advice(bag)}") from error
 

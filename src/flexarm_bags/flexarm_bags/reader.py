@@ -14,22 +14,37 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import Stores, get_typestore
 
-from flexarm_bags.chunks import IndexedFile, Messages, NotIndexedError, read_topic, topic_pieces
-from flexarm_bags.columns import CdrError, alike, decode, members
-from flexarm_bags.metadata import repair_advice, require_bag
+from flexarm_bags.bounds import (
+    allowed_bytes,
+    bounded,
+    is_compressed,
+    require_bounded_messages,
+    require_honest_chunks,
+    storages,
+)
+from flexarm_bags.known_types import require_known_order
+from flexarm_bags.metadata import repair_advice
+from flexarm_bags.records.chunks import (
+    IndexedFile,
+    Messages,
+    NotIndexedError,
+    read_topic,
+    topic_pieces,
+)
+from flexarm_bags.records.columns import CdrError, alike, decode, members
+from flexarm_bags.schema import DefinitionError
+from flexarm_core.bounds import BoundError
 from flexarm_core.errors import BagError, DataError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
-    from rosbags.interfaces import Connection
 
-    from flexarm_bags.columns import Column, Member
+    from flexarm_bags.records.columns import Column, Member
     from flexarm_core.arrays import FloatArray
 
 ARM_STATE = "flexarm_msgs/msg/ArmState"
@@ -40,6 +55,8 @@ COMMANDER_INFO = "flexarm_msgs/msg/CommanderInfo"
 REFERENCE = "std_msgs/msg/Float64"
 
 _NS = 1_000_000_000
+# What a message that is read by itself takes beside its bytes.
+_OBJECT_BYTES = 256
 
 
 def sibling(topic: str, name: str) -> str:
@@ -127,17 +144,17 @@ def opened(path: Path) -> Iterator[Bag]:
         If the bag is missing or damaged: one line for anything that the parsers raise, here or
         while the bag is open.
     """
-    require_bag(path)
     try:
         with ExitStack() as stack:
+            plain = stack.enter_context(bounded(path))
             # Databases of older recorders have no definitions.
             common = get_typestore(Stores.ROS2_JAZZY)
-            reader = stack.enter_context(AnyReader([path], default_typestore=common))
+            reader = stack.enter_context(AnyReader([plain], default_typestore=common))
+            require_bounded_messages(reader)
+            require_known_order(reader, common)
             streams = [stack.enter_context(file.open("rb")) for file in _plain_mcap_files(reader)]
             yield Bag(path, reader, tuple(IndexedFile(stream) for stream in streams))
-    except BagError:
-        raise
-    except DataError as error:
+    except (BagError, DataError, BoundError, DefinitionError) as error:
         # Some of these begin with the bag already.
         raise BagError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except Exception as error:
@@ -148,12 +165,9 @@ def opened(path: Path) -> Iterator[Bag]:
 
 def _plain_mcap_files(reader: AnyReader) -> list[Path]:
     """Return the MCAP files whose chunks can be read directly: all files of the bag, or none."""
-    # rosbags has a storage for a folder, which holds those of its files, or that of a single file.
-    storage = getattr(reader.readers[0], "storage", None)
-    parts = storage.storages if isinstance(storage, DirectoryReader) else [storage]
+    parts = storages(reader)
     plain = [Path(str(part.path)) for part in parts if isinstance(part, McapReader)]
-    compressed = isinstance(storage, DirectoryReader) and storage.metadata.compression_mode
-    return [] if compressed or len(plain) < len(parts) else plain
+    return [] if is_compressed(reader) or len(plain) < len(parts) else plain
 
 
 @dataclass(frozen=True)
@@ -233,9 +247,11 @@ class Bag:
 
     def first(self, topic: str) -> Grouped:
         """Return the first message of a topic of any type alone; errors as in `grouped`."""
-        for _, time_ns, raw in self._raw(topic):
-            return self._grouped(topic, Messages.of([time_ns], [raw]))
-        raise BagError(f"{self.path}: no messages on {topic}")
+        try:
+            found = next(topic_pieces(self.files, topic), None) if self.files else None
+        except NotIndexedError:
+            found = None
+        return self._grouped(topic, (found or self._messages(topic)).first())
 
     def optional(self, topic: str, type_name: str) -> Recorded | None:
         """Return all messages of a topic as columns; None when there are none of that type."""
@@ -266,10 +282,9 @@ class Bag:
         """Return the last ChannelInfo of a topic, None when there is none."""
         if self.types.get(topic) != CHANNEL_INFO:
             return None
-        infos = list(self._deserialised(topic, CHANNEL_INFO))
-        if not infos:
+        if not self.count(topic):
             return None
-        info = infos[-1]
+        info = self._deserialised(topic, CHANNEL_INFO)[-1]
         return Channels(
             tuple(info.input_names),
             tuple(info.output_names),
@@ -314,14 +329,19 @@ class Bag:
 
     def _one_by_one(self, topic: str) -> Messages:
         """Return the messages of a topic, read one by one."""
-        found = [(time_ns, raw) for _, time_ns, raw in self._raw(topic)]
-        return Messages.of([time_ns for time_ns, _ in found], [raw for _, raw in found])
-
-    def _deserialised(self, topic: str, type_name: str) -> Iterator[Any]:
-        """Yield the messages of a topic as objects, whose members the bag's definition names."""
-        return (self.reader.deserialize(raw, type_name) for _, _, raw in self._raw(topic))
-
-    def _raw(self, topic: str) -> Iterator[tuple[Connection, int, bytes]]:
-        """Return connection, log time and bytes of each message of a topic."""
+        for file in self.files:
+            require_honest_chunks(file.stream)
         connections = [entry for entry in self.reader.connections if entry.topic == topic]
-        return self.reader.messages(connections)
+        allowed = allowed_bytes(self.reader)
+        times_ns, raws = [], []
+        for _, time_ns, raw in self.reader.messages(connections):
+            times_ns.append(time_ns)
+            raws.append(raw)
+            allowed -= len(raw) + _OBJECT_BYTES
+            if allowed < 0:
+                raise BoundError(f"{topic} has too many messages to be read one by one")
+        return Messages.of(times_ns, raws)
+
+    def _deserialised(self, topic: str, type_name: str) -> list[Any]:
+        """Return the messages of a topic as objects, whose members the bag's definition names."""
+        return [self.reader.deserialize(raw, type_name) for raw in self._messages(topic).raws()]

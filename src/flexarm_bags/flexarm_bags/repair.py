@@ -18,12 +18,23 @@ from typing import TYPE_CHECKING
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema, Statistics
-from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 
-from flexarm_bags.layout import MAGIC, RECORD_START, CutError, parse, summary_of, walk
-from flexarm_bags.metadata import RecordedTopic, TopicQos, read_information
-from flexarm_bags.schema import MessageDefinition
+from flexarm_bags.definitions import Definitions
+from flexarm_bags.metadata import read_information
+from flexarm_bags.records.layout import (
+    MAGIC,
+    RECORD_START,
+    CutError,
+    chunk_content,
+    chunk_records,
+    fingerprint,
+    parse,
+    record_content,
+    summary_of,
+    walk,
+)
 from flexarm_bags.writer import RecordingError, whole_bag
+from flexarm_core.bounds import BoundError, require_plain_file, too_much, unpacked_bytes_allowed
 from flexarm_core.errors import BagError, one_line
 
 if TYPE_CHECKING:
@@ -31,6 +42,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mcap.records import McapRecord
+
+    from flexarm_bags.metadata import RecordedTopic
 
 # Times, sizes and checksum of a chunk stand in front of the name of its compression.
 _COMPRESSION = b"\x04\x00\x00\x00zstd"
@@ -76,11 +89,13 @@ def repair_bag(damaged: Path, repaired: Path) -> RepairSummary:
     """
     if not damaged.exists():
         raise RecordingError(f"{damaged}: no such bag")
-    files = [_FileRepair(file) for file in _mcap_files(damaged)]
+    try:
+        files = [_FileRepair(file) for file in _mcap_files(damaged)]
+    except BoundError as error:
+        raise RecordingError(str(error)) from error
     topics: dict[str, RecordedTopic] = {}
     for file in files:
-        for found, _ in file.messages():
-            topics.setdefault(found.name, found)
+        topics = {**file.survey(), **topics}
     if not topics:
         raise RecordingError(f"{damaged}: holds no whole message, nothing to repair")
     with whole_bag(repaired, list(topics.values())) as bag:
@@ -121,6 +136,11 @@ class _FileRepair:
 
     def __init__(self, file: Path) -> None:
         self._file = file
+        self._allowed = unpacked_bytes_allowed(require_plain_file(file))
+        self._left = self._allowed
+        self._seen: set[tuple[int, ...]] = set()
+        self._definitions = Definitions()
+        self._topics: dict[int, RecordedTopic | None] = {}
         self._damage: Counter[str] = Counter()
         self.stated: int | None = None
 
@@ -131,29 +151,42 @@ class _FileRepair:
             for text, times in self._damage.items()
         ]
 
-    def messages(self) -> Iterator[tuple[RecordedTopic, Message]]:
-        """Yield the undamaged messages from the first one on, and note the damage."""
-        self._damage.clear()
-        schemas: dict[int, Schema] = {}
-        topics: dict[int, RecordedTopic] = {}
+    def survey(self) -> dict[str, RecordedTopic]:
+        """Go through the file once; return the topics that have messages and a definition."""
+        used: dict[int, None] = {}
         for record in self._contents():
             if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel) and record.schema_id in schemas:
-                try:
-                    topics[record.id] = _topic(record, schemas[record.schema_id])
-                except UnicodeDecodeError as error:
-                    self._note(f"a definition is damaged: {one_line(error)}")
-            elif isinstance(record, Message) and record.channel_id in topics:
-                yield topics[record.channel_id], record
+                self._definitions.add_schema(record)
+            elif isinstance(record, Channel):
+                self._definitions.add_channel(record)
+            elif isinstance(record, Message):
+                used[record.channel_id] = None
             elif isinstance(record, Statistics):
                 self.stated = record.message_count
+        self._topics = {number: self._definitions.topic(number) for number in used}
+        return {topic.name: topic for topic in self._topics.values() if topic is not None}
+
+    def messages(self) -> Iterator[tuple[RecordedTopic, Message]]:
+        """Yield the undamaged messages of the surveyed topics."""
+        for record in self._contents():
+            if isinstance(record, Message):
+                topic = self._topics.get(record.channel_id)
+                if topic is not None:
+                    yield topic, record
+                else:
+                    self._note(
+                        f"a message of {self._definitions.name(record.channel_id)}, whose "
+                        "definition is damaged, is left out"
+                    )
 
     def _contents(self) -> Iterator[McapRecord]:
         """Yield the records, those in chunks among them.
 
         The definitions are repeated in the summary: the first chunk may be damaged.
         """
+        self._damage.clear()
+        self._seen.clear()
+        self._left = self._allowed
         if not self._file.stat().st_size:
             self._note("is empty")
             return
@@ -171,24 +204,36 @@ class _FileRepair:
                     yield record
 
     def _inner(self, chunk: Chunk) -> list[McapRecord]:
+        seen = fingerprint(chunk)
+        if seen in self._seen:
+            self._note("a chunk is there twice")
+            return []
+        self._seen.add(seen)
         try:
-            stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-            content = stream.read(length)
-            parsed = [parse(opcode, content[start:end])[0] for opcode, start, end in walk(content)]
+            content = chunk_content(chunk).tobytes()
+            parsed = [
+                parse(opcode, content[start:end])[0]
+                for opcode, start, end in chunk_records(content)
+            ]
         except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
             self._note(f"a chunk is damaged: {_cause(error)}")
             return []
+        self._left -= len(content)
+        if self._left < 0:
+            raise RecordingError(f"{self._file}: {too_much(self._allowed)}")
         return [record for record in parsed if record is not None]
 
     def _indexed(self, data: mmap, chunks: list[ChunkIndex]) -> Iterator[McapRecord]:
         for index in chunks:
             start = index.chunk_start_offset
-            content = data[start + RECORD_START.size : start + index.chunk_length]
-            if data[start] != Opcode.CHUNK:
+            if start >= len(data) or data[start] != Opcode.CHUNK:
                 self._note("a chunk is damaged: its kind is overwritten")
                 continue
             try:
-                record, _ = parse(Opcode.CHUNK, content)
+                end = start + index.chunk_length
+                record, _ = parse(
+                    Opcode.CHUNK, record_content(data, start + RECORD_START.size, end)
+                )
             except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
                 self._note(f"a chunk is damaged: {_cause(error)}")
             else:
@@ -201,10 +246,12 @@ class _FileRepair:
             try:
                 for opcode, start, end in walk(data, at):
                     at = start - RECORD_START.size
-                    record, length = parse(opcode, data[start:end])
+                    if opcode == Opcode.ATTACHMENT:
+                        continue
+                    record, length = parse(opcode, record_content(data, start, end))
                     if record is not None:
                         yield record
-                    if opcode == Opcode.FOOTER and data[end:] == MAGIC:
+                    if opcode == Opcode.FOOTER and data[end : end + len(MAGIC)] == MAGIC:
                         return
                     if record is not None and length != end - start:
                         self._note(f"the record at byte {at} does not have its length")
@@ -223,17 +270,4 @@ class _FileRepair:
 def _cause(error: Exception) -> str:
     if isinstance(error, CutError | EndOfFile | struct.error):
         return "it ends in the middle"
-    if isinstance(error, CRCValidationError):
-        return "it does not have its checksum"
     return one_line(error)
-
-
-def _topic(channel: Channel, schema: Schema) -> RecordedTopic:
-    latched = "transient_local" in channel.metadata.get("offered_qos_profiles", "")
-    return RecordedTopic(
-        channel.topic,
-        MessageDefinition(
-            schema.name, schema.data.decode(), channel.metadata.get("topic_type_hash", "")
-        ),
-        TopicQos(durability="transient_local" if latched else "volatile"),
-    )

@@ -11,7 +11,7 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flexarm_bags.columns import ENCAPSULATION
+from flexarm_bags.records.columns import ENCAPSULATION
 from flexarm_core.labels import counted
 
 if TYPE_CHECKING:

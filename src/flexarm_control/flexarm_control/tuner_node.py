@@ -9,6 +9,7 @@ from flexarm_control.design.model_sources import load_models
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_core.errors import SettingError, one_line
 from flexarm_msgs.srv import Tune
+from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 
@@ -19,7 +20,7 @@ class TunerNode(Node):
     def __init__(self) -> None:
         super().__init__("tuner", namespace="/flexarm")
         Parameters(self, ())
-        self.create_service(Tune, "tune", self._on_tune)
+        self.create_service(Tune, "tune", self._on_tune, qos_profile=qos.CALLS)
 
     def stop(self) -> None:
         """Do nothing: the node has no state."""

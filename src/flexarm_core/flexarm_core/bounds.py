@@ -36,6 +36,7 @@ DEPTH = 64
 DIGITS = 400
 """Most characters of a number; seventeen digits tell a double."""
 
+_MORE_ADVICE = f"set {READ_VARIABLE} to more megabytes if you trust it"
 _NUMBER = re.compile(r"[-+.]?[0-9][^\s]*")
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 2, 80, 80
@@ -78,9 +79,11 @@ def unpacked_bytes_allowed(packed: int) -> int:
     return max(read_bytes_allowed(), _RATIO * packed)
 
 
-def raise_advice() -> str:
-    """Return the end of a sentence: how to allow more to a file that is trusted."""
-    return f"set {READ_VARIABLE} to more megabytes if you trust it"
+def too_much(allowed: int) -> str:
+    """Return what is wrong with a file that takes more when it is unpacked."""
+    return (
+        f"unpacked it has more than {allowed >> 20} MB, which is a lot for its size: {_MORE_ADVICE}"
+    )
 
 
 def require_plain_file(path: Path) -> int:
@@ -105,7 +108,7 @@ def require_plain_file(path: Path) -> int:
         if holes > read_bytes_allowed():
             raise BoundError(
                 f"{path}: {holes >> 20} of its {status.st_size >> 20} MB are holes that were never "
-                f"written: cut it (`truncate`), or {raise_advice()}"
+                f"written: cut it (`truncate`), or {_MORE_ADVICE}"
             )
     return status.st_size
 

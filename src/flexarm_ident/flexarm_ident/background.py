@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Generic, TypeVar
 
@@ -25,22 +26,22 @@ class Background(Generic[Result]):
     ----------
     work : callable
         Called with a progress callback, which raises `Cancelled` when the work is to stop.
-    cancelled : callable
-        Called in the thread, at every progress; True stops the work.
     notify : callable
-        Called from the thread when there is progress, and when the work has ended.
+        Called from a thread when there is progress, when the work has ended, and when it goes on
+        although it was cancelled.
+    patience_s : float
+        Time after which cancelled work is given up, s.
     """
 
     def __init__(
-        self,
-        work: Callable[[Progress], Result],
-        *,
-        cancelled: Callable[[], bool],
-        notify: Callable[[], None],
+        self, work: Callable[[Progress], Result], *, notify: Callable[[], None], patience_s: float
     ) -> None:
         self._work = work
-        self._cancelled = cancelled
         self._notify = notify
+        self._patience_s = patience_s
+        self._cancelled = threading.Event()
+        self._given_up_s = 0.0
+        self._stage = "its beginning"
         self._progress: SimpleQueue[tuple[str, float]] = SimpleQueue()
         self._ended = threading.Event()
         self._result: Result
@@ -51,8 +52,13 @@ class Background(Generic[Result]):
 
     @property
     def ended(self) -> bool:
-        """True when there is a result or an error, and no further progress."""
-        return self._ended.is_set()
+        """True when there is a result or an error, or cancelled work is given up."""
+        return self._ended.is_set() or self._is_given_up()
+
+    @property
+    def stage(self) -> str:
+        """Stage that the work reported last."""
+        return self._stage
 
     def progress(self) -> Iterator[tuple[str, float]]:
         """Yield the stages and fractions reported since the last call, oldest first."""
@@ -60,14 +66,36 @@ class Background(Generic[Result]):
             yield self._progress.get()
 
     def result(self) -> Result:
-        """Return what the work returned, or raise what it raised; only after the end."""
+        """Return what the work returned, or raise what it raised; only after the end.
+
+        Raises
+        ------
+        Cancelled
+            When the work was given up too. It can report no more, and so it ends at its next stage
+            if it ever reaches one.
+        """
+        if not self._ended.is_set():
+            raise Cancelled(f"cancelled in {self._stage}, which does not stop and is left behind")
         if self._error is not None:
             raise self._error
         return self._result
 
+    def cancel(self) -> None:
+        """Let the work stop at its next report, or give it up."""
+        if self._cancelled.is_set():
+            return
+        self._given_up_s = time.monotonic() + self._patience_s
+        self._cancelled.set()
+        waking = threading.Timer(self._patience_s, self._notify)
+        waking.daemon = True
+        waking.start()
+
     def join(self, timeout_s: float) -> None:
         """Wait for the end, at most `timeout_s`."""
         self._thread.join(timeout_s)
+
+    def _is_given_up(self) -> bool:
+        return self._cancelled.is_set() and time.monotonic() >= self._given_up_s
 
     def _run(self) -> None:
         try:
@@ -78,7 +106,8 @@ class Background(Generic[Result]):
         self._notify()
 
     def _report(self, stage: str, fraction: float) -> None:
-        if self._cancelled():
+        if self._cancelled.is_set():
             raise Cancelled(f"cancelled before {stage}")
+        self._stage = stage
         self._progress.put((stage, fraction))
         self._notify()

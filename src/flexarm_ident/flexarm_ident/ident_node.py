@@ -1,7 +1,8 @@
 """Identification node: a service and an action from bags to a validated reduced model.
 
 `identify` and the action `identify_bags` read the bags, and answer with the model as parameters;
-the action also reports its progress, and can be cancelled. The node declares these parameters on
+the action also reports its progress, and can be cancelled; `ident/cancel` ends either. A job that
+does not stop is left behind and can write nothing any more. The node declares these parameters on
 itself and writes a folder with `model.yaml`, ready for `--params-file`, and `report.html`. It works
 on one job at a time, beside the executor, which stays free for parameters and for cancelling.
 """
@@ -12,8 +13,7 @@ import threading
 import time
 import traceback
 from dataclasses import fields
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from urllib.parse import unquote, urlsplit
 
 from rclpy.action import ActionServer, CancelResponse
@@ -21,8 +21,10 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
+from std_srvs.srv import Trigger
 
 from flexarm_core.errors import FlexarmError, IdentificationError, one_line
+from flexarm_core.paths import user_path
 from flexarm_core.specs import ParameterSpec
 from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.fitting.validation import mean_error
@@ -32,11 +34,13 @@ from flexarm_ident.workflow.request import Request
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.msg import ModeSummary
 from flexarm_msgs.srv import Identify
+from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run as run_node
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
 
     from rclpy.action.server import ServerGoalHandle
 
@@ -58,49 +62,62 @@ PARAMETERS = (
 )
 
 
+class _AtWork(NamedTuple):
+    """Job at work; `goal` is None for a call of the service."""
+
+    job: Background[Results]
+    name: str
+    goal: ServerGoalHandle | None
+    started_s: float
+
+    def __str__(self) -> str:
+        return f"{self.name}, {self.job.stage}, {time.monotonic() - self.started_s:.0f} s so far"
+
+
 class IdentNode(Node):
     """Node that wires the service and the action to `job.identify_bags`."""
 
     def __init__(self) -> None:
         super().__init__("ident", namespace="/flexarm")
         self._settings = Parameters(self, PARAMETERS, accept=_accept)
-        self._job: Background[Results] | None = None
+        self._at_work: _AtWork | None = None
         self._news = Future()
         self._stopping = threading.Event()
         # A call that is being worked on must not keep the next one, or the parameters, waiting.
         group = ReentrantCallbackGroup()
-        self.create_service(Identify, "identify", self._on_identify, callback_group=group)
+        self.create_service(
+            Identify, "identify", self._on_identify, qos_profile=qos.CALLS, callback_group=group
+        )
+        self.create_service(Trigger, "~/cancel", self._on_cancel, callback_group=group)
         self._action = ActionServer(
             self,
             IdentifyBags,
             "identify_bags",
             self._on_goal,
-            cancel_callback=lambda _goal: CancelResponse.ACCEPT,
+            cancel_callback=self._on_cancelled_goal,
             callback_group=group,
+            goal_service_qos_profile=qos.CALLS,
+            result_service_qos_profile=qos.CALLS,
+            cancel_service_qos_profile=qos.CALLS,
         )
 
     def stop(self) -> None:
         """Cancel the job, if there is one."""
         self._stopping.set()
-        if self._job is not None:
-            self._job.join(_STOP_S)
+        if self._at_work is not None:
+            self._at_work.job.cancel()
+            self._at_work.job.join(_STOP_S)
         self._action.destroy()
 
     async def _on_identify(
         self, request: Identify.Request, response: Identify.Response
     ) -> Identify.Response:
-        await self._answer(request, response, self._stopping.is_set, lambda _stage, _fraction: None)
+        await self._answer(request, response)
         return response
 
     async def _on_goal(self, goal: ServerGoalHandle) -> IdentifyBags.Result:
-        def cancelled() -> bool:
-            return self._stopping.is_set() or goal.is_cancel_requested
-
-        def tell(stage: str, fraction: float) -> None:
-            goal.publish_feedback(IdentifyBags.Feedback(stage=stage, fraction=fraction))
-
         result = IdentifyBags.Result()
-        await self._answer(goal.request, result, cancelled, tell)
+        await self._answer(goal.request, result, goal)
         if result.success:
             goal.succeed()
         elif goal.is_cancel_requested:
@@ -109,13 +126,27 @@ class IdentNode(Node):
             goal.abort()
         return result
 
+    def _on_cancelled_goal(self, goal: ServerGoalHandle) -> CancelResponse:
+        if self._at_work is not None and self._at_work.goal is goal:
+            self._at_work.job.cancel()
+        return CancelResponse.ACCEPT
+
+    def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Cancel the job, whoever asked for it."""
+        response.success = self._at_work is not None
+        response.message = "no identification is at work"
+        if self._at_work is not None:
+            self._at_work.job.cancel()
+            response.message = f"cancelled: {self._at_work}"
+        return response
+
     async def _answer(
-        self, asked: Asked, answer: Answer, cancelled: Callable[[], bool], progress: Progress
+        self, asked: Asked, answer: Answer, goal: ServerGoalHandle | None = None
     ) -> None:
         """Fill the answer: the model, or why there is none."""
         try:
             started_s = time.monotonic()
-            results = await self._identified(asked, cancelled, progress)
+            results = await self._identified(asked, goal)
             self._keep(results.parameters)
             _fill(answer, results, time.monotonic() - started_s)
             self.get_logger().info(answer.message)
@@ -129,38 +160,43 @@ class IdentNode(Node):
             answer.message = f"internal error, see the log of the node: {error!r}"
             self.get_logger().error(traceback.format_exc())
 
-    async def _identified(
-        self, asked: Asked, cancelled: Callable[[], bool], progress: Progress
-    ) -> Results:
+    async def _identified(self, asked: Asked, goal: ServerGoalHandle | None) -> Results:
         """Run the job in a thread; the executor is free meanwhile."""
-        if self._job is not None:
-            raise IdentificationError("busy with another identification: try again when it is done")
-        work, executor = self._work(asked), self.executor
+        if self._at_work is not None:
+            raise IdentificationError(
+                f"busy with another identification ({self._at_work}); no call is queued: try again "
+                "when it is done"
+            )
+        bags, executor = as_bags(asked.bag_uris), self.executor
+        work = self._work(bags, as_request(asked))
 
         def notify() -> None:
             if not self._stopping.is_set():
                 self._news.set_result(None)
                 executor.wake()
 
-        self._job = job = Background(work, cancelled=cancelled, notify=notify)
+        job = Background(work, notify=notify, patience_s=_STOP_S)
+        self._at_work = _AtWork(job, model_name(bags[0]), goal, time.monotonic())
+        if goal is not None and goal.is_cancel_requested:
+            job.cancel()
         try:
             while True:
                 # Made before looking: what comes after the look ends the wait.
                 self._news = news = Future()
                 ended = job.ended
                 for stage, fraction in job.progress():
-                    progress(stage, fraction)
+                    if goal is not None:
+                        goal.publish_feedback(IdentifyBags.Feedback(stage=stage, fraction=fraction))
                 if ended:
                     return job.result()
                 await news
         finally:
-            self._job = None
+            self._at_work = None
 
-    def _work(self, asked: Asked) -> Callable[[Progress], Results]:
-        """Return the work of a request, which is checked now."""
-        bags, request = as_bags(asked.bag_uris), as_request(asked)
+    def _work(self, bags: Sequence[Path], request: Request) -> Callable[[Progress], Results]:
+        """Return the work of a request with the settings of now."""
         settings = self._settings.values()
-        root = Path(settings["output_folder"]).expanduser().absolute()
+        root = user_path(settings["output_folder"]).absolute()
         folder, exports = root / model_name(bags[0]), parse_exports(settings["exports"])
         force = settings["force"]
         return lambda report: identify_bags(
@@ -199,6 +235,7 @@ def as_request(message: Asked) -> Request:
 
 
 def _accept(values: Mapping[str, Any]) -> None:
+    user_path(values["output_folder"])
     try:
         parse_exports(values["exports"])
     except IdentificationError as error:
@@ -206,8 +243,11 @@ def _accept(values: Mapping[str, Any]) -> None:
 
 
 def _path(uri: str) -> Path:
-    parts = urlsplit(uri)
-    return Path(unquote(parts.path) if parts.scheme == "file" else uri).expanduser()
+    is_uri = uri.lower().startswith("file:")
+    try:
+        return user_path(unquote(urlsplit(uri).path) if is_uri else uri)
+    except ValueError as error:
+        raise IdentificationError(f"{uri}: no URI of a bag: {error}") from error
 
 
 def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:

@@ -23,6 +23,9 @@ NEWEST = _reliable(1)
 EVERY = _reliable(10000)
 """For a reader that must see every message although its process pauses: the recorder."""
 
+CALLS = _reliable(1000)
+"""For a service or an action with long work: calls that come at once are all answered."""
+
 STATUS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """For what a latecomer must still be told: channel names, the reference in force."""
 

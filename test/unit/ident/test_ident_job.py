@@ -237,10 +237,6 @@ def test_identify_bags___interrupted_at_any_stage___leaves_no_trace(
     assert names_in(tmp_path) == {"run"}
 
 
-def never() -> bool:
-    return False
-
-
 def test_background___work___reports_in_order_and_returns() -> None:
     told = threading.Semaphore(0)
     reports = [("a", 0.0), ("a", 0.5), ("b", 1.0)]
@@ -250,7 +246,7 @@ def test_background___work___reports_in_order_and_returns() -> None:
             report(*each)
         return threading.get_ident()
 
-    job = Background(work, cancelled=never, notify=told.release)
+    job = Background(work, notify=told.release, patience_s=60.0)
     assert all(told.acquire(timeout=60.0) for _ in range(len(reports) + 1))
     assert job.ended
     assert list(job.progress()) == reports
@@ -262,32 +258,60 @@ def test_background___work_that_fails___raises_where_the_result_is_asked_for() -
     def work(_: Callable[[str, float], None]) -> None:
         raise ValueError("no good")
 
-    job = Background(work, cancelled=never, notify=lambda: None)
+    job = Background(work, notify=lambda: None, patience_s=60.0)
     job.join(60.0)
     with pytest.raises(ValueError, match="no good"):
         job.result()
 
 
 def test_background___cancelled___stops_at_the_next_report() -> None:
-    cancel, begun = threading.Event(), threading.Event()
+    go_on, begun = threading.Event(), threading.Event()
     after: list[str] = []
 
     def work(report: Callable[[str, float], None]) -> None:
         report("first", 0.0)
         begun.set()
-        cancel.wait(60.0)
+        go_on.wait(60.0)
         report("second", 0.0)
         after.append("second")
 
-    job = Background(work, cancelled=cancel.is_set, notify=lambda: None)
+    job = Background(work, notify=lambda: None, patience_s=60.0)
     assert begun.wait(60.0)
     assert not job.ended
-    cancel.set()
+    job.cancel()
+    assert not job.ended
+    go_on.set()
     job.join(60.0)
     assert list(job.progress()) == [("first", 0.0)]
     with pytest.raises(Cancelled, match="cancelled before second"):
         job.result()
     assert not after
+
+
+def test_background___that_does_not_stop___is_given_up_and_tells_it() -> None:
+    told, go_on, begun = threading.Event(), threading.Event(), threading.Event()
+    after: list[str] = []
+
+    def work(report: Callable[[str, float], None]) -> None:
+        report("first", 0.0)
+        begun.set()
+        go_on.wait(60.0)
+        report("second", 0.0)
+        after.append("second")
+
+    job = Background(work, notify=told.set, patience_s=0.1)
+    assert begun.wait(60.0)
+    told.clear()
+    job.cancel()
+    assert told.wait(60.0)
+    assert job.ended
+    with pytest.raises(Cancelled, match="cancelled in first, which does not stop and is left"):
+        job.result()
+    go_on.set()
+    job.join(60.0)
+    assert not after
+    with pytest.raises(Cancelled, match="cancelled before second"):
+        job.result()
 
 
 @pytest.mark.parametrize(

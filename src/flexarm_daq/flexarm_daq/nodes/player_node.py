@@ -12,7 +12,6 @@ import importlib
 import struct
 import threading
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rclpy.node import Node
@@ -22,6 +21,7 @@ from std_srvs.srv import SetBool
 
 from flexarm_bags.playback import PlaybackError, PlaybackPlan, PlayedTopic
 from flexarm_core.errors import SettingError
+from flexarm_core.paths import user_path
 from flexarm_core.specs import ParameterSpec
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
 from flexarm_node import qos
@@ -76,7 +76,7 @@ class PlayerNode(Node):
             raise SettingError("parameter bag is empty: name the bag, -p bag:=FOLDER")
         try:
             self._plan = PlaybackPlan(
-                Path(values["bag"]).expanduser(),
+                user_path(values["bag"]),
                 rate=values["rate"],
                 start_s=values["start_s"],
                 duration_s=values["duration_s"] or None,

@@ -28,6 +28,7 @@ from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.schema import describe, load_typestore
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import SettingError
+from flexarm_core.paths import user_path
 from flexarm_core.specs import ParameterSpec
 from flexarm_daq.nodes.kept_messages import KeptMessages
 from flexarm_msgs.msg import ArmState, ChannelInfo, CommanderInfo, IoSample, MotorCommand
@@ -151,7 +152,10 @@ class RecorderNode(Node):
         bag = self._settings.values()["bag"]
         if not bag:
             raise RecordingError("set the parameter bag to the folder to create")
-        path = Path(bag).expanduser().absolute()
+        try:
+            path = user_path(bag).absolute()
+        except SettingError as error:
+            raise RecordingError(str(error)) from None
         ros_distro = os.environ.get("ROS_DISTRO", "jazzy")
         self._writer = BagWriter(path, self._topics, ros_distro=ros_distro)
         self._kept.open(time.time_ns())

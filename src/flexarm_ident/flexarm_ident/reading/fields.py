@@ -14,8 +14,8 @@ from flexarm_core.errors import BagError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from flexarm_bags.columns import Column
     from flexarm_bags.reader import Bag, Grouped
+    from flexarm_bags.records.columns import Column
     from flexarm_core.arrays import FloatArray
 
 _FIELD = re.compile(r"(?:(?P<name>\w+)=)?(?P<topic>/?[^.=\[\]]+)\.(?P<path>.+)")

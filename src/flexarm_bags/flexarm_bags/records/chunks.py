@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, Statistics
 from numpy.lib.stride_tricks import sliding_window_view
 
-from flexarm_bags.layout import (
+from flexarm_bags.records.layout import (
     INDEX_ENTRY,
     INDEX_START,
     MESSAGE_FIXED,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from mcap.records import McapRecord
     from numpy.typing import NDArray
 
-    from flexarm_bags.columns import ByteRows
+    from flexarm_bags.records.columns import ByteRows
 
 _POINTER = np.dtype([*INDEX_ENTRY.descr, ("channel", "<u2")])
 
@@ -66,6 +66,19 @@ class Messages:
             joined = b"".join(raws[number] for number in numbers.tolist())
             groups.append((numbers, np.frombuffer(joined, np.uint8).reshape(-1, size)))
         return cls(np.array(log_times_ns, dtype=np.int64), groups)
+
+    def raws(self) -> list[bytes]:
+        """Return the messages one by one, in the order of their numbers."""
+        found = [b""] * len(self.log_times_ns)
+        for numbers, rows in self.groups:
+            for number, row in zip(numbers.tolist(), rows, strict=True):
+                found[number] = row.tobytes()
+        return found
+
+    def first(self) -> Messages:
+        """Return the first message alone."""
+        (raw,) = (rows[0].tobytes() for numbers, rows in self.groups if numbers[0] == 0)
+        return Messages.of([int(self.log_times_ns[0])], [raw])
 
     @classmethod
     def joined(cls, pieces: Iterable[Messages]) -> Messages:

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexarm_bags.chunks import Messages
-from flexarm_bags.columns import CdrError, alike, decode, members
+from flexarm_bags.records.chunks import Messages
+from flexarm_bags.records.columns import CdrError, alike, decode, members
 from support.foreign_bags import TYPES, header
 
 TREE = "tf2_msgs/msg/TFMessage"

@@ -25,6 +25,8 @@ ByteRows = NDArray[np.uint8]
 Column = NDArray[np.generic]
 
 ENCAPSULATION = 4
+# Types that contain each other twice double at each level.
+_MOST_MEMBERS = 10_000
 # A middleware may pad the end of a message; more than this is another layout.
 _LONGEST_PADDING = 8
 _DTYPES = {
@@ -93,13 +95,15 @@ def members(type_name: str, definitions: Typesdict) -> tuple[Member, ...]:
     Raises
     ------
     CdrError
-        If the type, or one that it contains, is unknown.
+        If the type, or one that it contains, is unknown or without end.
     """
     if type_name not in definitions:
         raise CdrError(f"no definition of {type_name} in the bag; a bag recorded as MCAP has it")
     flat: list[Member] = []
     for name, description in definitions[type_name][1]:
         flat.extend(_spread(name, description, definitions))
+        if len(flat) > _MOST_MEMBERS:
+            raise CdrError(f"{type_name} has more than {_MOST_MEMBERS} members")
     return tuple(flat)
 
 

@@ -1,0 +1,266 @@
+"""Bounds of a bag: what reading it would take, found before anything of it is unpacked.
+
+rosbags and the decompressors believe what a file says of its sizes, and a few bytes can say
+terabytes. So a bag is opened inside `bounded`, which applies the rule of `flexarm_core.bounds`: a
+plain file, and no more unpacked bytes than are allowed to one of its size.
+"""
+
+from __future__ import annotations
+
+import mmap
+import shutil
+import sqlite3
+import tempfile
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import zstandard
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex, Statistics
+from rosbags.rosbag2.reader import DirectoryReader
+
+from flexarm_bags.metadata import FILE_NAME, as_yaml, read_information, require_bag
+from flexarm_bags.records.layout import (
+    CHUNK_BYTES,
+    MAGIC,
+    ChunkSizes,
+    CutError,
+    chunk_sizes,
+    summary_of,
+    unpacked_bytes,
+    walk,
+)
+from flexarm_core.bounds import (
+    BoundError,
+    require_plain_file,
+    too_much,
+    unpacked_bytes_allowed,
+)
+from flexarm_core.errors import BagError, one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from mcap.records import McapRecord
+    from rosbags.highlevel import AnyReader
+
+PACKED = ".zstd"
+"""Suffix of a file that is compressed as a whole."""
+_COPY_BYTES = 1 << 20
+# The copy of a compressed bag leaves as much of the temporary folder free as it takes.
+_FREE_PART = 2
+# Tables of a database that are read; a view or a computed column can give rows without end.
+_GENERATED = {2, 3}
+
+
+@contextmanager
+def bounded(path: Path, *, unpacks: bool = False) -> Iterator[Path]:
+    """Yield a bag that can be opened within bounds: itself, or a plain copy of a compressed one.
+
+    Parameters
+    ----------
+    path : Path
+        rosbag2 folder, or a single ``.mcap`` or ``.db3`` file.
+    unpacks : bool
+        True when rosbags is going to unpack the chunks.
+
+    Raises
+    ------
+    BagError
+        If there is no bag, or a compressed file is damaged.
+    BoundError
+        If a file is no plain one, or unpacking it would take more than is allowed.
+    """
+    require_bag(path)
+    with ExitStack() as stack:
+        if not path.is_dir():
+            require_bounded_file(path, unpacks=unpacks)
+            yield path
+            return
+        information = read_information(path)
+        files = [path / PurePath(name).name for name in information["relative_file_paths"]]
+        files = [file for file in files if file.exists()]
+        if str(information.get("compression_mode") or "").lower() == "file":
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="flexarm_bag_"))
+            path, files = _plain_copy(Path(folder), files, information)
+        for file in files:
+            require_bounded_file(file, unpacks=unpacks)
+        yield path
+
+
+def _plain_copy(
+    folder: Path, files: list[Path], information: Mapping[str, Any]
+) -> tuple[Path, list[Path]]:
+    """Unpack the files of a bag into a folder; return the bag in there and its files."""
+    copies = [_unpacked(file, folder) for file in files]
+    plain = dict(information) | {
+        "compression_mode": "",
+        "compression_format": "",
+        "relative_file_paths": [
+            _plain_name(PurePath(name).name) for name in information["relative_file_paths"]
+        ],
+    }
+    (folder / FILE_NAME).write_text(as_yaml({"rosbag2_bagfile_information": plain}), "utf-8")
+    return folder, copies
+
+
+def _plain_name(name: str) -> str:
+    return name.removesuffix(PACKED)
+
+
+def _unpacked(file: Path, folder: Path) -> Path:
+    allowed = unpacked_bytes_allowed(require_plain_file(file))
+    free = shutil.disk_usage(folder).free // _FREE_PART
+    copy, total = folder / _plain_name(file.name), 0
+    try:
+        with file.open("rb") as source, copy.open("wb") as target:
+            reader = zstandard.ZstdDecompressor().stream_reader(source)
+            while part := reader.read(_COPY_BYTES):
+                total += len(part)
+                if total > allowed:
+                    raise BoundError(f"{file.name}: {too_much(allowed)}")
+                if total > free:
+                    raise BoundError(
+                        f"{file.name}: unpacked it would fill {folder.parent}: set TMPDIR to a "
+                        "folder with more space"
+                    )
+                target.write(part)
+    except (OSError, zstandard.ZstdError) as error:
+        raise BagError(f"{file.name}: cannot be decompressed: {one_line(error)}") from error
+    return copy
+
+
+def require_bounded_file(file: Path, *, unpacks: bool = False) -> None:
+    """Refuse a storage file that takes more than is allowed; `unpacks` as in `bounded`.
+
+    Raises
+    ------
+    BoundError
+        If the file is no plain one, its chunks would take too much, or its tables are computed.
+    """
+    allowed = unpacked_bytes_allowed(require_plain_file(file))
+    if file.suffix == ".db3":
+        _require_stored_tables(file)
+    elif file.suffix == ".mcap" and file.stat().st_size:
+        with (
+            file.open("rb") as stream,
+            mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data,
+        ):
+            has_statistics = _require_bounded_mcap(stream, data, allowed)
+            # Without statistics rosbags unpacks every chunk when it opens the file.
+            if unpacks or not has_statistics:
+                require_honest_chunks(stream)
+
+
+def _require_bounded_mcap(stream: BinaryIO, data: mmap.mmap, allowed: int) -> bool:
+    name = Path(stream.name).name
+    summary = _summary(stream)
+    chunks = _stated_chunks(data)
+    for index in summary:
+        if isinstance(index, ChunkIndex):
+            # The index and the chunk are believed by different readers.
+            stated = max(index.uncompressed_size, chunks.get(index.chunk_start_offset, 0))
+            chunks[index.chunk_start_offset] = stated
+    for start, size in chunks.items():
+        if size > CHUNK_BYTES:
+            raise BoundError(
+                f"{name}: the chunk at byte {start} says that it has {size >> 20} MB unpacked, "
+                f"allowed are {CHUNK_BYTES >> 20}: `flexarm bag repair` leaves it out"
+            )
+    if sum(chunks.values()) > allowed:
+        raise BoundError(f"{name}: {too_much(allowed)}")
+    return any(isinstance(record, Statistics) for record in summary)
+
+
+def _summary(stream: BinaryIO) -> list[McapRecord]:
+    try:
+        return summary_of(stream)
+    except BoundError as error:
+        raise BoundError(f"{Path(stream.name).name}: {error}") from error
+    except Exception:  # noqa: BLE001 - what is wrong with it is told by who reads it
+        return []
+
+
+def _stated_chunks(data: mmap.mmap) -> dict[int, int]:
+    """Return the unpacked size that each chunk states, by its place; up to a cut."""
+    return {start: sizes.unpacked for start, sizes in _chunks(data)}
+
+
+def _chunks(data: mmap.mmap) -> Iterator[tuple[int, ChunkSizes]]:
+    with suppress(CutError):
+        for opcode, start, end in walk(data, len(MAGIC)):
+            if opcode == Opcode.FOOTER:
+                return
+            if opcode == Opcode.CHUNK and (sizes := chunk_sizes(data, start, end)) is not None:
+                yield sizes.record_start, sizes
+
+
+def require_honest_chunks(stream: BinaryIO) -> None:
+    """Unpack every chunk of a file up to the size that it states, before rosbags unpacks it all.
+
+    Raises
+    ------
+    BoundError
+        If a chunk has more than it states.
+    """
+    with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        for start, sizes in _chunks(data):
+            packed = data[sizes.packed_start : sizes.packed_end]
+            if unpacked_bytes(packed, sizes.compression, sizes.unpacked) > sizes.unpacked:
+                raise BoundError(
+                    f"{Path(stream.name).name}: the chunk at byte {start} has more than the "
+                    f"{sizes.unpacked} bytes that it states"
+                )
+
+
+def storages(reader: AnyReader) -> list[Any]:
+    """Return the storage files of an open bag."""
+    # rosbags has a storage for a folder, which holds those of its files, or that of a single file.
+    storage: Any = getattr(reader.readers[0], "storage", None)
+    return list(storage.storages) if isinstance(storage, DirectoryReader) else [storage]
+
+
+def allowed_bytes(reader: AnyReader) -> int:
+    """Return how many bytes the messages of an open bag may take together."""
+    files = (Path(str(storage.path)) for storage in storages(reader))
+    return unpacked_bytes_allowed(sum(file.stat().st_size for file in files))
+
+
+def is_compressed(reader: AnyReader) -> bool:
+    """Return whether each message of an open bag is compressed by itself."""
+    storage = getattr(reader.readers[0], "storage", None)
+    return isinstance(storage, DirectoryReader) and bool(storage.metadata.compression_mode)
+
+
+def require_bounded_messages(reader: AnyReader) -> None:
+    """Unpack the messages of a bag that compresses each of them, up to what is allowed.
+
+    Raises
+    ------
+    BoundError
+        If they have more.
+    """
+    if not is_compressed(reader):
+        return
+    allowed = left = allowed_bytes(reader)
+    for storage in storages(reader):
+        for _, _, raw in storage.messages(storage.connections):
+            left -= unpacked_bytes(bytes(raw), "zstd", left)
+            if left < 0:
+                raise BoundError(too_much(allowed))
+
+
+def _require_stored_tables(file: Path) -> None:
+    with (
+        suppress(sqlite3.Error),  # told by who reads it
+        closing(sqlite3.connect(f"{file.absolute().as_uri()}?immutable=1", uri=True)) as database,
+    ):
+        tables = database.execute("SELECT name, type, sql FROM sqlite_master").fetchall()
+        for name, kind, text in tables:
+            if kind not in {"table", "view"}:
+                continue
+            columns = database.execute("SELECT hidden FROM pragma_table_xinfo(?)", (name,))
+            is_stored = kind == "table" and not str(text).upper().startswith("CREATE VIRTUAL")
+            if not is_stored or any(hidden in _GENERATED for (hidden,) in columns):
+                raise BoundError(f"{file.name}: {name} is computed and not stored: no bag has that")

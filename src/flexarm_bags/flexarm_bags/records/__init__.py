@@ -1,0 +1,1 @@
+"""Bytes of a bag: MCAP records, chunks of messages, and their columns."""

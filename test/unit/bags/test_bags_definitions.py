@@ -1,0 +1,169 @@
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from mcap.records import Channel, Schema
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Nodetype
+
+from flexarm_bags.check import check_bag
+from flexarm_bags.definitions import Definitions, definition_hash
+from flexarm_bags.known_types import OURS, exchanged
+from flexarm_bags.reader import opened
+from flexarm_bags.records.columns import CdrError, members
+from flexarm_bags.repair import repair_bag
+from flexarm_core.errors import BagError
+from support.bag_samples import (
+    controlled_run,
+    experiment,
+    mcap_file,
+    open_loop,
+    typestore,
+    write_bag,
+    write_in_chunks,
+)
+from support.damaged_bags import chunks_of, content
+from support.hostile_bags import ARM_STATE, STATE, definition, write_defined_bag
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FLOAT = "std_msgs/msg/Float64"
+
+
+def swapped(text: str, one: str, other: str) -> str:
+    return text.replace(one, "@").replace(other, one).replace("@", other)
+
+
+@pytest.mark.parametrize("type_name", OURS)
+def test_known_members___are_those_of_the_messages(type_name: str) -> None:
+    _, fields = typestore().fielddefs[type_name]
+    assert tuple(name for name, _ in fields) == OURS[type_name]
+
+
+def test_exchanged___are_members_in_another_order_only() -> None:
+    known = ("a", "b", "c")
+    assert exchanged(known, known) == ""
+    assert exchanged(known, ("a", "c", "new")) == ""
+    assert exchanged(known, ("x", "a", "b", "c")) == ""
+    assert exchanged(known, ("a", "c", "b")) == "c, b"
+
+
+def test_position_and_speed_exchanged___is_refused_and_told(tmp_path: Path) -> None:
+    text = swapped(definition(), "position_v", "speed_v")
+    bag = write_defined_bag(tmp_path / "run", open_loop(range(1, 100)), text)
+    said = "definition of flexarm_msgs/msg/ArmState has speed_v, position_v in another order"
+    with pytest.raises(BagError, match=said), opened(bag):
+        pass
+    (problem,) = check_bag(bag).problems
+    assert said in problem
+
+
+def test_member_that_a_known_type_lacks___is_no_fault(tmp_path: Path) -> None:
+    text = definition().replace("uint64 command_sequence", "uint64 command_number")
+    bag = write_defined_bag(tmp_path / "run", open_loop(range(1, 100)), text)
+    with opened(bag) as found:
+        np.testing.assert_array_equal(
+            found.recorded(STATE).real("position_v"), np.arange(1.0, 100.0)
+        )
+
+
+def test_states_without_a_header___are_told(tmp_path: Path) -> None:
+    text = definition().replace("std_msgs/Header header", "uint64 a\nuint64 b")
+    bag = write_defined_bag(tmp_path / "run", open_loop(range(1, 10)), text)
+    problems = check_bag(bag).problems
+    assert (
+        "/flexarm/state: flexarm_msgs/msg/ArmState is without header.stamp.sec, "
+        "header.stamp.nanosec"
+    ) in problems
+
+
+def test_types_that_double_at_each_level___are_refused() -> None:
+    nested = [f"x/msg/A{k}" for k in range(40)]
+    definitions: dict[str, Any] = {
+        outer: ([], [(name, (Nodetype.NAME, inner)) for name in ("a", "b")])
+        for outer, inner in pairwise(nested)
+    }
+    definitions[nested[-1]] = ([], [("v", (Nodetype.BASE, ("float64", 0)))])
+    with pytest.raises(CdrError, match="has more than 10000 members"):
+        members(nested[0], definitions)
+
+
+def test_repeated_chunks___are_told_and_copied_once(tmp_path: Path) -> None:
+    messages = experiment(100)
+    bag = write_in_chunks(tmp_path / "run", messages, 50)
+    file = mcap_file(bag)
+    raw = file.read_bytes()
+    (start, _), (_, end) = chunks_of(raw)[0], chunks_of(raw)[2]
+    file.write_bytes(raw[:end] + raw[start:end] + raw[end:])
+
+    problems = check_bag(bag).problems
+    assert sum(" again" in problem for problem in problems) == 3
+    summary = repair_bag(bag, tmp_path / "copy")
+    assert (summary.messages, summary.lost) == (len(messages), 0)
+    assert summary.damage == (f"{file.name}: a chunk is there twice (3 times)",)
+    assert content(tmp_path / "copy") == content(write_bag(tmp_path / "whole", messages))
+
+
+def schema(text: str, number: int = 1, name: str = FLOAT) -> Schema:
+    return Schema(data=text.encode(), encoding="ros2msg", id=number, name=name)
+
+
+def channel(type_hash: str, topic: str = "/reference") -> Channel:
+    return Channel(
+        id=1,
+        topic=topic,
+        message_encoding="cdr",
+        metadata={"topic_type_hash": type_hash},
+        schema_id=1,
+    )
+
+
+def chosen(schemas: list[Schema], channels: list[Channel]) -> str | None:
+    """Return the text that is taken from some copies."""
+    definitions = Definitions()
+    for copy in schemas:
+        definitions.add_schema(copy)
+    for its_channel in channels:
+        definitions.add_channel(its_channel)
+    topic = definitions.topic(1)
+    return None if topic is None else topic.definition.text
+
+
+def test_definition___with_the_stated_hash___is_taken_wherever_it_stands() -> None:
+    good, wrong = schema("float64 data\n"), schema("float64 dbta\n")
+    stated = definition_hash(good)
+    assert stated is not None
+    for copies in ([good, wrong], [wrong, good], [schema("float64 da\xff"), good], [good]):
+        assert chosen(copies, [channel(stated)]) == "float64 data\n"
+    assert chosen([good], [channel("RIHS01_0"), channel(stated)]) == "float64 data\n"
+
+
+def test_definition___that_no_hash_proves___is_taken_when_its_copies_agree() -> None:
+    good, wrong = schema("float64 data\n"), schema("float64 dbta\n")
+    assert chosen([good], [channel("")]) == "float64 data\n"
+    assert chosen([good, good], [channel("RIHS01_0")]) == "float64 data\n"
+    assert chosen([good], [channel("RIHS01_0")]) is None
+    assert chosen([good, wrong], [channel("")]) is None
+    assert chosen([schema("float6 4data")], [channel("")]) is None
+    assert chosen([], [channel("")]) is None
+
+
+def test_wrong_byte_in_a_definition_without_a_checksum___is_mended_by_its_other_copy(
+    tmp_path: Path,
+) -> None:
+    bag = write_bag(tmp_path / "run", controlled_run(50))
+    file = mcap_file(bag)
+    raw = file.read_bytes()
+    # The copy in the summary; the file ends without its magic, so nothing checks the summary.
+    at = raw.rindex(b"float64 position_v")
+    file.write_bytes(raw[:at] + raw[at:].replace(b"position_v", b"pos tion_v", 1)[:-1])
+
+    summary = repair_bag(bag, tmp_path / "copy")
+
+    assert summary.messages == len(controlled_run(50))
+    with AnyReader([tmp_path / "copy"]) as reader:
+        assert "position_v" in dict(reader.typestore.fielddefs[ARM_STATE][1])
