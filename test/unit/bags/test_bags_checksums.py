@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_bags.check import check_bag
-from flexarm_bags.layout import summary_of
+from flexarm_bags.records.layout import summary_of
 from support.damaged_bags import MAGIC, Recording, damaged_copy
 
 if TYPE_CHECKING:
