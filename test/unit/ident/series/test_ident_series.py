@@ -7,9 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import distributed
-import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin
 
 from flexarm_core.errors import DataError
 from flexarm_core.outputs import MARK, OutputError
@@ -20,13 +18,8 @@ from flexarm_ident.series.run import identify_each
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 from support.foreign_bags import (
-    FINE_HZ,
     MODES_HZ,
-    held_noise,
-    instants_ns,
-    joint_states,
-    responses,
-    write_topics,
+    driven_joint,
 )
 
 if TYPE_CHECKING:
@@ -37,24 +30,12 @@ if TYPE_CHECKING:
 
 QUICK = Request(order=4, block_rows=10, method="orse", friction=False)
 CHOSEN = selection(["/joint_states.effort[0]"], ["angle=/joint_states.position[0]"])
-DAY_NS = 86_400 * 10**9
 HERE = Workers(jobs=1)
-
-
-def a_bag(path: Path, seed: int, day: int = 0) -> Path:
-    """Write 8 s of the two-mode rig at 200 Hz."""
-    fine = 8 * FINE_HZ
-    at = np.arange(0, fine, FINE_HZ // 200)
-    force = held_noise(at, fine, seed)
-    stamps_ns = instants_ns(at) + day * DAY_NS
-    position = responses(force)[at, :1]
-    states = joint_states(stamps_ns, ["arm"], position, efforts=force[at, np.newaxis])
-    return write_topics(path, [states], StoragePlugin.MCAP)
 
 
 @pytest.fixture
 def bags(tmp_path: Path) -> list[Path]:
-    return [a_bag(tmp_path / "runs" / f"day_{day}", day + 1, day) for day in range(3)]
+    return [driven_joint(tmp_path / "runs" / f"day_{day}", day + 1, day) for day in range(3)]
 
 
 @pytest.fixture
@@ -146,9 +127,9 @@ def test_each___again___computes_what_changed(
 
     # One bag is another one now, one that failed is there, and a new one came.
     shutil.rmtree(bags[1])
-    a_bag(bags[1], 77, 1)
-    a_bag(broken, 78)
-    new = a_bag(tmp_path / "runs" / "new", 79)
+    driven_joint(bags[1], 77, 1)
+    driven_joint(broken, 78)
+    new = driven_joint(tmp_path / "runs" / "new", 79)
     series = each([*bags, broken, new], out)
     assert computed == ["day_1", "late", "new"]
     assert (series.skipped, series.failed) == (2, 0)
