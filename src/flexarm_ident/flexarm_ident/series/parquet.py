@@ -15,20 +15,21 @@ _TEXTS = ("bag", "verdict", "method", "failure", "record_sha256", "request_sha25
 
 def require_parquet() -> None:
     """Raise a DataError that names the remedy when pyarrow, an optional package, is missing."""
-    _part("parquet")
+    _arrow()
 
 
 def write_parquet(table: Path, file: Path) -> None:
     """Write the CSV table of a series as Parquet: figures as numbers, `begun` as an instant."""
-    arrow, csv, parquet = importlib.import_module("pyarrow"), _part("csv"), _part("parquet")
+    arrow = _arrow()
+    csv, parquet = (importlib.import_module(f"pyarrow.{part}") for part in ("csv", "parquet"))
     types = dict.fromkeys(_TEXTS, arrow.string()) | {"begun": arrow.timestamp("s", tz="UTC")}
     # An empty cell is a figure that does not exist.
     options = csv.ConvertOptions(column_types=types, strings_can_be_null=True)
     parquet.write_table(csv.read_csv(table, convert_options=options), file)
 
 
-def _part(name: str) -> Any:  # noqa: ANN401 - a module without types
+def _arrow() -> Any:  # noqa: ANN401 - a module without types
     try:
-        return importlib.import_module(f"pyarrow.{name}")
+        return importlib.import_module("pyarrow")
     except ImportError:
         raise DataError("--parquet needs pyarrow: pip install -r requirements/parquet.in") from None
