@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -185,3 +186,32 @@ def test_each___two_bags_of_one_folder___are_refused(tmp_path: Path) -> None:
     first, second = tmp_path / "a-b", tmp_path / "a.b"
     with pytest.raises(DataError, match=r"a\.b and .*a-b would both be .*a_b: rename one"):
         each([first, second], tmp_path / "out")
+
+
+@pytest.mark.usefixtures("computed")
+def test_each___parquet___has_the_figures_as_numbers(tmp_path: Path, bags: list[Path]) -> None:
+    parquet = pytest.importorskip(
+        "pyarrow.parquet", reason="pip install -r requirements/parquet.in"
+    )
+    out = tmp_path / "out"
+    broken = tmp_path / "runs" / "broken"
+    series = identify_each([*bags, broken], out, QUICK, channels=CHOSEN, parquet=True, workers=HERE)
+
+    lines = parquet.read_table(out / "models.parquet").to_pylist()
+    assert [line["bag"] for line in lines] == [row.bag for row in series.rows]
+    for line, row in zip(lines[:3], series.rows, strict=False):
+        assert line["frequency_1"] == pytest.approx(row.number("frequency_1"))
+        assert line["begun"].isoformat() == row.cells["begun"]
+        assert (line["verdict"], line["failure"]) == ("good", None)
+    assert (lines[3]["order"], lines[3]["begun"]) == (None, None)
+    assert "no such bag" in lines[3]["failure"]
+
+
+def test_each___parquet_without_pyarrow___is_refused_before_the_work(
+    tmp_path: Path, bags: list[Path], computed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(DataError, match=r"requirements/parquet\.in"):
+        identify_each(bags, tmp_path / "out", QUICK, channels=CHOSEN, parquet=True, workers=HERE)
+    assert not computed
+    assert not (tmp_path / "out").exists()
