@@ -81,7 +81,7 @@ class Designed(NamedTuple):
     "design --payload 0.15 --law pdp --fast --out out/pdp",
 )
 def design(**settings: Any) -> None:  # noqa: ANN401
-    """Design a law for any payload: excite, identify, reduce, design, run.
+    """Identify, design and run a law for any payload.
 
     The packaged law makes a step beside it: ilqr and lqg for 300 g, pdpc with the thesis's gains.
     """
