@@ -34,6 +34,7 @@ from flexarm_daq.nodes.kept_messages import KeptMessages
 from flexarm_daq.nodes.send_times import SendTimes
 from flexarm_msgs.msg import ArmState, ChannelInfo, CommanderInfo, IoSample, MotorCommand
 from flexarm_node import qos
+from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.reports import Reporter
@@ -90,7 +91,7 @@ class RecorderNode(Node):
         )
         self._stopping = threading.Event()
         self.failure = ""
-        self._reporter = Reporter(self)
+        self._reporter = Reporter(self, NodeTime(self))
         self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/record", self._on_record)
         if self._settings.values()["bag"]:
