@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from sensor_msgs.msg import JointState
 
 from flexarm_core.channels import CHANNELS, COMMAND, DRIVE_A_PER_V
 from flexarm_daq.loop.commander import Command
+from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB, bend_angles
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
@@ -23,7 +25,11 @@ if TYPE_CHECKING:
     from flexarm_node.loop_node import LoopNode
 
 _POSITION, _, _, _SPEED = CHANNELS
-_TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V
+_ARM = RigParameters()
+_TORQUE_NM_PER_A = _ARM.motor_gain_nm_per_v / DRIVE_A_PER_V
+_BEND_ANGLES = bend_angles(_ARM)
+_UNKNOWN = [math.nan] * len(BEND_JOINTS)
+"""Speed and torque of a virtual joint: no sensor tells them."""
 _JOINT_STATES_HZ = 50.0
 _CLOCK = "/clock"
 
@@ -41,7 +47,7 @@ class TopicLink:
         self._now = Clock()
         self._state = ArmState()
         self._state.header.frame_id = "flexarm"
-        self._joint = JointState(name=["hub"])
+        self._joint = JointState(name=[HUB, *BEND_JOINTS])
         self._joint.header.frame_id = "flexarm"
         self._joint_every = 1
         self._start_ns = 0
@@ -151,7 +157,8 @@ class TopicLink:
     def _publish_joints(self, state: ArmState) -> None:
         joint = self._joint
         joint.header.stamp = state.header.stamp
-        joint.position = [_POSITION.to_si(state.position_v)]
-        joint.velocity = [_SPEED.to_si(state.speed_v)]
-        joint.effort = [COMMAND.to_si(state.command_v) * _TORQUE_NM_PER_A]
+        bends = _BEND_ANGLES @ (state.base_strain_v, state.middle_strain_v)
+        joint.position = [_POSITION.to_si(state.position_v), *bends]
+        joint.velocity = [_SPEED.to_si(state.speed_v), *_UNKNOWN]
+        joint.effort = [COMMAND.to_si(state.command_v) * _TORQUE_NM_PER_A, *_UNKNOWN]
         self._joint_states.publish(joint)
