@@ -31,8 +31,10 @@ from flexarm_core.errors import SettingError
 from flexarm_core.paths import user_path
 from flexarm_core.specs import ParameterSpec
 from flexarm_daq.nodes.kept_messages import KeptMessages
+from flexarm_daq.nodes.send_times import SendTimes
 from flexarm_msgs.msg import ArmState, ChannelInfo, CommanderInfo, IoSample, MotorCommand
 from flexarm_node import qos
+from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.reports import Reporter
@@ -83,12 +85,13 @@ class RecorderNode(Node):
         self._kept = KeptMessages(
             topic for topic, name in zip(self._names, names, strict=True) if _is_kept(name)
         )
+        self._sent = [SendTimes() for _ in names]
         self._requests: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = (
             queue.SimpleQueue()
         )
         self._stopping = threading.Event()
         self.failure = ""
-        self._reporter = Reporter(self)
+        self._reporter = Reporter(self, NodeTime(self))
         self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/record", self._on_record)
         if self._settings.values()["bag"]:
@@ -107,6 +110,9 @@ class RecorderNode(Node):
     def _record(self) -> None:
         while not self._stopping.is_set():
             messages = self._waiter.wait(_WAIT_S)
+            received_ns = time.monotonic_ns()
+            for message in messages:
+                self._sent[message.topic].add(message.source_ns, received_ns)
             try:
                 self._write(messages)
                 if self._writer is not None:
@@ -137,12 +143,17 @@ class RecorderNode(Node):
 
     def _write_what_is_on_its_way(self) -> None:
         """Write every message that was sent before now and comes in time."""
-        now_ns = time.time_ns()
+        now_ns = time.monotonic_ns()
         deadline_s = time.monotonic() + _DRAIN_S
         while time.monotonic() < deadline_s:
             messages = self._waiter.wait(_QUIET_S)
-            self._write([message for message in messages if message.source_ns <= now_ns])
-            if not messages or messages[-1].source_ns > now_ns:
+            due = [
+                message
+                for message in messages
+                if self._sent[message.topic].was_sent_before(message.source_ns, now_ns)
+            ]
+            self._write(due)
+            if not due or due[-1] is not messages[-1]:
                 return
 
     def _open(self) -> str:

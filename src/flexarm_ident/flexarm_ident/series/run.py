@@ -16,6 +16,7 @@ from flexarm_core.workers import Workers, computed
 from flexarm_ident.job import REPORT_FILE, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.reading.read import begin_ns
+from flexarm_ident.series.parquet import require_parquet, write_parquet
 from flexarm_ident.series.rows import Row, model_cells, read_rows, write_rows
 from flexarm_ident.series.trend import trend_page, trend_plot
 from flexarm_ident.workflow.stages import run
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.request import Request
 
 TABLE_FILE = "models.csv"
+PARQUET_FILE = "models.parquet"
 TREND_FILE = "trend.svg"
 PAGE_FILE = "index.html"
 
@@ -75,6 +77,7 @@ def identify_each(
     channels: Selection | None = None,
     exports: Sequence[str] = (),
     force: bool = False,
+    parquet: bool = False,
     workers: Workers | None = None,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Series:
@@ -93,6 +96,8 @@ def identify_each(
         what `job.identify_bags` writes. Rows of other bags in its table stay.
     request, channels, exports, force
         As in `job.identify_bags`, the same for all.
+    parquet : bool
+        Whether the table is written as `models.parquet` too, at the end.
     workers : Workers, optional
         Processes, by default one per core. Those of a cluster need the bags and the folder under
         the same paths as here.
@@ -103,12 +108,14 @@ def identify_each(
     Raises
     ------
     DataError
-        If two bags would have the same folder, or the table cannot be read.
+        If two bags would have the same folder, the table cannot be read, or pyarrow is missing.
     OutputError
         If the folder cannot be written, or has a picture or a page of somebody else.
     """
     places = _places(bags)
     require_place([folder / TREND_FILE, folder / PAGE_FILE], force=force)
+    if parquet:
+        require_parquet()
     folder.mkdir(parents=True, exist_ok=True)
     table = folder / TABLE_FILE
     rows = read_rows(table)
@@ -136,6 +143,8 @@ def identify_each(
         write_rows(table, [rows[bag] for bag in order if bag in rows])
         progress(Path(row.bag).name, done / len(tasks))
     _show(folder, [rows[bag] for bag in order])
+    if parquet:
+        write_parquet(table, folder / PARQUET_FILE)
     return Series(tuple(rows[str(bag)] for bag in places), skipped)
 
 

@@ -128,7 +128,10 @@ def status(namespace: str) -> None:
 @ARM
 @examples("reference 1.5", "reference -3")
 def reference(volts: float, namespace: str) -> None:
-    """Give the running controller a set-point, V, and say what is in force."""
+    """Give the running controller a set-point, V.
+
+    It prints what is in force.
+    """
     with _attached("controller", namespace) as operator:
         request = SetReference.Request(reference_v=volts)
         response = operator.call(SetReference, "set_reference", request)
