@@ -7,7 +7,6 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import click
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 from std_srvs.srv import Trigger
@@ -18,6 +17,7 @@ from flexarm_bringup.graph.laboratory import MANAGED
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import ros_domain, session
 from flexarm_bringup.verbs.laboratory.options import ARM
+from flexarm_core.bounds import YamlError, yaml_content
 from flexarm_core.nearest import nearest
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
@@ -219,8 +219,8 @@ def _parsed(assignment: str) -> tuple[str, Any]:
     if not (name and sign):
         raise LaunchError(f"{assignment!r}: write NAME=VALUE")
     try:
-        return name, yaml.safe_load(text)
-    except yaml.YAMLError:
+        return name, yaml_content(text)
+    except YamlError:
         raise LaunchError(f"{assignment!r}: the value is none") from None
 
 
