@@ -73,6 +73,17 @@ def test_each___page_of_somebody_else___is_refused_before_the_work(
     assert not computed
 
 
+def test_each___parquet_of_somebody_else___is_refused_before_the_work(
+    tmp_path: Path, bags: list[Path], computed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(series_run, "require_parquet", lambda: None)
+    (tmp_path / "models.parquet").write_text("mine")
+    with pytest.raises(OutputError, match=r"models\.parquet: was not written by flexarm"):
+        identify_each(bags, tmp_path, QUICK, channels=CHOSEN, parquet=True, workers=HERE)
+    assert (tmp_path / "models.parquet").read_text() == "mine"
+    assert not computed
+
+
 def test_each___report_of_somebody_else_in_a_bags_folder___fails_that_bag_alone(
     tmp_path: Path, bags: list[Path], computed: list[str]
 ) -> None:
@@ -215,3 +226,12 @@ def test_each___parquet_without_pyarrow___is_refused_before_the_work(
         identify_each(bags, tmp_path / "out", QUICK, channels=CHOSEN, parquet=True, workers=HERE)
     assert not computed
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("computed")
+def test_each___clock_that_begins_at_zero___tells_no_date(tmp_path: Path) -> None:
+    since_start = 19_600  # days, fewer than from 1970 to the instants of these bags
+    bags = [driven_joint(tmp_path / f"run{n}", n + 1, n - since_start) for n in range(2)]
+    series = each(bags, tmp_path / "out")
+    assert [row.cells["begun"] for row in series.rows] == ["", ""]
+    assert "1970" not in (tmp_path / "out" / "trend.svg").read_text()

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 _NAME = "remote"
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _DISCOVERY_S = 4.0
+_ANSWER_S = 4.0
 _DIAGNOSTICS = "/diagnostics"
 _REPORTING = {"recorder", "controller", "daq"}
 """Nodes of a laboratory: with their reports, nothing more has to be waited for."""
@@ -59,9 +60,15 @@ def _stop_every_arm() -> None:
     """Stop each arm as soon as it is found, and look for others as long as discovery may take."""
     asked: dict[str, list[Future[Any]]] = {}
     stopped: set[str] = set()
-    deadline_s = time.monotonic() + _DISCOVERY_S
     with session(_NAME) as operator:
-        while time.monotonic() < deadline_s:
+        begun_s = time.monotonic()
+
+        def may_come() -> bool:
+            passed_s = time.monotonic() - begun_s
+            patience_s = _ANSWER_S if asked.keys() - stopped else 0.0
+            return passed_s < _DISCOVERY_S + patience_s
+
+        while may_come():
             for service in _stops(operator) - stopped:
                 # Until it answers: the first answers may be lost, a stop can be repeated.
                 call = operator.client(Trigger, service).call_async(Trigger.Request())
