@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 # Each by a function, since zeros take time to pack, and whether the file has an index.
-BOMBS = {
+BOMBS: dict[str, tuple[Callable[[], Packed], bool]] = {
     "lz4 beyond its size": (lambda: Packed("lz4", lz4_zeros(500), 1000), True),
     "lz4 of an honest size": (lambda: Packed("lz4", lz4_zeros(300), 300 * MB), True),
     "lz4 without an index": (lambda: Packed("lz4", lz4_zeros(500), 1000), False),
