@@ -32,6 +32,8 @@ TABLE_FILE = "models.csv"
 PARQUET_FILE = "models.parquet"
 TREND_FILE = "trend.svg"
 PAGE_FILE = "index.html"
+# Clocks that begin at 0 when a machine or a simulation starts are far below.
+_FIRST_ROS_YEAR = 2007
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,12 +164,12 @@ def _row(task: _Task) -> tuple[Row, bool]:
     """Return the row of a bag, in a worker: the known one, that of a new model, or of a failure."""
     cells: dict[str, str] = {}
     try:
-        begun = datetime.fromtimestamp(begin_ns(task.bag) // 10**9, timezone.utc)
+        begun = _date(task.bag)
         record = read_record(task.bag, task.request, task.channels)
         record_sha256, request_sha256 = record_hash(record), _request_hash(task)
         if task.known is not None and task.known.is_of(record_sha256, request_sha256):
             return task.known, True
-        cells |= {"begun": begun.isoformat(), "record_sha256": record_sha256}
+        cells |= {"begun": begun, "record_sha256": record_sha256}
         cells |= {"request_sha256": request_sha256}
         outcome = run([record], task.request)
         name = model_name(task.bag)
@@ -178,6 +180,12 @@ def _row(task: _Task) -> tuple[Row, bool]:
     except (FlexarmError, OSError) as error:
         cells["failure"] = one_line(error)
     return Row(task.name, cells), False
+
+
+def _date(bag: Path) -> str:
+    """Return the instant at which a bag begins; empty where its clock is not that of the world."""
+    begun = datetime.fromtimestamp(begin_ns(bag) // 10**9, timezone.utc)
+    return begun.isoformat() if begun.year >= _FIRST_ROS_YEAR else ""
 
 
 def _request_hash(task: _Task) -> str:

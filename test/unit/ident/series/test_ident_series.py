@@ -215,3 +215,12 @@ def test_each___parquet_without_pyarrow___is_refused_before_the_work(
         identify_each(bags, tmp_path / "out", QUICK, channels=CHOSEN, parquet=True, workers=HERE)
     assert not computed
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("computed")
+def test_each___clock_that_begins_at_zero___tells_no_date(tmp_path: Path) -> None:
+    since_start = 19_600  # days, fewer than from 1970 to the instants of these bags
+    bags = [driven_joint(tmp_path / f"run{n}", n + 1, n - since_start) for n in range(2)]
+    series = each(bags, tmp_path / "out")
+    assert [row.cells["begun"] for row in series.rows] == ["", ""]
+    assert "1970" not in (tmp_path / "out" / "trend.svg").read_text()

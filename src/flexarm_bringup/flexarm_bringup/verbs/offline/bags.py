@@ -15,6 +15,7 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_daq.importing.csv_import import import_csv
 from flexarm_daq.importing.csv_map import load_csv_map
+from flexarm_node.shares import share_of
 
 _BAG_FILES = ("metadata.yaml", "*.mcap*", "*.db3*")
 _NEW_BAG = click.option(
@@ -37,7 +38,7 @@ def import_(csv: Path, map_file: Path, output: Path) -> None:
     """Turn a CSV file with named columns into a bag."""
     share = Path(get_package_share_directory("flexarm_msgs"))
     typestore = load_typestore({"flexarm_msgs": share})
-    made = import_csv(csv, load_csv_map(map_file), output, typestore=typestore)
+    made = import_csv(csv, load_csv_map(map_file), output, typestore=typestore, folder_of=share_of)
     click.echo(
         f"{made.bag}: {made.samples} samples at {made.rate_hz:g} Hz, {made.duration_s:.2f} s"
     )
