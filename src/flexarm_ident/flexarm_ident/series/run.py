@@ -116,10 +116,13 @@ def identify_each(
     """
     places = _places(bags)
     require_place([folder / TREND_FILE, folder / PAGE_FILE], force=force)
+    table = folder / TABLE_FILE
     if parquet:
         require_parquet()
+        # Binary as it is, it carries no mark: it is our own where our own table stands beside it.
+        if not table.exists():
+            require_place([folder / PARQUET_FILE], force=force)
     folder.mkdir(parents=True, exist_ok=True)
-    table = folder / TABLE_FILE
     rows = read_rows(table)
     tasks = [
         _Task(

@@ -73,6 +73,17 @@ def test_each___page_of_somebody_else___is_refused_before_the_work(
     assert not computed
 
 
+def test_each___parquet_of_somebody_else___is_refused_before_the_work(
+    tmp_path: Path, bags: list[Path], computed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(series_run, "require_parquet", lambda: None)
+    (tmp_path / "models.parquet").write_text("mine")
+    with pytest.raises(OutputError, match=r"models\.parquet: was not written by flexarm"):
+        identify_each(bags, tmp_path, QUICK, channels=CHOSEN, parquet=True, workers=HERE)
+    assert (tmp_path / "models.parquet").read_text() == "mine"
+    assert not computed
+
+
 def test_each___report_of_somebody_else_in_a_bags_folder___fails_that_bag_alone(
     tmp_path: Path, bags: list[Path], computed: list[str]
 ) -> None:

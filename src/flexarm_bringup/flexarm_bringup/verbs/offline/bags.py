@@ -9,6 +9,7 @@ import click
 from ament_index_python.packages import get_package_share_directory
 
 from flexarm_bags.check import check_bag
+from flexarm_bags.metadata import BAG_FILES
 from flexarm_bags.repair import RepairSummary, repair_bag
 from flexarm_bags.schema import load_typestore
 from flexarm_bringup.console import terminal
@@ -17,7 +18,6 @@ from flexarm_daq.importing.csv_import import import_csv
 from flexarm_daq.importing.csv_map import load_csv_map
 from flexarm_node.shares import share_of
 
-_BAG_FILES = ("metadata.yaml", "*.mcap*", "*.db3*")
 _NEW_BAG = click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Bag to create."
 )
@@ -109,4 +109,4 @@ def _bags_of(path: Path) -> list[Path]:
 
 def _has_bag_files(folder: Path) -> bool:
     """Return whether this is a bag, whole or not."""
-    return any(any(folder.glob(pattern)) for pattern in _BAG_FILES)
+    return any(any(folder.glob(pattern)) for pattern in BAG_FILES)
