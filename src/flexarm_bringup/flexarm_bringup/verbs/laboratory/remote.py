@@ -17,7 +17,7 @@ from flexarm_bringup.graph.laboratory import MANAGED
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import ros_domain, session
 from flexarm_bringup.verbs.laboratory.options import ARM
-from flexarm_core.bounds import YamlError, yaml_content
+from flexarm_core.bounds import YamlError, shown, yaml_content
 from flexarm_core.nearest import nearest
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
@@ -217,11 +217,11 @@ def _nobody(wanted: str) -> str:
 def _parsed(assignment: str) -> tuple[str, Any]:
     name, sign, text = assignment.partition("=")
     if not (name and sign):
-        raise LaunchError(f"{assignment!r}: write NAME=VALUE")
+        raise LaunchError(f"{shown(assignment)}: write NAME=VALUE")
     try:
         return name, yaml_content(text)
     except YamlError:
-        raise LaunchError(f"{assignment!r}: the value is none") from None
+        raise LaunchError(f"{shown(assignment)}: the value is none") from None
 
 
 def _as_kind(value: object, present: object) -> object:
