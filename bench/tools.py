@@ -20,6 +20,16 @@ if TYPE_CHECKING:
     Result = TypeVar("Result")
 
 _PROCESSES = 2
+FAULTS_PAGE = Path(__file__).parents[1] / "docs" / "faults.md"
+MUTANTS_HEADING = """
+## Mutants
+
+`flexarm bench mutants --docs` plants small defects, one at a time, in the modules that guard the
+drive and the records: an operator, a number or a word is another one. A mutant is killed when a
+unit test fails on it. Of those that live, some do the same as the original.
+
+"""
+"""Head of the last section of the page of faults, which has a benchmark of its own."""
 
 
 def json_option(command: Command) -> Command:

@@ -10,7 +10,8 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    # Without a key of rosdep, so package.xml cannot name them.
+    install_requires=["setuptools", "lz4>=4,<5", "mcap>=1.3,<2", "zstandard>=0.21,<1"],
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",
     description="The rosbag2 format over MCAP: writing, reading, integrity checks, repair and playback.",

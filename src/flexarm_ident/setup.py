@@ -11,7 +11,8 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    # Without a key of rosdep, so package.xml cannot name them.
+    install_requires=["setuptools", "control>=0.10.1,<0.11"],
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",
     description="Subspace identification, modal reduction, model updating and validation.",

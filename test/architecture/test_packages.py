@@ -1,39 +1,45 @@
-"""Dependencies that a package declares in its `package.xml`, beside those that it imports."""
+"""Manifests of the packages: what they declare and import, and what a release needs."""
 
 from __future__ import annotations
 
+import ast
+import re
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
 import pytest
 
 from support.import_graph import SOURCES, Module
+from support.project import PROJECT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+    from typing import TypeGuard
 
-# Names of imports that are called otherwise by rosdep; every other name is its own.
+# Names of imports that are called otherwise by rosdep; every other name is its own. Each was looked
+# up in rosdistro's rosdep/python.yaml or the pull request that added it there.
 ROSDEP = {
     "click": "python3-click",
-    "control": "python3-control-pip",
+    "hypothesis": "python3-hypothesis",
     "jinja2": "python3-jinja2",
     "joblib": "python3-joblib",
     "matplotlib": "python3-matplotlib",
-    "lz4": "python3-lz4",
-    "mcap": "python3-mcap",
     "numba": "python3-numba",
     "numpy": "python3-numpy",
+    "pytest": "python3-pytest",
     "rich": "python3-rich",
-    "rosbags": "python3-rosbags",
+    "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
     "sphinx": "python3-sphinx",
     "yaml": "python3-yaml",
-    "zstandard": "python3-zstandard",
 }
+# Without a key: `setup.py` names them, with the bounds of requirements/base.in.
+FROM_PIP = {"control", "lz4", "mcap", "zstandard"}
 DEPENDS = {"depend", "exec_depend", "build_depend", "build_export_depend"}
 PACKAGES = sorted(setup.parent for setup in SOURCES.glob("flexarm_*/setup.py"))
+EVERY_PACKAGE = sorted(manifest.parent for manifest in SOURCES.glob("flexarm_*/package.xml"))
 
 
 def sources(package: Path) -> Iterator[Module]:
@@ -43,20 +49,91 @@ def sources(package: Path) -> Iterator[Module]:
             yield Module(file.stem, file)
 
 
-def imported(package: Path) -> set[str]:
-    """Return the keys of what a package imports and neither is nor gets with Python."""
-    names = {name.partition(".")[0] for each in sources(package) for name in each.imported}
+def imported(folder: Path) -> set[str]:
+    """Return the names of what is imported in a folder and neither is nor comes with Python."""
+    names = {name.partition(".")[0] for each in sources(folder) for name in each.imported}
+    return names - {folder.name, "__future__"} - sys.stdlib_module_names
+
+
+def keys(names: set[str]) -> list[str]:
+    """Return the keys of rosdep for what has one."""
+    return sorted(ROSDEP.get(name, name) for name in names - FROM_PIP)
+
+
+def manifest_of(package: Path) -> ET.Element:
+    """Return the content of a package's `package.xml`."""
+    return ET.parse(package / "package.xml").getroot()  # noqa: S314 - our own file
+
+
+def declared(package: Path, tags: set[str]) -> list[str]:
+    """Return the keys that a `package.xml` declares."""
+    return sorted(str(each.text) for each in manifest_of(package) if each.tag in tags)
+
+
+def setup_arguments(package: Path) -> dict[str, Any]:
+    """Return the constant arguments of a package's `setup`."""
+    calls = [
+        node for node in ast.walk(Module("setup", package / "setup.py").tree) if is_setup(node)
+    ]
     return {
-        ROSDEP.get(name, name)
-        for name in names - {package.name, "__future__"} - sys.stdlib_module_names
+        str(each.arg): ast.literal_eval(each.value)
+        for each in calls[0].keywords
+        if each.arg in {"version", "install_requires", "license", "description"}
     }
+
+
+def is_setup(node: ast.AST) -> TypeGuard[ast.Call]:
+    """Return whether a node of a syntax tree calls `setup`."""
+    return isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))
 def test_package___declares___what_it_imports_and_nothing_else(package: Path) -> None:
-    manifest = ET.parse(package / "package.xml").getroot()  # noqa: S314 - our own file
-    declared = {str(each.text) for each in manifest if each.tag in DEPENDS}
-    assert sorted(declared) == sorted(imported(package))
+    assert declared(package, DEPENDS) == keys(imported(package))
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))
+def test_setup___requires___what_rosdep_has_no_key_for(package: Path) -> None:
+    lines = (PROJECT / "requirements" / "base.in").read_text("utf-8").splitlines()
+    bounds = {found[1]: found[2] for line in lines if (found := re.match(r"([\w-]+)(\S+)", line))}
+    wanted = [f"{name}{bounds[name]}" for name in sorted(imported(package) & FROM_PIP)]
+    assert setup_arguments(package)["install_requires"] == ["setuptools", *wanted]
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))
+def test_package___declares___the_tools_of_its_unit_tests(package: Path) -> None:
+    tests = PROJECT / "test" / "unit" / package.name.removeprefix("flexarm_")
+    tools = imported(tests) & {"pytest", "hypothesis"}
+    assert declared(package, {"test_depend"}) == keys(tools)
+
+
+def test_messages___declare___the_packages_of_their_fields() -> None:
+    package = SOURCES / "flexarm_msgs"
+    texts = [file.read_text("utf-8") for file in package.glob("*/*.*")]
+    fields = {name for text in texts for name in re.findall(r"^(\w+)/\w+", text, re.MULTILINE)}
+    assert declared(package, {"depend"}) == sorted({"action_msgs"} | fields)
+
+
+@pytest.mark.parametrize("package", EVERY_PACKAGE, ids=lambda package: str(package.name))
+def test_package___could_be_released(package: Path) -> None:
+    manifest = manifest_of(package)
+    texts = {each.tag: str(each.text) for each in manifest}
+    assert {"name", "version", "description", "maintainer", "license", "url", "author"} <= set(
+        texts
+    )
+    assert texts["name"] == package.name
+    assert texts["version"] == manifest_of(EVERY_PACKAGE[0]).findtext("version")
+    license_text = (PROJECT / "LICENSE").read_bytes()
+    assert manifest.find("license").attrib == {"file": "LICENSE"}  # type: ignore[union-attr]
+    assert (package / "LICENSE").read_bytes() == license_text
+    title = f"Changelog for package {package.name}"
+    bar = "^" * len(title)
+    changes = (package / "CHANGELOG.rst").read_text("utf-8")
+    assert changes.startswith(f"{bar}\n{title}\n{bar}\n\nForthcoming\n-----------\n* ")
+    if package in PACKAGES:
+        settings = setup_arguments(package)
+        same = ("version", "license", "description")
+        assert {name: settings[name] for name in same} == {name: texts[name] for name in same}
 
 
 def test_imported___of_a_file___has_late_and_type_only_imports_too(tmp_path: Path) -> None:
@@ -67,4 +144,4 @@ def test_imported___of_a_file___has_late_and_type_only_imports_too(tmp_path: Pat
         "def late():\n    import yaml\n",
         "utf-8",
     )
-    assert imported(tmp_path) == {"python3-numpy", "python3-rosbags", "python3-yaml"}
+    assert keys(imported(tmp_path)) == ["python3-numpy", "python3-rosbags-pip", "python3-yaml"]

@@ -26,6 +26,7 @@ CONNECTING = {
             "parameters",
             "process",
             "loop_node",
+            "shares",
             "answering_node",
             "reports",
             "transport",

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 FINE_HZ = 10_000
 """Instants at which the rig is simulated."""
+DAY_NS = 86_400 * 10**9
 MODES_HZ = (4.0, 13.0)
 DAMPING = (0.03, 0.02)
 # Gains of the modes in position and in acceleration-like strain.
@@ -151,6 +152,17 @@ def wrenches(
             for stamp, force in zip(stamps_ns, forces, strict=True)
         ),
     )
+
+
+def driven_joint(path: Path, seed: int, day: int = 0) -> Path:
+    """Write 8 s of the two-mode rig at 200 Hz as JointState of one joint, `arm`."""
+    fine = 8 * FINE_HZ
+    at = np.arange(0, fine, FINE_HZ // 200)
+    force = held_noise(at, fine, seed)
+    stamps_ns = instants_ns(at) + day * DAY_NS
+    position = responses(force)[at, :1]
+    states = joint_states(stamps_ns, ["arm"], position, efforts=force[at, np.newaxis])
+    return write_topics(path, [states], StoragePlugin.MCAP)
 
 
 def write_topics(

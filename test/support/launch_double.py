@@ -65,7 +65,7 @@ class PathJoinSubstitution:
 class ParameterValue:
     """Value of a parameter with its type."""
 
-    value: LaunchConfiguration
+    value: LaunchConfiguration | str
     value_type: type
 
 
@@ -106,14 +106,17 @@ class Node:
             file = _text(each, context)
             if isinstance(each, dict):
                 file = str(folder / f"{self.name}_{number}.yaml")
-                values = {
-                    name: value.value_type(value.value.perform(context))
-                    for name, value in each.items()
-                }
+                values = {name: _value(value, context) for name, value in each.items()}
                 content = {f"{space}/{self.name}": {"ros__parameters": values}}
                 (folder / f"{self.name}_{number}.yaml").write_text(yaml.dump(content))
             line += ["--params-file", file]
         return line
+
+
+def _value(value: Any, context: Context) -> Any:  # noqa: ANN401 - of any type
+    if isinstance(value, ParameterValue):
+        return value.value_type(_text(value.value, context))
+    return value
 
 
 def _text(value: Any, context: Context) -> str:  # noqa: ANN401 - a text or a substitution

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos, QosDurability
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from flexarm_bags.check import check_bag
@@ -15,6 +16,7 @@ from flexarm_bags.repair import repair_bag
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from support.bag_samples import played_bag
+from support.project import PROJECT
 from support.recorded_samples import States, content
 from support.system_graph import fill_disk
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.system
 
+MESSAGES = PROJECT / "src" / "flexarm_msgs" / "msg"
 TOPICS = {"/flexarm/state", "/flexarm/command", "/flexarm/reference"}
 
 
@@ -32,6 +35,13 @@ def message_count(bag: Path) -> int:
     """Return what the metadata says."""
     text = yaml.safe_load((bag / "metadata.yaml").read_text())
     return int(text["rosbag2_bagfile_information"]["message_count"])
+
+
+def qos_of(connection: Connection) -> Qos:
+    """Return what a topic's publisher offered."""
+    assert isinstance(connection.ext, ConnectionExtRosbag2)
+    (profile,) = connection.ext.offered_qos_profiles
+    return profile
 
 
 def decoded_by_embedded_definitions(file: Path) -> dict[str, list[Any]]:
@@ -68,7 +78,20 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
             message = reader.deserialize(raw, connection.msgtype)
             deserialised.setdefault(connection.topic, []).append(message)
         assert reader.message_count == message_count(bag)
+        recorded = {connection.topic: connection for connection in reader.connections}
 
+    # The files of the messages stand in the bag, with the comments that tell units.
+    for topic, file_name in (("state", "ArmState"), ("command", "MotorCommand")):
+        written = (MESSAGES / f"{file_name}.msg").read_text("utf-8")
+        assert "#" in written
+        assert recorded[f"/flexarm/{topic}"].msgdef.data.startswith(f"{written}\n{'=' * 80}\n")
+    durability = {topic: qos_of(connection).durability for topic, connection in recorded.items()}
+    assert durability == {
+        "/flexarm/commander": QosDurability.TRANSIENT_LOCAL,
+        "/flexarm/reference": QosDurability.TRANSIENT_LOCAL,
+        "/flexarm/state": QosDurability.VOLATILE,
+        "/flexarm/command": QosDurability.VOLATILE,
+    }
     (file,) = bag.glob("*.mcap")
     states = deserialised["/flexarm/state"]
     assert set(deserialised) == TOPICS | {"/flexarm/commander"}

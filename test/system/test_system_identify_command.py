@@ -23,7 +23,7 @@ pytestmark = pytest.mark.system
 
 BAG = BAGS / "c_dat3_0g"
 OF_CHANNELS = ("inputs", "outputs", "clock", "held")
-OF_SEVERAL = ("each", "jobs", "dask")
+OF_SEVERAL = ("each", "jobs", "dask", "parquet")
 
 
 def command(graph: Graph, *arguments: str) -> Process:

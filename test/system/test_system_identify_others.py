@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
+from support.foreign_bags import MODES_HZ, driven_joint
 from support.identification_service import answered, identify
 from support.project import PROJECT, SHARED
 from support.system_graph import ROOT, Graph
@@ -105,3 +107,29 @@ def test_quanser_measurements___give_a_model_with_2_inputs_and_4_outputs(
     assert levels.shape == (2,)
     assert np.all(levels > 3.0 * scatter)
     assert response.warnings
+
+
+def test_bag_of_another_program___is_identified_by_named_signals(
+    laboratory: Graph, tmp_path: Path
+) -> None:
+    bag = driven_joint(tmp_path / "run1", seed=1)
+    names = {
+        "inputs": ["torque_nm=/joint_states.effort[arm]"],
+        "outputs": ["/joint_states.position[0]"],
+    }
+
+    response = identify(laboratory, bag, **names)
+
+    assert response.success, response.message
+    assert answered(response)["models.run1.input_names"] == ["torque_nm"]
+    frequencies = sorted(mode.frequency_hz for mode in response.modes if mode.damping_ratio < 0.1)
+    assert frequencies == pytest.approx(MODES_HZ, rel=0.005)
+    for wrong, text in (
+        ({**names, "outputs": ["/joint_states.position[leg]"]}, r"has no number position\[leg\]"),
+        ({"inputs": names["inputs"]}, "no output was named"),
+        ({**names, "clock": "sun"}, "clock must be one of header, receive: 'sun'"),
+        ({"interpolated": True}, "clock and interpolated belong to named inputs and outputs"),
+    ):
+        refused = identify(laboratory, bag, **wrong)
+        assert not refused.success
+        assert re.search(text, refused.message), refused.message

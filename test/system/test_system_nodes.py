@@ -11,11 +11,15 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
+from flexarm_core.channels import CHANNELS
+from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
+from flexarm_node.stamps import stamp_ns
 from support.bag_samples import START_NS, reference, write_bag
 from support.system_graph import PACKAGES, Graph, executable
 
@@ -207,6 +211,33 @@ def test_every_activation___counts_its_samples_from_one(graph: Graph) -> None:
     first, second = np.split(sequences, np.flatnonzero(np.diff(sequences) < 0) + 1)
     for counted in (first, second):
         assert counted[:5].tolist() == [1, 2, 3, 4, 5]
+
+
+def test_joint_states___have_every_joint_of_the_urdf_bent_as_the_gauges_say(graph: Graph) -> None:
+    joints: list[JointState] = []
+    states: dict[int, ArmState] = {}
+    graph.node.create_subscription(JointState, "joint_states", joints.append, qos.EVERY)
+    graph.node.create_subscription(
+        ArmState,
+        "state",
+        lambda state: states.update({stamp_ns(state.header.stamp): state}),
+        qos.EVERY,
+    )
+    graph.start("controller", {"law": "pd", "reference": "step", "step.amplitude_v": 2.0})
+    graph.start("daq")
+    graph.activate_loop()
+    graph.operator.start_sampling()
+    graph.wait(lambda: len(joints) > 50, "joint states")
+    graph.wait(lambda: stamp_ns(joints[50].header.stamp) in states, "their samples")
+
+    assert {tuple(joint.name) for joint in joints} == {(HUB, *BEND_JOINTS)}
+    bent = max(joints[:51], key=lambda joint: abs(sum(joint.position[1:])))
+    state = states[stamp_ns(bent.header.stamp)]
+    assert bent.position[0] == pytest.approx(CHANNELS[0].to_si(state.position_v))
+    # Both gauges show the bend, with the signs of their wiring.
+    sign = -np.sign(state.base_strain_v)
+    assert sign == np.sign(state.middle_strain_v)
+    assert (sign * np.array(bent.position[1:]) > 0.0).all()
 
 
 def test_recorder___says_what_it_cannot_do(graph: Graph, tmp_path: Path) -> None:

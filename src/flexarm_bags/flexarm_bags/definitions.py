@@ -9,10 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
 from flexarm_bags.metadata import RecordedTopic, TopicQos
-from flexarm_bags.schema import MessageDefinition
+from flexarm_bags.schema import MessageDefinition, text_hash
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Schema
@@ -76,9 +74,7 @@ def _counted(copies: list[tuple[_CopyT, int]], new: _CopyT) -> list[tuple[_CopyT
 def definition_hash(schema: Schema) -> str | None:
     """Return the hash of a definition, ``RIHS01_...``; None when it cannot be read."""
     try:
-        typestore = get_typestore(Stores.EMPTY)
-        typestore.register(get_types_from_msg(schema.data.decode(), schema.name))
-        return typestore.hash_rihs01(schema.name)
+        return text_hash(schema.name, schema.data.decode())
     except Exception:  # noqa: BLE001 - parsers raise anything on damaged bytes
         return None
 

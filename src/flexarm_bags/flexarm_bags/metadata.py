@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from flexarm_bags.schema import MessageDefinition
 
 FILE_NAME = "metadata.yaml"
+BAG_FILES = (f"{FILE_NAME}*", "*.mcap*", "*.db3*")
+"""Patterns of the files of a bag."""
 VERSION = 9
 # What rosbag2 writes while it has seen no message: the largest time there is.
 NO_START_NS = 2**63 - 1

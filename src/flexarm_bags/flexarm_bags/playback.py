@@ -33,11 +33,12 @@ class PlaybackError(FlexarmError):
 
 
 class DueMessage(NamedTuple):
-    """One serialised message and the time after the start of play at which it is due."""
+    """One serialised message, when it is due after the start of play, and its time in the bag."""
 
     due_s: float
     topic: str
     raw: bytes
+    time_ns: int
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ class PlaybackPlan:
                 for connection, log_time_ns, raw in reader.messages(start=first_ns, stop=stop_ns):
                     played += 1
                     due_s = cycle_start_s + (log_time_ns - first_ns) / _NS / self.rate
-                    yield DueMessage(due_s, connection.topic, bytes(raw))
+                    yield DueMessage(due_s, connection.topic, bytes(raw), log_time_ns)
                 if played == 0:
                     raise PlaybackError(f"{self.bag}: no message from {self.start_s} s on")
                 if not self.loop:

@@ -9,16 +9,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
-    from rosbags.interfaces.typing import Typesdict
+    from rosbags.interfaces.typing import FieldDesc, Typesdict
     from rosbags.typesys.store import Typestore
+
+# Between the types of a complete text.
+_RULE = "=" * 80
 
 
 class DefinitionError(FlexarmError):
@@ -76,8 +80,21 @@ def _parse(file: Path, type_name: str) -> Typesdict:
         raise DefinitionError(f"{file}: no message definition: {error}") from error
 
 
-def describe(typestore: Typestore, type_name: str) -> MessageDefinition:
+def describe(
+    typestore: Typestore, type_name: str, folder_of: Callable[[str], Path | None] | None = None
+) -> MessageDefinition:
     """Return the definition of one type, ``package/msg/Type``, with all nested types.
+
+    Parameters
+    ----------
+    typestore : Typestore
+        Types, from `load_typestore`.
+    type_name : str
+        Full name.
+    folder_of : callable, optional
+        Returns the folder of a package that holds ``msg/*.msg``, None where there is none. With the
+        files of all types the text is theirs, with the comments that tell units, as rosbag2 writes
+        it; otherwise it has the members alone.
 
     Raises
     ------
@@ -85,9 +102,51 @@ def describe(typestore: Typestore, type_name: str) -> MessageDefinition:
         If the store does not know the type or one that it contains.
     """
     try:
+        text = None if folder_of is None else _written(type_name, folder_of)
+        if text is not None:
+            return MessageDefinition(type_name, text, text_hash(type_name, text))
         text, _ = typestore.generate_msgdef(type_name, ros_version=2)
         return MessageDefinition(type_name, text, typestore.hash_rihs01(type_name))
     except (TypesysError, KeyError) as error:
         raise DefinitionError(
             f"message type {type_name} is unknown; give the folder of its package"
         ) from error
+
+
+def text_hash(type_name: str, text: str) -> str:
+    """Return the hash of a complete ``ros2msg`` text, ``RIHS01_...``; whatever rosbags raises."""
+    typestore = get_typestore(Stores.EMPTY)
+    typestore.register(get_types_from_msg(text, type_name))
+    return typestore.hash_rihs01(type_name)
+
+
+def _written(type_name: str, folder_of: Callable[[str], Path | None]) -> str | None:
+    """Return a type's file, and behind it, each once, those of its members in depth first."""
+    seen: set[str] = set()
+
+    def appended(name: str) -> str:
+        package, _, short = name.split("/")
+        folder = folder_of(package)
+        if folder is None:
+            raise FileNotFoundError(package)
+        text = (folder / "msg" / f"{short}.msg").read_text("utf-8")
+        ((_, fields),) = get_types_from_msg(text, name).values()
+        for nested in sorted(_named(description) for _, description in fields):
+            if nested and nested not in seen:
+                seen.add(nested)
+                text += f"\n{_RULE}\nMSG: {nested.replace('/msg/', '/')}\n{appended(nested)}"
+        return text
+
+    try:
+        return appended(type_name)
+    except FileNotFoundError:
+        return None
+
+
+def _named(description: FieldDesc) -> str:
+    """Return the message type of a member, or of its elements; empty for a primitive one."""
+    if description[0] == Nodetype.NAME:
+        return str(description[1])
+    if description[0] in {Nodetype.ARRAY, Nodetype.SEQUENCE}:
+        return _named(description[1][0])
+    return ""

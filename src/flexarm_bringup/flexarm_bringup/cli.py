@@ -13,6 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 VERBS = {
     "demo": "laboratory.demo:demo",
+    "design": "laboratory.design:design",
     "up": "laboratory.up:up",
     "status": "laboratory.remote:status",
     "reference": "laboratory.remote:reference",

@@ -6,8 +6,14 @@ A set-point for it:
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ament_index_python.packages import (
+    PackageNotFoundError,
+    get_package_prefix,
+    get_package_share_directory,
+)
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -19,6 +25,7 @@ from launch import LaunchDescription
 if TYPE_CHECKING:
     from launch.launch_context import LaunchContext
 
+_PUBLISHER = "robot_state_publisher"
 _NODES = (
     ("flexarm_daq", "recorder"),
     ("flexarm_ident", "ident"),
@@ -71,7 +78,7 @@ def _nodes(context: LaunchContext) -> list[Node]:
         for name, (_, kind, _) in _SETTINGS.items()
         if LaunchConfiguration(name).perform(context)
     }
-    return [
+    laboratory = [
         Node(
             package=package,
             executable=f"{node}_node",
@@ -84,4 +91,30 @@ def _nodes(context: LaunchContext) -> list[Node]:
             ],
         )
         for package, node in _NODES
+    ]
+    return laboratory + _frames(context)
+
+
+def _frames(context: LaunchContext) -> list[Node]:
+    """Return the node that makes tf frames of the joint states, where it is installed."""
+    try:
+        get_package_prefix(_PUBLISHER)
+    except PackageNotFoundError:
+        return []
+    urdf = Path(get_package_share_directory("flexarm_bringup"), "urdf", "flexarm.urdf")
+    namespace = LaunchConfiguration("namespace").perform(context).strip("/")
+    return [
+        Node(
+            package=_PUBLISHER,
+            executable=_PUBLISHER,
+            name=_PUBLISHER,
+            namespace=LaunchConfiguration("namespace"),
+            output="screen",
+            parameters=[
+                {
+                    "robot_description": ParameterValue(urdf.read_text("utf-8"), value_type=str),
+                    "frame_prefix": f"{namespace}/",
+                }
+            ],
+        )
     ]

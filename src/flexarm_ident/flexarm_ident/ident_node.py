@@ -30,6 +30,7 @@ from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.job import Results, identify_bags, model_name
 from flexarm_ident.models.files import parse_exports
+from flexarm_ident.reading.channels import selection
 from flexarm_ident.workflow.request import Request
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.msg import ModeSummary
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import Progress
     from flexarm_ident.models.modes import Mode
+    from flexarm_ident.reading.channels import Selection
 
     Asked: TypeAlias = "Identify.Request | IdentifyBags.Goal"
     Answer: TypeAlias = "Identify.Response | IdentifyBags.Result"
@@ -168,7 +170,7 @@ class IdentNode(Node):
                 "when it is done"
             )
         bags, executor = as_bags(asked.bag_uris), self.executor
-        work = self._work(bags, as_request(asked))
+        work = self._work(bags, as_request(asked), as_channels(asked))
 
         def notify() -> None:
             if not self._stopping.is_set():
@@ -193,14 +195,20 @@ class IdentNode(Node):
         finally:
             self._at_work = None
 
-    def _work(self, bags: Sequence[Path], request: Request) -> Callable[[Progress], Results]:
+    def _work(
+        self, bags: Sequence[Path], request: Request, channels: Selection | None
+    ) -> Callable[[Progress], Results]:
         """Return the work of a request with the settings of now."""
         settings = self._settings.values()
         root = user_path(settings["output_folder"]).absolute()
         folder, exports = root / model_name(bags[0]), parse_exports(settings["exports"])
         force = settings["force"]
         return lambda report: identify_bags(
-            bags, folder, request, exports=exports, force=force, progress=report
+            *(bags, folder, request),
+            channels=channels,
+            exports=exports,
+            force=force,
+            progress=report,
         )
 
     def _keep(self, parameters: Mapping[str, Any]) -> None:
@@ -232,6 +240,25 @@ def as_request(message: Asked) -> Request:
     asked["known_modes_hz"] = tuple(message.known_modes_hz)
     given: dict[str, Any] = {key: value for key, value in asked.items() if value or value is False}
     return Request(**given)
+
+
+def as_channels(message: Asked) -> Selection | None:
+    """Convert the named signals of a service request or a goal; None when none is named.
+
+    Raises
+    ------
+    BagError
+        When a name is invalid, or only inputs or outputs are named.
+    """
+    if message.inputs or message.outputs:
+        return selection(
+            *(message.inputs, message.outputs),
+            clock=message.clock or None,
+            interpolated=message.interpolated,
+        )
+    if message.clock or message.interpolated:
+        raise IdentificationError("clock and interpolated belong to named inputs and outputs")
+    return None
 
 
 def _accept(values: Mapping[str, Any]) -> None:

@@ -13,6 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
 from flexarm_ident.records.iodata import IoData
+from flexarm_ident.records.naming import portable_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,7 +44,7 @@ def model_provenance(
         and ``versions``.
     """
     return {
-        "source": [record.label for record in measured],
+        "source": portable_names([record.label for record in measured]),
         "source_sha256": [record_hash(record) for record in measured],
         "method": outcome.identification.method,
         "request": json.dumps(asdict(outcome.request)),

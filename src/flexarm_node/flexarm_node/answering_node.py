@@ -96,7 +96,7 @@ class AnsweringNode(LoopNode):
         info = CommanderInfo(
             node=self.get_fully_qualified_name(), law=name, uses_outputs=uses_outputs
         )
-        info.header.stamp = self.get_clock().now().to_msg()
+        set_stamp(info.header.stamp, self.time.now_ns())
         self._commander_out.publish(info)
 
     def loop(self, stopping: threading.Event) -> None:
@@ -118,7 +118,7 @@ class AnsweringNode(LoopNode):
             self._skipped += state.sequence - last_sequence - 1
             last_sequence = state.sequence
             self.answer(state, taken_ns, command)
-            set_stamp(command.header.stamp, self.get_clock().now().nanoseconds)
+            set_stamp(command.header.stamp, self.time.now_ns())
             command.sequence += 1
             command.state_sequence = state.sequence
             self._commands.publish(command)

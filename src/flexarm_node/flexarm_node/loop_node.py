@@ -16,6 +16,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from flexarm_core.errors import one_line
 from flexarm_core.specs import ParameterSpec
+from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.reports import Reporter
 from flexarm_node.transport import complaint_about_transport
@@ -96,7 +97,8 @@ class LoopNode(LifecycleNode):
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._ended = self.create_guard_condition(self._deactivate_ended)
-        self._reporter = Reporter(self)
+        self.time = NodeTime(self)
+        self._reporter = Reporter(self, self.time)
         # On the node's own clock a wall clock set back would silence the reports.
         self._idle_reports = self.create_timer(
             _REPORT_S, self._report_idle, clock=Clock(clock_type=ClockType.STEADY_TIME)

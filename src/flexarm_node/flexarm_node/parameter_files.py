@@ -21,6 +21,8 @@ NODE_NAMES = ("daq", "controller", "experiment", "recorder", "ident", "tuner", "
 """The nodes of flexarm, without their namespace."""
 _PARAMETERS = "ros__parameters"
 _FILE = "--params-file"
+# Letters too many or too few.
+_MISSPELT_BY = 2
 _BEGIN, _END = "--ros-args", "--"
 
 
@@ -74,9 +76,18 @@ def complaint(files: Sequence[Path], node: str) -> str:
         for name in names:
             if _last(name) == own:
                 return f"{file} has parameters for {name} and none for {node}: write /**/{own}"
-            if _last(name) not in NODE_NAMES and get_close_matches(_last(name), [own], cutoff=0.65):
+            if _is_misspelt(_last(name), own):
                 return f"{file} has parameters for {name}, no node here (nearest: {node})"
     return ""
+
+
+def _is_misspelt(name: str, own: str) -> bool:
+    """Return whether a name is meant for a node: not a renamed one's, nor a longer one with it."""
+    return (
+        name.rstrip("_0123456789") not in NODE_NAMES
+        and abs(len(name) - len(own)) <= _MISSPELT_BY
+        and bool(get_close_matches(name, [own], cutoff=0.65))
+    )
 
 
 def _last(name: str) -> str:

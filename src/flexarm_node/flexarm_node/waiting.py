@@ -14,11 +14,12 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from rclpy.node import Node
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
+    from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 Message = TypeVar("Message")
 
@@ -42,6 +43,11 @@ def has_every_reader(node: Node, publishers: Sequence[Publisher], least: int = 0
     matched = [publisher.get_subscription_count() for publisher in publishers]
     known = [node.count_subscribers(publisher.topic_name) for publisher in publishers]
     return max(matched, default=0) >= least and all(map(int.__ge__, matched, known))
+
+
+def node_names(endpoints: Iterable[TopicEndpointInfo]) -> list[str]:
+    """Return the full names of the nodes of endpoints, in the order of the alphabet."""
+    return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in endpoints)
 
 
 def wait_until(condition: Callable[[], bool]) -> bool:

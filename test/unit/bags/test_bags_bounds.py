@@ -36,15 +36,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-BOMBS = {
-    "lz4 beyond its size": (Packed("lz4", lz4_zeros(2000), 1000), True),
-    "lz4 of an honest size": (Packed("lz4", lz4_zeros(300), 300 * MB), True),
-    "lz4 without an index": (Packed("lz4", lz4_zeros(2000), 1000), False),
-    "zstd beyond its size": (Packed("zstd", zstd_zeros(2000), 1000), True),
-    "zstd in two frames": (Packed("zstd", zstd_zeros(0) + zstd_zeros(2000), 1000), False),
-    "zstd of 8 GB": (Packed("zstd", zstd_zeros(1, states_size=True), 8 << 30), True),
-    "a size of 1 TB": (Packed("zstd", zstd_zeros(1), 1 << 40), True),
-    "an unpacked size of 1 TB": (Packed("", bytes(1000), 1 << 40), False),
+# Each by a function, since zeros take time to pack, and whether the file has an index.
+BOMBS: dict[str, tuple[Callable[[], Packed], bool]] = {
+    "lz4 beyond its size": (lambda: Packed("lz4", lz4_zeros(500), 1000), True),
+    "lz4 of an honest size": (lambda: Packed("lz4", lz4_zeros(300), 300 * MB), True),
+    "lz4 without an index": (lambda: Packed("lz4", lz4_zeros(500), 1000), False),
+    "zstd beyond its size": (lambda: Packed("zstd", zstd_zeros(500), 1000), True),
+    "zstd in two frames": (lambda: Packed("zstd", zstd_zeros(0) + zstd_zeros(500), 1000), False),
+    "zstd of 8 GB": (lambda: Packed("zstd", zstd_zeros(1, states_size=True), 8 << 30), True),
+    "a size of 1 TB": (lambda: Packed("zstd", zstd_zeros(1), 1 << 40), True),
+    "an unpacked size of 1 TB": (lambda: Packed("", bytes(1000), 1 << 40), False),
 }
 
 
@@ -87,7 +88,7 @@ def test_bomb___is_refused_in_little_memory(
     tmp_path: Path, bomb: str, way: Callable[[Path], None]
 ) -> None:
     packed, indexed = BOMBS[bomb]
-    refusal(write_chunks(tmp_path / "run.mcap", packed, indexed=indexed), way)
+    refusal(write_chunks(tmp_path / "run.mcap", packed(), indexed=indexed), way)
 
 
 @pytest.mark.parametrize("way", [read, played, checked])
@@ -153,14 +154,14 @@ def test_file_compressed_as_a_whole___does_not_fill_the_temporary_folder(
     temporary = tmp_path / "tmp"
     temporary.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
-    bag = write_packed_bag(tmp_path / "run", zstd_zeros(2000))
+    bag = write_packed_bag(tmp_path / "run", zstd_zeros(500))
     monkeypatch.setenv(READ_VARIABLE, "10")
     assert "run_0.mcap.zstd: unpacked it has more than 10 MB" in refusal(bag, way)
     assert list(temporary.iterdir()) == []
 
 
 def test_bomb_in_a_compressed_file___is_refused(tmp_path: Path) -> None:
-    packed, _ = BOMBS["lz4 of an honest size"]
+    packed = Packed("lz4", lz4_zeros(300), 300 * MB)
     file = write_chunks(tmp_path / "run.mcap", packed, indexed=False)
     bag = write_packed_bag(tmp_path / "run", zstandard.compress(file.read_bytes()))
     assert "says that it has 300 MB unpacked, allowed are 128" in refusal(bag, read)
@@ -178,7 +179,7 @@ def test_compressed_messages_that_are_bombs___are_refused(
     bag = write_foreign(tmp_path / "run", controlled_run(5), storage, CompressionMode.MESSAGE)
     if storage is StoragePlugin.SQLITE3:
         with closing(sqlite3.connect(next(bag.glob("*.db3")))) as database, database:
-            database.execute("UPDATE messages SET data = ? WHERE id = 3", (zstd_zeros(2000),))
+            database.execute("UPDATE messages SET data = ? WHERE id = 3", (zstd_zeros(500),))
     else:
         large = [each._replace(raw=bytes(300 * MB)) for each in controlled_run(1)[:1]]
         bag = write_foreign(tmp_path / "large", large, storage, CompressionMode.MESSAGE)

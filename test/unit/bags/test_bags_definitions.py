@@ -15,6 +15,7 @@ from flexarm_bags.known_types import OURS, exchanged
 from flexarm_bags.reader import opened
 from flexarm_bags.records.columns import CdrError, members
 from flexarm_bags.repair import repair_bag
+from flexarm_bags.schema import describe, load_typestore
 from flexarm_core.errors import BagError
 from support.bag_samples import (
     controlled_run,
@@ -167,3 +168,41 @@ def test_wrong_byte_in_a_definition_without_a_checksum___is_mended_by_its_other_
     assert summary.messages == len(controlled_run(50))
     with AnyReader([tmp_path / "copy"]) as reader:
         assert "position_v" in dict(reader.typestore.fielddefs[ARM_STATE][1])
+
+
+def file_of(folder: Path, name: str, text: str) -> None:
+    package, _, short = name.partition("/")
+    file = folder / package / "msg" / f"{short}.msg"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(text, "utf-8")
+
+
+def test_described_type___has_the_files_of_all_its_types_as_rosbag2_puts_them_together(
+    tmp_path: Path,
+) -> None:
+    time = "# since the epoch\nint32 sec  # s\nuint32 nanosec\n"
+    file_of(tmp_path, "b/Time", time)
+    file_of(tmp_path, "a/Pair", "# two of them\nb/Time[2] times\nb/Time last\n")
+    file_of(tmp_path, "a/Top", "Pair[] pairs # µV\nb/Time now\nfloat64 value # V\n")
+
+    def folder_of(package: str) -> Path:
+        return tmp_path / package
+
+    types = load_typestore({package: tmp_path / package for package in ("a", "b")})
+    found = describe(types, "a/msg/Top", folder_of)
+
+    rule = "=" * 80
+    assert found.text == (
+        "Pair[] pairs # µV\nb/Time now\nfloat64 value # V\n"
+        f"\n{rule}\nMSG: a/Pair\n# two of them\nb/Time[2] times\nb/Time last\n"
+        f"\n{rule}\nMSG: b/Time\n{time}"
+    )
+    assert (
+        found.type_hash == types.hash_rihs01("a/msg/Top") == describe(types, "a/msg/Top").type_hash
+    )
+
+
+def test_described_type___without_all_its_files___has_the_members_alone(tmp_path: Path) -> None:
+    file_of(tmp_path, "std_msgs/Header", "builtin_interfaces/Time stamp # when\nstring frame_id\n")
+    found = describe(typestore(), "std_msgs/msg/Header", lambda package: tmp_path / package)
+    assert found == describe(typestore(), "std_msgs/msg/Header")

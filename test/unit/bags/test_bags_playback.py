@@ -54,8 +54,8 @@ def test_messages___several_topics___come_in_order_of_log_time(tmp_path: Path) -
     bag = write_bag(tmp_path / "run", [late, early])
 
     assert list(PlaybackPlan(bag).messages()) == [
-        DueMessage(0.0, early.topic, early.raw),
-        DueMessage(400e-9, late.topic, late.raw),
+        DueMessage(0.0, early.topic, early.raw, START_NS),
+        DueMessage(400e-9, late.topic, late.raw, START_NS + 400),
     ]
 
 

@@ -217,6 +217,17 @@ def test_definitions_in_a_damaged_chunk___are_those_of_the_index(
     assert content(summary.bag) == recording.messages[CHUNK:]
 
 
+def test_definitions_in_a_damaged_chunk_without_an_index___are_those_at_the_end(
+    recording: Recording, tmp_path: Path
+) -> None:
+    raw = bytearray(recording.file.read_bytes()[:-1])
+    # A letter of a definition in the first chunk.
+    raw[recording.chunks[0][0] + 100] ^= 0xFF
+    summary = repair_bag(damaged_copy(recording, tmp_path / "run", bytes(raw)), tmp_path / "copy")
+    assert content(summary.bag) == recording.messages[CHUNK:]
+    assert summary.lost == CHUNK
+
+
 def test_split_bag___damage_in_one_file_spares_the_other(
     recording: Recording, tmp_path: Path
 ) -> None:

@@ -69,6 +69,7 @@ def checked(numbers: Sequence[int]) -> SequenceCheck:
         ([1, 4, 5, 7], (3, 2, 0)),
         ([1, 2, 1, 2], (0, 0, 1)),
         ([3, 3], (0, 0, 1)),
+        ([3, 1, 5, 5, 2], (3, 1, 3)),
     ],
 )
 def test_check___numbers___counts_what_is_missing(
@@ -83,6 +84,13 @@ def test_check___numbers___counts_what_is_missing(
 def test_complaints___only_of_missing_messages() -> None:
     assert checked([1, 2, 1]).complaints() == []
     assert checked([1, 4]).complaints() == ["/flexarm/state: 2 periods without a sample at 1 place"]
+
+
+def test_complaints___of_commands___count_commands() -> None:
+    check = SequenceCheck({"/flexarm/command": "flexarm_msgs/msg/MotorCommand"})
+    for number in (1, 3, 7):
+        check.add("/flexarm/command", motor_command(number, START_NS, 1.0).raw)
+    assert check.complaints() == ["/flexarm/command: 4 commands missing at 2 places"]
 
 
 def test_check___message_that_is_too_short___is_let_pass() -> None:

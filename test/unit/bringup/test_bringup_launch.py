@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import ament_index_python.packages
 import pytest
 import yaml
 
@@ -61,3 +62,21 @@ def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path
         "/arm2/controller": {"ros__parameters": {"law": "pd"}},
         "/arm2/recorder": {"ros__parameters": {"bag": "2026"}},
     }
+
+
+def test_frames___where_their_node_is_installed___are_those_of_the_arm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packages = ament_index_python.packages
+    share = FILE.parents[1]
+    monkeypatch.setattr(packages, "get_package_prefix", lambda _: "/opt/ros")
+    monkeypatch.setattr(packages, "get_package_share_directory", lambda _: str(share))
+    nodes, context = launched({"namespace": "arm2"})
+    (node,) = [each for each in nodes if each.name == "robot_state_publisher"]
+
+    (file,) = files_of(node.arguments(context, tmp_path))
+
+    parameters = yaml.safe_load((tmp_path / file).read_text())
+    values = parameters["/arm2/robot_state_publisher"]["ros__parameters"]
+    assert values["robot_description"] == (share / "urdf" / "flexarm.urdf").read_text()
+    assert values["frame_prefix"] == "arm2/"

@@ -73,8 +73,10 @@ def test_given_files___are_those_of_ros_arguments() -> None:
         (["/flexarm/daq", "/flexarm/dac"], ""),
         (["/**", "/flexarm/controller"], ""),
         (["/**/daq", "/other/daq"], ""),
-        # The node of somebody else.
+        # The node of somebody else, or a node of that name that was renamed.
         (["/flexarm/camera"], ""),
+        (["/daq_manager"], ""),
+        (["/flexarm/daq2"], ""),
         (["/**", "/flexarm/dac"], "has parameters for /flexarm/dac, no node here (nearest: "),
         (["/arm1/daq"], "has parameters for /arm1/daq and none for /flexarm/daq: write /**/daq"),
         (["/daq"], "has parameters for /daq and none for /flexarm/daq: write /**/daq"),

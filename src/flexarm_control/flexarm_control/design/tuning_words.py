@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from flexarm_control.design.search import gain_values
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -29,11 +33,18 @@ def confirmation(found: PdpTuning) -> str:
         return f"{starts}: no other start confirms the gains, so try them on the arm with care"
     if starts_agree(found):
         return f"{starts} and agree; gains differ by at most {found.gain_spread:.3g}"
-    near = [each for each in feasible if each.criterion <= (1.0 + _SAME) * found.criterion]
     spread = f"{starts} and do NOT agree: gains differ by up to {found.gain_spread:.3g}"
-    if len(near) > 1:
+    best = gain_values(found.gains)
+    others = [each for each in feasible if np.max(np.abs(gain_values(each.gains) - best)) > _SPREAD]
+    if (same := len(feasible) - len(others)) > 1:
+        worst = max(each.criterion for each in others) / found.criterion - 1.0
         return (
-            f"{spread}; {len(near)} ends have the best J within {100 * _SAME:.0f} %. J hardly "
+            f"{spread}; {same} end at these, the others at a J up to {100 * worst:.0f} % larger. "
+            "The models know no friction: compare its step with that of the default gains"
+        )
+    if any(each.criterion <= (1.0 + _SAME) * found.criterion for each in others):
+        return (
+            f"{spread}, and others have the same J within {100 * _SAME:.0f} %, which hardly "
             "depends on the gains: compare steps on the arm, or tune on several payloads together"
         )
     return (

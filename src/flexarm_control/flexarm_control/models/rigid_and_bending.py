@@ -102,7 +102,7 @@ def design_model(model: control.StateSpace) -> DesignModel:
 
     check_arm_model(model)
     check_no_feedthrough(model)
-    modes_hz, poles = _bending_modes(model)
+    modes_hz, poles = bending_modes(model)
     most_hz = min(_BEYOND_LAST * modes_hz[-1], 0.5 / model.dt)
     frequency_hz = np.geomspace(_FROM_HZ, most_hz, _FREQUENCIES)
     response = frequency_response(model, frequency_hz)
@@ -127,8 +127,21 @@ def design_model(model: control.StateSpace) -> DesignModel:
     return DesignModel(reduced, modes_hz, time_constant_s, tuple(missed.tolist()))
 
 
-def _bending_modes(model: control.StateSpace) -> tuple[tuple[float, ...], list[complex]]:
-    """Return natural frequencies and upper poles of the bending modes, lowest first."""
+def bending_modes(model: control.StateSpace) -> tuple[tuple[float, ...], list[complex]]:
+    """Return the bending modes of an identified model, lowest first.
+
+    Returns
+    -------
+    modes_hz : tuple of float
+        Natural frequencies, Hz.
+    poles : list of complex
+        The poles with positive imaginary part.
+
+    Raises
+    ------
+    SettingError
+        When there is none.
+    """
     from flexarm_ident.models.modes import frequency_and_damping  # noqa: PLC0415
 
     found = []

@@ -24,13 +24,14 @@ from flexarm_core.errors import FlexarmError
 from flexarm_daq.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
     from typing import TextIO
 
     from numpy.typing import NDArray
     from rosbags.typesys.store import Msg, Typestore
 
+    from flexarm_bags.schema import MessageDefinition
     from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
 
 IO_TOPIC = "/flexarm/io"
@@ -77,7 +78,12 @@ class ImportSummary:
 
 
 def import_csv(
-    csv_path: Path, mapping: CsvMap, bag_path: Path, *, typestore: Typestore
+    csv_path: Path,
+    mapping: CsvMap,
+    bag_path: Path,
+    *,
+    typestore: Typestore,
+    folder_of: Callable[[str], Path | None] | None = None,
 ) -> ImportSummary:
     """Write the mapped columns of a CSV file as ``IoSample`` messages into a new bag.
 
@@ -91,6 +97,8 @@ def import_csv(
         Folder to create.
     typestore : Typestore
         Types with ``flexarm_msgs``; see :func:`flexarm_bags.schema.load_typestore`.
+    folder_of : callable, optional
+        Folders of the messages' files; see :func:`flexarm_bags.schema.describe`.
 
     Returns
     -------
@@ -122,7 +130,11 @@ def import_csv(
     source = f"{csv_path.name} sha256:{digest}"
     if mapping.description:
         source = f"{mapping.description}; {source}"
-    _write(bag_path, typestore, mapping, values, rate_hz=rate_hz, source=source)
+    definitions = {
+        name: describe(typestore, f"flexarm_msgs/msg/{name}", folder_of)
+        for name in ("IoSample", "ChannelInfo")
+    }
+    _write(bag_path, typestore, definitions, mapping, values, rate_hz=rate_hz, source=source)
     return ImportSummary(bag_path, len(values), rate_hz, (len(values) - 1) / rate_hz, digest)
 
 
@@ -258,6 +270,7 @@ def _refuse_drift(times_s: NDArray[np.float64], rate_hz: float, path: Path, colu
 def _write(
     bag_path: Path,
     typestore: Typestore,
+    definitions: Mapping[str, MessageDefinition],
     mapping: CsvMap,
     values: NDArray[np.float64],
     *,
@@ -291,10 +304,10 @@ def _write(
     topics = (
         RecordedTopic(
             CHANNELS_TOPIC,
-            describe(typestore, info_type.__msgtype__),
+            definitions["ChannelInfo"],
             TopicQos(durability="transient_local", depth=1),
         ),
-        RecordedTopic(IO_TOPIC, describe(typestore, sample_type.__msgtype__)),
+        RecordedTopic(IO_TOPIC, definitions["IoSample"]),
     )
     inputs = values[:, : len(input_names)]
     outputs = values[:, len(input_names) :]

@@ -60,6 +60,11 @@ PARAMETERS = (
         "answer_timeout_s", 5.0, "virtual time: longest wait for an answer", 0.01, 60.0, "s"
     ),
     ParameterSpec(
+        "clock",
+        default=True,
+        description="virtual time: publish the time of each sample on /clock",
+    ),
+    ParameterSpec(
         "await_commander",
         default=False,
         description="virtual time: activating waits for a commander, some seconds, and the first"
@@ -142,7 +147,10 @@ class DaqNode(LoopNode):
             run_self_test(rig, Limiter(settings), values["rate_hz"], paced=not virtual)
             self.get_logger().info("self-test: every channel answers with the right sign")
         self._link.start(
-            values["rate_hz"], virtual=virtual, await_commander=values["await_commander"]
+            values["rate_hz"],
+            virtual=virtual,
+            clock=values["clock"],
+            await_commander=values["await_commander"],
         )
         lockstep = LockStep(
             values["real_time_factor"],
@@ -200,6 +208,7 @@ class DaqNode(LoopNode):
         """Yield the figures of the loop."""
         acquisition = self._acquisition
         assert acquisition is not None  # noqa: S101 - asked only while the loop runs
+        self._link.share_clock()
         rate_hz = self._rate.update(acquisition.taken, time.monotonic())
         safety, verdicts = acquisition.safety, acquisition.commander.verdicts
         yield {

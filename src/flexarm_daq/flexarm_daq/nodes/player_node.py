@@ -12,9 +12,11 @@ import importlib
 import struct
 import threading
 import time
+from typing import TYPE_CHECKING
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from flexarm_bags.playback import PlaybackError, PlaybackPlan, PlayedTopic
@@ -22,9 +24,14 @@ from flexarm_core.errors import SettingError
 from flexarm_core.paths import user_path
 from flexarm_core.specs import ParameterSpec
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
+from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import request_stop, run
+from flexarm_node.stamps import set_stamp
 from flexarm_node.waiting import has_every_reader, wait_until
+
+if TYPE_CHECKING:
+    from rclpy.publisher import Publisher
 
 PARAMETERS = (
     ParameterSpec("bag", "", "rosbag2 folder or .mcap file", read_only=True),
@@ -44,8 +51,15 @@ PARAMETERS = (
         description="publish the samples only, as the DAQ node would: stamped and numbered now",
         read_only=True,
     ),
+    ParameterSpec(
+        "clock",
+        default=False,
+        description="publish the time of each message on /clock",
+        read_only=True,
+    ),
 )
 
+_CLOCK = "/clock"
 _SAMPLES = frozenset({"flexarm_msgs/msg/ArmState", "flexarm_msgs/msg/IoSample"})
 _STANDS_IN = _SAMPLES | {"flexarm_msgs/msg/ChannelInfo"}
 # The middleware repeats an unheard announcement after 3 s: 0.1 s to 3.0 s were measured.
@@ -82,6 +96,11 @@ class PlayerNode(Node):
             topic.name: self.create_publisher(_message_type(topic), topic.name, _qos(topic))
             for topic in topics
         }
+        self._clock: Publisher[Clock] | None = None
+        # One in the bag is the better.
+        if values["clock"] and _CLOCK not in self._publishers_of:
+            self._clock = self.create_publisher(Clock, _CLOCK, qos.NEWEST)
+            self._publishers_of[_CLOCK] = self._clock
         self._pacer = Pacer(running=False)
         self._stopping = threading.Event()
         self._listeners = max(1, values["listeners"])
@@ -112,15 +131,17 @@ class PlayerNode(Node):
                 request_stop()
                 return
             self._pacer.start()
-        stand_ins = {topic: StandIn(time.time_ns()) for topic in self._samples}
+        start_ns = time.time_ns()
+        stand_ins = {topic: StandIn(start_ns) for topic in self._samples}
         count = 0
         try:
-            for due_s, topic, raw in self._plan.messages():
+            for due_s, topic, raw, time_ns in self._plan.messages():
                 publisher = self._publishers_of.get(topic)
                 if publisher is None:
                     continue
                 if not self._pacer.wait_for(due_s):
                     break
+                self._tell_time(start_ns + round(due_s * 1e9) if stand_ins else time_ns)
                 stand_in = stand_ins.get(topic)
                 publisher.publish(raw if stand_in is None else stand_in.sample(raw, due_s))
                 count += 1
@@ -128,6 +149,12 @@ class PlayerNode(Node):
             self.get_logger().error(str(error))
         self.get_logger().info(f"played {count} message{'s' * (count != 1)}")
         request_stop()
+
+    def _tell_time(self, time_ns: int) -> None:
+        if self._clock is not None:
+            now = Clock()
+            set_stamp(now.clock, time_ns)
+            self._clock.publish(now)
 
     def _on_play(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         if request.data and not self._pacer.running:

@@ -13,13 +13,16 @@ import threading
 import time
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ament_index_python.packages import get_package_share_directory
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import Log, ParameterEvent
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
@@ -31,15 +34,27 @@ from flexarm_core.errors import SettingError
 from flexarm_core.paths import user_path
 from flexarm_core.specs import ParameterSpec
 from flexarm_daq.nodes.kept_messages import KeptMessages
-from flexarm_msgs.msg import ArmState, ChannelInfo, CommanderInfo, IoSample, MotorCommand
+from flexarm_daq.nodes.send_times import SendTimes
+from flexarm_msgs.msg import (
+    ArmState,
+    ChannelInfo,
+    CommanderInfo,
+    IoSample,
+    MotorCommand,
+    PayloadEstimate,
+)
 from flexarm_node import qos
+from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.reports import Reporter
+from flexarm_node.shares import share_of
 from flexarm_node.waiting import RawMessage, RawTopicsWaiter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
+
+    from rclpy.qos import QoSProfile
 
 TOPICS = {
     "commander": (CommanderInfo, "flexarm_msgs/msg/CommanderInfo", qos.STATUS),
@@ -49,11 +64,18 @@ TOPICS = {
     "reference": (Float64, "std_msgs/msg/Float64", qos.EVERY),
     "joint_states": (JointState, "sensor_msgs/msg/JointState", qos.EVERY),
     "io": (IoSample, "flexarm_msgs/msg/IoSample", qos.EVERY),
+    "payload": (PayloadEstimate, "flexarm_msgs/msg/PayloadEstimate", qos.STATUS),
+    "/diagnostics": (DiagnosticArray, "diagnostic_msgs/msg/DiagnosticArray", qos.EVERY),
+    "/rosout": (Log, "rcl_interfaces/msg/Log", qos.EVERY),
+    "/parameter_events": (ParameterEvent, "rcl_interfaces/msg/ParameterEvent", qos.EVERY),
 }
 """Topics that can be recorded: message type, its name, QoS of the subscription.
 
 Kept topics stand first: they are read before the samples that they describe.
 """
+
+# What a latecomer is told: their publishers keep the last message.
+_LATCHED = {"commander", "io_channels", "payload", "reference", "/rosout"}
 
 PARAMETERS = (
     ParameterSpec("bag", "", "folder of the bag, to be created; empty: wait for the service"),
@@ -83,12 +105,13 @@ class RecorderNode(Node):
         self._kept = KeptMessages(
             topic for topic, name in zip(self._names, names, strict=True) if _is_kept(name)
         )
+        self._sent = [SendTimes() for _ in names]
         self._requests: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = (
             queue.SimpleQueue()
         )
         self._stopping = threading.Event()
         self.failure = ""
-        self._reporter = Reporter(self)
+        self._reporter = Reporter(self, NodeTime(self))
         self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/record", self._on_record)
         if self._settings.values()["bag"]:
@@ -107,6 +130,9 @@ class RecorderNode(Node):
     def _record(self) -> None:
         while not self._stopping.is_set():
             messages = self._waiter.wait(_WAIT_S)
+            received_ns = time.monotonic_ns()
+            for message in messages:
+                self._sent[message.topic].add(message.source_ns, received_ns)
             try:
                 self._write(messages)
                 if self._writer is not None:
@@ -137,12 +163,17 @@ class RecorderNode(Node):
 
     def _write_what_is_on_its_way(self) -> None:
         """Write every message that was sent before now and comes in time."""
-        now_ns = time.time_ns()
+        now_ns = time.monotonic_ns()
         deadline_s = time.monotonic() + _DRAIN_S
         while time.monotonic() < deadline_s:
             messages = self._waiter.wait(_QUIET_S)
-            self._write([message for message in messages if message.source_ns <= now_ns])
-            if not messages or messages[-1].source_ns > now_ns:
+            due = [
+                message
+                for message in messages
+                if self._sent[message.topic].was_sent_before(message.source_ns, now_ns)
+            ]
+            self._write(due)
+            if not due or due[-1] is not messages[-1]:
                 return
 
     def _open(self) -> str:
@@ -156,12 +187,22 @@ class RecorderNode(Node):
         except SettingError as error:
             raise RecordingError(str(error)) from None
         ros_distro = os.environ.get("ROS_DISTRO", "jazzy")
-        self._writer = BagWriter(path, self._topics, ros_distro=ros_distro)
+        self._writer = BagWriter(path, self._offered(), ros_distro=ros_distro)
         self._kept.open(time.time_ns())
         self.failure = ""
         text = f"recording to {path}"
         self.get_logger().info(text)
         return text
+
+    def _offered(self) -> list[RecordedTopic]:
+        """Return the topics as their publishers offer them, by the table where there are none."""
+        topics = []
+        for topic in self._topics:
+            found = self.get_publishers_info_by_topic(topic.name)
+            profiles = [info.qos_profile for info in found]
+            offered = offered_qos(profiles) if profiles else topic.qos
+            topics.append(replace(topic, qos=offered))
+        return topics
 
     def _close(self) -> str:
         if self._writer is None:
@@ -214,11 +255,21 @@ def _recorded_topics(names: list[str], resolved: list[str]) -> list[RecordedTopi
     return [
         RecordedTopic(
             topic,
-            describe(typestore, TOPICS[name][1]),
-            TopicQos(durability="transient_local" if _is_kept(name) else "volatile"),
+            describe(typestore, TOPICS[name][1], share_of),
+            TopicQos(durability="transient_local" if name in _LATCHED else "volatile"),
         )
         for name, topic in zip(names, resolved, strict=True)
     ]
+
+
+def offered_qos(profiles: Sequence[QoSProfile]) -> TopicQos:
+    """Return what several publishers of a topic offer: a viewer of the replay misses nothing."""
+    latched = any(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)
+    reliable = any(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
+    return TopicQos(
+        reliability="reliable" if reliable else "best_effort",
+        durability="transient_local" if latched else "volatile",
+    )
 
 
 def _is_kept(name: str) -> bool:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import TYPE_CHECKING, Any
 
-from rclpy.clock import Clock as SystemClock
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from flexarm_core.channels import CHANNELS, COMMAND, DRIVE_A_PER_V
 from flexarm_daq.loop.commander import Command
+from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB, bend_angles
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from flexarm_node.stamps import set_stamp, stamp_ns, stamp_text
-from flexarm_node.waiting import TopicWaiter, wait_until
+from flexarm_node.waiting import TopicWaiter, node_names, wait_until
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
@@ -24,8 +25,13 @@ if TYPE_CHECKING:
     from flexarm_node.loop_node import LoopNode
 
 _POSITION, _, _, _SPEED = CHANNELS
-_TORQUE_NM_PER_A = RigParameters().motor_gain_nm_per_v / DRIVE_A_PER_V
+_ARM = RigParameters()
+_TORQUE_NM_PER_A = _ARM.motor_gain_nm_per_v / DRIVE_A_PER_V
+_BEND_ANGLES = bend_angles(_ARM)
+_UNKNOWN = [math.nan] * len(BEND_JOINTS)
+"""Speed and torque of a virtual joint: no sensor tells them."""
 _JOINT_STATES_HZ = 50.0
+_CLOCK = "/clock"
 
 
 class TopicLink:
@@ -37,20 +43,21 @@ class TopicLink:
         self._joint_states = node.create_publisher(JointState, "joint_states", qos.SENT)
         self._commands: TopicWaiter[Any] = TopicWaiter(node, MotorCommand, "command", qos.NEWEST)
         self._clock: Publisher[Clock] | None = None
+        self._told = False
         self._now = Clock()
         self._state = ArmState()
         self._state.header.frame_id = "flexarm"
-        self._joint = JointState(name=["hub"])
+        self._joint = JointState(name=[HUB, *BEND_JOINTS])
         self._joint.header.frame_id = "flexarm"
         self._joint_every = 1
         self._start_ns = 0
 
-    def start(self, rate_hz: float, *, virtual: bool, await_commander: bool) -> None:
+    def start(self, rate_hz: float, *, virtual: bool, clock: bool, await_commander: bool) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
-        if virtual and self._clock is None:
-            self._clock = self._node.create_publisher(Clock, "/clock", qos.NEWEST)
-        if not virtual:
+        if not (virtual and clock):
             self._release_clock()
+        elif self._clock is None:
+            self._clock = self._node.create_publisher(Clock, _CLOCK, qos.NEWEST)
         if virtual and await_commander and not wait_until(self.has_commander):
             self._node.get_logger().warning("no commander is there: the arm moves on without")
         self._node.await_listeners(self._publisher)
@@ -71,8 +78,7 @@ class TopicLink:
         if record.sequence == 1:
             # The rig's clock began when it was opened, and the first sample comes later. The node
             # that makes the time of `/clock` cannot follow it.
-            clock = self._node.get_clock() if self._clock is None else SystemClock()
-            now_ns = clock.now().nanoseconds
+            now_ns = self._node.time.now_ns() if self._clock is None else time.time_ns()
             self._start_ns = record.start_ns(now_ns, time.monotonic())
         state = self._state
         set_stamp(state.header.stamp, self._start_ns + round(record.time_s * 1e9))
@@ -112,8 +118,25 @@ class TopicLink:
 
     def commanders(self) -> list[str]:
         """Return the nodes that could send commands; a killed node stays listed for a while."""
-        found = self._node.get_publishers_info_by_topic(self._commands.topic)
-        return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found)
+        return node_names(self._node.get_publishers_info_by_topic(self._commands.topic))
+
+    def share_clock(self) -> None:
+        """Leave `/clock` to the first by name of several: their times would take turns."""
+        if self._clock is None:
+            return
+        own = self._node.get_fully_qualified_name()
+        publishers = node_names(self._node.get_publishers_info_by_topic(_CLOCK))
+        others = [name for name in publishers if name != own]
+        if others and others[0] < own:
+            self._release_clock()
+            self._node.get_logger().warning(
+                f"{_CLOCK} is left to {others[0]}, which publishes it too"
+            )
+        elif others and not self._told:
+            self._told = True
+            self._node.get_logger().warning(
+                f"{_CLOCK} is published by {', '.join(others)} too: clock:=false ends it here"
+            )
 
     def await_readers(self) -> None:
         """Wait until every reader has every sample."""
@@ -134,7 +157,8 @@ class TopicLink:
     def _publish_joints(self, state: ArmState) -> None:
         joint = self._joint
         joint.header.stamp = state.header.stamp
-        joint.position = [_POSITION.to_si(state.position_v)]
-        joint.velocity = [_SPEED.to_si(state.speed_v)]
-        joint.effort = [COMMAND.to_si(state.command_v) * _TORQUE_NM_PER_A]
+        bends = _BEND_ANGLES @ (state.base_strain_v, state.middle_strain_v)
+        joint.position = [_POSITION.to_si(state.position_v), *bends]
+        joint.velocity = [_SPEED.to_si(state.speed_v), *_UNKNOWN]
+        joint.effort = [COMMAND.to_si(state.command_v) * _TORQUE_NM_PER_A, *_UNKNOWN]
         self._joint_states.publish(joint)

@@ -122,9 +122,15 @@ def _warning(changed: str, found: _Change, parts: Sequence[Segment], grade: Grad
     return DataWarning(
         f"{changed}_changed",
         f"the {changed} changes in mid-record, near row {row}: a model of one side predicts the "
-        f"other {100.0 * found.loss:.0f} % worse than its own; identify the parts separately",
+        f"other {_worse(found.loss)} its own; identify the parts separately",
         {"row": float(row), "loss": found.loss, "p_value": found.p_value},
         grade=grade,
+    )
+
+
+def _worse(loss: float) -> str:
+    return (
+        f"{100.0 * loss:.0f} % worse than" if loss < 1.0 else f"{1.0 + loss:.0f} times as badly as"
     )
 
 

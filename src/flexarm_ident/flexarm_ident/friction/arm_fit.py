@@ -52,7 +52,7 @@ _FINALISTS = 6
 _BATCHES = 3
 _CONFIRMED = 1.05
 _FIRST_STEPS = 15
-_LAST_STEPS = 150
+_LAST_STEPS = 400
 # Part of a level: a friction that is held from sample to sample cost up to 1.4 % in simulation.
 _SYSTEMATIC = 0.015
 

@@ -22,3 +22,17 @@ def short_names(labels: Sequence[str]) -> dict[str, str]:
         if len(set(names)) == different == len(set(labels)):
             return dict(zip(labels, names, strict=True))
     return {label: label for label in labels}
+
+
+def portable_names(labels: Sequence[str]) -> list[str]:
+    """Return labels for files that others read: no absolute path, which tells of this machine."""
+    short = short_names(labels)
+    return [_portable(short[label]) if _is_absolute(label) else label for label in labels]
+
+
+def _is_absolute(label: str) -> bool:
+    return PurePath(label).is_absolute()
+
+
+def _portable(name: str) -> str:
+    return PurePath(name).name if _is_absolute(name) else name

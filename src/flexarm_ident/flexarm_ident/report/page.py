@@ -11,7 +11,7 @@ import jinja2
 from flexarm_core.errors import IdentificationError
 from flexarm_core.outputs import MARK
 from flexarm_ident.report.sections import sections
-from flexarm_ident.report.summary import cautions, summary
+from flexarm_ident.report.summary import cautions, remarks, summary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -42,6 +42,7 @@ def render_report(subject: Subject, *, title: str) -> str:
         title=title,
         summary=summary(subject.outcome),
         cautions=cautions(subject.outcome),
+        remarks=remarks(subject.outcome),
         sections=[(section.anchor, section.title, section.build(subject)) for section in shown],
     )
 
@@ -62,6 +63,7 @@ def render_page(title: str, lines: Iterable[str], parts: Mapping[str, Iterable[B
         title=title,
         summary=lines,
         cautions=(),
+        remarks=(),
         sections=[(head.lower().replace(" ", "-"), head, blocks) for head, blocks in parts.items()],
     )
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
 from flexarm_ident.fitting.validation import mean_error
+from flexarm_ident.records.iodata import Grade
 from flexarm_ident.report.content.wording import listed, percent, shortened
 
 if TYPE_CHECKING:
@@ -48,4 +49,13 @@ def summary(outcome: Outcome) -> list[str]:
 
 def cautions(outcome: Outcome) -> list[str]:
     """Return the notes to be read before the model is used, with their grades."""
+    return [text for text in _notes(outcome) if not text.startswith(Grade.INFORMATION)]
+
+
+def remarks(outcome: Outcome) -> list[str]:
+    """Return the notes that only inform."""
+    return [text for text in _notes(outcome) if text.startswith(Grade.INFORMATION)]
+
+
+def _notes(outcome: Outcome) -> list[str]:
     return [shortened(outcome, text) for text in outcome.warnings]

@@ -16,6 +16,7 @@ from flexarm_core.workers import Workers, computed
 from flexarm_ident.job import REPORT_FILE, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.reading.read import begin_ns
+from flexarm_ident.series.parquet import require_parquet, write_parquet
 from flexarm_ident.series.rows import Row, model_cells, read_rows, write_rows
 from flexarm_ident.series.trend import trend_page, trend_plot
 from flexarm_ident.workflow.stages import run
@@ -28,8 +29,11 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.request import Request
 
 TABLE_FILE = "models.csv"
+PARQUET_FILE = "models.parquet"
 TREND_FILE = "trend.svg"
 PAGE_FILE = "index.html"
+# Clocks that begin at 0 when a machine or a simulation starts are far below.
+_FIRST_ROS_YEAR = 2007
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +79,7 @@ def identify_each(
     channels: Selection | None = None,
     exports: Sequence[str] = (),
     force: bool = False,
+    parquet: bool = False,
     workers: Workers | None = None,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Series:
@@ -93,6 +98,8 @@ def identify_each(
         what `job.identify_bags` writes. Rows of other bags in its table stay.
     request, channels, exports, force
         As in `job.identify_bags`, the same for all.
+    parquet : bool
+        Whether the table is written as `models.parquet` too, at the end.
     workers : Workers, optional
         Processes, by default one per core. Those of a cluster need the bags and the folder under
         the same paths as here.
@@ -103,14 +110,19 @@ def identify_each(
     Raises
     ------
     DataError
-        If two bags would have the same folder, or the table cannot be read.
+        If two bags would have the same folder, the table cannot be read, or pyarrow is missing.
     OutputError
         If the folder cannot be written, or has a picture or a page of somebody else.
     """
     places = _places(bags)
     require_place([folder / TREND_FILE, folder / PAGE_FILE], force=force)
-    folder.mkdir(parents=True, exist_ok=True)
     table = folder / TABLE_FILE
+    if parquet:
+        require_parquet()
+        # Binary as it is, it carries no mark: it is our own where our own table stands beside it.
+        if not table.exists():
+            require_place([folder / PARQUET_FILE], force=force)
+    folder.mkdir(parents=True, exist_ok=True)
     rows = read_rows(table)
     tasks = [
         _Task(
@@ -136,6 +148,8 @@ def identify_each(
         write_rows(table, [rows[bag] for bag in order if bag in rows])
         progress(Path(row.bag).name, done / len(tasks))
     _show(folder, [rows[bag] for bag in order])
+    if parquet:
+        write_parquet(table, folder / PARQUET_FILE)
     return Series(tuple(rows[str(bag)] for bag in places), skipped)
 
 
@@ -153,12 +167,12 @@ def _row(task: _Task) -> tuple[Row, bool]:
     """Return the row of a bag, in a worker: the known one, that of a new model, or of a failure."""
     cells: dict[str, str] = {}
     try:
-        begun = datetime.fromtimestamp(begin_ns(task.bag) // 10**9, timezone.utc)
+        begun = _date(task.bag)
         record = read_record(task.bag, task.request, task.channels)
         record_sha256, request_sha256 = record_hash(record), _request_hash(task)
         if task.known is not None and task.known.is_of(record_sha256, request_sha256):
             return task.known, True
-        cells |= {"begun": begun.isoformat(), "record_sha256": record_sha256}
+        cells |= {"begun": begun, "record_sha256": record_sha256}
         cells |= {"request_sha256": request_sha256}
         outcome = run([record], task.request)
         name = model_name(task.bag)
@@ -169,6 +183,12 @@ def _row(task: _Task) -> tuple[Row, bool]:
     except (FlexarmError, OSError) as error:
         cells["failure"] = one_line(error)
     return Row(task.name, cells), False
+
+
+def _date(bag: Path) -> str:
+    """Return the instant at which a bag begins; empty where its clock is not that of the world."""
+    begun = datetime.fromtimestamp(begin_ns(bag) // 10**9, timezone.utc)
+    return begun.isoformat() if begun.year >= _FIRST_ROS_YEAR else ""
 
 
 def _request_hash(task: _Task) -> str:

@@ -29,7 +29,11 @@ def tuned(ends: Ends) -> PdpTuning:
     ("ends", "words"),
     [
         ([(4.0, 1.0, True), (4.01, 1.0, True)], "2 of 2 starts met the constraints and agree"),
-        ([(4.0, 1.0, True), (4.5, 1.002, True)], "do NOT agree.*2 ends have the best J.*compare"),
+        (
+            [(4.0, 1.0, True), (4.01, 1.0, True), (4.5, 1.1, True)],
+            "do NOT agree.*; 2 end at these, the others at a J up to 10 % larger.*compare",
+        ),
+        ([(4.0, 1.0, True), (4.5, 1.002, True)], "do NOT agree.*the same J within 1 %.*compare"),
         ([(4.0, 1.0, True), (4.5, 1.1, True)], "do NOT agree.*no other start confirms it. Compare"),
         ([(4.0, 1.0, True), (4.5, 0.9, False)], "1 of 2 .*no other start confirms.*with care"),
     ],

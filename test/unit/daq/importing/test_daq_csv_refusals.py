@@ -40,6 +40,27 @@ def test_import___rate_that_drifts___is_refused_with_its_rates(tmp_path: Path) -
     assert not (tmp_path / "bag").exists()
 
 
+@pytest.mark.parametrize("step_s", [1.09, 0.91])
+def test_import___one_step_nine_percent_off___is_taken(tmp_path: Path, step_s: float) -> None:
+    file = csv_file(tmp_path, with_one_step(step_s))
+    summary = import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+    assert summary.rate_hz == pytest.approx(1.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("step_s", [1.11, 0.89])
+def test_import___one_step_eleven_percent_off___is_refused(tmp_path: Path, step_s: float) -> None:
+    file = csv_file(tmp_path, with_one_step(step_s))
+    said = rf"column t has irregular steps: {step_s} s after t = 59 s \(data row 60\), usually 1 s"
+    with pytest.raises(CsvImportError, match=said):
+        import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
+
+
+def with_one_step(step_s: float) -> list[str]:
+    """Return a table of 1 Hz with another step in its middle."""
+    times_s = [*range(60), *(59.0 + step_s + k for k in range(60))]
+    return ["t,i,q", *(f"{time_s:.9f},1,{k}" for k, time_s in enumerate(times_s))]
+
+
 def test_import___clock_that_wanders_by_a_part_in_ten_thousand___is_taken(tmp_path: Path) -> None:
     file = csv_file(tmp_path, drifting(500.0, 499.95, 5000))
     summary = import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())

@@ -83,6 +83,18 @@ def test_silent_commander_released___another_takes_over___for_newer_samples_only
     assert commander.judge(command(41, 102), NEWEST) is Verdict.FOREIGN
 
 
+def test_foreign_command___is_a_conflict_when_the_first_goes_on() -> None:
+    commander = following(command(40, 100))
+    assert commander.judge(command(1, 101), NEWEST) is Verdict.FOREIGN
+    assert commander.judge(command(41, 102), NEWEST) is Verdict.CONFLICT
+
+
+def test_answer_to_the_first_sample___again___is_judged_like_any_other() -> None:
+    commander = following(command(1, 1))
+    assert commander.judge(command(1, 1), NEWEST) is Verdict.DUPLICATE
+    assert commander.judge(command(1, 1, effort_v=2.0), NEWEST) is Verdict.CONFLICT
+
+
 def test_foreign_command___is_no_conflict_when_the_first_has_gone() -> None:
     commander = following(command(40, 100), command(1, 101))
     commander.release()

@@ -35,6 +35,59 @@ def test_command___slewed___moves_from_the_last_applied_command() -> None:
     assert third == (1.0, 0.0, ("slew",))
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("part", [0.5, 0.999, 1.001, 1.1, 1.19, 1.21, 3.0])
+def test_change___near_the_slew_limit___is_cut_to_it_from_there_on(
+    sign: float, part: float
+) -> None:
+    limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
+    allowed_v = 100.0 * 0.01
+    for before in (0.0, 1.0):
+        wanted_v = sign * (before + part) * allowed_v
+        limited = limiter.apply(wanted_v, 0.0, 0.0, 0.01)
+        assert limited.command_v == pytest.approx(sign * (before + min(part, 1.0)) * allowed_v)
+        assert limited.reasons == (() if part < 1.0 else ("slew",))
+        limiter.reset()
+        limiter.apply(sign * allowed_v, 0.0, 0.0, 0.01)
+
+
+def test_change___of_just_the_slew_limit___is_not_limited() -> None:
+    limiter = Limiter(LimiterSettings(max_slew_v_per_s=128.0))
+    assert limiter.apply(1.0, 0.0, 0.0, 1.0 / 128.0) == (1.0, 0.0, ())
+
+
+def test_command___beyond_the_drive_and_too_fast___names_both_limits() -> None:
+    limited = Limiter(LimiterSettings(max_slew_v_per_s=100.0)).apply(12.0, 0.0, 0.0, 0.01)
+    assert limited == (1.0, 0.0, ("magnitude", "slew"))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("wanted_v", "given_v"), [(9.99, 9.99), (10.0, 10.0), (10.01, 10.0)])
+def test_command___near_the_largest___is_cut_to_it_from_there_on(
+    sign: float, wanted_v: float, given_v: float
+) -> None:
+    limited = Limiter(LimiterSettings(max_slew_v_per_s=1e6)).apply(sign * wanted_v, 0.0, 0.0, 1.0)
+    assert limited.command_v == sign * given_v
+    assert limited.reasons == (() if wanted_v <= 10.0 else ("magnitude",))
+
+
+@pytest.mark.parametrize("outward_v", [1e-6, 0.1])
+def test_command___a_little_outward_beyond_the_bound___is_refused_too(outward_v: float) -> None:
+    assert Limiter().apply(outward_v, 0.0, 6.6, PERIOD_S) == (0.0, 0.0, ("position_bound",))
+
+
+def test_no_command___beyond_the_bound___is_not_limited() -> None:
+    assert Limiter().apply(0.0, 0.0, 6.6, PERIOD_S) == (0.0, 0.0, ())
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("position_v", "given_v"), [(6.49, 2.0), (6.5, 2.0), (6.51, 0.0)])
+def test_command___near_the_bound___is_refused_from_there_on(
+    sign: float, position_v: float, given_v: float
+) -> None:
+    assert Limiter().apply(sign * 2.0, 0.0, sign * position_v, PERIOD_S).command_v == sign * given_v
+
+
 def test_compensation___larger_than_a_slewed_command___is_all_of_it() -> None:
     limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
     assert limiter.apply(1.0, 0.75, 0.0, 0.005) == (0.5, 0.5, ("slew",))
@@ -88,6 +141,11 @@ def test_anything___not_finite___gives_zero_at_once(bad: float, argument: int) -
 def test_settings___not_a_positive_number___are_refused_by_name(name: str, value: float) -> None:
     with pytest.raises(SettingError, match=f"^{name} must be a positive number"):
         LimiterSettings(**{name: value})
+
+
+@pytest.mark.parametrize("name", ["max_command_v", "max_slew_v_per_s", "position_bound_v"])
+def test_settings___small_and_positive___are_taken(name: str) -> None:
+    assert getattr(LimiterSettings(**{name: 1e-3}), name) == 1e-3
 
 
 def test_settings___beyond_the_drive___are_refused() -> None:

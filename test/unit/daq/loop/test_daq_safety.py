@@ -52,6 +52,13 @@ def test_first_reason___stands() -> None:
     assert safety.reason == "first"
 
 
+def test_event___that_happens_again___is_counted_again() -> None:
+    safety = Safety()
+    for event in (Event.START, *[Event.COMMAND, Event.STALE] * 3):
+        safety.on(event)
+    assert safety.counts == {Event.START: 1, Event.COMMAND: 3, Event.STALE: 3}
+
+
 class Walk:
     """Brings a running loop into a state, causes an event, and looks at what came of it."""
 

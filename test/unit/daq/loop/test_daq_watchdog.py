@@ -43,6 +43,13 @@ def test_command___of_the_full_age___is_not_in_time(max_age_periods: int) -> Non
     assert in_time == [sequence > 50 - max_age_periods for sequence in range(51)]
 
 
+def test_age___by_default___is_three_periods() -> None:
+    watchdog = Watchdog(PERIOD_S)
+    watchdog.stale(1, 0.0)
+    watchdog.fed(1)
+    assert [watchdog.stale(k + 1, PERIOD_S * k) for k in (1, 2, 3)] == [False, False, True]
+
+
 def test_samples___that_come_close_after_a_late_one___count_all_the_same() -> None:
     watchdog = watchdog_at(10.2)
     watchdog.fed(1)
@@ -50,7 +57,7 @@ def test_samples___that_come_close_after_a_late_one___count_all_the_same() -> No
     assert stale == [False, False, True]
 
 
-@pytest.mark.parametrize(("now_s", "is_stale"), [(10.6, False), (10.65, True), (20.0, True)])
+@pytest.mark.parametrize(("now_s", "is_stale"), [(10.625, False), (10.65, True), (20.0, True)])
 def test_samples___that_come_late___count_by_their_time(now_s: float, is_stale: bool) -> None:  # noqa: FBT001 - a parameter of the test
     watchdog = watchdog_at(10.0)
     watchdog.fed(1)

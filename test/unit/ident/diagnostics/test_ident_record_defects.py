@@ -198,9 +198,14 @@ def test_plant_changed___other_payload_in_mid_record___is_named_near_its_row(
         A[i : i + 2, i : i + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
     heavier = control.ss(A, model.B, model.C, model.D, DT_S)
     y = np.vstack([step_by_step(model, u)[:row], step_by_step(heavier, u)[row:]])
-    found = only(changes, noisy(u, y, 17), "plant_changed")
+    measured = noisy(u, y, 17)
+    found = only(changes, measured, "plant_changed")
     assert found["row"] == pytest.approx(row, abs=SAMPLES / 8)
     assert found["loss"] > 0.1
+    (text,) = [str(each) for each in changes(measured) if each.name == "plant_changed"]
+    percent, times = 100.0 * found["loss"], 1.0 + found["loss"]
+    worse = f"{percent:.0f} % worse than" if times < 2.0 else f"{times:.0f} times as badly as"
+    assert f"predicts the other {worse} its own" in text
 
 
 def test_plant_changed___sweep_of_a_steady_plant___is_not_called_so() -> None:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from flexarm_ident.records.naming import short_names
+from flexarm_ident.records.naming import portable_names, short_names
 
 
 def test_short_names___path_with_a_long_remark___is_the_files_name() -> None:
@@ -20,3 +20,11 @@ def test_short_names___same_path_with_two_remarks___are_whole() -> None:
 
 def test_short_names___words___stay() -> None:
     assert short_names(["record", "run 3", "record"]) == {"record": "record", "run 3": "run 3"}
+
+
+def test_portable_names___absolute_paths_alone___lose_their_folders() -> None:
+    assert portable_names(["/home/ann/bags/run_7", "bags/run_8"]) == ["run_7", "bags/run_8"]
+    assert portable_names(["/a/bags/run (two parts)"]) == ["run"]
+    assert portable_names(["/a/x/run", "/a/y/run"]) == ["x/run", "y/run"]
+    assert portable_names(["/a/run", "/a/run"]) == ["run", "run"]
+    assert portable_names(["record"]) == ["record"]

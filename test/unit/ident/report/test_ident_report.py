@@ -323,6 +323,14 @@ def test_render_report___flawed_data___lists_checks_with_figures() -> None:
     assert "Saturation nothing found" in words
 
 
+def test_render_report___notes___stand_by_their_grade(text: str, outcome: Outcome) -> None:
+    # This outcome has information only: nothing to be warned of.
+    assert {note.partition(":")[0] for note in outcome.warnings} == {"information"}
+    assert 'class="warnings"' not in text
+    box = text.split('class="remarks"')[1].split("</div>", maxsplit=1)[0]
+    assert box.count("<li>information: ") == len(outcome.warnings)
+
+
 def test_sections___registry___has_every_module_once_in_the_order_of_the_report(
     outcome: Outcome, text: str
 ) -> None:

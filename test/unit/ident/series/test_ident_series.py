@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import distributed
-import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin
 
 from flexarm_core.errors import DataError
 from flexarm_core.outputs import MARK, OutputError
@@ -20,13 +19,8 @@ from flexarm_ident.series.run import identify_each
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 from support.foreign_bags import (
-    FINE_HZ,
     MODES_HZ,
-    held_noise,
-    instants_ns,
-    joint_states,
-    responses,
-    write_topics,
+    driven_joint,
 )
 
 if TYPE_CHECKING:
@@ -37,24 +31,12 @@ if TYPE_CHECKING:
 
 QUICK = Request(order=4, block_rows=10, method="orse", friction=False)
 CHOSEN = selection(["/joint_states.effort[0]"], ["angle=/joint_states.position[0]"])
-DAY_NS = 86_400 * 10**9
 HERE = Workers(jobs=1)
-
-
-def a_bag(path: Path, seed: int, day: int = 0) -> Path:
-    """Write 8 s of the two-mode rig at 200 Hz."""
-    fine = 8 * FINE_HZ
-    at = np.arange(0, fine, FINE_HZ // 200)
-    force = held_noise(at, fine, seed)
-    stamps_ns = instants_ns(at) + day * DAY_NS
-    position = responses(force)[at, :1]
-    states = joint_states(stamps_ns, ["arm"], position, efforts=force[at, np.newaxis])
-    return write_topics(path, [states], StoragePlugin.MCAP)
 
 
 @pytest.fixture
 def bags(tmp_path: Path) -> list[Path]:
-    return [a_bag(tmp_path / "runs" / f"day_{day}", day + 1, day) for day in range(3)]
+    return [driven_joint(tmp_path / "runs" / f"day_{day}", day + 1, day) for day in range(3)]
 
 
 @pytest.fixture
@@ -88,6 +70,17 @@ def test_each___page_of_somebody_else___is_refused_before_the_work(
     with pytest.raises(OutputError, match=f"{name}: was not written by flexarm: .*--force"):
         each(bags, tmp_path)
     assert (tmp_path / name).read_text() == "mine"
+    assert not computed
+
+
+def test_each___parquet_of_somebody_else___is_refused_before_the_work(
+    tmp_path: Path, bags: list[Path], computed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(series_run, "require_parquet", lambda: None)
+    (tmp_path / "models.parquet").write_text("mine")
+    with pytest.raises(OutputError, match=r"models\.parquet: was not written by flexarm"):
+        identify_each(bags, tmp_path, QUICK, channels=CHOSEN, parquet=True, workers=HERE)
+    assert (tmp_path / "models.parquet").read_text() == "mine"
     assert not computed
 
 
@@ -146,9 +139,9 @@ def test_each___again___computes_what_changed(
 
     # One bag is another one now, one that failed is there, and a new one came.
     shutil.rmtree(bags[1])
-    a_bag(bags[1], 77, 1)
-    a_bag(broken, 78)
-    new = a_bag(tmp_path / "runs" / "new", 79)
+    driven_joint(bags[1], 77, 1)
+    driven_joint(broken, 78)
+    new = driven_joint(tmp_path / "runs" / "new", 79)
     series = each([*bags, broken, new], out)
     assert computed == ["day_1", "late", "new"]
     assert (series.skipped, series.failed) == (2, 0)
@@ -204,3 +197,41 @@ def test_each___two_bags_of_one_folder___are_refused(tmp_path: Path) -> None:
     first, second = tmp_path / "a-b", tmp_path / "a.b"
     with pytest.raises(DataError, match=r"a\.b and .*a-b would both be .*a_b: rename one"):
         each([first, second], tmp_path / "out")
+
+
+@pytest.mark.usefixtures("computed")
+def test_each___parquet___has_the_figures_as_numbers(tmp_path: Path, bags: list[Path]) -> None:
+    parquet = pytest.importorskip(
+        "pyarrow.parquet", reason="pip install -r requirements/parquet.in"
+    )
+    out = tmp_path / "out"
+    broken = tmp_path / "runs" / "broken"
+    series = identify_each([*bags, broken], out, QUICK, channels=CHOSEN, parquet=True, workers=HERE)
+
+    lines = parquet.read_table(out / "models.parquet").to_pylist()
+    assert [line["bag"] for line in lines] == [row.bag for row in series.rows]
+    for line, row in zip(lines[:3], series.rows, strict=False):
+        assert line["frequency_1"] == pytest.approx(row.number("frequency_1"))
+        assert line["begun"].isoformat() == row.cells["begun"]
+        assert (line["verdict"], line["failure"]) == ("good", None)
+    assert (lines[3]["order"], lines[3]["begun"]) == (None, None)
+    assert "no such bag" in lines[3]["failure"]
+
+
+def test_each___parquet_without_pyarrow___is_refused_before_the_work(
+    tmp_path: Path, bags: list[Path], computed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(DataError, match=r"requirements/parquet\.in"):
+        identify_each(bags, tmp_path / "out", QUICK, channels=CHOSEN, parquet=True, workers=HERE)
+    assert not computed
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.usefixtures("computed")
+def test_each___clock_that_begins_at_zero___tells_no_date(tmp_path: Path) -> None:
+    since_start = 19_600  # days, fewer than from 1970 to the instants of these bags
+    bags = [driven_joint(tmp_path / f"run{n}", n + 1, n - since_start) for n in range(2)]
+    series = each(bags, tmp_path / "out")
+    assert [row.cells["begun"] for row in series.rows] == ["", ""]
+    assert "1970" not in (tmp_path / "out" / "trend.svg").read_text()

@@ -85,8 +85,10 @@ def test_real_two_link_arm___auto_with_friction___simulates_twice_the_record(rea
     assert real.dmv_errors == pytest.approx(error)
     assert error[HUBS].mean() <= 0.20
     assert error[DEFLECTIONS].mean() <= 0.50
-    assert np.all(found.friction.levels > 3.0 * found.friction.level_deviations)
+    # The level of joint 2 is not determined by half of the record, and a note says so.
+    assert found.friction.levels[0] > 3.0 * found.friction.level_deviations[0]
     assert "dead sensors" in found.notes[0]
+    assert any("level of current2 is not determined" in note for note in found.notes[1:])
 
 
 @pytest.mark.slow

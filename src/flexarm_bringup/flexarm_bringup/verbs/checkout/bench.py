@@ -53,6 +53,7 @@ _BENCHES = (
         ("--rigs 500 --spread 0.2",),
     ),
     ("faults", "The fault campaign: broken rigs, killed processes", ("--docs",)),
+    ("mutants", "Small defects planted in the code: which the tests notice", ("--docs",)),
     ("bag_faults", "Cut, flipped and mutated bags", ()),
     ("endurance", "Ten minutes of recording at 500 Hz with a busy core", ()),
 )

@@ -31,6 +31,7 @@ _EXECUTABLES = (
 
 
 @click.command()
+@click.option("--licences", is_flag=True, help="List the licence of every installed package.")
 @click.option("--hardware", is_flag=True, help="Examine the board and the sensors; moves nothing.")
 @click.option("--device", default="Dev1", show_default=True, help="Name of the board.")
 @click.option(
@@ -45,12 +46,34 @@ _EXECUTABLES = (
 @click.option(
     "--rate", type=FiniteRange(10.0, 2000.0), default=300.0, show_default=True, help="Hz."
 )
-@examples("doctor", "doctor --hardware", "doctor --hardware --device Dev2 --terminals diff")
-def doctor(*, hardware: bool, sensors: str, rate: float, **names: Any) -> None:  # noqa: ANN401
+@examples(
+    "doctor",
+    "doctor --licences",
+    "doctor --hardware",
+    "doctor --hardware --device Dev2 --terminals diff",
+)
+def doctor(
+    *,
+    licences: bool,
+    hardware: bool,
+    sensors: str,
+    rate: float,
+    **names: Any,  # noqa: ANN401
+) -> None:
     """Examine this environment, or the hardware.
 
     Without options: its parts, and whether nodes can talk.
     """
+    if licences:
+        from flexarm_bringup.verbs.health.licences import (  # noqa: PLC0415
+            licence_lines,
+            licensed,
+            summary,
+        )
+
+        rows = licensed()
+        click.echo("\n".join([*licence_lines(rows), summary(rows)]))
+        return
     if hardware:
         from flexarm_bringup.verbs.health.hardware import examine_hardware  # noqa: PLC0415
         from flexarm_daq.rigs.nidaq.terminals import NidaqSettings  # noqa: PLC0415

@@ -13,6 +13,7 @@ import click
 from rich.table import Table
 
 from flexarm_bags.check import check_bag
+from flexarm_bags.metadata import BAG_FILES
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.verb_group import examples
@@ -26,7 +27,7 @@ from flexarm_daq.loop.limiter import LimiterSettings
 from flexarm_ident.provenance import samples_hash
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.runs.pace import Pace
@@ -199,6 +200,8 @@ def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) 
             raise LaunchError(f"{bag} is there already: --overwrite replaces it, -o names another")
         if bag.is_file():
             raise LaunchError(f"{bag} is a file: only a folder is replaced")
+        for file in _strange_files(bag):
+            raise LaunchError(f"{file} is no part of a bag: move it away, or -o names another")
         if workplace(bag).exists():
             raise LaunchError(
                 f"{workplace(bag)} is there: another run records into it, or it was left by one "
@@ -207,6 +210,13 @@ def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) 
     folder.mkdir(parents=True, exist_ok=True)
     # One that cannot be read shall show before anything runs.
     _described(folder)
+
+
+def _strange_files(bag: Path) -> Iterator[Path]:
+    """Yield what would be lost with a bag and is none of its files."""
+    for file in bag.iterdir() if bag.is_dir() else ():
+        if not any(file.match(pattern) for pattern in BAG_FILES):
+            yield file
 
 
 def _prepare(operator: Operator, entry: Experiment, settings: ExperimentSettings) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -53,13 +54,14 @@ def record(bag: Path, namespace: str) -> None:
 @click.option(
     "--stand-in", is_flag=True, help="Publish the samples only, stamped now, as a DAQ node would."
 )
+@click.option("--clock", is_flag=True, help="Publish the time of each message on /clock.")
 @examples("play bags/c_dat3_0g", "play bags/c_dat3_0g --rate 2", "play bags/run1 --stand-in")
-def play(bag: Path, rate: float, *, loop: bool, stand_in: bool) -> None:
+def play(bag: Path, **settings: Any) -> None:  # noqa: ANN401
     """Publish the messages of a bag with their timing.
 
     The topics are those that the bag names. The service ~/play stops it.
     """
-    parameters = {"bag": bag.absolute(), "rate": rate, "loop": loop, "stand_in": stand_in}
+    parameters = {"bag": bag.absolute(), **settings}
     _become(NodeProgram("flexarm_daq", "player_node", parameters).command())
 
 

@@ -7,7 +7,6 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import click
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 from std_srvs.srv import Trigger
@@ -18,6 +17,7 @@ from flexarm_bringup.graph.laboratory import MANAGED
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import ros_domain, session
 from flexarm_bringup.verbs.laboratory.options import ARM
+from flexarm_core.bounds import YamlError, shown, yaml_content
 from flexarm_core.nearest import nearest
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 _NAME = "remote"
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _DISCOVERY_S = 4.0
+_ANSWER_S = 4.0
 _DIAGNOSTICS = "/diagnostics"
 _REPORTING = {"recorder", "controller", "daq"}
 """Nodes of a laboratory: with their reports, nothing more has to be waited for."""
@@ -59,9 +60,15 @@ def _stop_every_arm() -> None:
     """Stop each arm as soon as it is found, and look for others as long as discovery may take."""
     asked: dict[str, list[Future[Any]]] = {}
     stopped: set[str] = set()
-    deadline_s = time.monotonic() + _DISCOVERY_S
     with session(_NAME) as operator:
-        while time.monotonic() < deadline_s:
+        begun_s = time.monotonic()
+
+        def may_come() -> bool:
+            passed_s = time.monotonic() - begun_s
+            patience_s = _ANSWER_S if asked.keys() - stopped else 0.0
+            return passed_s < _DISCOVERY_S + patience_s
+
+        while may_come():
             for service in _stops(operator) - stopped:
                 # Until it answers: the first answers may be lost, a stop can be repeated.
                 call = operator.client(Trigger, service).call_async(Trigger.Request())
@@ -128,7 +135,10 @@ def status(namespace: str) -> None:
 @ARM
 @examples("reference 1.5", "reference -3")
 def reference(volts: float, namespace: str) -> None:
-    """Give the running controller a set-point, V, and say what is in force."""
+    """Give the running controller a set-point, V.
+
+    It prints what is in force.
+    """
     with _attached("controller", namespace) as operator:
         request = SetReference.Request(reference_v=volts)
         response = operator.call(SetReference, "set_reference", request)
@@ -207,11 +217,11 @@ def _nobody(wanted: str) -> str:
 def _parsed(assignment: str) -> tuple[str, Any]:
     name, sign, text = assignment.partition("=")
     if not (name and sign):
-        raise LaunchError(f"{assignment!r}: write NAME=VALUE")
+        raise LaunchError(f"{shown(assignment)}: write NAME=VALUE")
     try:
-        return name, yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise LaunchError(f"{assignment!r}: the value is none") from None
+        return name, yaml_content(text)
+    except YamlError:
+        raise LaunchError(f"{shown(assignment)}: the value is none") from None
 
 
 def _as_kind(value: object, present: object) -> object:

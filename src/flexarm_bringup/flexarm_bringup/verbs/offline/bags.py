@@ -9,14 +9,15 @@ import click
 from ament_index_python.packages import get_package_share_directory
 
 from flexarm_bags.check import check_bag
+from flexarm_bags.metadata import BAG_FILES
 from flexarm_bags.repair import RepairSummary, repair_bag
 from flexarm_bags.schema import load_typestore
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_daq.importing.csv_import import import_csv
 from flexarm_daq.importing.csv_map import load_csv_map
+from flexarm_node.shares import share_of
 
-_BAG_FILES = ("metadata.yaml", "*.mcap*", "*.db3*")
 _NEW_BAG = click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Bag to create."
 )
@@ -37,7 +38,7 @@ def import_(csv: Path, map_file: Path, output: Path) -> None:
     """Turn a CSV file with named columns into a bag."""
     share = Path(get_package_share_directory("flexarm_msgs"))
     typestore = load_typestore({"flexarm_msgs": share})
-    made = import_csv(csv, load_csv_map(map_file), output, typestore=typestore)
+    made = import_csv(csv, load_csv_map(map_file), output, typestore=typestore, folder_of=share_of)
     click.echo(
         f"{made.bag}: {made.samples} samples at {made.rate_hz:g} Hz, {made.duration_s:.2f} s"
     )
@@ -108,4 +109,4 @@ def _bags_of(path: Path) -> list[Path]:
 
 def _has_bag_files(folder: Path) -> bool:
     """Return whether this is a bag, whole or not."""
-    return any(any(folder.glob(pattern)) for pattern in _BAG_FILES)
+    return any(any(folder.glob(pattern)) for pattern in BAG_FILES)

@@ -154,6 +154,7 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.option(
     "--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster, for --each."
 )
+@click.option("--parquet", is_flag=True, help="The table of --each as Parquet too.")
 @FORCE
 @examples(
     "identify bags/c_dat3_0g",
@@ -171,6 +172,7 @@ def identify(
     each: bool,
     jobs: int | None,
     dask: str,
+    parquet: bool,
     force: bool,
     **options: Any,  # noqa: ANN401
 ) -> None:
@@ -185,11 +187,12 @@ def identify(
             channels=channels,
             exports=exports,
             force=force,
+            parquet=parquet,
             workers=workers,
         )
         return
-    if jobs is not None or dask:
-        raise click.UsageError("--jobs and --dask belong to --each")
+    if jobs is not None or dask or parquet:
+        raise click.UsageError("--jobs, --dask and --parquet belong to --each")
     with terminal.progress() as show:
         results = job.identify_bags(
             bags,

@@ -30,6 +30,7 @@ def model_each(
     channels: Selection | None,
     exports: Sequence[str],
     force: bool,
+    parquet: bool,
     workers: Workers,
 ) -> None:
     """Identify one model per bag and print them; exit code 1 when a bag has none."""
@@ -41,6 +42,7 @@ def model_each(
             channels=channels,
             exports=exports,
             force=force,
+            parquet=parquet,
             workers=workers,
             progress=show,
         )

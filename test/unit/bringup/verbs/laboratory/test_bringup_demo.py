@@ -1,4 +1,4 @@
-"""Files that the demo finds in its folder, without any node."""
+"""Files that demo and design find in their folders, without any node."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from flexarm_bringup.verbs.laboratory import demo as program
+from flexarm_bringup.verbs.laboratory import design, simulated_run
 from flexarm_core.outputs import MARK, OutputError
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def _no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
     def start(*_: object, **__: object) -> None:
         raise Started
 
-    monkeypatch.setattr(program, "running_graph", start)
+    monkeypatch.setattr(simulated_run, "running_graph", start)
 
 
 def demo(out: Path, *more: str) -> Result:
@@ -73,3 +74,13 @@ def test_demo___log_of_an_earlier_run___is_kept(tmp_path: Path) -> None:
     (tmp_path / "nodes.log").write_text("mine")
     assert isinstance(demo(tmp_path).exception, Started)
     assert (tmp_path / "nodes.log").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["report.html", "summary.json", "controller.yaml"])
+def test_design___what_it_did_not_write___is_refused_before_the_nodes_start(
+    tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_text("mine")
+    refused = CliRunner().invoke(design.design, ["--fast", "--out", str(tmp_path)])
+    assert isinstance(refused.exception, OutputError), refused.output
+    assert (tmp_path / name).read_text() == "mine"

@@ -185,7 +185,7 @@ def test_identify_each___one_bag_is_missing___the_others_have_models(tmp_path: P
 def test_identify___jobs_without_each___are_refused(tmp_path: Path) -> None:
     refused = CliRunner().invoke(identify, [str(tmp_path), "--jobs", "2"])
     assert refused.exit_code == 2
-    assert "--jobs and --dask belong to --each" in refused.output
+    assert "--jobs, --dask and --parquet belong to --each" in refused.output
 
 
 def test_identify___clock_without_channels___is_refused(tmp_path: Path) -> None:

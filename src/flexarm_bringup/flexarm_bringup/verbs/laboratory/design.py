@@ -1,0 +1,162 @@
+"""Verb design: excite, identify, reduce, design and run a law for a payload nobody packaged."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.verbs.laboratory.simulated_run import (
+    REPLY_DELAY_S,
+    REPORT_FILE,
+    SUMMARY_FILE,
+    RunSettings,
+    run_options,
+    simulated_run,
+    told_results,
+)
+from flexarm_bringup.verbs.laboratory.step_results import (
+    SET_POINT_V,
+    given_parameters,
+    states_of,
+    versions,
+)
+from flexarm_control.design.tuning_job import TuneRequest, tune
+from flexarm_control.laws.registry import LAWS
+from flexarm_control.models.rigid_and_bending import bending_modes
+from flexarm_core.outputs import MARK_KEY, require_place
+from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_daq.rigs.rig_parameters import RigParameters
+from flexarm_ident.models.model_parameters import models_in
+from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.report.page import append_section
+from flexarm_msgs.srv import Identify
+
+if TYPE_CHECKING:
+    from flexarm_bringup.verbs.laboratory.step_results import ControlledStep
+    from flexarm_control.design.tuning_job import TuneResult
+
+CONTROLLER_FILE = "controller.yaml"
+# The law of the controller for each tuning: without compensation, PDP sticks before the set-point.
+_RUNS_AS = {"ilqr": "ilqr", "lqg": "lqg", "pdp": "pdpc"}
+
+
+@dataclass(frozen=True)
+class DesignSettings(RunSettings):
+    """Choices of the user: those of a run, and the law."""
+
+    law: str
+
+
+class Designed(NamedTuple):
+    """Model and design of a run, its step and that of the packaged law."""
+
+    response: Identify.Response
+    modes_hz: tuple[float, ...]
+    result: TuneResult
+    step: ControlledStep
+    packaged: ControlledStep
+
+
+@click.command()
+@click.option(
+    "--law",
+    type=click.Choice(tuple(_RUNS_AS)),
+    default="ilqr",
+    show_default=True,
+    help="pdp: its gains, run as pdpc.",
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True
+)
+@run_options
+@examples(
+    "design --payload 0.15",
+    "design --payload 0.35 --law lqg --fast",
+    "design --payload 0.15 --law pdp --fast --out out/pdp",
+)
+def design(**settings: Any) -> None:  # noqa: ANN401
+    """Identify, design and run a law for any payload.
+
+    The packaged law makes a step beside it: ilqr and lqg for 300 g, pdpc with the thesis's gains.
+    """
+    _run_design(DesignSettings(**settings))
+
+
+def _run_design(settings: DesignSettings) -> None:
+    require_place([settings.out / CONTROLLER_FILE], force=settings.force)
+    law = _RUNS_AS[settings.law]
+    with simulated_run(settings) as run:
+        run.excite()
+        terminal.step("Identifying a model")
+        response = run.identify(Identify.Request(remove_compensation=True, stabilise=True))
+        terminal.step(f"Designing {settings.law} with margins of its own")
+        ((name, model),) = models_in(given_parameters(response)).items()
+        modes_hz, _ = bending_modes(model)
+        result = tune({name: model}, TuneRequest(settings.law, delay_s=REPLY_DELAY_S))
+        for line in result.notes:
+            terminal.CONSOLE.print(f"  {line}", markup=False)
+        write_parameter_file(
+            settings.out / CONTROLLER_FILE, dict(result.parameters), node="/**/controller"
+        )
+        terminal.step(f"Controlling the arm: {law} as designed, step to {SET_POINT_V:g} V")
+        step = run.step("designed", {"law": law, **result.parameters})
+        terminal.step(f"Controlling the arm: {law} as packaged")
+        packaged = run.step("packaged", {"law": law, **_packaged(law)})
+    _write(settings, Designed(response, modes_hz, result, step, packaged))
+
+
+def _packaged(law: str) -> dict[str, Any]:
+    """Return the parameters of a law as the controller has them by default."""
+    row = LAWS[law]
+    values: dict[str, Any] = {f"{law}.{spec.name}": spec.default for spec in row.parameters}
+    return values | ({f"{law}.model": ""} if row.design else {})
+
+
+def _write(settings: DesignSettings, designed: Designed) -> None:
+    """Write `summary.json` and `report.html`, and print both steps."""
+    out, response = settings.out, designed.response
+    law = _RUNS_AS[settings.law]
+    report = Path(response.report_path, REPORT_FILE).read_text("utf-8")
+    report = append_section(report, "Designed step", designed.step.blocks(f"{law} as designed"))
+    packaged = designed.packaged.blocks(f"{law} as packaged")
+    (out / REPORT_FILE).write_text(append_section(report, "Packaged step", packaged), "utf-8")
+    text = json.dumps(_summary(settings, designed), indent=2)
+    (out / SUMMARY_FILE).write_text(text + "\n", "utf-8")
+    terminal.CONSOLE.print(f"  designed: {designed.step.text}")
+    terminal.CONSOLE.print(f"  packaged: {designed.packaged.text}")
+    terminal.step(f"Parameters: {out / CONTROLLER_FILE}. {told_results(settings)}")
+
+
+def _summary(settings: DesignSettings, designed: Designed) -> dict[str, Any]:
+    response, result = designed.response, designed.result
+    (margins,) = result.margins
+    return {
+        **MARK_KEY,
+        "payload_kg": settings.payload_kg,
+        "seed": settings.seed,
+        "law": settings.law,
+        "runs_as": _RUNS_AS[settings.law],
+        "order": sum(states_of(mode) for mode in response.modes),
+        "modes_hz": list(designed.modes_hz),
+        "true_modes_hz": natural_frequencies_hz(
+            RigParameters(payload_kg=settings.payload_kg)
+        ).tolist(),
+        "dmv_mean": response.dmv[-1],
+        "margins": {
+            "gain_db": margins.gain_margin_db,
+            "phase_deg": margins.phase_margin_deg,
+            "disk": margins.disk_margin,
+        },
+        "criterion": result.criteria[0],
+        "notes": list(result.notes),
+        "warnings": list(response.warnings),
+        "step": designed.step.summary(),
+        "packaged": {"step": designed.packaged.summary()},
+        "versions": versions(),
+    }

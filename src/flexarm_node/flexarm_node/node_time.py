@@ -1,0 +1,45 @@
+"""Time of a node for its stamps: never zero, also while a simulated clock has not begun."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+# Longer than discovery takes.
+_PATIENCE_S = 5.0
+
+
+class NodeTime:
+    """Clock of a node; with `use_sim_time` and no `/clock` it is the wall clock, and says so once.
+
+    Parameters
+    ----------
+    node : Node
+        The node.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._missed_s = math.inf
+        self._told = False
+
+    def now_ns(self) -> int:
+        """Return the time in nanoseconds since the epoch, or since the simulated clock's start."""
+        now_ns: int = self._node.get_clock().now().nanoseconds
+        if now_ns:
+            return now_ns
+        self._miss()
+        return time.time_ns()
+
+    def _miss(self) -> None:
+        now_s = time.monotonic()
+        self._missed_s = min(self._missed_s, now_s)
+        if now_s - self._missed_s > _PATIENCE_S and not self._told:
+            self._told = True
+            self._node.get_logger().warning(
+                "use_sim_time is set and nobody publishes /clock: stamps are the wall clock's"
+            )

@@ -1,0 +1,107 @@
+"""Time of the nodes: `/clock` from an arm in virtual time and from the player, or none at all."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rosgraph_msgs.msg import Clock
+
+from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
+from flexarm_node import qos
+from flexarm_node.stamps import stamp_ns
+from support.bag_samples import START_NS, played_bag
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from support.system_graph import Graph
+
+pytestmark = pytest.mark.system
+
+_CLOCK = "/clock"
+
+
+def heard_times(graph: Graph) -> list[int]:
+    """Return a list that gets the times of `/clock`."""
+    times: list[int] = []
+    graph.node.create_subscription(
+        Clock, _CLOCK, lambda message: times.append(stamp_ns(message.clock)), qos.EVERY
+    )
+    return times
+
+
+def test_simulated_time_without_a_clock___is_told_and_stamps_are_the_wall_clocks(
+    graph: Graph,
+) -> None:
+    stamps: dict[str, list[int]] = {"/diagnostics": [], "state": [], "command": [], "commander": []}
+
+    def listen(kind: type, topic: str) -> None:
+        graph.node.create_subscription(
+            kind,
+            topic,
+            lambda message: stamps[topic].append(stamp_ns(message.header.stamp)),
+            qos.STATUS if topic == "commander" else qos.EVERY,
+        )
+
+    listen(DiagnosticArray, "/diagnostics")
+    listen(ArmState, "state")
+    listen(MotorCommand, "command")
+    listen(CommanderInfo, "commander")
+    sim = {"use_sim_time": True}
+    nodes = [
+        graph.start("recorder", sim),
+        graph.start("controller", sim),
+        graph.start("daq", sim | {"time": "real", "rate_hz": 50.0}),
+    ]
+    graph.activate_loop()
+    graph.operator.activate("daq")
+    said = "use_sim_time is set and nobody publishes /clock: stamps are the wall clock's"
+    graph.wait(lambda: all(said in node.printed for node in nodes), "the warnings")
+    graph.wait(lambda: all(stamps.values()), "every topic")
+
+    now_ns = graph.node.get_clock().now().nanoseconds
+    for topic, found in stamps.items():
+        assert all(abs(now_ns - each) < 600e9 for each in found), topic
+    assert [node.printed.count(said) for node in nodes] == [1, 1, 1]
+
+
+def test_arm_in_virtual_time___without_clock___publishes_none(graph: Graph) -> None:
+    graph.start("daq", {"autostart": True, "clock": False, "rate_hz": 50.0})
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    graph.wait(lambda: len(states) > 3, "samples")
+    assert graph.node.count_publishers(_CLOCK) == 0
+
+
+def test_clock_of_two_arms___is_that_of_one(graph: Graph) -> None:
+    parameters = {"autostart": True, "rate_hz": 50.0}
+    first = graph.start("daq", parameters, "-r", "__ns:=/arm1")
+    second = graph.start("daq", parameters, "-r", "__ns:=/arm2")
+    left = "/clock is left to /arm1/daq, which publishes it too"
+    graph.wait(lambda: left in second.printed, "the second one's word")
+    graph.wait(lambda: graph.node.count_publishers(_CLOCK) == 1, "one clock")
+    (publisher,) = graph.node.get_publishers_info_by_topic(_CLOCK)
+    assert publisher.node_namespace == "/arm1"
+    assert "is left to" not in first.printed
+
+
+def test_player___with_clock___tells_the_time_of_the_bag(graph: Graph, tmp_path: Path) -> None:
+    messages = played_bag(tmp_path / "played", 100)
+    times = heard_times(graph)
+    player = graph.run_node("player", {"bag": str(tmp_path / "played"), "clock": True, "rate": 0.5})
+    graph.wait(lambda: player.popen.poll() is not None, "the end of the play")
+    graph.wait(lambda: len(times) >= len(messages), "every time")
+    assert player.exit_code() == 0
+    assert times[0] == START_NS
+    assert times == sorted(times)
+    assert set(times) == {message.time_ns for message in messages}
+
+
+def test_player___with_clock_beside_another___is_refused(graph: Graph, tmp_path: Path) -> None:
+    played_bag(tmp_path / "played", 100)
+    graph.node.create_publisher(Clock, _CLOCK, qos.NEWEST)
+    player = graph.run_node("player", {"bag": str(tmp_path / "played"), "clock": True})
+    assert player.exit_code() == 1
+    assert "/clock is published by /flexarm/tester: stop it, then play" in player.printed

@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+from bench.loop import mutants
+from bench.loop.mutants import MODULES, SUBJECTS, Score
+from support.project import PROJECT
+
+STATES = {
+    "flexarm_daq.loop.limiter.x_clamp__mutmut_1": "killed",
+    "flexarm_daq.loop.limiter.x_clamp__mutmut_2": "timeout",
+    "flexarm_daq.loop.limiter.x_clamp__mutmut_3": "survived",
+    "flexarm_daq.loop.limiter.x_share__mutmut_1": "no tests",
+    "flexarm_core.channels.x_to_si__mutmut_1": "killed",
+}
+
+
+def test_scores___by_subject___count_what_lived() -> None:
+    found = {score.subject: score for score in mutants._scores(STATES)}
+    assert tuple(found) == tuple(SUBJECTS)
+    assert found["limiter"] == Score(
+        "limiter",
+        4,
+        (
+            "flexarm_daq.loop.limiter.x_clamp__mutmut_3",
+            "flexarm_daq.loop.limiter.x_share__mutmut_1",
+        ),
+    )
+    assert found["watchdog"].mutants == 0
+
+
+def test_section___rows___end_with_all_of_them() -> None:
+    lines = mutants._markdown([Score("a", 4, ("x", "y")), Score("b", 4, ())]).splitlines()
+    assert lines[-3:] == [
+        "| a | 4 | 2 | 50.0 % |",
+        "| b | 4 | 4 | 100.0 % |",
+        "| all | 8 | 6 | 75.0 % |",
+    ]
+
+
+def test_modules_and_tests___that_are_named___are_there() -> None:
+    for module in MODULES:
+        package, _, rest = module.partition("/")
+        assert (PROJECT / "src" / package / package / rest).is_file()
+    for test in mutants._TESTS:
+        assert (PROJECT / test).is_file()

@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from flexarm_bags.metadata import TopicQos
+from flexarm_daq.nodes.recorder_node import offered_qos
+
+
+def profile(*, latched: bool, reliable: bool = True) -> QoSProfile:
+    durability, reliability = DurabilityPolicy, ReliabilityPolicy
+    return QoSProfile(
+        depth=1,
+        durability=durability.TRANSIENT_LOCAL if latched else durability.VOLATILE,
+        reliability=reliability.RELIABLE if reliable else reliability.BEST_EFFORT,
+    )
+
+
+def test_offered_qos___one_publisher___is_its_own() -> None:
+    assert offered_qos([profile(latched=True)]) == TopicQos(durability="transient_local")
+    assert offered_qos([profile(latched=False, reliable=False)]) == TopicQos("best_effort")
+
+
+def test_offered_qos___several_publishers___is_what_serves_every_viewer() -> None:
+    found = offered_qos([profile(latched=False), profile(latched=True, reliable=False)])
+    assert found == TopicQos("reliable", "transient_local")

@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import pytest
+
+from flexarm_daq.nodes.send_times import SendTimes
+
+MS = 1_000_000
+HOUR = 3_600_000 * MS
+STEADY = 50_000 * MS
+"""The steady clock of the recorder at the stop."""
+
+
+def heard(offsets: list[int], delays_ms: list[float]) -> SendTimes:
+    """Return what a recorder knows that heard a message every 2 ms until the stop.
+
+    The sender's clock is ahead of the steady one by these offsets.
+    """
+    times = SendTimes()
+    for k, (offset, delay_ms) in enumerate(zip(offsets, delays_ms, strict=True)):
+        sent = STEADY - 2 * MS * (len(offsets) - k)
+        times.add(sent + offset, sent + round(delay_ms * MS))
+    return times
+
+
+@pytest.mark.parametrize("offset", [0, 1_700_000_000_000 * MS, HOUR, -HOUR])
+def test_message___sent_before_or_after_the_stop___is_told_for_any_clock(offset: int) -> None:
+    times = heard([offset] * 100, [0.3 + 5.0 * (k % 7) for k in range(100)])
+    for before_ms in (0.4, 1.0, 100.0):
+        assert times.was_sent_before(STEADY - round(before_ms * MS) + offset, STEADY)
+    for after_ms in (0.1, 1.0, 100.0):
+        assert not times.was_sent_before(STEADY + round(after_ms * MS) + offset, STEADY)
+
+
+@pytest.mark.parametrize("step", [HOUR, -HOUR])
+def test_clock___set_while_recording___does_not_decide(step: int) -> None:
+    times = heard([0] * 300 + [step] * 300, [0.3] * 600)
+    assert times.was_sent_before(STEADY - MS + step, STEADY)
+    assert not times.was_sent_before(STEADY + MS + step, STEADY)
+
+
+def test_first_message_of_a_sender___counts_as_sent_before() -> None:
+    assert SendTimes().was_sent_before(2**62, STEADY)
