@@ -109,7 +109,7 @@ class Exchange:
     limited_by : Counter of str
         Number of times that each limit of the limiter acted.
     reply_s : Window
-        Time from a sample to its command, s.
+        Time from a sample to its command, s; whole periods between them count as such.
     """
 
     def __init__(
@@ -217,7 +217,8 @@ class Exchange:
         if verdict is not Verdict.ACCEPTED:
             return verdict
         self._watchdog.fed(command.state_sequence)
-        self.reply_s.add(now_s - self._tick_s)
+        behind = self.sequence - command.state_sequence
+        self.reply_s.add(now_s - self._tick_s + behind * self._period_s)
         if self._emergency:
             return verdict
         self.safety.on(Event.COMMAND)

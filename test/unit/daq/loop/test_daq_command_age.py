@@ -67,6 +67,17 @@ def test_constant_delay_above_the_age___ends_at_zero(clock: Clock, share: float)
     assert late == pytest.approx(290 - share, abs=1.0)
 
 
+@pytest.mark.parametrize("share", [0.25, 1.25, 2.25])
+def test_reply___to_an_older_sample___counts_from_that_sample(clock: Clock, share: float) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [(share * PERIOD_S, reply(record, 2.0))]
+
+    bench = Bench(clock, answer, virtual=False, samples=20).run()
+    shown = bench.acquisition.reply_s.percentiles()
+    assert shown.p50 == pytest.approx(share * PERIOD_S, rel=0.01)
+    assert shown.maximum == pytest.approx(share * PERIOD_S, rel=0.01)
+
+
 def test_late_answer___is_in_force_for_the_rest_of_its_age(clock: Clock) -> None:
     """It answers sample 4, arrives after sample 6, and is stale at sample 7."""
 
