@@ -26,8 +26,11 @@ from flexarm_bags.records.layout import (
     MAGIC,
     ChunkSizes,
     CutError,
+    TooManyError,
+    chunk_records,
     chunk_sizes,
     summary_of,
+    unpacked,
     unpacked_bytes,
     walk,
 )
@@ -48,6 +51,8 @@ if TYPE_CHECKING:
 PACKED = ".zstd"
 """Suffix of a file that is compressed as a whole."""
 _COPY_BYTES = 1 << 20
+# So few bytes do not hold too many records.
+_FEW_BYTES = 8 << 20
 # The copy of a compressed bag leaves as much of the temporary folder free as it takes.
 _FREE_PART = 2
 # Tables of a database that are read; a view or a computed column can give rows without end.
@@ -212,6 +217,20 @@ def require_honest_chunks(stream: BinaryIO) -> None:
                     f"{Path(stream.name).name}: the chunk at byte {start} has more than the "
                     f"{sizes.unpacked} bytes that it states"
                 )
+            if sizes.unpacked > _FEW_BYTES:
+                _require_few_records(
+                    f"{Path(stream.name).name}: the chunk at byte {start}", packed, sizes
+                )
+
+
+def _require_few_records(label: str, packed: bytes, sizes: ChunkSizes) -> None:
+    """Refuse a chunk of millions of empty messages, which rosbags visits one by one."""
+    try:
+        chunk_records(unpacked(packed, sizes.compression, sizes.unpacked))
+    except TooManyError as error:
+        raise BoundError(f"{label}: {error}") from error
+    except Exception:  # noqa: BLE001 - damage is told by who reads it
+        return
 
 
 def storages(reader: AnyReader) -> list[Any]:

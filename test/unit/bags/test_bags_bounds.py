@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import resource
 import sqlite3
+import struct
 import tempfile
 from contextlib import closing
 from typing import TYPE_CHECKING
@@ -27,6 +28,7 @@ from support.hostile_bags import (
     STATE,
     Packed,
     lz4_zeros,
+    record,
     write_chunks,
     write_packed_bag,
     zstd_zeros,
@@ -100,6 +102,17 @@ def test_many_chunks_of_a_small_file___are_refused_unread(
     said = refusal(file, way, most_mb=50)
     assert "unpacked it has more than 256 MB, which is a lot for its size" in said
     assert READ_VARIABLE in said
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_millions_of_empty_messages_without_an_index___are_refused_unvisited(
+    tmp_path: Path, way: Callable[[Path], None]
+) -> None:
+    empty = record(5, struct.pack("<HIQQ", 1, 0, 1, 1))
+    content = empty * (60 * MB // len(empty))
+    packed = Packed("zstd", zstandard.compress(content), len(content))
+    said = refusal(write_chunks(tmp_path / "run.mcap", packed, indexed=False), way, most_mb=400)
+    assert way is repaired or "a chunk holds more than 524288 records" in said
 
 
 def test_chunks_within_a_larger_allowance___are_read(

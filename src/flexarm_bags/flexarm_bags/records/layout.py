@@ -84,6 +84,10 @@ class CutError(ValueError):
     """A record goes beyond the end of its file or chunk."""
 
 
+class TooManyError(ValueError):
+    """A chunk holds more records than any recorder writes into one."""
+
+
 def walk(data: bytes | mmap, position: int = 0) -> Iterator[tuple[int, int, int]]:
     """Yield opcode, start of the content and end of each record, from a position on.
 
@@ -108,12 +112,14 @@ def chunk_records(content: bytes) -> list[tuple[int, int, int]]:
 
     Raises
     ------
-    ValueError
-        When a record is cut, or there are more than any recorder writes into a chunk.
+    CutError
+        When a record is cut.
+    TooManyError
+        When there are more than any recorder writes into a chunk.
     """
     found = list(islice(walk(content), _MOST_RECORDS + 1))
     if len(found) > _MOST_RECORDS:
-        raise ValueError(f"a chunk holds more than {_MOST_RECORDS} records")
+        raise TooManyError(f"a chunk holds more than {_MOST_RECORDS} records")
     return found
 
 
@@ -182,7 +188,7 @@ def chunk_content(chunk: records.Chunk) -> NDArray[np.uint8]:
     size = chunk.uncompressed_size
     if size > CHUNK_BYTES:
         raise ValueError(f"a chunk of {size >> 20} MB, allowed are {CHUNK_BYTES >> 20}")
-    content = _unpacked(chunk.data, chunk.compression, size)
+    content = unpacked(chunk.data, chunk.compression, size)
     if len(content) != size:
         raise ValueError(f"a chunk of {size} bytes has {len(content)}")
     if chunk.uncompressed_crc and crc32(content) != chunk.uncompressed_crc:
@@ -190,7 +196,7 @@ def chunk_content(chunk: records.Chunk) -> NDArray[np.uint8]:
     return np.frombuffer(content, np.uint8)
 
 
-def _unpacked(packed: bytes, compression: str, size: int) -> bytes:
+def unpacked(packed: bytes, compression: str, size: int) -> bytes:
     """Return what a chunk holds; of one that holds more than it states, one byte more."""
     if not compression:
         return packed
