@@ -6,7 +6,7 @@ law in its limit). That is another formulation than the project's implicit one.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,21 +26,15 @@ _NOISE_RAD = (1e-3, 1e-4)
 _STEPS = 100
 
 
-class Rubbing(NamedTuple):
-    """Friction of each joint: Coulomb level, the rise at rest above it, and its Stribeck speed."""
-
-    levels: tuple[float, ...]
-    rises: tuple[float, ...] = (0.0, 0.0)
-    speed_rad_s: float = 0.1
-
-
-def rubbing_arm(rubbing: Rubbing, *, seed: int = 0, samples: int = 3000, skip: int = 0) -> IoData:
+def rubbing_arm(
+    levels: tuple[float, ...], *, seed: int = 0, samples: int = 3000, skip: int = 0
+) -> IoData:
     """Return a record of an arm with one or two joints under position loops.
 
     Parameters
     ----------
-    rubbing : Rubbing
-        Friction; its levels tell the number of joints.
+    levels : tuple of float
+        Coulomb level of each joint, one or two.
     seed : int
         Seed of the references and of the noise.
     samples : int
@@ -48,7 +42,7 @@ def rubbing_arm(rubbing: Rubbing, *, seed: int = 0, samples: int = 3000, skip: i
     skip : int
         Samples before the record, which therefore begins in mid-motion.
     """
-    joints, rng = len(rubbing.levels), np.random.default_rng(seed)
+    joints, rng = len(levels), np.random.default_rng(seed)
     # Rotations of hub and link's end of each joint by joint angles and bends, which add up.
     hub, end = np.zeros((2, joints, 2 * joints))
     for i in range(joints):
@@ -63,7 +57,7 @@ def rubbing_arm(rubbing: Rubbing, *, seed: int = 0, samples: int = 3000, skip: i
         np.asarray(np.linalg.inv(mass), dtype=np.float64),
         stiffness,
         damping,
-        *(np.array(rubbing.levels), np.array(rubbing.rises[:joints]), rubbing.speed_rad_s),
+        np.array(levels),
         _references(rng, total, joints),
         *(3.0 * weights, 0.4 * weights),
     )
@@ -93,8 +87,6 @@ def _run(  # noqa: PLR0917 (compiled code has no keyword arguments)
     stiffness: Array,
     damping: Array,
     levels: Array,
-    rises: Array,
-    speed_rad_s: float,
     references: Array,
     stiff: Array,
     calm: Array,
@@ -113,9 +105,8 @@ def _run(  # noqa: PLR0917 (compiled code has no keyword arguments)
             for i in range(n):
                 force[i] = -stiffness[i] * q[i] - damping[i] * v[i]
             for i in range(joints):
-                level = levels[i] + rises[i] * np.exp(-((v[i] / speed_rad_s) ** 2))
                 bristle[i] += h * v[i] * levels[i] / _YIELD_RAD
-                bristle[i] = min(max(bristle[i], -level), level)
+                bristle[i] = min(max(bristle[i], -levels[i]), levels[i])
                 force[i] += us[k, i] - bristle[i]
             for i in range(n):
                 for j in range(n):

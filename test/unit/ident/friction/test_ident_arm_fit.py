@@ -10,9 +10,9 @@ from flexarm_ident.friction.arm_error import Part, SimulationError
 from flexarm_ident.friction.arm_fit import fit_arm
 from flexarm_ident.friction.layout import Drive
 from flexarm_ident.friction.random_starts import RandomStarts
-from support.rubbing_arms import Rubbing, rubbing_arm
+from support.rubbing_arms import rubbing_arm
 
-ONE, TWO = Rubbing((0.5,)), Rubbing((0.5, 0.3))
+ONE, TWO = (0.5,), (0.5, 0.3)
 # Cut while a joint turns with 0.9 rad/s and more.
 MOVING = [(ONE, 0, 830), (ONE, 2, 700), (TWO, 0, 660)]
 
@@ -33,11 +33,11 @@ def test_simulation_error___records_in_motion___has_the_gradient_of_differences(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("rubbing", "seed", "skip"), MOVING)
+@pytest.mark.parametrize(("levels", "seed", "skip"), MOVING)
 def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
-    rubbing: Rubbing, seed: int, skip: int
+    levels: tuple[float, ...], seed: int, skip: int
 ) -> None:
-    record, joints = rubbing_arm(rubbing, seed=seed, skip=skip), len(rubbing.levels)
+    record, joints = rubbing_arm(levels, seed=seed, skip=skip), len(levels)
     times_s = record.dt_s * np.arange(9)
     speeds, places = np.polyfit(times_s, record.y[:9, :joints], 1)
     assert np.abs(speeds).max() > 0.9
@@ -46,7 +46,7 @@ def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
         for name, output in zip(record.inputs, record.outputs[:joints], strict=True)
     ]
     fit = fit_arm(record, drives)
-    assert fit.friction.levels == pytest.approx(rubbing.levels, rel=0.05)
+    assert fit.friction.levels == pytest.approx(levels, rel=0.05)
     assert np.all(fit.error < 0.05)
     x0 = fit.x0[0]
     assert x0[:joints] == pytest.approx(places, abs=0.02)
