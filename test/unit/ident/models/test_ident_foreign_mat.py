@@ -55,4 +55,5 @@ def test_load_model___foreign_mat_file_of_gigabytes___is_refused(
     before_kb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     with pytest.raises(ModelFileError, match=r"model\.mat: no MAT-file of version 5: "):
         load_model(foreign(tmp_path, head + packed))
-    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < max(before_kb, 800 << 10)
+    # The largest child so far may have been another test's.
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss <= max(before_kb, 800 << 10)
