@@ -267,9 +267,10 @@ def test_background___work_that_fails___raises_where_the_result_is_asked_for() -
         job.result()
 
 
-def test_background___cancelled___stops_at_the_next_report() -> None:
-    go_on, begun = threading.Event(), threading.Event()
-    after: list[str] = []
+def in_two_stages(
+    begun: threading.Event, go_on: threading.Event, after: list[str]
+) -> Callable[[Callable[[str, float], None]], None]:
+    """Return work that waits between its reports, and tells when it has passed the second."""
 
     def work(report: Callable[[str, float], None]) -> None:
         report("first", 0.0)
@@ -278,6 +279,13 @@ def test_background___cancelled___stops_at_the_next_report() -> None:
         report("second", 0.0)
         after.append("second")
 
+    return work
+
+
+def test_background___cancelled___stops_at_the_next_report() -> None:
+    go_on, begun = threading.Event(), threading.Event()
+    after: list[str] = []
+    work = in_two_stages(begun, go_on, after)
     job = Background(work, notify=lambda: None, patience_s=60.0)
     assert begun.wait(60.0)
     assert not job.ended
@@ -294,14 +302,7 @@ def test_background___cancelled___stops_at_the_next_report() -> None:
 def test_background___that_does_not_stop___is_given_up_and_tells_it() -> None:
     told, go_on, begun = threading.Event(), threading.Event(), threading.Event()
     after: list[str] = []
-
-    def work(report: Callable[[str, float], None]) -> None:
-        report("first", 0.0)
-        begun.set()
-        go_on.wait(60.0)
-        report("second", 0.0)
-        after.append("second")
-
+    work = in_two_stages(begun, go_on, after)
     job = Background(work, notify=told.set, patience_s=0.1)
     assert begun.wait(60.0)
     told.clear()

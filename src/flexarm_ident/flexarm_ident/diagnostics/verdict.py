@@ -183,12 +183,12 @@ def _level(error: float) -> Level:
 def _next_step(
     level: Level, missed: float, worst_output: str, *, unseen: bool, defects: Sequence[str]
 ) -> str:
+    listed = ", ".join(dict.fromkeys(defects))
     if level == Level.GOOD:
         step = "use it" if unseen else "validate it on another record, then use it"
-        listed = ", ".join(dict.fromkeys(defects))
         return f"{step}, but mind the data ({listed}), see the notes" if listed else step
-    if defects:
-        return f"mend the data first ({', '.join(dict.fromkeys(defects))}), see the notes"
+    if listed:
+        return f"mend the data first ({listed}), see the notes"
     if missed > _AVOIDABLE:
         return (
             "try another method, a higher order, feedthrough or friction, as the inputs tell more "

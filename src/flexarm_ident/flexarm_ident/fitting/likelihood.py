@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from flexarm_ident.fitting.levenberg_marquardt import minimise, steps_told
+from flexarm_ident.fitting.levenberg_marquardt import steps_told
 from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.fitting.noise_filter import is_noise, whitening_filter
 from flexarm_ident.models.free_run import simulate
@@ -106,14 +106,7 @@ def maximise_likelihood(
     for _ in range(_ROUNDS):
         filters = _filters(_errors(model, starts, records))
         problem = ModalError(model, records, filters)
-        found = minimise(
-            problem.pack(starts),
-            problem.cost,
-            problem.normal,
-            allowed=problem.allowed,
-            iterations=_ITERATIONS,
-            on_step=on_step,
-        )
+        found = problem.minimised(starts, iterations=_ITERATIONS, on_step=on_step)
         if not np.isfinite(found.cost):
             return None
         model, starts = problem.unpack(found.theta)

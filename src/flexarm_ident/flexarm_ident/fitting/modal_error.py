@@ -12,23 +12,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from flexarm_ident.fitting.levenberg_marquardt import Normal
+from flexarm_ident.fitting.levenberg_marquardt import Normal, minimise
 from flexarm_ident.models.free_run import BlockSimulation
 from flexarm_ident.models.modes import modal_form
-from flexarm_ident.models.state_space import with_matrices
+from flexarm_ident.models.state_space import INTEGRATOR_RADIUS, with_matrices
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import control
 
     from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.records.iodata import IoData
 
 _CHUNK = 2048
 _HALF = 0.5
-# Integrators of `state_space.stabilise` just fit inside.
-_LARGEST_RADIUS = 1.0 - 1e-8
 
 
 class ModalError:
@@ -62,7 +61,7 @@ class ModalError:
             self._basis[:, group[0]] = vector.real
             if len(group) > 1:
                 self._basis[:, group[1]] = vector.imag
-        self._largest = max(_LARGEST_RADIUS, float(np.abs(form.eigenvalues).max(initial=0.0)))
+        self._largest = max(INTEGRATOR_RADIUS, float(np.abs(form.eigenvalues).max(initial=0.0)))
         self._filters = filters
         self._known = [[_known(record, len(taps)) for taps in filters] for record in records]
         self._n, self._r, self._m = model.nstates, model.ninputs, model.noutputs
@@ -90,6 +89,19 @@ class ModalError:
         T, inverse = self._basis, np.linalg.inv(self._basis)
         model = with_matrices(self._model, A=T @ A @ inverse, B=T @ B, C=C @ inverse)
         return model, tuple(T @ start for start in starts)
+
+    def minimised(
+        self, x0: Sequence[FloatArray], *, iterations: int, on_step: Callable[[], None]
+    ) -> Minimum:
+        """Return the minimum that is found from the start, see `minimise`."""
+        return minimise(
+            self.pack(x0),
+            self.cost,
+            self.normal,
+            allowed=self.allowed,
+            iterations=iterations,
+            on_step=on_step,
+        )
 
     def allowed(self, theta: FloatArray) -> FloatArray:
         """Return parameters whose eigenvalues are no larger than allowed, the others unchanged."""

@@ -24,10 +24,10 @@ Way = Literal["mirror", "clamp", "integrator"]
 """Way to move an unstable eigenvalue."""
 WAYS: tuple[Way, ...] = ("mirror", "clamp", "integrator")
 """All of them."""
+INTEGRATOR_RADIUS = 1.0 - 1e-8
+"""Magnitude of an integrator: 100 million samples, and clear of the rounding of eigenvalues."""
 # Estimates of an integrator's eigenvalue lie within that distance of 1.
 _NEAR_ONE = 2.0 / 3000.0
-# A time constant of 100 million samples, and clear of the rounding of eigenvalues.
-_INTEGRATOR_RADIUS = 1.0 - 1e-8
 
 
 def state_space(
@@ -126,7 +126,7 @@ def stabilise(A: FloatArray, way: Way = "mirror") -> tuple[FloatArray, int]:
     inner = np.full_like(radius, STABLE_RADIUS)
     if way == "mirror":
         np.divide(1.0, radius, out=inner, where=radius > 1.0 / STABLE_RADIUS)
-    target = np.where(near, _INTEGRATOR_RADIUS, np.where(outside, inner, radius))
+    target = np.where(near, INTEGRATOR_RADIUS, np.where(outside, inner, radius))
     moved = eigenvalues * np.divide(target, radius, out=np.ones_like(radius), where=radius > 0.0)
     stable = np.linalg.solve(vectors.T, (vectors * moved).T).T.real
     largest = np.abs(np.linalg.eigvals(stable)).max()
