@@ -208,9 +208,10 @@ class _BlockRun:
         # One sample more than the chunk: where the next one starts.
         longer = np.vstack([u, np.zeros((1, r))])
         still, steady = np.zeros((r, len(self._x))), np.zeros((r, count))
+        smooth, constant = np.zeros((r, 4)), np.zeros((r, 4, count))
         x, d_x = run_sensitivity(
-            *(self._A, self._B, still, np.zeros(r), longer, self._x),
-            *(self._d_A, self._d_B, steady, steady, self._d_x),
+            *(self._A, self._B, still, smooth, longer, longer, self._x),
+            *(self._d_A, self._d_B, constant, steady, self._d_x),
         )
         self._x, self._d_x = x[-1].copy(), d_x[-1].copy()
         return x[:-1], d_x[:-1]
