@@ -229,13 +229,14 @@ def load_friction(path: Path | str) -> DryFriction | None:
     if not found:
         return None
     rows = (model.ninputs,)
-    *per_input, speed = _FIELDS
-    values = [_array(path, found, field, rows) for field in per_input]
-    values.append(_array(path, found, speed, (model.ninputs, model.nstates)))
-    if not any(field in found for field in _FIELDS_OF_DEPENDENCE):
-        return DryFriction(*values)
-    depends = Dependence(*(_array(path, found, field, rows) for field in _FIELDS_OF_DEPENDENCE))
-    return DryFriction(*values, depends)
+    *per_input, speed_field = _FIELDS
+    levels, offsets, *scatter = (_array(path, found, field, rows) for field in per_input)
+    speed = _array(path, found, speed_field, (model.ninputs, model.nstates))
+    dependence = None
+    if any(field in found for field in _FIELDS_OF_DEPENDENCE):
+        values = (_array(path, found, field, rows) for field in _FIELDS_OF_DEPENDENCE)
+        dependence = Dependence(*values)
+    return DryFriction(levels, offsets, scatter[0], scatter[1], speed, dependence)
 
 
 def _array(
