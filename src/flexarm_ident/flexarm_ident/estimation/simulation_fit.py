@@ -132,7 +132,9 @@ def with_friction(
     return replace(found, notes=(*found.notes, note))
 
 
-def refined(found: Identification, *, progress: Progress | None = None) -> Identification:
+def refined(
+    found: Identification, *, order_open: bool, progress: Progress | None = None
+) -> Identification:
     """Refine a linear model by maximum likelihood where its errors are noise.
 
     Otherwise it is refined by its simulation error over the leading parts of its records.
@@ -141,6 +143,8 @@ def refined(found: Identification, *, progress: Progress | None = None) -> Ident
     ----------
     found : Identification
         Subspace model.
+    order_open : bool
+        Whether the likelihood may leave out modes.
     progress : callable, optional
         Called with the stage "refinement" and the completed part.
 
@@ -153,16 +157,19 @@ def refined(found: Identification, *, progress: Progress | None = None) -> Ident
     start_error = _errors(_simulated(found.model, found.x0, records), records)
     likely = None
     if sum(map(len, records)) <= _LIKELY_SAMPLES:
-        likely = maximise_likelihood(found.model, found.x0, records, progress=progress)
+        likely = maximise_likelihood(
+            found.model, found.x0, records, order_open=order_open, progress=progress
+        )
     if likely is not None:
         return replace(
             found,
             model=likely.model,
             x0=likely.x0,
+            order=likely.model.nstates,
             fit_error=_errors(_simulated(likely.model, likely.x0, records), records),
             start_error=start_error,
             likely_modes=likely.modes,
-            notes=(*found.notes, "refined by maximum likelihood, as the errors pass for noise"),
+            notes=(*found.notes, _likely_note(found.order, likely.model.nstates)),
         )
     most = -(-_REFINED_SAMPLES // len(records))
     heads = [record.head(most) for record in records]
@@ -179,6 +186,13 @@ def refined(found: Identification, *, progress: Progress | None = None) -> Ident
         start_error=start_error,
         notes=(*found.notes, note),
     )
+
+
+def _likely_note(before: int, after: int) -> str:
+    note = "refined by maximum likelihood, as the errors pass for noise"
+    if after == before:
+        return note
+    return f"{note}; order {after} instead of {before}, as what was left out followed the noise"
 
 
 def levels_text(coulomb: CoulombEstimate) -> str:
