@@ -247,7 +247,9 @@ def _choice(fit: ArmFit, start_error: FloatArray, linear: str) -> str:
 
 def _ladder(fit: ArmFit) -> str:
     """Return what the friction depends on, and the errors on halves left out that say so."""
-    errors = ", ".join(f"{error:.3g} {_RUNGS[each]}" for each, error in fit.left_out.items())
+    errors = ", ".join(
+        f"{np.linalg.norm(halves):.3g} {_RUNGS[each]}" for each, halves in fit.left_out.items()
+    )
     return f"its friction is {_RUNGS[fit.rung]}, by halves left out of the fit ({errors})"
 
 

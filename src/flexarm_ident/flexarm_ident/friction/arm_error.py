@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.arm import FlexibleArm
 
 _LEAST_INDEPENDENCE = 0.05
+# Part of the load from which friction holds a joint that its load drives.
+_SELF_LOCKING = 0.5
 
 
 class Part(NamedTuple):
@@ -53,6 +56,25 @@ class SimulationError:
     parts: tuple[Part, ...]
     dt_s: float
     prior: FloatArray
+
+    @cached_property
+    def usual_speed(self) -> FloatArray:
+        """RMS speed of each driven position in the records, (inputs,)."""
+        driven = list(self.arm.positions)
+        speed = [np.gradient(part.y[:, driven], self.dt_s, axis=0) for part in self.parts]
+        return np.asarray(np.sqrt(np.mean(np.vstack(speed) ** 2, axis=0)))
+
+    def allowed(self, theta: FloatArray) -> FloatArray:
+        """Return parameters whose friction can be told apart from a Coulomb level and a gain.
+
+        A rise fades within the usual speed, and no joint is self-locking under its load.
+        """
+        allowed = theta.copy()
+        for name, most in (("log_speed", self.usual_speed), ("log_load", _SELF_LOCKING)):
+            place = self.arm.blocks[name]
+            if place.stop > place.start:
+                allowed[place] = np.minimum(theta[place], np.log(most))
+        return allowed
 
     def initial_state(self, theta: FloatArray, record: int) -> FloatArray:
         """Return the initial state of a record, (states,)."""

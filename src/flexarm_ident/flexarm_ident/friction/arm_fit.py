@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.fitting.levenberg_marquardt import minimise
 from flexarm_ident.friction.arm import FlexibleArm
 from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
+from flexarm_ident.friction.descent import descend
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
 from flexarm_ident.friction.ladder import climb
 from flexarm_ident.friction.layout import drive_columns
@@ -83,8 +83,8 @@ class ArmFit:
         with which the records are simulated equally well.
     rung : Rung
         What the friction depends on.
-    left_out : dict of Rung to float
-        Relative errors of halves that were left out of the fit, by what the friction depends on.
+    left_out : dict of Rung to tuple of float
+        Relative errors of the halves that were left out of a fit, by what the friction depends on.
     """
 
     model: control.StateSpace
@@ -95,7 +95,7 @@ class ArmFit:
     bandwidth_hz: float
     law_ranges: FloatArray
     rung: Rung
-    left_out: dict[Rung, float]
+    left_out: dict[Rung, tuple[float, ...]]
 
 
 def fit_arm(
@@ -158,10 +158,10 @@ def fit_arm(
         )
     problem, best = _loosened(problem, best)
     reached = climb(problem, (best, *finalists))
-    best, *others = reached.minima
+    problem, (best, *others) = reached.whole
     if reached.rung:
-        best = _descended(reached.problem, best.theta)
-    profile = profile_levels(reached.problem, best, others)
+        best = _descended(problem, best.theta)
+    profile = profile_levels(problem, best, others)
     report("friction", 1.0)
     return _result(reached, profile, records, lives, band_hz)
 
@@ -173,7 +173,7 @@ def _finalists(
     begun, share = batch / _BATCHES, 0.9 / _BATCHES
     tries = []
     for number in range(_STARTS):
-        tries.append(minimise(draw.start(), problem.cost, problem.normal, iterations=_FIRST_STEPS))
+        tries.append(descend(problem, draw.start(), iterations=_FIRST_STEPS))
         report("friction", begun + 0.7 * share * (number + 1) / _STARTS)
     tries.sort(key=lambda found: found.cost)
     found = []
@@ -249,7 +249,7 @@ def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError,
 
 def _descended(problem: SimulationError, theta: FloatArray) -> Minimum:
     """Return the minimum after the last, longer search."""
-    return minimise(theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
+    return descend(problem, theta, iterations=_LAST_STEPS)
 
 
 def _held(u: FloatArray, decimation: int) -> FloatArray:
@@ -276,7 +276,7 @@ def _result(
     lives: Sequence[FloatArray],
     band_hz: float,
 ) -> ArmFit:
-    problem, best, first = reached.problem, profile.best, records[0]
+    problem, best, first = reached.whole.problem, profile.best, records[0]
     arm = problem.arm
     A, B = arm.discrete(best.theta, first.dt_s)
     C, D = arm.output_matrix, np.zeros((arm.outputs, arm.inputs))

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.fitting.levenberg_marquardt import Minimum, minimise
-from flexarm_ident.friction.some_parameters import minimise_some
+from flexarm_ident.friction.descent import descend
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.friction.arm_error import SimulationError
 
 # A cost 10 % above the smallest is an error 5 % above it, less than two halves of a record differ.
@@ -67,7 +67,7 @@ def profile_levels(
                 break
         if lower is start:
             break
-        best = minimise(lower.theta, problem.cost, problem.normal, iterations=_DESCENT)
+        best = descend(problem, lower.theta, iterations=_DESCENT)
         points.append((best.theta, best.cost))
     good = [problem.arm.laws(theta) for theta, cost in points if cost <= _EQUALLY_GOOD * best.cost]
     return LevelProfile(best, np.min(good, axis=0), np.max(good, axis=0))
@@ -83,7 +83,9 @@ def _moved(problem: SimulationError, best: Minimum) -> Iterator[Minimum]:
             for _ in range(_STEPS):
                 moved = theta.copy()
                 moved[place] += step
-                found = minimise_some(problem, moved, free, iterations=_ITERATIONS)
+                if problem.allowed(moved)[place] != moved[place]:
+                    break
+                found = descend(problem, moved, iterations=_ITERATIONS, free=free)
                 yield found
                 if not found.cost <= _EQUALLY_GOOD * best.cost:
                     break

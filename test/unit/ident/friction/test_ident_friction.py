@@ -54,8 +54,9 @@ def dry(level: float, offset: float = 0.0) -> DryFriction:
 def clinging(rise: float = 0.0, rise_speed: float = 0.0, load: float = 0.0) -> DryFriction:
     """Return friction of level 0.5 that depends on speed and load."""
     nothing = np.zeros(1)
-    values = (np.array([value]) for value in (rise, rise_speed, load))
-    return replace(dry(0.5), dependence=Dependence(*values, nothing, nothing))
+    rises, rise_speeds, loads = (np.array([value]) for value in (rise, rise_speed, load))
+    dependence = Dependence(rises, rise_speeds, loads, nothing, nothing)
+    return replace(dry(0.5), dependence=dependence)
 
 
 def moved_record(level: float, *, noise: float = 0.0, seed: int = 0) -> IoData:

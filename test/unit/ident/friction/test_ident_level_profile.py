@@ -36,6 +36,9 @@ class Bowl:
     def normal(self, theta: Array) -> Normal:
         return Normal(self.cost(theta), self.matrix @ (theta - self.centre), self.matrix)
 
+    def allowed(self, theta: Array) -> Array:
+        return theta
+
     @property
     def minimum(self) -> Minimum:
         return Minimum(self.centre, 1.0, self.matrix)

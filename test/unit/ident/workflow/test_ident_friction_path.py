@@ -206,7 +206,8 @@ def test_refer_friction___same_model_in_other_coordinates___same_simulation(depe
     speed = np.random.default_rng(0).normal(size=(1, n))
     speed *= np.sign(speed @ model.B)
     nothing = np.zeros(1)
-    more = Dependence(*np.array([[0.2], [0.5], [0.1]]), nothing, nothing) if depends else None
+    rise, fading, load = np.array([[0.2], [0.5], [0.1]])
+    more = Dependence(rise, fading, load, nothing, nothing) if depends else None
     friction = DryFriction(np.array([0.4]), np.array([0.1]), nothing, nothing, speed, more)
     x0 = np.random.default_rng(1).normal(size=n)
     y, _ = simulate_with_friction(model, friction, u, x0)

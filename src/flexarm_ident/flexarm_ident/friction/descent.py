@@ -1,4 +1,4 @@
-"""Minimum of a simulation error over some of its parameters, with the others fixed."""
+"""Descent of a simulation error over all or some of its parameters."""
 
 from __future__ import annotations
 
@@ -15,38 +15,47 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.arm_error import SimulationError
 
 
-def minimise_some(
-    problem: SimulationError, theta: FloatArray, free: NDArray[np.int_], *, iterations: int
+def descend(
+    problem: SimulationError,
+    theta: FloatArray,
+    *,
+    iterations: int,
+    free: NDArray[np.int_] | None = None,
 ) -> Minimum:
-    """Return the minimum over the parameters at some places.
+    """Return the minimum that is found from a start, among the allowed parameters.
 
     Parameters
     ----------
     problem : SimulationError
         Simulation error.
     theta : ndarray, (parameters,)
-        Start, and values of the others.
-    free : ndarray of int
-        The places.
+        Start.
     iterations : int
         Largest number of steps.
+    free : ndarray of int, optional
+        Places of the parameters that move; all by default.
 
     Returns
     -------
     Minimum
-        All parameters, the cost, and the normal matrix of the free ones.
+        All parameters, the cost, and the normal matrix of those that move.
     """
+    places = np.arange(len(theta)) if free is None else free
 
     def whole(part: FloatArray) -> FloatArray:
         joined = theta.copy()
-        joined[free] = part
+        joined[places] = part
         return joined
 
     def normal(part: FloatArray) -> Normal:
         cost, gradient, matrix = problem.normal(whole(part))
-        return Normal(cost, gradient[free], matrix[np.ix_(free, free)])
+        return Normal(cost, gradient[places], matrix[np.ix_(places, places)])
 
     found = minimise(
-        theta[free], lambda part: problem.cost(whole(part)), normal, iterations=iterations
+        theta[places],
+        lambda part: problem.cost(whole(part)),
+        normal,
+        allowed=lambda part: problem.allowed(whole(part))[places],
+        iterations=iterations,
     )
     return found._replace(theta=whole(found.theta))
