@@ -15,7 +15,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -32,7 +32,7 @@ from flexarm_bags.schema import describe, load_typestore
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import SettingError
 from flexarm_core.paths import user_path
-from flexarm_core.specs import ParameterSpec
+from flexarm_core.tables import read_table
 from flexarm_daq.nodes.kept_messages import KeptMessages
 from flexarm_daq.nodes.send_times import SendTimes
 from flexarm_msgs.msg import (
@@ -52,7 +52,7 @@ from flexarm_node.shares import share_of
 from flexarm_node.waiting import RawMessage, RawTopicsWaiter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from rclpy.qos import QoSProfile
 
@@ -77,12 +77,7 @@ Kept topics stand first: they are read before the samples that they describe.
 # What a latecomer is told: their publishers keep the last message.
 _LATCHED = {"commander", "io_channels", "payload", "reference", "/rosout"}
 
-PARAMETERS = (
-    ParameterSpec("bag", "", "folder of the bag, to be created; empty: wait for the service"),
-    ParameterSpec(
-        "topics", ["commander", "state", "command", "reference"], "which topics are recorded"
-    ),
-)
+PARAMETERS = read_table("flexarm_daq.nodes", "recorder", {"topics": tuple(TOPICS)})
 _WAIT_S = 0.1
 # Longest time between the arrivals of two sent messages, on a busy machine too.
 _QUIET_S = 0.5
@@ -95,8 +90,8 @@ class RecorderNode(Node):
 
     def __init__(self) -> None:
         super().__init__("recorder", namespace="/flexarm")
-        self._settings = Parameters(self, PARAMETERS, accept=_known_topics)
-        wanted = _known_topics(self._settings.values())
+        self._settings = Parameters(self, PARAMETERS)
+        wanted = self._settings.values()["topics"]
         names = [name for name in TOPICS if name in wanted]
         self._names = [self.resolve_topic_name(name) for name in names]
         self._topics = _recorded_topics(names, self._names)
@@ -274,13 +269,6 @@ def offered_qos(profiles: Sequence[QoSProfile]) -> TopicQos:
 
 def _is_kept(name: str) -> bool:
     return TOPICS[name][2] is qos.STATUS
-
-
-def _known_topics(values: Mapping[str, Any]) -> list[str]:
-    unknown = [name for name in values["topics"] if name not in TOPICS]
-    if unknown:
-        raise SettingError(f"parameter topics: no {unknown[0]}; choose from {', '.join(TOPICS)}")
-    return list(values["topics"])
 
 
 def main() -> int:
