@@ -22,7 +22,8 @@ from flexarm_daq.nodes import player_node
 from flexarm_daq.nodes.daq_node import DaqNode
 from flexarm_daq.nodes.experiment_node import ExperimentNode
 from flexarm_daq.nodes.player_node import PlayerNode
-from flexarm_daq.nodes.recorder_node import TOPICS, RecorderNode
+from flexarm_daq.nodes.recorded_topics import TOPICS
+from flexarm_daq.nodes.recorder_node import RecorderNode
 from flexarm_daq.rigs.faulty import Fault
 from flexarm_ident.ident_node import IdentNode
 from support.bag_samples import played_bag
