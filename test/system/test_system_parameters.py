@@ -66,6 +66,11 @@ def _named(value: Any) -> Any:  # noqa: ANN401 - messages
             {"topics": ["state", "sound"]},
             "parameter topics = 'sound': must be one of commander",
         ),
+        (
+            "recorder",
+            {"max_bagfile_size": 100},
+            "parameter max_bagfile_size = 100: must be 0, or 65536 or more",
+        ),
         ("recorder", {"bag": "/dev/null"}, "parameter bag: /dev/null: exists already"),
         ("player", {}, "parameter bag is empty: name the bag, -p bag:=FOLDER"),
         ("player", {"bag": "/nowhere/bag"}, "parameter bag: /nowhere/bag: no such bag"),

@@ -49,6 +49,7 @@ def test_snapshot___holds_the_last_second_and_the_set_point_that_a_late_viewer_o
     graph.start("controller", {"law": "pd"})
     graph.start("daq", {"rate_hz": RATE_HZ})
     graph.activate_loop()
+    graph.operator.activate("daq")
     request = SetReference.Request(reference_v=1.5)
     assert graph.call(SetReference, "set_reference", request).success
     # The set-point must have become too old to be kept as a message of the last second.
@@ -77,10 +78,8 @@ def test_snapshot___holds_the_last_second_and_the_set_point_that_a_late_viewer_o
 
     heard: list[float] = []
     played: list[ArmState] = []
-    away = [f"/flexarm/{name}:=/away/{name}" for name in ("state", "command", "reference")]
-    words = [
-        word for rule in [*away, "/flexarm/commander:=/away/commander"] for word in ("-r", rule)
-    ]
+    names = ("state", "command", "reference", "commander")
+    away = [word for name in names for word in ("-r", f"/flexarm/{name}:=/away/{name}")]
     graph.node.create_subscription(ArmState, "/away/state", played.append, qos.EVERY)
     player = graph.start("player", {"bag": str(bag), "rate": 0.25}, *away)
     graph.wait(lambda: len(played) > 10, "the replay")
@@ -90,9 +89,3 @@ def test_snapshot___holds_the_last_second_and_the_set_point_that_a_late_viewer_o
     graph.wait(lambda: bool(heard), "the set-point")
     assert heard[0] == pytest.approx(1.5)
     graph.stop(player)
-
-
-def test_recorder___told_of_sizes_that_are_too_small___ends_with_one_line(graph: Graph) -> None:
-    process = graph.start("recorder", {"max_bagfile_size": 100})
-    assert process.exit_code() == 2
-    assert process.printed == ("parameter max_bagfile_size = 100: must be 0, or 65536 or more\n")
