@@ -202,7 +202,7 @@ class _Check:
         number = 1 + names.index(examination.file.name) if examination.file.name in names else 0
         entries = information.get("files")
         is_followed = isinstance(said, dict) and isinstance(entries, list) and number < len(names)
-        if not (is_followed and said["files"] == entries[:number]):
+        if not (is_followed and said.get("files") == entries[:number]):
             self._problems.append("metadata.yaml: differs from its copy inside the file")
 
     def _sqlite(self, file: Path) -> None:

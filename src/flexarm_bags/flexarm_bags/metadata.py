@@ -144,7 +144,7 @@ def in_order(files: Iterable[Path]) -> list[Path]:
     """Return the files of a split bag by their numbers: the tenth follows the ninth."""
 
     def number(file: Path) -> tuple[int, str]:
-        found = re.search(r"_(\d+)\.", file.name)
+        found = re.search(r"_(\d+)\.(mcap|db3)", file.name)
         return int(found[1]) if found else 0, file.name
 
     return sorted(files, key=number)

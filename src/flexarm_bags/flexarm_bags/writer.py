@@ -18,7 +18,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from flexarm_bags.metadata import FILE_NAME, RecordedTopic, Tally, as_yaml, bag_information
+from flexarm_bags.metadata import (
+    FILE_NAME,
+    NO_START_NS,
+    RecordedTopic,
+    Tally,
+    as_yaml,
+    bag_information,
+)
 from flexarm_bags.records.storage_file import FileTopic, StorageFile
 from flexarm_bags.sequence import SequenceCheck
 from flexarm_core.errors import FlexarmError
@@ -228,9 +235,14 @@ class BagWriter:
         self._write_metadata()
 
     def _is_full(self, log_time_ns: int) -> bool:
-        return not self._file.finished and (
-            self._file.flushed_bytes >= self._max_file_bytes
-            or log_time_ns - self._tallies[-1].first_ns > self._max_file_ns
+        first_ns = self._tallies[-1].first_ns
+        return (
+            first_ns < NO_START_NS
+            and not self._file.finished
+            and (
+                self._file.flushed_bytes >= self._max_file_bytes
+                or log_time_ns - first_ns > self._max_file_ns
+            )
         )
 
     def _complete_file(self) -> None:
