@@ -79,5 +79,5 @@ def offered_qos(profiles: Sequence[QoSProfile]) -> TopicQos:
     return TopicQos(
         reliability="reliable" if reliable else "best_effort",
         durability="transient_local" if latched else "volatile",
-        lifespan_ns=max(each.lifespan.nanoseconds for each in profiles),
+        lifespan_ns=max(each.lifespan.nanoseconds or TopicQos.lifespan_ns for each in profiles),
     )
