@@ -99,8 +99,8 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     # The installed files of the messages stand in the bag, with the comments that tell units.
     assert set(recorded) == set(publishers)
     for topic, connection in recorded.items():
-        own, *nested = connection.msgdef.data.split(f"\n{'=' * 80}\nMSG: ")
-        assert own == installed(connection.msgtype.replace("/msg/", "/"))
+        outer, *nested = connection.msgdef.data.split(f"\n{'=' * 80}\nMSG: ")
+        assert outer == installed(connection.msgtype.replace("/msg/", "/"))
         for text in nested:
             name, _, definition = text.partition("\n")
             assert definition == installed(name)

@@ -6,7 +6,7 @@ It covers every bit that a checksum or a second copy protects.
 from __future__ import annotations
 
 import sqlite3
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path, PurePath
@@ -189,18 +189,17 @@ class _Check:
             self._compare_file(examination, information)
 
     def _compare_file(self, examination: McapExamination, information: Mapping[str, Any]) -> None:
-        """Compare metadata.yaml with its copy in a file of ours, and with the file's messages."""
+        """Compare metadata.yaml with its copy in a file of ours."""
         text = examination.metadata.get("rosbag2", {}).get("serialized_metadata")
-        try:
+        said: Any = None
+        with suppress(YamlError):
             said = yaml_content(text or "")
-        except YamlError:
-            said = None
         if said == information:
             return
         # A file that others follow tells of itself and of those before it.
         names = [PurePath(name).name for name in information["relative_file_paths"]]
         number = 1 + names.index(examination.file.name) if examination.file.name in names else 0
-        entries = information.get("files")
+        entries: Any = information.get("files")
         is_followed = isinstance(said, dict) and isinstance(entries, list) and number < len(names)
         if not (is_followed and said.get("files") == entries[:number]):
             self._problems.append("metadata.yaml: differs from its copy inside the file")

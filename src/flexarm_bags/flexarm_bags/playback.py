@@ -166,5 +166,6 @@ def _opened(bag: Path) -> Iterator[AnyReader]:
 
 def _qos(connection: Connection) -> TopicQos:
     """Return the QoS as recorded."""
-    known = isinstance(connection.ext, ConnectionExtRosbag2)
-    return TopicQos.of(connection.ext.offered_qos_profiles) if known else TopicQos()
+    if isinstance(connection.ext, ConnectionExtRosbag2):
+        return TopicQos.of(connection.ext.offered_qos_profiles)
+    return TopicQos()

@@ -111,7 +111,7 @@ def _spec(name: str, row: Mapping[str, Any]) -> ParameterSpec:
     ((choices,),) = [validation[kind] for kind in _CHOICES & validation.keys()] or [((),)]
     return ParameterSpec(
         name,
-        default,
+        row["default_value"],
         row["description"],
         least,
         most,

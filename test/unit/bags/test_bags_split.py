@@ -175,7 +175,7 @@ def test_file___that_is_ended___is_followed_by_another_one_and_no_loss_is_told(
             assert reader.message_count == bag.message_count
     bag.flush_if_due()
     bag.close()
-    assert [entry["message_count"] for entry in information(bag.path)["files"]] == [50, 50]  # type: ignore[attr-defined,index]
+    assert [entry["message_count"] for entry in information(bag.path)["files"]] == [50, 50]  # type: ignore[attr-defined]
     assert bag.sequences.complaints() == []
 
 
