@@ -22,6 +22,8 @@ from support.recorded_samples import States, content
 from support.system_graph import fill_disk
 
 if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
     from support.system_graph import Graph, Process
 
 pytestmark = pytest.mark.system
@@ -59,14 +61,16 @@ def installed(name: str) -> str:
 def decoded_by_embedded_definitions(file: Path) -> dict[str, list[Any]]:
     """Decode an MCAP file with nothing but what is in it."""
     found: dict[str, list[Any]] = {}
+    types: dict[int, Typestore] = {}
     with file.open("rb") as stream:
         for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
             assert schema is not None
             assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
-            typestore = get_typestore(Stores.EMPTY)
-            typestore.register(get_types_from_msg(schema.data.decode(), schema.name))
+            if schema.id not in types:
+                types[schema.id] = get_typestore(Stores.EMPTY)
+                types[schema.id].register(get_types_from_msg(schema.data.decode(), schema.name))
             found.setdefault(channel.topic, []).append(
-                typestore.deserialize_cdr(message.data, schema.name)
+                types[schema.id].deserialize_cdr(message.data, schema.name)
             )
     return found
 
