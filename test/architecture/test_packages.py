@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
 import pytest
-import setuptools
 
 from support.import_graph import SOURCES, Module
 from support.project import PROJECT
@@ -115,7 +114,7 @@ def test_setup___installs___every_data_file_beside_the_modules(
 ) -> None:
     arguments: dict[str, Any] = {}
     monkeypatch.chdir(package)
-    monkeypatch.setattr(setuptools, "setup", arguments.update)
+    monkeypatch.setattr("setuptools.setup", arguments.update)
     runpy.run_path("setup.py")
     installed = {
         file
