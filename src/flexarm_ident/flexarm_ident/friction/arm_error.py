@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _LEAST_INDEPENDENCE = 0.05
 # Part of the load from which friction holds a joint that its load drives.
 _SELF_LOCKING = 0.5
+# Part of the usual speed over which a rise fades at least.
+_LEAST_FADING = 0.01
 
 
 class Part(NamedTuple):
@@ -67,13 +69,16 @@ class SimulationError:
     def allowed(self, theta: FloatArray) -> FloatArray:
         """Return parameters whose friction can be told apart from a Coulomb level and a gain.
 
-        A rise fades within the usual speed, and no joint is self-locking under its load.
+        A rise fades within the usual speed and over some of it, and no joint is self-locking under
+        its load.
         """
-        allowed = theta.copy()
-        for name, most in (("log_speed", self.usual_speed), ("log_load", _SELF_LOCKING)):
-            place = self.arm.blocks[name]
-            if place.stop > place.start:
-                allowed[place] = np.minimum(theta[place], np.log(most))
+        allowed, blocks = theta.copy(), self.arm.blocks
+        if len(theta[blocks["log_speed"]]):
+            usual = np.log(self.usual_speed)
+            least = usual + np.log(_LEAST_FADING)
+            allowed[blocks["log_speed"]] = np.clip(theta[blocks["log_speed"]], least, usual)
+        load = theta[blocks["log_load"]]
+        allowed[blocks["log_load"]] = np.minimum(load, np.log(_SELF_LOCKING))
         return allowed
 
     def initial_state(self, theta: FloatArray, record: int) -> FloatArray:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 READ_BACK = (".yaml", ".json", ".mat")
 ORIGIN: dict[str, str | list[str]] = {
-    "source": ["bags/run 1", "bags/ä"],
+    "source": ["run 1", "bags/ä"],
     "request": '{"method": "auto"}',
 }
 
@@ -91,7 +91,7 @@ def test_load_model___saved_model___returns_every_bit(tmp_path: Path, suffix: st
 def test_load_model___any_saved_model___returns_every_bit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, model: control.StateSpace
 ) -> None:
-    # No process for each model: what it reads passes through JSON all the same.
+    # Not a process for each model.
     monkeypatch.setattr(mat, "_read_apart", lambda file: json.loads(json.dumps(tree(file))))
     path = tmp_path / f"any{suffix}"
     save_model(str(path), model, name="_2dof", provenance={})
