@@ -40,6 +40,7 @@ from flexarm_msgs.msg import (
     ChannelInfo,
     CommanderInfo,
     IoSample,
+    LawInForce,
     MotorCommand,
     PayloadEstimate,
 )
@@ -62,6 +63,7 @@ TOPICS = {
     "state": (ArmState, "flexarm_msgs/msg/ArmState", qos.EVERY),
     "command": (MotorCommand, "flexarm_msgs/msg/MotorCommand", qos.EVERY),
     "reference": (Float64, "std_msgs/msg/Float64", qos.EVERY),
+    "law": (LawInForce, "flexarm_msgs/msg/LawInForce", qos.EVERY),
     "joint_states": (JointState, "sensor_msgs/msg/JointState", qos.EVERY),
     "io": (IoSample, "flexarm_msgs/msg/IoSample", qos.EVERY),
     "payload": (PayloadEstimate, "flexarm_msgs/msg/PayloadEstimate", qos.STATUS),
@@ -80,7 +82,9 @@ _LATCHED = {"commander", "io_channels", "payload", "reference", "/rosout"}
 PARAMETERS = (
     ParameterSpec("bag", "", "folder of the bag, to be created; empty: wait for the service"),
     ParameterSpec(
-        "topics", ["commander", "state", "command", "reference"], "which topics are recorded"
+        "topics",
+        ["commander", "state", "command", "reference", "law"],
+        "which topics are recorded",
     ),
 )
 _WAIT_S = 0.1
