@@ -80,7 +80,7 @@ PARAMETERS = (
         "position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, INPUT_RANGE_V, "V"
     ),
     ParameterSpec("statistics_s", 10.0, "time that the percentiles look back", 1.0, 7200.0, "s"),
-    ParameterSpec("max_age_periods", 3, "watchdog: periods without an answer until zero", 1, 1000),
+    ParameterSpec("max_age_periods", 3, "watchdog: age of a stale command, periods", 1, 1000),
     ParameterSpec(
         "stuck_samples",
         SensorLimits().stuck_samples,
