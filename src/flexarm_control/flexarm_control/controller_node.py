@@ -42,8 +42,9 @@ _REFUSED_S = 5.0
 
 
 class _InForce(NamedTuple):
-    """Origin of the answers from a command on, beside the samples."""
+    """Origin of the answers from a sample on, beside the samples."""
 
+    taken_ns: int
     setup: Setup
     reference_v: float
     command_sequence: int
@@ -77,8 +78,6 @@ class ControllerNode(AnsweringNode):
         self._told_ns = 0
         self._weighed_ns = 0
         self._in_force: _InForce | None = None
-        self._in_force_ns = 0
-        self._is_law_told = True
         self.start_if_asked()
 
     def commander(self) -> tuple[str, bool]:
@@ -139,7 +138,7 @@ class ControllerNode(AnsweringNode):
         setup, reference_v = self._setup, self._reference_v
         self._handover.replace(setup.law)
         setup.check_rate(self._rate.add(taken_ns))
-        self._note_law(setup, reference_v, taken_ns, command.sequence + 1)
+        self._note_law(taken_ns, setup, reference_v, command.sequence + 1)
         if setup.profile is not None:
             self._reference_v = reference_v = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
             self._tell_reference(taken_ns)
@@ -163,7 +162,7 @@ class ControllerNode(AnsweringNode):
         yield from super().figures()
 
     def _note_law(
-        self, setup: Setup, reference_v: float, taken_ns: int, command_sequence: int
+        self, taken_ns: int, setup: Setup, reference_v: float, command_sequence: int
     ) -> None:
         """Note what the next answer follows from, when it has changed and at intervals."""
         before = self._in_force
@@ -171,17 +170,16 @@ class ControllerNode(AnsweringNode):
             before is None
             or setup is not before.setup
             or (setup.profile is None and reference_v != before.reference_v)
-            or taken_ns - self._in_force_ns >= _TELL_AGAIN_NS
+            or taken_ns - before.taken_ns >= _TELL_AGAIN_NS
         ):
             memory = self._handover.memory()
-            self._in_force = _InForce(setup, reference_v, command_sequence, memory)
-            self._in_force_ns, self._is_law_told = taken_ns, False
+            self._in_force = _InForce(taken_ns, setup, reference_v, command_sequence, memory)
 
     def _tell_law(self, state: ArmState, taken_ns: int) -> None:
-        """Publish what was noted: the command does not wait for it."""
-        if self._is_law_told or self._in_force is None:
+        """Publish what was noted for a sample: the command did not wait for it."""
+        if self._in_force is None or self._in_force.taken_ns != taken_ns:
             return
-        setup, reference_v, command_sequence, memory = self._in_force
+        _, setup, reference_v, command_sequence, memory = self._in_force
         message = LawInForce(
             command_sequence=command_sequence,
             run_time_ns=taken_ns - self.run_start_ns,
@@ -193,7 +191,6 @@ class ControllerNode(AnsweringNode):
         )
         message.header.stamp = state.header.stamp
         self._laws.publish(message)
-        self._is_law_told = True
 
     def _tell_reference(self, taken_ns: int) -> None:
         """Publish the reference of a built-in profile, when it has changed and at intervals."""
