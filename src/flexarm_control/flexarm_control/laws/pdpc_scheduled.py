@@ -6,7 +6,7 @@ some payloads and interpolates linearly between them.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -198,11 +198,12 @@ class ScheduledPdpc:
 
     def memory(self) -> Memory:
         """Return estimator and gains; see `LawWithMemory.memory`."""
+        gains, wanted = self._law.gains, self._wanted
         return {
             **self._estimator.memory(),
             "samples": (float(self._samples),),
-            "gains": astuple(self._law.gains),
-            "wanted_gains": astuple(self._wanted),
+            "gains": (gains.kp, gains.kd, gains.ksg),
+            "wanted_gains": (wanted.kp, wanted.kd, wanted.ksg),
         }
 
     def remember(self, memory: Memory) -> None:
