@@ -89,12 +89,13 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     assert durability == {
         "/flexarm/commander": QosDurability.TRANSIENT_LOCAL,
         "/flexarm/reference": QosDurability.TRANSIENT_LOCAL,
+        "/flexarm/law": QosDurability.VOLATILE,
         "/flexarm/state": QosDurability.VOLATILE,
         "/flexarm/command": QosDurability.VOLATILE,
     }
     (file,) = bag.glob("*.mcap")
     states = deserialised["/flexarm/state"]
-    assert set(deserialised) == TOPICS | {"/flexarm/commander"}
+    assert set(deserialised) == TOPICS | {"/flexarm/commander", "/flexarm/law"}
     assert [state.sequence for state in states] == list(range(1, 301))
     answered = [command.state_sequence for command in deserialised["/flexarm/command"]]
     assert sorted(set(answered)) == answered
