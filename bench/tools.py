@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,7 +17,7 @@ from flexarm_bringup.console.verb_group import FORCE
 from flexarm_core.outputs import MARK_KEY, OutputError, require_place
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     Command = Callable[..., None]
     Case = TypeVar("Case")
@@ -86,14 +86,14 @@ def run_trials(
         return list(track(pool.map(work, cases, chunksize=chunk), total=len(cases)))
 
 
-def write_json(file: Path | None, figures: Mapping[str, object] | Sequence[object]) -> None:
+def write_json(file: Path | None, figures: dict[str, Any] | Sequence[Any]) -> None:
     """Write figures to the file of `--json`; None: nowhere.
 
     Parameters
     ----------
     file : Path or None
         File, which gets the mark of a file of flexarm.
-    figures : mapping, or sequence of mappings or dataclasses
+    figures : dict, or sequence of dicts or dataclasses
         Figures, in which dataclasses may stand; the first of several rows has the mark.
     """
     if file is None:
@@ -103,7 +103,7 @@ def write_json(file: Path | None, figures: Mapping[str, object] | Sequence[objec
         marked = MARK_KEY | figures
     elif figures:
         first, *others = figures
-        row = asdict(first) if is_dataclass(first) else first
+        row = first if isinstance(first, dict) else asdict(first)
         marked = [MARK_KEY | row, *others]
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(marked, indent=1, default=asdict), "utf-8")

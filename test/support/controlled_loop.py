@@ -111,7 +111,8 @@ def faded(own_v: FloatArray, command_v: float) -> FloatArray:
     """Return commands that begin at the one in force and fade to a law's own by 0.1 V a sample."""
     apart_v = command_v - own_v[0]
     left_v = np.maximum(0.0, abs(apart_v) - _FADE_V * np.arange(len(own_v)))
-    return own_v + np.copysign(left_v, apart_v)
+    commands_v: FloatArray = own_v + np.copysign(left_v, apart_v)
+    return commands_v
 
 
 def _command(number: int, sample: int, effort_v: float, compensation_v: float) -> Sent:

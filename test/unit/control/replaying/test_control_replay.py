@@ -113,7 +113,11 @@ def test_replay___set_point_that_was_told___is_honoured_from_its_sample_on() -> 
 
 
 def test_replay___built_in_reference___begins_with_the_run_of_the_law() -> None:
-    profile = {"reference": "square", "square.amplitude_v": 2.0, "square.period_s": 0.2}
+    profile: dict[str, float | str] = {
+        "reference": "square",
+        "square.amplitude_v": 2.0,
+        "square.period_s": 0.2,
+    }
     run = ControlledRun()
     run.tell(10, pd_parameters(1.0, **profile))
     for k in range(10, SAMPLES):
