@@ -38,10 +38,10 @@ _ROUNDING_V = 1e-9
 @click.option("--topic", help="Topic of the samples, where several arms are in the bag.")
 @examples("replay out/experiments/C_dat3", "replay out/run1 --tolerance 1e-9")
 def replay(bag: Path, tolerance_v: float, topic: str | None) -> None:
-    """Run recorded samples through the recorded law and compare each command.
+    """Compare recorded commands with those of the recorded law.
 
-    Law, parameters, set-points and what the law had in memory come from the bag. Exit code 1 when a
-    command differs.
+    The recorded samples run through the law. Law, parameters, set-points and what the law had in
+    memory come from the bag. Exit code 1 when a command differs.
     """
     try:
         outcome = replayed(read_loop(bag, topic), tolerance_v=tolerance_v)
