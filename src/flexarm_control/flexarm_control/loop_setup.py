@@ -13,7 +13,7 @@ from flexarm_control.models.chosen_model import PREFIX, chosen_model
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.sample_rate import suits
 from flexarm_core.errors import SettingError
-from flexarm_core.specs import ParameterSpec
+from flexarm_core.tables import read_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_control.laws.law_protocol import LawWithMemory
+    from flexarm_core.specs import ParameterSpec
 
 TOPIC = "topic"
 """The reference comes from the service and the topic, and not from a built-in profile."""
@@ -28,7 +29,7 @@ TOPIC = "topic"
 
 def _under(prefix: str, specs: tuple[ParameterSpec, ...]) -> list[ParameterSpec]:
     """Return parameters of a law or reference under its name, as ``pd.kp``."""
-    return [replace(spec, name=f"{prefix}.{spec.name}") for spec in specs]
+    return [replace(spec, name=f"{prefix}.{spec.name}", live=True) for spec in specs]
 
 
 def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -37,18 +38,16 @@ def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
 
 
-_MODEL = ParameterSpec(
-    "model",
-    "",
-    "model of the design: <name> of parameters models.<name>.*, or a file; empty: packaged, 300 g",
-)
 PARAMETERS = (
-    ParameterSpec("law", "pd", "the control law", choices=tuple(LAWS)),
-    ParameterSpec(
-        "reference",
-        TOPIC,
-        "a built-in profile; topic: the service set_reference and the topic reference",
-        choices=(TOPIC, *REFERENCES),
+    *read_table(
+        "flexarm_control",
+        "controller",
+        {
+            "topic": TOPIC,
+            "laws": tuple(LAWS),
+            "references": (TOPIC, *REFERENCES),
+            "designed_laws": tuple(row.name for row in LAWS.values() if row.design),
+        },
     ),
     *(
         spec
@@ -56,7 +55,6 @@ PARAMETERS = (
         for name, row in table.items()
         for spec in _under(name, row.parameters)
     ),
-    *(spec for row in LAWS.values() if row.design for spec in _under(row.name, (_MODEL,))),
 )
 _SPECS = {spec.name: spec for spec in PARAMETERS}
 
@@ -99,7 +97,7 @@ class Setup:
         if reference != TOPIC:
             profile = build_reference(reference, _below(reference, values))
         law_spec, gains = LAWS[name], _below(name, values)
-        model = chosen_model(gains.pop(_MODEL.name, ""), values)
+        model = chosen_model(gains.pop("model", ""), values)
         law, rate_hz = build_law(name, gains, model), law_spec.rate_hz(gains, model)
         return cls(law_spec, law, rate_hz, profile, _text(values, model))
 
@@ -166,7 +164,7 @@ def _text(values: Mapping[str, Any], model: control.StateSpace | None) -> str:
         # The identification is loaded only for a model.
         from flexarm_ident.models.model_parameters import model_parameters  # noqa: PLC0415
 
-        choice = re.sub(r"\W", "_", Path(used[f"{name}.{_MODEL.name}"]).stem)
-        used[f"{name}.{_MODEL.name}"] = choice
+        choice = re.sub(r"\W", "_", Path(used[f"{name}.model"]).stem)
+        used[f"{name}.model"] = choice
         used |= model_parameters(choice, model, provenance={})
     return json.dumps(used)
