@@ -64,5 +64,5 @@ def test_record_from_mid_run___with_changes_and_a_second_activation___replays_to
 
     assert found.differences == ()
     assert [change.text for change in found.changes] == ["pi.kp 0.3998 to 0.6", "law pi to lqg"]
-    assert found.commands - TOLD_EVERY <= found.compared < found.commands + 1
-    assert found.compared > 2 * TOLD_EVERY
+    # After the second activation a second of samples was waited for.
+    assert found.compared >= max(TOLD_EVERY, found.commands - TOLD_EVERY)
