@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm_control.replaying.record import LawRecord, LoopRecord
-from support.bag_samples import START_NS, Sent, arm_state, header, serialised
+from support.bag_samples import START_NS, Sent, arm_state, header, motor_command, serialised
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -116,16 +116,10 @@ def faded(own_v: FloatArray, command_v: float) -> FloatArray:
 
 
 def _command(number: int, sample: int, effort_v: float, compensation_v: float) -> Sent:
-    type_name, time_ns = "flexarm_msgs/msg/MotorCommand", START_NS + (sample - 1) * PERIOD_NS + 1000
-    raw = serialised(
-        type_name,
-        header=header(time_ns),
-        sequence=number,
-        state_sequence=sample,
-        effort_v=effort_v,
-        compensation_v=compensation_v,
+    time_ns = START_NS + (sample - 1) * PERIOD_NS + 1000
+    return motor_command(
+        number, time_ns, effort_v, state_sequence=sample, compensation_v=compensation_v
     )
-    return Sent("/flexarm/command", type_name, time_ns, raw)
 
 
 def _law(told: LawRecord) -> Sent:
