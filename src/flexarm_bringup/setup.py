@@ -11,7 +11,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", [str(path) for path in Path("config").glob("*")]),
+        (f"share/{PACKAGE}/config", [str(path) for path in Path("config").glob("*.*")]),
+        (f"share/{PACKAGE}/config/sros2", [str(path) for path in Path("config/sros2").glob("*")]),
         (f"share/{PACKAGE}/urdf", [str(path) for path in Path("urdf").glob("*")]),
         (f"share/{PACKAGE}/launch", [str(path) for path in Path("launch").glob("*")]),
         ("bin", ["bin/flexarm"]),

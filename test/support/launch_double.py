@@ -94,6 +94,7 @@ class Node:
     name: str
     namespace: Any
     output: str
+    ros_arguments: list[str] = field(default_factory=list)
     parameters: list[Any] = field(default_factory=list)
 
     def arguments(self, context: Context, folder: Path) -> list[str]:
@@ -101,7 +102,8 @@ class Node:
         space = _text(self.namespace, context)
         if not space.startswith("/"):
             space = f"{context.get('ros_namespace', '').rstrip('/')}/{space}"
-        line = ["--ros-args", "-r", f"__node:={self.name}", "-r", f"__ns:={space}"]
+        line = ["--ros-args", *self.ros_arguments]
+        line += ["-r", f"__node:={self.name}", "-r", f"__ns:={space}"]
         for number, each in enumerate(self.parameters):
             file = _text(each, context)
             if isinstance(each, dict):

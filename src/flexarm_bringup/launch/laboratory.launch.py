@@ -78,12 +78,15 @@ def _nodes(context: LaunchContext) -> list[Node]:
         for name, (_, kind, _) in _SETTINGS.items()
         if LaunchConfiguration(name).perform(context)
     }
+    namespace = _namespace(context)
     laboratory = [
         Node(
             package=package,
             executable=f"{node}_node",
             name=node,
-            namespace=LaunchConfiguration("namespace"),
+            namespace=namespace,
+            # Where SROS2 keeps its keys: config/sros2 has a policy for each.
+            ros_arguments=["--enclave", f"{namespace}/{node}"],
             output="screen",
             parameters=[
                 *files,
@@ -92,28 +95,34 @@ def _nodes(context: LaunchContext) -> list[Node]:
         )
         for package, node in _NODES
     ]
-    return laboratory + _frames(context)
+    return laboratory + _frames(namespace)
 
 
-def _frames(context: LaunchContext) -> list[Node]:
+def _namespace(context: LaunchContext) -> str:
+    """Return the full namespace of the arm: one that is given is below the one pushed."""
+    given = LaunchConfiguration("namespace").perform(context)
+    pushed = LaunchConfiguration("ros_namespace", default="").perform(context)
+    return given if given.startswith("/") else f"{pushed.rstrip('/')}/{given}"
+
+
+def _frames(namespace: str) -> list[Node]:
     """Return the node that makes tf frames of the joint states, where it is installed."""
     try:
         get_package_prefix(_PUBLISHER)
     except PackageNotFoundError:
         return []
     urdf = Path(get_package_share_directory("flexarm_bringup"), "urdf", "flexarm.urdf")
-    namespace = LaunchConfiguration("namespace").perform(context).strip("/")
     return [
         Node(
             package=_PUBLISHER,
             executable=_PUBLISHER,
             name=_PUBLISHER,
-            namespace=LaunchConfiguration("namespace"),
+            namespace=namespace,
             output="screen",
             parameters=[
                 {
                     "robot_description": ParameterValue(urdf.read_text("utf-8"), value_type=str),
-                    "frame_prefix": f"{namespace}/",
+                    "frame_prefix": f"{namespace.lstrip('/')}/",
                 }
             ],
         )

@@ -43,6 +43,8 @@ def test_namespace___given_or_pushed___is_that_of_every_node(
 
     assert {node.name for node in nodes} == {"recorder", "ident", "controller", "daq"}
     assert all(f"__ns:={namespace}" in line for line in lines)
+    enclaves = [line[line.index("--enclave") + 1] for line in lines]
+    assert enclaves == [f"{namespace}/{node.name}" for node in nodes]
     assert [files_of(line) for line in lines] == [[OWN]] * 4
 
 
