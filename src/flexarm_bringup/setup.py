@@ -18,6 +18,7 @@ setup(
         ("bin", ["bin/flexarm"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",
     description="Launch files, configuration and the flexarm command.",
