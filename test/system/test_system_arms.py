@@ -53,7 +53,7 @@ def start_arm(graph: Graph, arm: str, folder: Path, **arguments: str) -> dict[st
     nodes, context = launched(arguments | {"namespace": arm})
     folder.mkdir()
     return {
-        node.name: graph.start(node.name, {}, *node.arguments(context, folder)) for node in nodes
+        node.name: graph.start(node.name, {}, *node.command_line(context, folder)) for node in nodes
     }
 
 
@@ -83,6 +83,7 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
         for each in heard.states["arm2"][:2]
     ]
     assert stamps_ns[1] - stamps_ns[0] == pytest.approx(1e9 / 300.0, abs=2)
+    assert heard.states["arm2"][0].header.frame_id == "arm2/base_link"
 
     assert flexarm(graph, "stop", "--namespace", "arm1")[-1].startswith("the drive is held at zero")
     graph.wait(lambda: heard.drive("arm1") == "held", "the report")
