@@ -126,7 +126,7 @@ def test_package___has_its_unit_tests___found_by_colcon_test(package: Path) -> N
 def test_workspace___as_released___has_an_order_and_changelogs() -> None:
     packages = {each.name: parse_package(each) for each in EVERY_PACKAGE}
     order = [package.name for _, package in topological_order(SOURCES)]
-    assert sorted(order) == sorted(packages)
+    assert packages.keys() <= set(order)
     for name, package in packages.items():
         package.validate(warnings := [])
         assert warnings == []

@@ -91,7 +91,7 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
             name=node,
             namespace=namespace,
             # Where SROS2 keeps its keys: config/sros2 has a policy for each.
-            ros_arguments=["--enclave", f"{namespace}/{node}"],
+            ros_arguments=["--enclave", f"{namespace.rstrip('/')}/{node}"],
             output="screen",
             parameters=[
                 *files,
@@ -116,7 +116,7 @@ def _frames(namespace: str) -> list[Node]:
     if not _is_installed(_PUBLISHER):
         return []
     description = ParameterValue(_shared("urdf", "flexarm.urdf"), value_type=str)
-    prefix = f"{namespace.lstrip('/')}/"
+    prefix = f"{namespace}/".lstrip("/")
     return [
         Node(
             package=_PUBLISHER,
