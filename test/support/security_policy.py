@@ -86,6 +86,7 @@ def start_every_node(graph: Graph, folder: Path) -> dict[str, Process]:
     }
     for name in ("controller", "experiment"):
         assert graph.transition(name, "configure")
+    assert graph.operator.is_active("daq")
     graph.wait(lambda: has_all(graph), "the topics of all nodes")
     return nodes
 
