@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from flexarm_ident import identify
 from flexarm_ident.reading.read import read_bag_report
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
@@ -105,8 +106,11 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
 
     for arm in ARMS:
         assert graph.stop(nodes[arm]["recorder"]) == 0
-        position_v = read_bag_report(bags[arm]).data.y[:, 0]
+        record = read_bag_report(bags[arm]).data
+        position_v = record.y[:, 0]
         assert np.sign(position_v[np.abs(position_v).argmax()]) == np.sign(SET_POINT_V[arm])
+        # A model without the motion in it has the relative error 1.
+        assert identify(record, order=4, block_rows=10).fit_error[0] < 0.5
 
 
 def test_stop_of_every_arm___without_any___says_so(graph: Graph) -> None:
