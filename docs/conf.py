@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from pygments.lexers.special import TextLexer
@@ -60,6 +61,7 @@ _LITERAL = re.compile(r"(`+[^`]+`+)")
 
 
 _METHODS_HERE = "<!-- table of methods -->"
+_PARAMETERS_HERE = re.compile(r"<!-- parameters of ([\w.]+) -->")
 
 
 def _with_methods(_: Sphinx, __: str, source: list[str]) -> None:
@@ -70,6 +72,15 @@ def _with_methods(_: Sphinx, __: str, source: list[str]) -> None:
         rows = [f"| `{row.name}` | {row.title} | {row.help} |" for row in METHODS.values()]
         table = ["| method | what it is | when |", "| --- | --- | --- |", *rows]
         source[0] = source[0].replace(_METHODS_HERE, "\n".join(table))
+
+
+def _with_parameters(_: Sphinx, __: str, source: list[str]) -> None:
+    """Put the table of a node's parameters where a page asks for it."""
+    from flexarm_core.tables import as_markdown  # noqa: PLC0415 - one page needs it
+
+    source[0] = _PARAMETERS_HERE.sub(
+        lambda asked: as_markdown(import_module(asked[1]).PARAMETERS), source[0]
+    )
 
 
 def _with_targets(_: Sphinx, __: str, source: list[str]) -> None:
@@ -92,6 +103,7 @@ def setup(app: Sphinx) -> None:
     """Add what the pages need beside the extensions."""
     app.connect("source-read", _with_targets)
     app.connect("source-read", _with_methods)
+    app.connect("source-read", _with_parameters)
     app.connect("autodoc-process-docstring", _as_plain_text)
     # GitHub draws these; here their few lines are read as they stand.
     app.add_lexer("mermaid", TextLexer)

@@ -6,7 +6,10 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(),
-    package_data={f"{PACKAGE}.models": ["*.yaml", "identified/*.yaml"]},
+    package_data={
+        PACKAGE: ["controller.yaml"],
+        f"{PACKAGE}.models": ["*.yaml", "identified/*.yaml"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -6,7 +6,7 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(),
-    package_data={f"{PACKAGE}.experiments": ["catalogue.yaml"]},
+    package_data={f"{PACKAGE}.experiments": ["catalogue.yaml"], f"{PACKAGE}.nodes": ["*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

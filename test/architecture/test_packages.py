@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import runpy
 import sys
 from configparser import ConfigParser
 from typing import TYPE_CHECKING, Any
@@ -133,6 +134,28 @@ def test_workspace___as_released___has_an_order_and_changelogs() -> None:
         # The release takes it for its version.
         changes = (SOURCES / name / "CHANGELOG.rst").read_text("utf-8")
         assert get_forthcoming_label(changes) == "Forthcoming"
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))
+def test_setup___installs___every_data_file_beside_the_modules(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments: dict[str, Any] = {}
+    monkeypatch.chdir(package)
+    monkeypatch.setattr("setuptools.setup", arguments.update)
+    runpy.run_path("setup.py")
+    installed = {
+        file
+        for name, patterns in arguments.get("package_data", {}).items()
+        for pattern in patterns
+        for file in (package / name.replace(".", "/")).glob(pattern)
+    }
+    beside = {
+        file
+        for file in (package / package.name).rglob("*")
+        if file.is_file() and file.suffix != ".py" and file.parent.name != "__pycache__"
+    }
+    assert beside - installed == set()
 
 
 def test_messages___declare___the_packages_of_their_fields() -> None:

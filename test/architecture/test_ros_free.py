@@ -32,6 +32,7 @@ CONNECTING = {
             "transport",
         )
     ),
+    "flexarm_daq.nodes.recorded_topics",
     "flexarm_daq.nodes.rig_choice",
     "flexarm_daq.nodes.topic_link",
 }

@@ -17,7 +17,7 @@ from rclpy.action import (
 )
 
 from flexarm_bringup.graph.session import OPERATOR, REMOTE
-from flexarm_daq.nodes.recorder_node import TOPICS
+from flexarm_daq.nodes.recorded_topics import TOPICS
 from flexarm_node.parameter_files import NODE_NAMES
 from support.bag_samples import START_NS, reference, write_bag
 from support.project import PROJECT

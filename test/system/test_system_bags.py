@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import signal
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 import yaml
+from ament_index_python.packages import get_package_share_directory
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos, QosDurability
@@ -16,18 +18,18 @@ from flexarm_bags.repair import repair_bag
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from support.bag_samples import played_bag
-from support.project import PROJECT
 from support.recorded_samples import States, content
 from support.system_graph import fill_disk
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from rosbags.typesys.store import Typestore
 
     from support.system_graph import Graph, Process
 
 pytestmark = pytest.mark.system
 
-MESSAGES = PROJECT / "src" / "flexarm_msgs" / "msg"
+RECORDED = ("commander", "state", "command", "reference", "joint_states", "payload")
+BESIDE = ("/diagnostics", "/rosout", "/parameter_events")
 TOPICS = {"/flexarm/state", "/flexarm/command", "/flexarm/reference"}
 
 
@@ -44,17 +46,31 @@ def qos_of(connection: Connection) -> Qos:
     return profile
 
 
+def is_latched(connection: Connection) -> bool:
+    """Return whether a viewer that joins late was offered the last message."""
+    return qos_of(connection).durability is QosDurability.TRANSIENT_LOCAL
+
+
+def installed(name: str) -> str:
+    """Return the installed text of a message, ``package/Type``."""
+    package, _, short = name.partition("/")
+    share = Path(get_package_share_directory(package))
+    return (share / "msg" / f"{short}.msg").read_text("utf-8")
+
+
 def decoded_by_embedded_definitions(file: Path) -> dict[str, list[Any]]:
     """Decode an MCAP file with nothing but what is in it."""
     found: dict[str, list[Any]] = {}
+    types: dict[int, Typestore] = {}
     with file.open("rb") as stream:
         for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
             assert schema is not None
             assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
-            typestore = get_typestore(Stores.EMPTY)
-            typestore.register(get_types_from_msg(schema.data.decode(), schema.name))
+            if schema.id not in types:
+                types[schema.id] = get_typestore(Stores.EMPTY)
+                types[schema.id].register(get_types_from_msg(schema.data.decode(), schema.name))
             found.setdefault(channel.topic, []).append(
-                typestore.deserialize_cdr(message.data, schema.name)
+                types[schema.id].deserialize_cdr(message.data, schema.name)
             )
     return found
 
@@ -63,7 +79,7 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     graph: Graph, tmp_path: Path
 ) -> None:
     bag = tmp_path / "run"
-    graph.start("recorder")
+    graph.start("recorder", {"topics": [*RECORDED, *BESIDE]})
     graph.start("controller", {"law": "pdpc", "reference": "step"})
     graph.start("daq", {"real_time_factor": 0.0, "answer_timeout_s": 0.05})
     graph.configure_loop()
@@ -71,6 +87,10 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     graph.operator.sample(5, lambda _: None)
     graph.operator.set_parameters("daq", {"answer_timeout_s": 10.0})
     graph.operator.recorded_run("controller", str(bag), 300, lambda _: None)
+    publishers = {
+        topic: graph.node.get_publishers_info_by_topic(topic)
+        for topic in [*BESIDE, *(f"/flexarm/{name}" for name in RECORDED)]
+    }
 
     with AnyReader([bag]) as reader:
         deserialised: dict[str, list[Any]] = {}
@@ -80,21 +100,34 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
         assert reader.message_count == message_count(bag)
         recorded = {connection.topic: connection for connection in reader.connections}
 
-    # The files of the messages stand in the bag, with the comments that tell units.
-    for topic, file_name in (("state", "ArmState"), ("command", "MotorCommand")):
-        written = (MESSAGES / f"{file_name}.msg").read_text("utf-8")
-        assert "#" in written
-        assert recorded[f"/flexarm/{topic}"].msgdef.data.startswith(f"{written}\n{'=' * 80}\n")
-    durability = {topic: qos_of(connection).durability for topic, connection in recorded.items()}
-    assert durability == {
-        "/flexarm/commander": QosDurability.TRANSIENT_LOCAL,
-        "/flexarm/reference": QosDurability.TRANSIENT_LOCAL,
-        "/flexarm/state": QosDurability.VOLATILE,
-        "/flexarm/command": QosDurability.VOLATILE,
+    # The installed files of the messages stand in the bag, with the comments that tell units.
+    assert set(recorded) == set(publishers)
+    for topic, connection in recorded.items():
+        outer, *nested = connection.msgdef.data.split(f"\n{'=' * 80}\nMSG: ")
+        assert outer == installed(connection.msgtype.replace("/msg/", "/"))
+        for text in nested:
+            name, _, definition = text.partition("\n")
+            assert definition == installed(name)
+        # What `ros2 topic info -v` shows, of a publisher that is still there.
+        info = publishers[topic][0]
+        assert connection.digest == str(info.topic_type_hash)
+        told = qos_of(connection)
+        assert told.reliability.name == info.qos_profile.reliability.name
+        assert told.durability.name == info.qos_profile.durability.name
+        for one, other in (
+            (told.deadline, info.qos_profile.deadline),
+            (told.lifespan, info.qos_profile.lifespan),
+        ):
+            assert one.sec * 10**9 + one.nsec == other.nanoseconds
+    assert {topic for topic in recorded if is_latched(recorded[topic])} == {
+        "/flexarm/commander",
+        "/flexarm/reference",
+        "/flexarm/payload",
+        "/rosout",
     }
     (file,) = bag.glob("*.mcap")
     states = deserialised["/flexarm/state"]
-    assert set(deserialised) == TOPICS | {"/flexarm/commander"}
+    assert set(deserialised) >= TOPICS | {"/flexarm/commander", "/diagnostics", "/rosout"}
     assert [state.sequence for state in states] == list(range(1, 301))
     answered = [command.state_sequence for command in deserialised["/flexarm/command"]]
     assert sorted(set(answered)) == answered

@@ -61,7 +61,16 @@ def _named(value: Any) -> Any:  # noqa: ANN401 - messages
             {"reference": "varying_square", "varying_square.shortest_s": 7.0},
             "shortest_s = 7 .*longest_s = 5",
         ),
-        ("recorder", {"topics": ["state", "sound"]}, "parameter topics: no sound; choose from"),
+        (
+            "recorder",
+            {"topics": ["state", "sound"]},
+            "parameter topics = 'sound': must be one of commander",
+        ),
+        (
+            "recorder",
+            {"max_bagfile_size": 100},
+            "parameter max_bagfile_size = 100: must be 0, or 65536 or more",
+        ),
         ("recorder", {"bag": "/dev/null"}, "parameter bag: /dev/null: exists already"),
         ("player", {}, "parameter bag is empty: name the bag, -p bag:=FOLDER"),
         ("player", {"bag": "/nowhere/bag"}, "parameter bag: /nowhere/bag: no such bag"),
@@ -125,7 +134,7 @@ def test_parameters_of_rclpy_and_of_models___are_taken(graph: Graph, tmp_path: P
         ("daq", "autostart", True, "read.only"),
         ("controller", "step.amplitude_v", 9.0, r"6\.857"),
         ("controller", "reference", "sine", "must be one of topic, constant"),
-        ("recorder", "topics", ["sound"], "no sound; choose from commander"),
+        ("recorder", "topics", ["sound"], "read.only"),
     ],
 )
 def test_running_node___refuses_a_value_with_what_it_may_be(

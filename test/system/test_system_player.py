@@ -26,8 +26,8 @@ TOPICS = {"/flexarm/state", "/flexarm/command", "/flexarm/reference"}
 def test_player___plays_to_another_recorder_and_ends_by_itself(
     graph: Graph, tmp_path: Path
 ) -> None:
-    messages = played_bag(tmp_path / "played", 500)
-    recorder = graph.start("recorder", {"bag": str(tmp_path / "copy")})
+    messages = played_bag(tmp_path / "played", 700)
+    recorder = graph.start("recorder", {"bag": str(tmp_path / "copy"), "max_bagfile_duration": 1.0})
     recorder.wait_for("recording to")
 
     player = graph.run_node("player", {"bag": str(tmp_path / "played")})
@@ -36,6 +36,8 @@ def test_player___plays_to_another_recorder_and_ends_by_itself(
     assert f"played {len(messages)} messages" in player.printed
     assert graph.stop(recorder) == 0
     assert content(tmp_path / "copy") == content(tmp_path / "played")
+    # The played part is 1.4 s long.
+    assert len(list((tmp_path / "copy").glob("copy_*.mcap"))) >= 2
 
 
 def test_player___leaves_out_and_speeds_up_as_it_is_told(graph: Graph, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ It covers every bit that a checksum or a second copy protects.
 from __future__ import annotations
 
 import sqlite3
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path, PurePath
@@ -19,7 +19,7 @@ from flexarm_bags.bounds import PACKED, bounded, require_bounded_file, require_b
 from flexarm_bags.content import ContentCheck
 from flexarm_bags.known_types import require_known_order
 from flexarm_bags.mcap_check import McapExamination, TopicMessages
-from flexarm_bags.metadata import read_information
+from flexarm_bags.metadata import in_order, read_information
 from flexarm_bags.records.chunks import Messages
 from flexarm_bags.schema import DefinitionError
 from flexarm_core.bounds import YamlError, shown, yaml_content
@@ -124,7 +124,7 @@ class _Check:
         return self._path
 
     def _present(self) -> list[Path]:
-        return sorted([*self._path.glob("*.mcap*"), *self._path.glob("*.db3*")])
+        return in_order([*self._path.glob("*.mcap*"), *self._path.glob("*.db3*")])
 
     def _opened(self, plain: Path, stack: ExitStack) -> AnyReader | None:
         """Open the bag for its definitions, which rosbags compares with their type hashes."""
@@ -185,15 +185,24 @@ class _Check:
             schema = examination.schemas.get(channel.schema_id)
             if schema is None:
                 self._problems.append(f"{file.name}: {channel.topic} has no definition")
-        text = examination.metadata.get("rosbag2", {}).get("serialized_metadata")
         if information and examination.library.startswith(_OURS):
-            # Our writer stores it twice in the same words.
-            try:
-                said = yaml_content(text or "")
-            except YamlError:
-                said = None
-            if said != information:
-                self._problems.append("metadata.yaml: differs from its copy inside the file")
+            self._compare_file(examination, information)
+
+    def _compare_file(self, examination: McapExamination, information: Mapping[str, Any]) -> None:
+        """Compare metadata.yaml with its copy in a file of ours."""
+        text = examination.metadata.get("rosbag2", {}).get("serialized_metadata")
+        said: Any = None
+        with suppress(YamlError):
+            said = yaml_content(text or "")
+        if said == information:
+            return
+        # A file that others follow tells of itself and of those before it.
+        names = [PurePath(name).name for name in information["relative_file_paths"]]
+        number = 1 + names.index(examination.file.name) if examination.file.name in names else 0
+        entries: Any = information.get("files")
+        is_followed = isinstance(said, dict) and isinstance(entries, list) and number < len(names)
+        if not (is_followed and said.get("files") == entries[:number]):
+            self._problems.append("metadata.yaml: differs from its copy inside the file")
 
     def _sqlite(self, file: Path) -> None:
         self._notes.append(

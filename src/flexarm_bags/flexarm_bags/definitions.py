@@ -9,8 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
+from rosbags.rosbag2.metadata import parse_qos
+
 from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.schema import MessageDefinition, text_hash
+from flexarm_core.bounds import yaml_content
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Schema
@@ -80,9 +83,12 @@ def definition_hash(schema: Schema) -> str | None:
 
 
 def _topic(channel: Channel, schema: Schema, type_hash: str) -> RecordedTopic:
-    latched = "transient_local" in channel.metadata.get(_QOS, "")
-    return RecordedTopic(
-        channel.topic,
-        MessageDefinition(schema.name, schema.data.decode(), type_hash),
-        TopicQos(durability="transient_local" if latched else "volatile"),
-    )
+    definition = MessageDefinition(schema.name, schema.data.decode(), type_hash)
+    return RecordedTopic(channel.topic, definition, _qos(channel.metadata.get(_QOS, "")))
+
+
+def _qos(text: str) -> TopicQos:
+    try:
+        return TopicQos.of(parse_qos(yaml_content(text)))  # type: ignore[arg-type]
+    except Exception:  # noqa: BLE001 - parsers raise anything on damaged bytes
+        return TopicQos()

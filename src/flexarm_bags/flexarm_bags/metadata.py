@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import yaml
+from rosbags.interfaces import QosDurability, QosReliability
 
 from flexarm_core.bounds import read_text_bytes, yaml_content
 from flexarm_core.errors import BagError, FlexarmError, one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
+
+    from rosbags.interfaces import Qos
 
     from flexarm_bags.schema import MessageDefinition
 
@@ -22,17 +26,33 @@ BAG_FILES = (f"{FILE_NAME}*", "*.mcap*", "*.db3*")
 VERSION = 9
 # What rosbag2 writes while it has seen no message: the largest time there is.
 NO_START_NS = 2**63 - 1
-_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+_INFINITE_NS = 2**63 - 1
+_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class TopicQos:
-    """Quality of service that a publisher offers; times are unlimited, liveliness automatic."""
+    """Quality of service that a publisher offers; liveliness is automatic, without a deadline."""
 
     reliability: str = "reliable"
     durability: str = "volatile"
     history: str = "keep_last"
     depth: int = 10
+    lifespan_ns: int = _INFINITE_NS
+
+    @classmethod
+    def of(cls, profiles: Sequence[Qos]) -> TopicQos:
+        """Return what the first profile of a bag says; what rosbag2 did not know stays default."""
+        if not profiles:
+            return cls()
+        reliable = profiles[0].reliability is not QosReliability.BEST_EFFORT
+        latched = profiles[0].durability is QosDurability.TRANSIENT_LOCAL
+        return cls(
+            reliability="reliable" if reliable else "best_effort",
+            durability="transient_local" if latched else "volatile",
+            depth=profiles[0].depth or cls.depth,
+            lifespan_ns=profiles[0].lifespan.sec * _NS + profiles[0].lifespan.nsec,
+        )
 
     def as_rosbag2(self) -> dict[str, object]:
         """Return the entry of ``offered_qos_profiles``."""
@@ -41,12 +61,16 @@ class TopicQos:
             "depth": self.depth,
             "reliability": self.reliability,
             "durability": self.durability,
-            "deadline": dict(_INFINITE),
-            "lifespan": dict(_INFINITE),
+            "deadline": _time(_INFINITE_NS),
+            "lifespan": _time(self.lifespan_ns),
             "liveliness": "automatic",
-            "liveliness_lease_duration": dict(_INFINITE),
+            "liveliness_lease_duration": _time(_INFINITE_NS),
             "avoid_ros_namespace_conventions": False,
         }
+
+
+def _time(time_ns: int) -> dict[str, int]:
+    return {"sec": time_ns // _NS, "nsec": time_ns % _NS}
 
 
 @dataclass(frozen=True)
@@ -88,6 +112,23 @@ class Tally:
         """Return the present state."""
         return Tally(dict(self.counts), self.first_ns, self.last_ns)
 
+    @classmethod
+    def together(cls, parts: Sequence[Tally]) -> Tally:
+        """Return the content of several files with the same topics."""
+        return cls(
+            {topic: sum(part.counts[topic] for part in parts) for topic in parts[0].counts},
+            min(part.first_ns for part in parts),
+            max(part.last_ns for part in parts),
+        )
+
+    def extent(self) -> dict[str, object]:
+        """Return number and times of the messages as ``metadata.yaml`` has them."""
+        return {
+            "starting_time": {"nanoseconds_since_epoch": self.first_ns},
+            "duration": {"nanoseconds": self.duration_ns},
+            "message_count": self.total,
+        }
+
     @property
     def total(self) -> int:
         """Messages of all topics."""
@@ -97,6 +138,16 @@ class Tally:
     def duration_ns(self) -> int:
         """Time from the earliest to the latest message, 0 without messages."""
         return max(0, self.last_ns - self.first_ns)
+
+
+def in_order(files: Iterable[Path]) -> list[Path]:
+    """Return the files of a split bag by their numbers: the tenth follows the ninth."""
+
+    def number(file: Path) -> tuple[int, str]:
+        found = re.search(r"_(\d+)\.(mcap|db3)", file.name)
+        return int(found[1]) if found else 0, file.name
+
+    return sorted(files, key=number)
 
 
 def require_bag(path: Path) -> None:
@@ -137,30 +188,24 @@ def read_information(bag: Path) -> dict[str, Any]:
 
 
 def bag_information(
-    file_name: str, topics: Sequence[RecordedTopic], tally: Tally, ros_distro: str
+    files: Mapping[str, Tally], topics: Sequence[RecordedTopic], ros_distro: str
 ) -> dict[str, object]:
     """Return the part of ``metadata.yaml`` below ``rosbag2_bagfile_information``, in plain types.
 
     Parameters
     ----------
-    file_name : str
-        The one storage file, relative to the folder.
+    files : mapping of str to Tally
+        The storage files in order, relative to the folder, and their present content.
     topics : sequence of RecordedTopic
         All recorded topics.
-    tally : Tally
-        Present content of the bag.
     ros_distro : str
         Distribution that the messages come from.
     """
-    extent = {
-        "starting_time": {"nanoseconds_since_epoch": tally.first_ns},
-        "duration": {"nanoseconds": tally.duration_ns},
-        "message_count": tally.total,
-    }
+    tally = Tally.together(list(files.values()))
     return {
         "version": VERSION,
         "storage_identifier": "mcap",
-        **extent,
+        **tally.extent(),
         "topics_with_message_count": [
             {
                 "topic_metadata": {
@@ -176,8 +221,8 @@ def bag_information(
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [file_name],
-        "files": [{"path": file_name, **extent}],
+        "relative_file_paths": list(files),
+        "files": [{"path": name, **content.extent()} for name, content in files.items()],
         "custom_data": None,
         "ros_distro": ros_distro,
     }

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
+from rosbags.interfaces import ConnectionExtRosbag2
 
 from flexarm_bags.bounds import bounded, require_bounded_messages
 from flexarm_bags.metadata import TopicQos, repair_advice, require_bag
@@ -165,16 +165,7 @@ def _opened(bag: Path) -> Iterator[AnyReader]:
 
 
 def _qos(connection: Connection) -> TopicQos:
-    """Return reliability and durability as recorded; what rosbag2 did not know stays default."""
-    if not isinstance(connection.ext, ConnectionExtRosbag2) or not (
-        profiles := connection.ext.offered_qos_profiles
-    ):
-        return TopicQos()
-    first = profiles[0]
-    reliable = first.reliability is not QosReliability.BEST_EFFORT
-    latched = first.durability is QosDurability.TRANSIENT_LOCAL
-    return TopicQos(
-        reliability="reliable" if reliable else "best_effort",
-        durability="transient_local" if latched else "volatile",
-        depth=first.depth or TopicQos.depth,
-    )
+    """Return the QoS as recorded."""
+    if isinstance(connection.ext, ConnectionExtRosbag2):
+        return TopicQos.of(connection.ext.offered_qos_profiles)
+    return TopicQos()

@@ -20,7 +20,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema, Statistics
 
 from flexarm_bags.definitions import Definitions
-from flexarm_bags.metadata import read_information
+from flexarm_bags.metadata import in_order, read_information
 from flexarm_bags.records.layout import (
     MAGIC,
     RECORD_START,
@@ -114,7 +114,7 @@ def _mcap_files(damaged: Path) -> list[Path]:
         if damaged.suffix != ".mcap":
             raise RecordingError(f"{damaged}: no bag of MCAP files: nothing else can be repaired")
         return [damaged]
-    files = sorted(damaged.glob("*.mcap"))
+    files = in_order(damaged.glob("*.mcap"))
     if not files:
         raise RecordingError(f"{damaged}: no .mcap file in there to repair")
     return files

@@ -124,6 +124,10 @@ class SequenceCheck:
             losses.restarts += 1
         self._last[topic] = sequence
 
+    def forget(self) -> None:
+        """Take the next message of each topic as its first one: what lies between is left out."""
+        self._last.clear()
+
     def complaints(self) -> list[str]:
         """Return one sentence per topic with missing messages.
 

@@ -1,4 +1,4 @@
-"""Crash-safe bag writer: topics as bytes into a rosbag2 folder with one MCAP file.
+"""Crash-safe bag writer: topics as bytes into a rosbag2 folder of one or more MCAP files.
 
 Log time and publish time of a message are both its source timestamp: the instant of publication,
 not that of reception. So messages of different topics stay in the order of sending, and a
@@ -6,22 +6,27 @@ reference can be aligned with the sample that it followed.
 
 Messages wait in memory for at most one flush period, of the clock or of their own times, whichever
 is over first. A flush completes a compressed chunk with its checksum and hands it to the operating
-system: a killed recorder loses only later messages. A last checksum covers the whole file.
+system: a killed recorder loses only later messages. A last checksum covers each whole file.
 """
 
 from __future__ import annotations
 
-import os
+import math
 import shutil
 import time
 from contextlib import contextmanager, suppress
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from mcap.writer import CompressionType, Writer
-
-from flexarm_bags.metadata import FILE_NAME, RecordedTopic, Tally, as_yaml, bag_information
+from flexarm_bags.metadata import (
+    FILE_NAME,
+    NO_START_NS,
+    RecordedTopic,
+    Tally,
+    as_yaml,
+    bag_information,
+)
+from flexarm_bags.records.storage_file import FileTopic, StorageFile
 from flexarm_bags.sequence import SequenceCheck
 from flexarm_core.errors import FlexarmError
 
@@ -29,9 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 LATEST_TIME_NS = 2**63 - 1
-
-# A chunk is full at about half a second of samples and commands, also where virtual time runs.
-_CHUNK_BYTES = 1 << 16
 
 
 class RecordingError(FlexarmError):
@@ -52,6 +54,10 @@ class BagWriter:
     flush_period_s : float
         Longest time that messages stay in memory while others come in. A recorder whose topics
         may fall silent calls `flush_if_due` from time to time.
+    max_file_bytes : int
+        Size at which a file is full and the next one begins; 0: never.
+    max_file_s : float
+        Time from the first message of a file, s, at which the next one begins; 0: never.
 
     Attributes
     ----------
@@ -78,46 +84,38 @@ class BagWriter:
         *,
         ros_distro: str = "jazzy",
         flush_period_s: float = 0.9,
+        max_file_bytes: int = 0,
+        max_file_s: float = 0.0,
     ) -> None:
         self.path = Path(path)
         self.topics = tuple(topics)
         self._ros_distro = ros_distro
         self._flush_period_s = flush_period_s
-        self._file = self.path / f"{self.path.name}_0.mcap"
-        self._tally = Tally({topic.name: 0 for topic in self.topics})
-        if len(self._tally.counts) < len(self.topics):
+        self._max_file_bytes = max_file_bytes or math.inf
+        self._max_file_ns = max_file_s * 1e9 or math.inf
+        types = {topic.name: topic.definition.type_name for topic in self.topics}
+        if len(types) < len(self.topics):
             raise RecordingError(f"{self.path}: a topic is to be recorded twice; name each once")
-        self.sequences = SequenceCheck(
-            {topic.name: topic.definition.type_name for topic in self.topics}
-        )
+        self.sequences = SequenceCheck(types)
         self._create_folder()
         self._closed = False
-        self._kept = self._tally.copy()
-        self._kept_bytes = 0
+        # One for each file.
+        self._tallies: list[Tally] = []
         self._waiting_since_ns = LATEST_TIME_NS
         try:
-            self._write_metadata(self._tally)
-            self._stream = self._file.open("xb")
+            self._begin_file()
         except OSError as error:
             raise RecordingError(f"{self.path}: cannot create: {error.strerror}") from error
-        self._writer = Writer(
-            self._stream,
-            chunk_size=_CHUNK_BYTES,
-            compression=CompressionType.ZSTD,
-            enable_crcs=True,
-            enable_data_crcs=True,
-        )
-        self._writer.start(profile="ros2", library=f"flexarm, mcap {version('mcap')}")
-        self._channels = self._register()
-        self.flush()
 
     @property
     def message_count(self) -> int:
         """Messages written so far, flushed or not."""
-        return self._tally.total
+        return sum(tally.total for tally in self._tallies)
 
     def write(self, topic: str, raw: bytes, log_time_ns: int, publish_time_ns: int) -> None:
-        """Add one message; flush when the last flush is a flush period ago.
+        """Add one message, in a new file if the present one is full or complete.
+
+        Flushes when the last flush is a flush period ago.
 
         Parameters
         ----------
@@ -135,8 +133,7 @@ class BagWriter:
             refuses the data. In the last case the bag is closed and keeps what was flushed.
         """
         self._require_open()
-        channel = self._channels.get(topic)
-        if channel is None:
+        if topic not in self._tallies[-1].counts:
             raise RecordingError(f"{self.path}: {topic} is none of the recorded topics")
         if not (0 <= log_time_ns <= LATEST_TIME_NS and 0 <= publish_time_ns <= LATEST_TIME_NS):
             raise RecordingError(
@@ -144,10 +141,14 @@ class BagWriter:
                 " not a time since the epoch"
             )
         try:
-            self._writer.add_message(channel, log_time_ns, raw, publish_time_ns)
+            if self._is_full(log_time_ns):
+                self._complete_file()
+            if self._file.finished:
+                self._begin_file()
+            self._file.add(topic, raw, log_time_ns, publish_time_ns)
         except OSError as error:
             self._fail(error)
-        self._tally.add(topic, log_time_ns)
+        self._tallies[-1].add(topic, log_time_ns)
         self.sequences.add(topic, raw)
         self._waiting_since_ns = min(self._waiting_since_ns, log_time_ns)
         if log_time_ns - self._waiting_since_ns >= self._flush_period_s * 1e9:
@@ -169,28 +170,29 @@ class BagWriter:
         """
         self._require_open()
         try:
-            self._writer.flush()  # type: ignore[no-untyped-call]
-            self._kept_bytes = self._stream.tell()
+            self._flush()
         except OSError as error:
             self._fail(error)
-        self._kept = self._tally.copy()
-        self._flushed_at_s = time.monotonic()
-        self._waiting_since_ns = LATEST_TIME_NS
+
+    def end_file(self) -> None:
+        """Complete the present file; the next message begins another one, and maybe after a gap.
+
+        Errors are as in `flush`.
+        """
+        self._require_open()
+        self.sequences.forget()
+        if self._file.finished:
+            return
+        try:
+            self._complete_file()
+        except OSError as error:
+            self._fail(error)
 
     def close(self) -> None:
         """Write index and metadata and close, once; RecordingError if the disk refuses the data."""
         if self._closed:
             return
-        self.flush()
-        try:
-            self._writer.add_metadata(
-                "rosbag2", {"serialized_metadata": as_yaml(self._information(self._tally))}
-            )
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._stream.close()
-            self._write_metadata(self._tally)
-        except OSError as error:
-            self._fail(error)
+        self.end_file()
         self._closed = True
 
     def __enter__(self) -> BagWriter:  # noqa: PYI034 - Self needs Python 3.11
@@ -209,31 +211,65 @@ class BagWriter:
         except OSError as error:
             raise RecordingError(f"{self.path}: cannot create: {error.strerror}") from error
 
-    def _register(self) -> dict[str, int]:
-        schemas: dict[str, int] = {}
-        channels: dict[str, int] = {}
-        for topic in self.topics:
-            definition = topic.definition
-            if definition.type_name not in schemas:
-                schemas[definition.type_name] = self._writer.register_schema(
-                    definition.type_name, "ros2msg", definition.text.encode()
+    def _file_name(self, number: int) -> str:
+        return f"{self.path.name}_{number}.mcap"
+
+    def _begin_file(self) -> None:
+        self._file = StorageFile(
+            self.path / self._file_name(len(self._tallies)),
+            (
+                FileTopic(
+                    topic.name,
+                    topic.definition.type_name,
+                    topic.definition.text,
+                    {
+                        "offered_qos_profiles": topic.qos_text(),
+                        "topic_type_hash": topic.definition.type_hash,
+                    },
                 )
-            channels[topic.name] = self._writer.register_channel(
-                topic.name,
-                "cdr",
-                schemas[definition.type_name],
-                {"offered_qos_profiles": topic.qos_text(), "topic_type_hash": definition.type_hash},
+                for topic in self.topics
+            ),
+        )
+        self._tallies.append(Tally({topic.name: 0 for topic in self.topics}))
+        self._keep()
+        self._write_metadata()
+
+    def _is_full(self, log_time_ns: int) -> bool:
+        first_ns = self._tallies[-1].first_ns
+        return (
+            first_ns < NO_START_NS
+            and not self._file.finished
+            and (
+                self._file.flushed_bytes >= self._max_file_bytes
+                or log_time_ns - first_ns > self._max_file_ns
             )
-        return channels
+        )
 
-    def _information(self, tally: Tally) -> dict[str, object]:
-        return bag_information(self._file.name, self.topics, tally, self._ros_distro)
+    def _complete_file(self) -> None:
+        self._flush()
+        self._file.finish(as_yaml(self._information()))
+        self._write_metadata()
 
-    def _write_metadata(self, tally: Tally) -> None:
+    def _flush(self) -> None:
+        if not self._file.finished:
+            self._file.flush()
+        self._keep()
+
+    def _keep(self) -> None:
+        """Note that everything is with the operating system."""
+        self._kept = [*self._tallies[:-1], self._tallies[-1].copy()]
+        self._flushed_at_s = time.monotonic()
+        self._waiting_since_ns = LATEST_TIME_NS
+
+    def _information(self) -> dict[str, object]:
+        files = {self._file_name(number): tally for number, tally in enumerate(self._kept)}
+        return bag_information(files, self.topics, self._ros_distro)
+
+    def _write_metadata(self) -> None:
         # Replaced in one step: a crash leaves the old text or the new one, never half of it.
         target = self.path / FILE_NAME
         draft = target.with_suffix(".yaml.tmp")
-        content = {"rosbag2_bagfile_information": self._information(tally)}
+        content = {"rosbag2_bagfile_information": self._information()}
         draft.write_text(as_yaml(content), "utf-8")
         draft.replace(target)
 
@@ -244,14 +280,12 @@ class BagWriter:
     def _fail(self, error: OSError) -> NoReturn:
         """Keep what was flushed, close, and report."""
         self._closed = True
+        self._file.abandon()
         with suppress(OSError):
-            self._stream.close()
-        with suppress(OSError):
-            os.truncate(self._file, self._kept_bytes)
-        with suppress(OSError):
-            self._write_metadata(self._kept)
+            self._write_metadata()
+        kept = sum(tally.total for tally in self._kept)
         raise RecordingError(
-            f"{self.path}: cannot write: {error.strerror}; the first {self._kept.total} messages"
+            f"{self.path}: cannot write: {error.strerror}; the first {kept} messages"
             f" are kept, get them with `flexarm bag repair {self.path} -o NEW`"
         ) from error
 

@@ -20,7 +20,7 @@ from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.sample_rate import SampleRate, suits
 from flexarm_core.channels import TRAVEL_V
 from flexarm_core.errors import SettingError
-from flexarm_core.specs import ParameterSpec
+from flexarm_core.tables import read_table
 from flexarm_msgs.msg import ArmState, MotorCommand, PayloadEstimate
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
     from flexarm_control.laws.law_protocol import Law
+    from flexarm_core.specs import ParameterSpec
 
 # An unchanged reference is published again, for a recorder that was not yet there when it changed.
 _TELL_AGAIN_NS = 1_000_000_000
@@ -47,7 +48,7 @@ TOPIC = "topic"
 
 def _under(prefix: str, specs: tuple[ParameterSpec, ...]) -> list[ParameterSpec]:
     """Return parameters of a law or reference under its name, as ``pd.kp``."""
-    return [replace(spec, name=f"{prefix}.{spec.name}") for spec in specs]
+    return [replace(spec, name=f"{prefix}.{spec.name}", live=True) for spec in specs]
 
 
 def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -56,18 +57,16 @@ def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
 
 
-_MODEL = ParameterSpec(
-    "model",
-    "",
-    "model of the design: <name> of parameters models.<name>.*, or a file; empty: packaged, 300 g",
-)
 PARAMETERS = (
-    ParameterSpec("law", "pd", "the control law", choices=tuple(LAWS)),
-    ParameterSpec(
-        "reference",
-        TOPIC,
-        "a built-in profile; topic: the service set_reference and the topic reference",
-        choices=(TOPIC, *REFERENCES),
+    *read_table(
+        "flexarm_control",
+        "controller",
+        {
+            "topic": TOPIC,
+            "laws": tuple(LAWS),
+            "references": (TOPIC, *REFERENCES),
+            "designed_laws": tuple(row.name for row in LAWS.values() if row.design),
+        },
     ),
     *(
         spec
@@ -75,7 +74,6 @@ PARAMETERS = (
         for name, row in table.items()
         for spec in _under(name, row.parameters)
     ),
-    *(spec for row in LAWS.values() if row.design for spec in _under(row.name, (_MODEL,))),
 )
 _PARAMETER_NAMES = {spec.name for spec in PARAMETERS}
 
@@ -115,7 +113,7 @@ class Setup:
         if reference != TOPIC:
             profile = build_reference(reference, _below(reference, values))
         law_spec, gains = LAWS[name], _below(name, values)
-        model = chosen_model(gains.pop(_MODEL.name, ""), values)
+        model = chosen_model(gains.pop("model", ""), values)
         return cls(law_spec, build_law(name, gains, model), law_spec.rate_hz(gains, model), profile)
 
     def check_rate(self, measured_hz: float | None) -> None:

@@ -29,9 +29,11 @@ class ParameterSpec:
     unit : str
         Unit in words of the thesis, empty for none.
     choices : tuple of str
-        Allowed values of a string; empty: any.
+        Allowed values of a string, or of each string in a list; empty: any.
     read_only : bool
         The value is given at the start and cannot be changed later.
+    live : bool
+        A change acts at once, and not in the next run only.
     """
 
     name: str
@@ -42,6 +44,7 @@ class ParameterSpec:
     unit: str = ""
     choices: tuple[str, ...] = ()
     read_only: bool = False
+    live: bool = False
 
     @property
     def range_text(self) -> str:
@@ -55,10 +58,18 @@ class ParameterSpec:
         least = -math.inf if self.minimum is None else self.minimum
         return least, math.inf if self.maximum is None else self.maximum
 
+    @property
+    def change_acts(self) -> str:
+        """When a change of the value acts, in words."""
+        if self.read_only:
+            return "at the start only"
+        return "at once" if self.live else "in the next run"
+
     def complaint(self, value: object) -> str | None:
         """Return in one line why a value cannot be used, NaN among others; None when it can."""
-        if self.choices and value not in self.choices:
-            return f"{self.name} = '{value}': must be one of {', '.join(self.choices)}"
+        chosen = value if isinstance(value, list | tuple) else [value]
+        if self.choices and (unknown := [each for each in chosen if each not in self.choices]):
+            return f"{self.name} = '{unknown[0]}': must be one of {', '.join(self.choices)}"
         least, most = self.bounds
         if isinstance(value, int | float) and not least <= value <= most:
             return (

@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 
 from flexarm_core.errors import FlexarmError, IdentificationError, one_line
 from flexarm_core.paths import user_path
-from flexarm_core.specs import ParameterSpec
+from flexarm_core.tables import read_table
 from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.job import Results, identify_bags, model_name
@@ -55,13 +55,7 @@ if TYPE_CHECKING:
 # A stage that takes longer must not keep a process that was told to stop.
 _STOP_S = 3.0
 
-PARAMETERS = (
-    ParameterSpec(
-        "output_folder", "~/.ros/flexarm/models", "where a folder per identified model is written"
-    ),
-    ParameterSpec("exports", "", "formats that are written beside model.yaml: any of json,mat,h"),
-    ParameterSpec("force", default=False, description="replace files that flexarm did not write"),
-)
+PARAMETERS = read_table("flexarm_ident", "ident")
 
 
 class _AtWork(NamedTuple):

@@ -15,7 +15,7 @@ from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from flexarm_core.errors import one_line
-from flexarm_core.specs import ParameterSpec
+from flexarm_core.tables import read_table
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.reports import Reporter
@@ -28,21 +28,12 @@ if TYPE_CHECKING:
     from lifecycle_msgs.srv import ChangeState
     from rclpy.publisher import Publisher
 
+    from flexarm_core.specs import ParameterSpec
+
     Figures = Mapping[str, object]
 
-_AUTOSTART = ParameterSpec(
-    "autostart",
-    default=False,
-    description="configure and activate at the start, without a manager",
-    read_only=True,
-)
-_LISTENERS = ParameterSpec(
-    "listeners",
-    0,
-    "readers of what this node sends that activating waits for, some seconds",
-    0,
-    1000,
-)
+PARAMETERS = read_table("flexarm_node", "loop_node")
+"""Parameters of every node with a loop, beside its own."""
 _REPORT_S = 1.0
 _STEP_S = 0.05
 # Under settings of the user's own the middleware may ask its readers only every 3 s.
@@ -85,7 +76,7 @@ class LoopNode(LifecycleNode):
         super().__init__(name, namespace="/flexarm", allow_undeclared_parameters=bool(open_group))
         self.parameters = Parameters(
             self,
-            (*specs, _AUTOSTART, _LISTENERS),
+            (*specs, *PARAMETERS),
             open_group=open_group,
             accept=accept,
             apply=apply,
@@ -164,7 +155,7 @@ class LoopNode(LifecycleNode):
         At least `least` readers, and as many as the parameter `listeners` says, must be there: this
         node may not have discovered all of them.
         """
-        least = max(least, self.parameters.values()[_LISTENERS.name])
+        least = max(least, self.parameters.values()["listeners"])
         if not wait_until(lambda: has_every_reader(self, [publisher], least)):
             self.get_logger().warning(
                 f"not every reader of {publisher.topic_name} is there: "
@@ -183,7 +174,7 @@ class LoopNode(LifecycleNode):
 
     def start_if_asked(self) -> None:
         """Configure and activate when the parameter `autostart` says so."""
-        if self.parameters.values()[_AUTOSTART.name]:
+        if self.parameters.values()["autostart"]:
             self.trigger_configure()
             self.trigger_activate()
 

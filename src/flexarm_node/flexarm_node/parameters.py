@@ -34,11 +34,17 @@ _ANY_TYPE = ParameterDescriptor(dynamic_typing=True)
 
 
 def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
-    """Return the text and range that `ros2 param describe` shows of a parameter."""
-    text = spec.description + (f" [{spec.unit}]" if spec.unit else "")
-    described = ParameterDescriptor(description=text, read_only=spec.read_only)
+    """Return the text, range and constraints that `ros2 param describe` shows of a parameter."""
+    constraints = [f"unit: {spec.unit}"] if spec.unit else []
     if spec.choices:
-        described.additional_constraints = "one of: " + ", ".join(spec.choices)
+        constraints.append(f"one of: {', '.join(spec.choices)}")
+    if not spec.read_only:
+        constraints.append(f"a change acts {spec.change_acts}")
+    described = ParameterDescriptor(
+        description=spec.description,
+        additional_constraints="; ".join(constraints),
+        read_only=spec.read_only,
+    )
     if spec.minimum is not None and spec.maximum is not None:
         ends = {"from_value": spec.minimum, "to_value": spec.maximum}
         if isinstance(spec.default, int):

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from flexarm_core.channels import CHANNEL_NAMES, INPUT_RANGE_V, MAX_COMMAND_V
 from flexarm_core.errors import SettingError
-from flexarm_core.specs import ParameterSpec
+from flexarm_core.tables import defaults, read_table
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.limiter import LIMITS, Limiter, LimiterSettings
@@ -23,7 +23,7 @@ from flexarm_daq.loop.self_test import run_self_test
 from flexarm_daq.loop.sensor_check import SensorCheck, SensorLimits
 from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.nodes.rig_choice import (
-    RIG_PARAMETERS,
+    NOISE_V,
     is_virtual,
     make_rig,
     rig_name,
@@ -31,6 +31,7 @@ from flexarm_daq.nodes.rig_choice import (
 )
 from flexarm_daq.nodes.topic_link import TopicLink
 from flexarm_daq.rigs.faulty import Fault, FaultyRig
+from flexarm_daq.rigs.nidaq.terminals import TERMINALS, NidaqSettings
 from flexarm_daq.rigs.rig_protocol import Rig, RigError
 from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_node.loop_node import LoopNode
@@ -44,69 +45,22 @@ if TYPE_CHECKING:
 
 _NO_FAULT = "none"
 
-PARAMETERS = (
-    *RIG_PARAMETERS,
-    ParameterSpec("rate_hz", 300.0, "sampling rate", 10.0, 2000.0, "Hz"),
-    ParameterSpec("samples", 0, "deactivate after that many periods; 0: never", 0, 2**40),
-    ParameterSpec(
-        "real_time_factor",
-        1.0,
-        "virtual time: its pace, 0.01 or more; 0: as fast as the answers come",
-        0.0,
-        100.0,
-    ),
-    # With a user's own settings the middleware may repeat a lost message only after 3 s.
-    ParameterSpec(
-        "answer_timeout_s", 5.0, "virtual time: longest wait for an answer", 0.01, 60.0, "s"
-    ),
-    ParameterSpec(
-        "clock",
-        default=True,
-        description="virtual time: publish the time of each sample on /clock",
-    ),
-    ParameterSpec(
-        "await_commander",
-        default=False,
-        description="virtual time: activating waits for a commander, some seconds, and the first"
-        " sample for its answer",
-    ),
-    ParameterSpec(
-        "max_command_v", MAX_COMMAND_V, "limiter: largest command", 0.1, MAX_COMMAND_V, "V"
-    ),
-    ParameterSpec(
-        "max_slew_v_per_s", 6000.0, "limiter: fastest change of the command", 1.0, 1e6, "V/s"
-    ),
-    ParameterSpec(
-        "position_bound_v", 6.5, "limiter: no outward command beyond", 0.1, INPUT_RANGE_V, "V"
-    ),
-    ParameterSpec("statistics_s", 10.0, "time that the percentiles look back", 1.0, 7200.0, "s"),
-    ParameterSpec("max_age_periods", 3, "watchdog: periods without an answer until zero", 1, 1000),
-    ParameterSpec(
-        "stuck_samples",
-        SensorLimits().stuck_samples,
-        "sensor check: equal readings in a row that mean a stuck sensor; 0: never",
-        0,
-        2**31 - 1,
-    ),
-    ParameterSpec(
-        "fault",
-        _NO_FAULT,
-        "simulated rig: a fault to inject",
-        choices=(_NO_FAULT, *(fault.value for fault in Fault)),
-    ),
-    ParameterSpec(
-        "fault_after_samples", 0, "simulated rig: samples before the fault sets in", 0, 2**31 - 1
-    ),
-    ParameterSpec(
-        "fault_channel",
-        CHANNEL_NAMES[0],
-        "simulated rig: the sensor of a sensor fault",
-        choices=CHANNEL_NAMES,
-    ),
+PARAMETERS = read_table(
+    "flexarm_daq.nodes",
+    "daq",
+    {
+        **defaults(NidaqSettings()),
+        **defaults(LimiterSettings()),
+        **defaults(SensorLimits()),
+        "max_command_v": MAX_COMMAND_V,
+        "input_range_v": INPUT_RANGE_V,
+        "channels": CHANNEL_NAMES,
+        "noises": tuple(NOISE_V),
+        "terminals": TERMINALS,
+        "faults": (_NO_FAULT, *(fault.value for fault in Fault)),
+    },
 )
-
-_LIVE = ("payload_kg", *(field.name for field in fields(LimiterSettings)))
-"""Parameters that may change while the loop runs, and act at once."""
+_LIVE = {spec.name for spec in PARAMETERS if spec.live}
 _SILENT_S = 1.0
 _SLOWEST_PACE = 0.01
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from flexarm_core.channels import BOUND_V, MAX_COMMAND_V
-from flexarm_core.specs import ParameterSpec
+from flexarm_core.tables import read_table
 from flexarm_daq.experiments.excitation import EXCITATIONS, Excitation
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
@@ -21,12 +21,10 @@ if TYPE_CHECKING:
 
     from flexarm_msgs.msg import ArmState, MotorCommand
 
-PARAMETERS = (
-    ParameterSpec("waveform", "square", "the excitation", choices=tuple(EXCITATIONS)),
-    ParameterSpec(
-        "magnitude_v", 1.0, "magnitude; the largest one when it is random", 0.0, MAX_COMMAND_V, "V"
-    ),
-    ParameterSpec("seed", 0, "seed of the random values", 0, 2**31 - 1),
+PARAMETERS = read_table(
+    "flexarm_daq.nodes",
+    "experiment",
+    {"excitations": tuple(EXCITATIONS), "max_command_v": MAX_COMMAND_V},
 )
 
 

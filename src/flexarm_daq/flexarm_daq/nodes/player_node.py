@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool
 from flexarm_bags.playback import PlaybackError, PlaybackPlan, PlayedTopic
 from flexarm_core.errors import SettingError
 from flexarm_core.paths import user_path
-from flexarm_core.specs import ParameterSpec
+from flexarm_core.tables import read_table
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
@@ -33,31 +33,7 @@ from flexarm_node.waiting import has_every_reader, wait_until
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
 
-PARAMETERS = (
-    ParameterSpec("bag", "", "rosbag2 folder or .mcap file", read_only=True),
-    ParameterSpec("rate", 1.0, "2 plays twice as fast", 0.01, 1000.0, read_only=True),
-    ParameterSpec("start_s", 0.0, "left out at the beginning", 0.0, 1e9, "s", read_only=True),
-    ParameterSpec("duration_s", 0.0, "played; 0: to the end", 0.0, 1e9, "s", read_only=True),
-    ParameterSpec("loop", default=False, description="start again at the end", read_only=True),
-    ParameterSpec(
-        "listeners", 0, "readers of a topic to wait for, some seconds", 0, 1000, read_only=True
-    ),
-    ParameterSpec(
-        "stopped", default=False, description="wait for the service ~/play", read_only=True
-    ),
-    ParameterSpec(
-        "stand_in",
-        default=False,
-        description="publish the samples only, as the DAQ node would: stamped and numbered now",
-        read_only=True,
-    ),
-    ParameterSpec(
-        "clock",
-        default=False,
-        description="publish the time of each message on /clock",
-        read_only=True,
-    ),
-)
+PARAMETERS = read_table("flexarm_daq.nodes", "player")
 
 _CLOCK = "/clock"
 _SAMPLES = frozenset({"flexarm_msgs/msg/ArmState", "flexarm_msgs/msg/IoSample"})

@@ -1,8 +1,9 @@
 """Recorder node: writes flexarm's topics into a bag that survives a crash.
 
 The node records from its start when the parameter `bag` names a folder. The service `~/record`
-starts and stops it. Every message gets the time at which it was published. A disk that refuses the
-data ends the recording with an error, in the log and on `/diagnostics`, and has no other effect.
+starts and stops it. Every message gets the time at which it was published. In snapshot mode the
+last messages stay in memory, and the service `~/snapshot` writes them. A disk that refuses the data
+ends the recording with an error, in the log and on `/diagnostics`, and has no other effect.
 """
 
 from __future__ import annotations
@@ -14,75 +15,36 @@ import time
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from ament_index_python.packages import get_package_share_directory
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import Log, ParameterEvent
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
-from flexarm_bags.metadata import RecordedTopic, TopicQos
-from flexarm_bags.schema import describe, load_typestore
+from flexarm_bags.records.storage_file import CHUNK_BYTES
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import SettingError
 from flexarm_core.paths import user_path
-from flexarm_core.specs import ParameterSpec
+from flexarm_core.tables import read_table
 from flexarm_daq.nodes.kept_messages import KeptMessages
+from flexarm_daq.nodes.last_messages import LastMessages
+from flexarm_daq.nodes.recorded_topics import IN_FORCE, KEPT, TOPICS, offered_qos, recorded_topics
 from flexarm_daq.nodes.send_times import SendTimes
-from flexarm_msgs.msg import (
-    ArmState,
-    ChannelInfo,
-    CommanderInfo,
-    IoSample,
-    MotorCommand,
-    PayloadEstimate,
-)
-from flexarm_node import qos
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.reports import Reporter
-from flexarm_node.shares import share_of
 from flexarm_node.waiting import RawMessage, RawTopicsWaiter
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
-    from rclpy.qos import QoSProfile
+    from flexarm_bags.metadata import RecordedTopic
 
-TOPICS = {
-    "commander": (CommanderInfo, "flexarm_msgs/msg/CommanderInfo", qos.STATUS),
-    "io_channels": (ChannelInfo, "flexarm_msgs/msg/ChannelInfo", qos.STATUS),
-    "state": (ArmState, "flexarm_msgs/msg/ArmState", qos.EVERY),
-    "command": (MotorCommand, "flexarm_msgs/msg/MotorCommand", qos.EVERY),
-    "reference": (Float64, "std_msgs/msg/Float64", qos.EVERY),
-    "joint_states": (JointState, "sensor_msgs/msg/JointState", qos.EVERY),
-    "io": (IoSample, "flexarm_msgs/msg/IoSample", qos.EVERY),
-    "payload": (PayloadEstimate, "flexarm_msgs/msg/PayloadEstimate", qos.STATUS),
-    "/diagnostics": (DiagnosticArray, "diagnostic_msgs/msg/DiagnosticArray", qos.EVERY),
-    "/rosout": (Log, "rcl_interfaces/msg/Log", qos.EVERY),
-    "/parameter_events": (ParameterEvent, "rcl_interfaces/msg/ParameterEvent", qos.EVERY),
-}
-"""Topics that can be recorded: message type, its name, QoS of the subscription.
 
-Kept topics stand first: they are read before the samples that they describe.
-"""
-
-# What a latecomer is told: their publishers keep the last message.
-_LATCHED = {"commander", "io_channels", "payload", "reference", "/rosout"}
-
-PARAMETERS = (
-    ParameterSpec("bag", "", "folder of the bag, to be created; empty: wait for the service"),
-    ParameterSpec(
-        "topics", ["commander", "state", "command", "reference"], "which topics are recorded"
-    ),
-)
+PARAMETERS = read_table("flexarm_daq.nodes", "recorder", {"topics": tuple(TOPICS)})
+_ResponseT = TypeVar("_ResponseT", SetBool.Response, Trigger.Response)
 _WAIT_S = 0.1
 # Longest time between the arrivals of two sent messages, on a busy machine too.
 _QUIET_S = 0.5
@@ -95,16 +57,22 @@ class RecorderNode(Node):
 
     def __init__(self) -> None:
         super().__init__("recorder", namespace="/flexarm")
-        self._settings = Parameters(self, PARAMETERS, accept=_known_topics)
-        wanted = _known_topics(self._settings.values())
+        self._settings = Parameters(self, PARAMETERS, accept=_refuse_small_files)
+        wanted = self._settings.values()["topics"]
         names = [name for name in TOPICS if name in wanted]
         self._names = [self.resolve_topic_name(name) for name in names]
-        self._topics = _recorded_topics(names, self._names)
+        self._topics = recorded_topics(names, self._names)
         self._waiter = RawTopicsWaiter(self, [(TOPICS[n][0], n, TOPICS[n][2]) for n in names])
         self._writer: BagWriter | None = None
         self._kept = KeptMessages(
-            topic for topic, name in zip(self._names, names, strict=True) if _is_kept(name)
+            topic for topic, name in zip(self._names, names, strict=True) if name in KEPT
         )
+        self._in_force = [
+            topic for topic, name in zip(self._names, names, strict=True) if name in IN_FORCE
+        ]
+        self._last: LastMessages | None = None
+        if self._settings.values()["snapshot_mode"]:
+            self.create_service(Trigger, "~/snapshot", self._on_snapshot)
         self._sent = [SendTimes() for _ in names]
         self._requests: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = (
             queue.SimpleQueue()
@@ -158,7 +126,11 @@ class RecorderNode(Node):
         for message in messages:
             name = self._names[message.topic]
             for topic, raw, time_ns in self._kept.due(name, message.raw, message.source_ns):
-                if self._writer is not None:
+                if self._writer is None:
+                    continue
+                if self._last is not None:
+                    self._last.add(topic, raw, time_ns)
+                else:
                     self._writer.write(topic, raw, time_ns, time_ns)
 
     def _write_what_is_on_its_way(self) -> None:
@@ -187,7 +159,16 @@ class RecorderNode(Node):
         except SettingError as error:
             raise RecordingError(str(error)) from None
         ros_distro = os.environ.get("ROS_DISTRO", "jazzy")
-        self._writer = BagWriter(path, self._offered(), ros_distro=ros_distro)
+        settings = self._settings.values()
+        self._writer = BagWriter(
+            path,
+            self._offered(),
+            ros_distro=ros_distro,
+            max_file_bytes=settings["max_bagfile_size"],
+            max_file_s=settings["max_bagfile_duration"],
+        )
+        if settings["snapshot_mode"]:
+            self._last = LastMessages(settings["snapshot_duration"], self._in_force)
         self._kept.open(time.time_ns())
         self.failure = ""
         text = f"recording to {path}"
@@ -224,6 +205,23 @@ class RecorderNode(Node):
             text += f"; {complaint}"
         return text
 
+    def _write_snapshot(self) -> str:
+        if self._writer is None or self._last is None:
+            raise RecordingError("not recording: nothing is kept")
+        try:
+            self._write_what_is_on_its_way()
+            messages = self._last.take()
+            for topic, raw, time_ns in messages:
+                self._writer.write(topic, raw, time_ns, time_ns)
+            self._writer.end_file()
+        except RecordingError as error:
+            self._fail(error)
+            raise
+        count = len(messages)
+        text = f"snapshot of {count} message{'s' * (count != 1)} in {self._writer.path}"
+        self.get_logger().info(text)
+        return text
+
     def _report(self) -> None:
         status = DiagnosticStatus(message="not recording")
         writer = self._writer
@@ -231,6 +229,9 @@ class RecorderNode(Node):
             complaints = writer.sequences.complaints()
             status.message = "; ".join([f"recording to {writer.path}", *complaints])
             status.values = [KeyValue(key="messages", value=str(writer.message_count))]
+            if self._last is not None:
+                kept = KeyValue(key="messages kept for a snapshot", value=str(len(self._last)))
+                status.values = [*status.values, kept]
             if complaints:
                 status.level = DiagnosticStatus.WARN
         if self.failure:
@@ -239,8 +240,15 @@ class RecorderNode(Node):
         self._reporter.publish(status)
 
     def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        return self._answered(self._open if request.data else self._close, response)
+
+    def _on_snapshot(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._answered(self._write_snapshot, response)
+
+    def _answered(self, action: Callable[[], str], response: _ResponseT) -> _ResponseT:
+        """Have the recording thread act, and answer what it says."""
         answer: Future[str] = Future()
-        self._requests.put((self._open if request.data else self._close, answer))
+        self._requests.put((action, answer))
         try:
             response.message = answer.result()
             response.success = True
@@ -249,38 +257,12 @@ class RecorderNode(Node):
         return response
 
 
-def _recorded_topics(names: list[str], resolved: list[str]) -> list[RecordedTopic]:
-    share = Path(get_package_share_directory("flexarm_msgs"))
-    typestore = load_typestore({"flexarm_msgs": share})
-    return [
-        RecordedTopic(
-            topic,
-            describe(typestore, TOPICS[name][1], share_of),
-            TopicQos(durability="transient_local" if name in _LATCHED else "volatile"),
-        )
-        for name, topic in zip(names, resolved, strict=True)
-    ]
-
-
-def offered_qos(profiles: Sequence[QoSProfile]) -> TopicQos:
-    """Return what several publishers of a topic offer: a viewer of the replay misses nothing."""
-    latched = any(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)
-    reliable = any(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
-    return TopicQos(
-        reliability="reliable" if reliable else "best_effort",
-        durability="transient_local" if latched else "volatile",
-    )
-
-
-def _is_kept(name: str) -> bool:
-    return TOPICS[name][2] is qos.STATUS
-
-
-def _known_topics(values: Mapping[str, Any]) -> list[str]:
-    unknown = [name for name in values["topics"] if name not in TOPICS]
-    if unknown:
-        raise SettingError(f"parameter topics: no {unknown[0]}; choose from {', '.join(TOPICS)}")
-    return list(values["topics"])
+def _refuse_small_files(values: Mapping[str, Any]) -> None:
+    for name, least in (("max_bagfile_size", CHUNK_BYTES), ("max_bagfile_duration", 1)):
+        if 0 < values[name] < least:
+            raise SettingError(
+                f"parameter {name} = {values[name]:g}: must be 0, or {least} or more"
+            )
 
 
 def main() -> int:

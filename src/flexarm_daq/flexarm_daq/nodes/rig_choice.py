@@ -1,4 +1,4 @@
-"""Choice of the rig and its time: parameters of the DAQ node, and the rig made from them."""
+"""Choice of the rig and its time by the parameters of the DAQ node."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from flexarm_core.errors import SettingError
-from flexarm_core.specs import ParameterSpec
 from flexarm_daq.loop.self_test import check_possible
 from flexarm_daq.rigs.nidaq.board import NidaqRig
-from flexarm_daq.rigs.nidaq.terminals import TERMINALS, NidaqSettings
+from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
 from flexarm_daq.rigs.simulated import SimulatedRig
 
@@ -19,47 +18,6 @@ if TYPE_CHECKING:
     from flexarm_daq.rigs.rig_protocol import Rig
 
 NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
-
-_WIRED = NidaqSettings()
-
-RIG_PARAMETERS = (
-    ParameterSpec("rig", "simulated", "which rig is sampled", choices=("simulated", "nidaq")),
-    ParameterSpec(
-        "time",
-        "auto",
-        "real: by the clock; virtual: lock-step; auto: virtual for the simulated rig, else real",
-        choices=("auto", "real", "virtual"),
-    ),
-    ParameterSpec(
-        "self_test",
-        "auto",
-        "pulse the rig before it is armed and check the signs; auto: not the simulated rig",
-        choices=("auto", "on", "off"),
-    ),
-    ParameterSpec("payload_kg", 0.0, "simulated rig: mass at the tip", 0.0, 1.0, "kg"),
-    ParameterSpec("seed", 0, "simulated rig: seed of the sensor noise", 0, 2**31 - 1),
-    ParameterSpec("noise", "low", "simulated rig: sensor noise", choices=tuple(NOISE_V)),
-    ParameterSpec(
-        "reply_delay_s", 5e-4, "virtual time: from a sample to its command", 0.0, 0.1, "s"
-    ),
-    ParameterSpec("nidaq.device", _WIRED.device, "NI-DAQ rig: name of the board"),
-    ParameterSpec(
-        "nidaq.sensors",
-        list(_WIRED.sensors),
-        "NI-DAQ rig: inputs of position, base gauge, middle gauge, speed",
-    ),
-    ParameterSpec("nidaq.magnitude", _WIRED.magnitude, "NI-DAQ rig: output, current's magnitude"),
-    ParameterSpec("nidaq.direction", _WIRED.direction, "NI-DAQ rig: output, current's direction"),
-    ParameterSpec(
-        "nidaq.terminals", _WIRED.terminals, "NI-DAQ rig: wiring of the inputs", choices=TERMINALS
-    ),
-    ParameterSpec(
-        "nidaq.high_is_positive",
-        _WIRED.high_is_positive,
-        "NI-DAQ rig: 5 V on the direction turns towards positive position",
-    ),
-)
-"""Parameters of the DAQ node that choose and describe the rig."""
 
 
 def rig_name(values: Mapping[str, Any]) -> str:

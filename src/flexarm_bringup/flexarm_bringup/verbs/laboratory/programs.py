@@ -29,14 +29,47 @@ def run(package: str, executable: str, arguments: tuple[str, ...]) -> None:
 
 @click.command()
 @click.argument("bag", type=click.Path(path_type=Path))
+@click.option(
+    "--topics",
+    multiple=True,
+    metavar="TOPIC",
+    help="Record this topic, such as state or /diagnostics; may be given more than once.",
+)
+@click.option("--max-bag-size", type=int, help="Begin the next file at that many bytes.")
+@click.option("--max-bag-duration", type=float, help="Begin the next file after that time, s.")
+@click.option(
+    "--snapshot-mode",
+    is_flag=True,
+    help="Keep the last minute in memory; the service recorder/snapshot writes it.",
+)
 @ARM
-@examples("record out/run1", "record out/run1 --namespace arm2")
-def record(bag: Path, namespace: str) -> None:
+@examples(
+    "record out/run1",
+    "record out/long --max-bag-duration 600",
+    "record out/all --topics state --topics command --topics /diagnostics",
+    "record out/run1 --namespace arm2",
+)
+def record(
+    bag: Path,
+    topics: tuple[str, ...],
+    max_bag_size: int | None,
+    max_bag_duration: float | None,
+    namespace: str,
+    *,
+    snapshot_mode: bool,
+) -> None:
     """Record the running graph until Ctrl-C.
 
-    The bag holds state, command, reference and who commands.
+    The bag holds state, command, reference and who commands, or the topics that are named. The
+    options are those of `ros2 bag record`.
     """
-    parameters = {"bag": bag.absolute()}
+    wanted = {
+        "topics": list(topics),
+        "max_bagfile_size": max_bag_size,
+        "max_bagfile_duration": max_bag_duration,
+        "snapshot_mode": snapshot_mode,
+    }
+    parameters = {"bag": bag.absolute(), **{name: each for name, each in wanted.items() if each}}
     program = NodeProgram("flexarm_daq", "recorder_node", parameters, namespace=namespace)
     _become(program.command())
 

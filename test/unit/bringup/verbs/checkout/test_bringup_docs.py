@@ -69,6 +69,10 @@ def test_site___pages_of_the_checkout___build_without_a_warning(tmp_path: Path) 
     assert 'id="flexarm_ident.subspace.orse.past_instruments"' in (
         site / "api" / "flexarm_ident.subspace.orse.html"
     ).read_text("utf-8")
+    tables = (site / "parameters.html").read_text("utf-8")
+    assert "parameters of" not in tables
+    for name in ("position_bound_v", "pdpc.kp", "autostart", "snapshot_mode", "exports"):
+        assert f">{name}<" in tables
     for page in site.rglob("*.html"):
         text = page.read_text("utf-8")
         assert not re.search(r'(src|<link[^>]* href)="(https?:)?//', text), page

@@ -1,0 +1,83 @@
+"""Topics that can be recorded: types, definitions and quality of service."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ament_index_python.packages import get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Log, ParameterEvent
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from flexarm_bags.metadata import RecordedTopic, TopicQos
+from flexarm_bags.schema import describe, load_typestore
+from flexarm_msgs.msg import (
+    ArmState,
+    ChannelInfo,
+    CommanderInfo,
+    IoSample,
+    MotorCommand,
+    PayloadEstimate,
+)
+from flexarm_node import qos
+from flexarm_node.shares import share_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rclpy.qos import QoSProfile
+
+TOPICS = {
+    "commander": (CommanderInfo, "flexarm_msgs/msg/CommanderInfo", qos.STATUS),
+    "io_channels": (ChannelInfo, "flexarm_msgs/msg/ChannelInfo", qos.STATUS),
+    "state": (ArmState, "flexarm_msgs/msg/ArmState", qos.EVERY),
+    "command": (MotorCommand, "flexarm_msgs/msg/MotorCommand", qos.EVERY),
+    "reference": (Float64, "std_msgs/msg/Float64", qos.EVERY),
+    "joint_states": (JointState, "sensor_msgs/msg/JointState", qos.EVERY),
+    "io": (IoSample, "flexarm_msgs/msg/IoSample", qos.EVERY),
+    "payload": (PayloadEstimate, "flexarm_msgs/msg/PayloadEstimate", qos.STATUS),
+    "/diagnostics": (DiagnosticArray, "diagnostic_msgs/msg/DiagnosticArray", qos.EVERY),
+    "/rosout": (Log, "rcl_interfaces/msg/Log", qos.EVERY),
+    "/parameter_events": (ParameterEvent, "rcl_interfaces/msg/ParameterEvent", qos.EVERY),
+}
+"""Topics that can be recorded: message type, its name, QoS of the subscription.
+
+Kept topics stand first: they are read before the samples that they describe.
+"""
+
+KEPT = frozenset(name for name, (_, _, profile) in TOPICS.items() if profile is qos.STATUS)
+"""Topics whose last message from before a bag belongs into it."""
+
+IN_FORCE = KEPT | {"reference"}
+"""Topics whose last message is in force until the next one comes."""
+
+# Their publishers keep the last message for a latecomer.
+_LATCHED = IN_FORCE | {"/rosout"}
+
+
+def recorded_topics(names: Sequence[str], resolved: Sequence[str]) -> list[RecordedTopic]:
+    """Return topics of the table with their full names, and the QoS that flexarm offers."""
+    share = Path(get_package_share_directory("flexarm_msgs"))
+    typestore = load_typestore({"flexarm_msgs": share})
+    return [
+        RecordedTopic(
+            topic,
+            describe(typestore, TOPICS[name][1], share_of),
+            TopicQos(durability="transient_local" if name in _LATCHED else "volatile"),
+        )
+        for name, topic in zip(names, resolved, strict=True)
+    ]
+
+
+def offered_qos(profiles: Sequence[QoSProfile]) -> TopicQos:
+    """Return what several publishers of a topic offer: a viewer of the replay misses nothing."""
+    latched = any(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)
+    reliable = any(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
+    return TopicQos(
+        reliability="reliable" if reliable else "best_effort",
+        durability="transient_local" if latched else "volatile",
+        lifespan_ns=max(each.lifespan.nanoseconds or TopicQos.lifespan_ns for each in profiles),
+    )
