@@ -129,8 +129,9 @@ def test_workspace___as_released___has_an_order_and_changelogs() -> None:
     order = [package.name for _, package in topological_order(SOURCES)]
     assert packages.keys() <= set(order)
     for name, package in packages.items():
-        package.validate(warnings := [])
-        assert warnings == []
+        complaints: list[str] = []
+        package.validate(complaints)
+        assert complaints == []
         # The release takes it for its version.
         changes = (SOURCES / name / "CHANGELOG.rst").read_text("utf-8")
         assert get_forthcoming_label(changes) == "Forthcoming"

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import defaultdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 from rclpy.action import (
@@ -74,8 +74,8 @@ def uses_of(node: Node, full_name: str) -> Uses:
 def start_every_node(graph: Graph, folder: Path) -> dict[str, Process]:
     """Start every node with all the topics that its parameters can give it; return them by name."""
     bag = write_bag(folder / "bag", [reference(START_NS, 1.0)])
-    parameters = {
-        "recorder": {"topics": list(TOPICS)},
+    parameters: dict[str, dict[str, Any]] = {
+        "recorder": {"topics": list(TOPICS), "snapshot_mode": True},
         "player": {"bag": str(bag), "stopped": True, "clock": True},
         # Its clock is there while it is active.
         "daq": {"autostart": True},
