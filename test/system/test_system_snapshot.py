@@ -38,9 +38,13 @@ def test_snapshot___holds_the_last_second_and_the_set_point_that_a_late_viewer_o
     graph: Graph, tmp_path: Path
 ) -> None:
     bag = tmp_path / "last"
-    recorder = graph.start(
-        "recorder", {"bag": str(bag), "snapshot_mode": True, "snapshot_duration": KEPT_S}
-    )
+    told = {
+        "bag": str(bag),
+        "topics": ["commander", "state", "command", "reference", "/diagnostics", "/rosout"],
+        "snapshot_mode": True,
+        "snapshot_duration": KEPT_S,
+    }
+    recorder = graph.start("recorder", told)
     recorder.wait_for("recording to")
     states: list[int] = []
     watcher = graph.node.create_subscription(
@@ -66,8 +70,9 @@ def test_snapshot___holds_the_last_second_and_the_set_point_that_a_late_viewer_o
     recorded = States(bag)
     assert np.all(np.diff(recorded.sequence) == 1)
     assert recorded.sequence[-1] > before + RATE_HZ * KEPT_S
-    length = recorded.stamp_s[-1] - recorded.stamp_s[0]
-    assert KEPT_S - 2 / RATE_HZ < length < KEPT_S + 2 / RATE_HZ
+    # Of two seconds of samples, so many as were sent in the last one: less when the machine stalls.
+    assert information(bag)["duration"]["nanoseconds"] <= KEPT_S * 1e9  # type: ignore[index]
+    assert recorded.sequence[0] > before
     assert len(content(bag)["/flexarm/reference"]) == 1
 
     before = len(states)
@@ -87,5 +92,6 @@ def test_snapshot___holds_the_last_second_and_the_set_point_that_a_late_viewer_o
         Float64, "/away/reference", lambda each: heard.append(each.data), qos.STATUS
     )
     graph.wait(lambda: bool(heard), "the set-point")
+    # The live nodes publish some of the topics too, as every node does.
     assert heard[0] == pytest.approx(1.5)
     graph.stop(player)

@@ -24,6 +24,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.paths import user_path
 from flexarm_core.tables import read_table
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
+from flexarm_daq.nodes.recorded_topics import OF_ALL_NODES
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import request_stop, run
@@ -152,6 +153,8 @@ class PlayerNode(Node):
         """Return the reason for a refusal: a topic that others publish; empty for none."""
         own = (self.get_namespace(), self.get_name())
         for topic, publisher in self._publishers_of.items():
+            if topic in OF_ALL_NODES:
+                continue
             infos = self.get_publishers_info_by_topic(topic)
             nodes = [(info.node_namespace, info.node_name) for info in infos]
             # The first node of that name is this one; a second one is another player.

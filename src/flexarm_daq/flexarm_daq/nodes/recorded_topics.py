@@ -48,6 +48,9 @@ TOPICS = {
 Kept topics stand first: they are read before the samples that they describe.
 """
 
+OF_ALL_NODES = frozenset(name for name in TOPICS if name.startswith("/"))
+"""Topics that every node may publish, or does."""
+
 KEPT = frozenset(name for name, (_, _, profile) in TOPICS.items() if profile is qos.STATUS)
 """Topics whose last message from before a bag belongs into it."""
 
