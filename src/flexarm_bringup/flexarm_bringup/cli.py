@@ -23,6 +23,7 @@ VERBS = {
     "activate": "laboratory.remote:activate",
     "run": "laboratory.programs:run",
     "exec": "checkout.execute:execute",
+    "ros2": "checkout.ros2:ros2",
     "import": "offline.bags:import_",
     "experiment": "laboratory.experiment:experiment",
     "catalogue": "laboratory.experiment:catalogue",

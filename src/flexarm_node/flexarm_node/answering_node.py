@@ -103,7 +103,7 @@ class AnsweringNode(LoopNode):
         """Answer until told to stop; a count of samples that goes back begins a new run."""
         last_sequence = 0
         command = MotorCommand()
-        command.header.frame_id = "flexarm"
+        command.header.frame_id = self.frame
         self._heard_s = math.inf
         while not stopping.is_set():
             state = self._states.wait_newest(_WAIT_S)

@@ -133,6 +133,11 @@ class LoopNode(LifecycleNode):
         return ""
 
     @property
+    def frame(self) -> str:
+        """The tf frame of the arm's base by REP 105: frames of an arm begin with its namespace."""
+        return f"{self.get_namespace()}/base_link".lstrip("/")
+
+    @property
     def running(self) -> bool:
         """True while the loop's thread exists."""
         return self._thread is not None
