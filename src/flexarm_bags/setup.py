@@ -12,6 +12,7 @@ setup(
     ],
     # Without a key of rosdep, so package.xml cannot name them.
     install_requires=["setuptools", "lz4>=4,<5", "mcap>=1.3,<2", "zstandard>=0.21,<1"],
+    extras_require={"test": ["pytest"]},
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",
     description="The rosbag2 format over MCAP: writing, reading, integrity checks, repair and playback.",

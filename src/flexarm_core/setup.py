@@ -11,6 +11,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",
     description="Ground that every package stands on: channels, errors, parameter tables, array types.",

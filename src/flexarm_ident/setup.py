@@ -13,6 +13,7 @@ setup(
     ],
     # Without a key of rosdep, so package.xml cannot name them.
     install_requires=["setuptools", "control>=0.10.1,<0.11"],
+    extras_require={"test": ["pytest"]},
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",
     description="Subspace identification, modal reduction, model updating and validation.",

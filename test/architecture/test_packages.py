@@ -6,10 +6,14 @@ import ast
 import re
 import runpy
 import sys
+from configparser import ConfigParser
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
 import pytest
+from catkin_pkg.package import parse_package
+from catkin_pkg.package_version import get_forthcoming_label
+from catkin_pkg.topological_order import topological_order
 
 from support.import_graph import SOURCES, Module
 from support.project import PROJECT
@@ -79,7 +83,7 @@ def setup_arguments(package: Path) -> dict[str, Any]:
     return {
         str(each.arg): ast.literal_eval(each.value)
         for each in calls[0].keywords
-        if each.arg in {"version", "install_requires", "license", "description"}
+        if each.arg in {"version", "install_requires", "extras_require", "license", "description"}
     }
 
 
@@ -106,6 +110,31 @@ def test_package___declares___the_tools_of_its_unit_tests(package: Path) -> None
     tests = PROJECT / "test" / "unit" / package.name.removeprefix("flexarm_")
     tools = imported(tests) & {"pytest", "hypothesis"}
     assert declared(package, {"test_depend"}) == keys(tools)
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))
+def test_package___has_its_unit_tests___found_by_colcon_test(package: Path) -> None:
+    # Colcon takes pytest for a package that asks for it, and runs it in the package's folder.
+    assert setup_arguments(package)["extras_require"]["test"] == ["pytest"]
+    settings = ConfigParser()
+    settings.read(package / "setup.cfg", "utf-8")
+    (tests,) = package.glob(settings["tool:pytest"]["testpaths"])
+    assert tests.resolve() == PROJECT / "test" / "unit" / package.name.removeprefix("flexarm_")
+    paths = {(package / each).resolve() for each in settings["tool:pytest"]["pythonpath"].split()}
+    assert paths == {PROJECT, PROJECT / "test"}
+
+
+def test_workspace___as_released___has_an_order_and_changelogs() -> None:
+    packages = {each.name: parse_package(each) for each in EVERY_PACKAGE}
+    order = [package.name for _, package in topological_order(SOURCES)]
+    assert packages.keys() <= set(order)
+    for name, package in packages.items():
+        complaints: list[str] = []
+        package.validate(complaints)
+        assert complaints == []
+        # The release takes it for its version.
+        changes = (SOURCES / name / "CHANGELOG.rst").read_text("utf-8")
+        assert get_forthcoming_label(changes) == "Forthcoming"
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: str(package.name))

@@ -82,7 +82,14 @@ class DeclareLaunchArgument:
 class OpaqueFunction:
     """Function that makes actions when the launch has its arguments."""
 
-    function: Callable[[Context], list[Node]]
+    function: Callable[[Context], list[Node | LogInfo]]
+
+
+@dataclass
+class LogInfo:
+    """Line for the user."""
+
+    msg: str
 
 
 @dataclass
@@ -94,14 +101,17 @@ class Node:
     name: str
     namespace: Any
     output: str
+    arguments: list[str] = field(default_factory=list)
+    ros_arguments: list[str] = field(default_factory=list)
     parameters: list[Any] = field(default_factory=list)
 
-    def arguments(self, context: Context, folder: Path) -> list[str]:
-        """Return the ROS arguments of the command line; files for parameters go into a folder."""
+    def command_line(self, context: Context, folder: Path) -> list[str]:
+        """Return the arguments of the program; files for its parameters go into a folder."""
         space = _text(self.namespace, context)
         if not space.startswith("/"):
             space = f"{context.get('ros_namespace', '').rstrip('/')}/{space}"
-        line = ["--ros-args", "-r", f"__node:={self.name}", "-r", f"__ns:={space}"]
+        line = [*self.arguments, "--ros-args", *self.ros_arguments]
+        line += ["-r", f"__node:={self.name}", "-r", f"__ns:={space}"]
         for number, each in enumerate(self.parameters):
             file = _text(each, context)
             if isinstance(each, dict):
@@ -130,14 +140,25 @@ def declared() -> dict[str, DeclareLaunchArgument]:
 
 def launched(arguments: Mapping[str, str]) -> tuple[list[Node], Context]:
     """Return the nodes of the launch file with these arguments, and the context for them."""
+    made, context = _made(arguments)
+    return [each for each in made if isinstance(each, Node)], context
+
+
+def told(arguments: Mapping[str, str]) -> list[str]:
+    """Return what the launch file tells the user with these arguments."""
+    made, _ = _made(arguments)
+    return [each.msg for each in made if isinstance(each, LogInfo)]
+
+
+def _made(arguments: Mapping[str, str]) -> tuple[list[Node | LogInfo], Context]:
     context = dict(arguments)
-    nodes: list[Node] = []
+    made: list[Node | LogInfo] = []
     for action in _actions():
         if isinstance(action, DeclareLaunchArgument):
             context.setdefault(action.name, _text(action.default_value, context))
         else:
-            nodes += action.function(context)
-    return nodes, context
+            made += action.function(context)
+    return made, context
 
 
 def _actions() -> list[Any]:
@@ -145,6 +166,7 @@ def _actions() -> list[Any]:
         "launch": {"LaunchDescription": list},
         "launch.actions": {
             "DeclareLaunchArgument": DeclareLaunchArgument,
+            "LogInfo": LogInfo,
             "OpaqueFunction": OpaqueFunction,
         },
         "launch.substitutions": {

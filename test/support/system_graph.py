@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 PACKAGES = {
     "daq": "flexarm_daq",
+    "experiment": "flexarm_daq",
     "recorder": "flexarm_daq",
     "player": "flexarm_daq",
     "ident": "flexarm_ident",

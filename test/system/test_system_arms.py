@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from flexarm_ident import identify
 from flexarm_ident.reading.read import read_bag_report
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
@@ -53,7 +54,7 @@ def start_arm(graph: Graph, arm: str, folder: Path, **arguments: str) -> dict[st
     nodes, context = launched(arguments | {"namespace": arm})
     folder.mkdir()
     return {
-        node.name: graph.start(node.name, {}, *node.arguments(context, folder)) for node in nodes
+        node.name: graph.start(node.name, {}, *node.command_line(context, folder)) for node in nodes
     }
 
 
@@ -83,6 +84,7 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
         for each in heard.states["arm2"][:2]
     ]
     assert stamps_ns[1] - stamps_ns[0] == pytest.approx(1e9 / 300.0, abs=2)
+    assert heard.states["arm2"][0].header.frame_id == "arm2/base_link"
 
     assert flexarm(graph, "stop", "--namespace", "arm1")[-1].startswith("the drive is held at zero")
     graph.wait(lambda: heard.drive("arm1") == "held", "the report")
@@ -104,8 +106,11 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
 
     for arm in ARMS:
         assert graph.stop(nodes[arm]["recorder"]) == 0
-        position_v = read_bag_report(bags[arm]).data.y[:, 0]
+        record = read_bag_report(bags[arm]).data
+        position_v = record.y[:, 0]
         assert np.sign(position_v[np.abs(position_v).argmax()]) == np.sign(SET_POINT_V[arm])
+        # A model without the motion in it has the relative error 1.
+        assert identify(record, order=4, block_rows=10).fit_error[0] < 0.5
 
 
 def test_stop_of_every_arm___without_any___says_so(graph: Graph) -> None:

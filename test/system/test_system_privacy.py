@@ -1,4 +1,4 @@
-"""Sockets in the range LOCALHOST: of every node and verb, on loopback alone."""
+"""Privacy of the graph: sockets in the range LOCALHOST on loopback alone, policies of SROS2."""
 
 from __future__ import annotations
 
@@ -7,14 +7,20 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
 
 import pytest
 
-from support.bag_samples import START_NS, reference, write_bag
-from support.system_graph import PACKAGES, PATIENCE_S, ROOT, Graph, executable
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.session import OPERATOR
+from flexarm_node.parameter_files import NODE_NAMES
+from support.security_policy import POLICY, policy, start_every_node, uses_by_node
+from support.system_graph import PATIENCE_S, ROOT, Graph, executable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
+
+    from support.system_graph import Process
 
 pytestmark = pytest.mark.system
 
@@ -48,17 +54,60 @@ def addresses_until(graph: Graph, ended: Callable[[], bool]) -> dict[int, set[st
     return seen
 
 
-def test_every_node___listens_on_loopback_alone(graph: Graph, tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "bag", [reference(START_NS, 1.0)])
-    parameters = {"player": {"bag": str(bag), "stopped": True}}
-    nodes = {name: graph.start(name, parameters.get(name)) for name in PACKAGES}
-    names = {f"/flexarm/{name}" for name in PACKAGES}
-    graph.wait(lambda: names <= graph.operator.nodes(), "all nodes")
-    graph.configure_loop()
+@pytest.fixture(scope="module")
+def every_node(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[Graph, dict[str, Process]]]:
+    """Return a graph of all nodes with all their topics, and the nodes by name."""
+    folder = tmp_path_factory.mktemp("every_node")
+    with Graph(folder) as graph:
+        yield graph, start_every_node(graph, folder)
 
+
+def test_every_node___listens_on_loopback_alone(
+    every_node: tuple[Graph, dict[str, Process]],
+) -> None:
+    _, nodes = every_node
     listening = {name: local_addresses(node.popen.pid) for name, node in nodes.items()}
+    assert listening == {name: {_LOOPBACK} for name in NODE_NAMES}
 
-    assert listening == {name: {_LOOPBACK} for name in PACKAGES}
+
+def test_policies___are_what_the_nodes_use(every_node: tuple[Graph, dict[str, Process]]) -> None:
+    graph, nodes = every_node
+    shipped = POLICY.read_text("utf-8")
+    # A publisher may be discovered after the services that were made behind it.
+    with suppress(LaunchError):
+        graph.wait(lambda: policy(uses_by_node(graph)) == shipped, "the policies", 20.0)
+    assert policy(uses_by_node(graph)) == shipped
+    enclaves = {
+        name: enclave
+        for name, _, enclave in graph.node.get_node_names_and_namespaces_with_enclaves()
+    }
+    assert {name: enclaves[name] for name in nodes} == {name: f"/flexarm/{name}" for name in nodes}
+
+
+def test_policies___are_as_sros2_has_them() -> None:
+    root = ET.fromstring(POLICY.read_text("utf-8"))  # noqa: S314 - our own file
+    assert (root.tag, root.attrib) == ("policy", {"version": "0.2.0"})
+    assert {each.attrib["path"] for each in root.findall("enclaves/enclave")} == {
+        f"/flexarm/{name}" for name in (*NODE_NAMES, OPERATOR)
+    }
+    rules = {
+        (group.tag, rule, each.tag)
+        for group in root.findall("enclaves/enclave/profiles/profile/*")
+        for rule, qualifier in group.items()
+        if qualifier == "ALLOW"
+        for each in group
+    }
+    assert rules == {
+        (f"{kind}s", rule, kind)
+        for kind, *both in (
+            ("topic", "publish", "subscribe"),
+            ("service", "reply", "request"),
+            ("action", "execute", "call"),
+        )
+        for rule in both
+    }
 
 
 @pytest.mark.parametrize(

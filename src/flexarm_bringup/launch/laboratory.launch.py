@@ -7,6 +7,7 @@ A set-point for it:
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import TYPE_CHECKING
 
 from ament_index_python.packages import (
@@ -14,7 +15,7 @@ from ament_index_python.packages import (
     get_package_prefix,
     get_package_share_directory,
 )
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from launch.launch_context import LaunchContext
 
 _PUBLISHER = "robot_state_publisher"
+_VIEWER = "rviz2"
 _NODES = (
     ("flexarm_daq", "recorder"),
     ("flexarm_ident", "ident"),
@@ -58,6 +60,9 @@ def generate_launch_description() -> LaunchDescription:
                 description="parameter file that comes after flexarm_bringup/config/laboratory.yaml"
                 "; a section for /**/daq is for the node daq in any namespace",
             ),
+            DeclareLaunchArgument(
+                "view", default_value="false", description="true: show the arm in RViz"
+            ),
             *(
                 DeclareLaunchArgument(
                     name, default_value="", description=description + _AS_IN_FILES
@@ -69,7 +74,7 @@ def generate_launch_description() -> LaunchDescription:
     )
 
 
-def _nodes(context: LaunchContext) -> list[Node]:
+def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
     """Return the nodes; what was given as an argument comes after the parameter files."""
     own = PathJoinSubstitution([FindPackageShare("flexarm_bringup"), "config", "laboratory.yaml"])
     files = [own, *filter(None, [LaunchConfiguration("params_file").perform(context)])]
@@ -78,12 +83,15 @@ def _nodes(context: LaunchContext) -> list[Node]:
         for name, (_, kind, _) in _SETTINGS.items()
         if LaunchConfiguration(name).perform(context)
     }
+    namespace = _namespace(context)
     laboratory = [
         Node(
             package=package,
             executable=f"{node}_node",
             name=node,
-            namespace=LaunchConfiguration("namespace"),
+            namespace=namespace,
+            # Where SROS2 keeps its keys: config/sros2 has a policy for each.
+            ros_arguments=["--enclave", f"{namespace.rstrip('/')}/{node}"],
             output="screen",
             parameters=[
                 *files,
@@ -92,29 +100,65 @@ def _nodes(context: LaunchContext) -> list[Node]:
         )
         for package, node in _NODES
     ]
-    return laboratory + _frames(context)
+    view = LaunchConfiguration("view").perform(context).lower() == "true"
+    return [*laboratory, *_frames(namespace), *(_view(namespace) if view else [])]
 
 
-def _frames(context: LaunchContext) -> list[Node]:
+def _namespace(context: LaunchContext) -> str:
+    """Return the full namespace of the arm: one that is given is below the one pushed."""
+    given = LaunchConfiguration("namespace").perform(context)
+    pushed = LaunchConfiguration("ros_namespace", default="").perform(context)
+    return given if given.startswith("/") else f"{pushed.rstrip('/')}/{given}"
+
+
+def _frames(namespace: str) -> list[Node]:
     """Return the node that makes tf frames of the joint states, where it is installed."""
-    try:
-        get_package_prefix(_PUBLISHER)
-    except PackageNotFoundError:
+    if not _is_installed(_PUBLISHER):
         return []
-    urdf = Path(get_package_share_directory("flexarm_bringup"), "urdf", "flexarm.urdf")
-    namespace = LaunchConfiguration("namespace").perform(context).strip("/")
+    description = ParameterValue(_shared("urdf", "flexarm.urdf"), value_type=str)
+    prefix = f"{namespace}/".lstrip("/")
     return [
         Node(
             package=_PUBLISHER,
             executable=_PUBLISHER,
             name=_PUBLISHER,
-            namespace=LaunchConfiguration("namespace"),
+            namespace=namespace,
             output="screen",
-            parameters=[
-                {
-                    "robot_description": ParameterValue(urdf.read_text("utf-8"), value_type=str),
-                    "frame_prefix": f"{namespace}/",
-                }
-            ],
+            parameters=[{"robot_description": description, "frame_prefix": prefix}],
         )
     ]
+
+
+def _view(namespace: str) -> list[Node | LogInfo]:
+    """Return the viewer with the frames of this arm, or what is missing for it."""
+    missing = [package for package in (_PUBLISHER, _VIEWER) if not _is_installed(package)]
+    if missing:
+        return [LogInfo(msg=f"view:=true needs {' and '.join(missing)}: not installed here")]
+    settings = _shared("config", "flexarm.rviz").replace("flexarm", namespace.lstrip("/"))
+    with NamedTemporaryFile("w", suffix=".rviz", delete=False) as file:
+        file.write(settings)
+    return [
+        Node(
+            package=_VIEWER,
+            executable=_VIEWER,
+            name=_VIEWER,
+            namespace=namespace,
+            output="screen",
+            arguments=["-d", file.name],
+        )
+    ]
+
+
+def _is_installed(package: str) -> bool:
+    """Return whether a package is there."""
+    try:
+        get_package_prefix(package)
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+def _shared(folder: str, name: str) -> str:
+    """Return the text of a file of this package."""
+    share = get_package_share_directory("flexarm_bringup")
+    return Path(share, folder, name).read_text("utf-8")

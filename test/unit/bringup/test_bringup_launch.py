@@ -1,17 +1,16 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import ament_index_python.packages
 import pytest
 import yaml
 
-from support.launch_double import FILE, declared, launched
+from support.launch_double import FILE, declared, launched, told
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-OWN = str(FILE.parents[1] / "config" / "laboratory.yaml")
+SHARE = FILE.parents[1]
+SETTINGS = {"rate_hz", "rig", "law", "bag"}
+OWN = str(SHARE / "config" / "laboratory.yaml")
 
 
 def files_of(arguments: list[str]) -> list[str]:
@@ -21,7 +20,7 @@ def files_of(arguments: list[str]) -> list[str]:
 
 def test_arguments___are_described() -> None:
     arguments = declared()
-    assert set(arguments) == {"namespace", "params_file", "rate_hz", "rig", "law", "bag"}
+    assert set(arguments) == {"namespace", "params_file", "view", *SETTINGS}
     assert all(each.description for each in arguments.values())
 
 
@@ -39,10 +38,12 @@ def test_namespace___given_or_pushed___is_that_of_every_node(
 ) -> None:
     nodes, context = launched(given)
 
-    lines = [node.arguments(context, tmp_path) for node in nodes]
+    lines = [node.command_line(context, tmp_path) for node in nodes]
 
     assert {node.name for node in nodes} == {"recorder", "ident", "controller", "daq"}
     assert all(f"__ns:={namespace}" in line for line in lines)
+    enclaves = [line[line.index("--enclave") + 1] for line in lines]
+    assert enclaves == [f"{namespace}/{node.name}" for node in nodes]
     assert [files_of(line) for line in lines] == [[OWN]] * 4
 
 
@@ -52,7 +53,7 @@ def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path
 
     read: dict[str, object] = {}
     for node in nodes:
-        own, mine, *more = files_of(node.arguments(context, tmp_path))
+        own, mine, *more = files_of(node.command_line(context, tmp_path))
         assert (own, mine) == (OWN, "mine.yaml")
         for file in more:
             read |= yaml.safe_load((tmp_path / file).read_text())
@@ -64,19 +65,47 @@ def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path
     }
 
 
-def test_frames___where_their_node_is_installed___are_those_of_the_arm(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def installation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every package be installed."""
     packages = ament_index_python.packages
-    share = FILE.parents[1]
     monkeypatch.setattr(packages, "get_package_prefix", lambda _: "/opt/ros")
-    monkeypatch.setattr(packages, "get_package_share_directory", lambda _: str(share))
+    monkeypatch.setattr(packages, "get_package_share_directory", lambda _: str(SHARE))
+
+
+@pytest.mark.usefixtures("installation")
+def test_frames___where_their_node_is_installed___are_those_of_the_arm(tmp_path: Path) -> None:
     nodes, context = launched({"namespace": "arm2"})
     (node,) = [each for each in nodes if each.name == "robot_state_publisher"]
 
-    (file,) = files_of(node.arguments(context, tmp_path))
+    (file,) = files_of(node.command_line(context, tmp_path))
 
     parameters = yaml.safe_load((tmp_path / file).read_text())
     values = parameters["/arm2/robot_state_publisher"]["ros__parameters"]
-    assert values["robot_description"] == (share / "urdf" / "flexarm.urdf").read_text()
+    assert values["robot_description"] == (SHARE / "urdf" / "flexarm.urdf").read_text()
     assert values["frame_prefix"] == "arm2/"
+
+
+@pytest.mark.usefixtures("installation")
+@pytest.mark.parametrize("namespace", ["flexarm", "lab/arm2"])
+def test_view___where_it_is_installed___shows_the_description_and_the_frames_of_the_arm(
+    namespace: str,
+) -> None:
+    nodes, _ = launched({"namespace": namespace, "view": "True"})
+    (node,) = [each for each in nodes if each.package == "rviz2"]
+    option, file = node.arguments
+    settings = yaml.safe_load(Path(file).read_text("utf-8"))
+    Path(file).unlink()
+    assert option == "-d"
+    manager = settings["Visualization Manager"]
+    (arm,) = [each for each in manager["Displays"] if each["Class"].endswith("/RobotModel")]
+    assert arm["Description Topic"]["Value"] == f"/{namespace}/robot_description"
+    assert arm["TF Prefix"] == namespace
+    assert manager["Global Options"]["Fixed Frame"] == f"{namespace}/base_link"
+
+
+def test_view___where_it_is_not_installed___says_so_and_starts_the_nodes() -> None:
+    (line,) = told({"view": "true"})
+    assert line == "view:=true needs robot_state_publisher and rviz2: not installed here"
+    assert len(launched({"view": "true"})[0]) == len(launched({})[0])
+    assert told({}) == []

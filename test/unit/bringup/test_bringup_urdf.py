@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -10,9 +11,14 @@ from flexarm_core.channels import MAX_COMMAND_V, TRAVEL_DEG
 from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB, bends_at_m
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from support.project import PROJECT
+from support.xacro_double import expanded
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 RIG = RigParameters()
-ROBOT = ET.parse(PROJECT / "src/flexarm_bringup/urdf/flexarm.urdf").getroot()  # noqa: S314 - ours
+FILE = PROJECT / "src/flexarm_bringup/urdf/flexarm.urdf"
+ROBOT = ET.parse(FILE).getroot()  # noqa: S314 - our own file
 JOINTS = ROBOT.findall("joint")
 
 
@@ -89,3 +95,30 @@ def test_inertia_about_the_axis___is_that_of_hub_beam_and_holder() -> None:
     holder_kg_m2 = RIG.tip_mass_kg * RIG.length_m**2
     wanted_kg_m2 = hub_kg_m2 + beam_kg_m2 + holder_kg_m2
     assert about_axis_kg_m2 == pytest.approx(wanted_kg_m2, rel=1e-4)
+
+
+def words(robot: ET.Element) -> Iterator[tuple[str, dict[str, list[str]]]]:
+    """Yield each tag of a robot with the words of its attributes."""
+    for each in robot.iter():
+        yield each.tag, {name: text.split() for name, text in sorted(each.attrib.items())}
+
+
+def as_numbers(text: list[str]) -> list[float]:
+    """Return words as numbers, those that are none as NaN."""
+    return [float(word) if word.lstrip("-")[:1].isdigit() else np.nan for word in text]
+
+
+def test_plain_file___is_what_the_one_with_macros_makes() -> None:
+    made = expanded(FILE.with_suffix(".urdf.xacro"))
+    for (tag, attributes), (wanted_tag, wanted) in zip(words(ROBOT), words(made), strict=True):
+        assert (tag, [*attributes]) == (wanted_tag, [*wanted])
+        for name, text in attributes.items():
+            numbers = as_numbers(text)
+            np.testing.assert_allclose(numbers, as_numbers(wanted[name]), rtol=1e-9)
+            assert text == wanted[name] or not np.isnan(numbers).any()
+
+
+def test_payload___as_an_argument___adds_to_the_holder() -> None:
+    made = expanded(FILE.with_suffix(".urdf.xacro"), payload_kg="0.15")
+    (payload,) = made.findall("link[@name='payload']/inertial/mass")
+    assert float(payload.attrib["value"]) == pytest.approx(RIG.tip_mass_kg + 0.15)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import NAMESPACE, LaunchError, NodeProcesses, NodeProgram
-from flexarm_bringup.graph.session import ros_domain, session
+from flexarm_bringup.graph.session import OPERATOR, ros_domain, session
 from flexarm_core.own_files import private_folder
 from flexarm_node.parameter_files import NODE_NAMES, unknown_nodes
 
@@ -74,7 +74,7 @@ def running_graph(
     checks = processes.check, processes.complaint
     with (
         claimed_domain(namespace),
-        session("operator", *checks, namespace=namespace) as operator,
+        session(OPERATOR, *checks, namespace=namespace) as operator,
     ):
         _require_free_domain(operator)
         with processes:

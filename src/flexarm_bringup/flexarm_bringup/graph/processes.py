@@ -45,6 +45,8 @@ class NodeProgram:
         """Return the command line that starts it."""
         line = [str(find_executable(self.package, self.executable))]
         line += ["--ros-args", "-r", f"__ns:={self.namespace}"]
+        name = self.executable.removesuffix("_node")
+        line += ["--enclave", f"{self.namespace.rstrip('/')}/{name}"]
         for file in self.files:
             line += ["--params-file", str(file)]
         for name, value in self.parameters.items():

@@ -20,6 +20,12 @@ from flexarm_node.transport import set_up_middleware
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+OPERATOR, REMOTE = "operator", "remote"
+"""Nodes of the verbs that start nodes, and of those in another terminal.
+
+With SROS2 all have the enclave of the first: who has its keys may operate the arm.
+"""
+
 
 @contextmanager
 def session(
@@ -32,8 +38,12 @@ def session(
     """Join the graph of an arm as a node of this name and yield its operator; see `Operator`."""
     with interruptible():
         set_up_middleware()
+        enclave = f"{namespace.rstrip('/')}/{OPERATOR}"
         # Signals stay Python's.
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(
+            args=["--ros-args", "--enclave", enclave],
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         try:
             node = rclpy.create_node(name, namespace=namespace)
             executor = SingleThreadedExecutor()

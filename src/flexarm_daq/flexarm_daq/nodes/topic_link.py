@@ -46,9 +46,9 @@ class TopicLink:
         self._told = False
         self._now = Clock()
         self._state = ArmState()
-        self._state.header.frame_id = "flexarm"
+        self._state.header.frame_id = node.frame
         self._joint = JointState(name=[HUB, *BEND_JOINTS])
-        self._joint.header.frame_id = "flexarm"
+        self._joint.header.frame_id = node.frame
         self._joint_every = 1
         self._start_ns = 0
 

@@ -27,7 +27,8 @@ def test_node_program___parameter___is_read_back_as_given(
     monkeypatch.setattr(processes, "find_executable", lambda *_: Path("/bin/node"))
     program = NodeProgram("flexarm_daq", "player_node", {"bag": value}, namespace="/arm2")
     *start, assignment = program.command()
-    assert start == ["/bin/node", "--ros-args", "-r", "__ns:=/arm2", "-p"]
+    enclave = ["--enclave", "/arm2/player"]
+    assert start == ["/bin/node", "--ros-args", "-r", "__ns:=/arm2", *enclave, "-p"]
     name, _, text = assignment.partition(":=")
     assert name == "bag"
     assert yaml.safe_load(text) == read

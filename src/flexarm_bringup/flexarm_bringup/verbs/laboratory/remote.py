@@ -15,7 +15,7 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import MANAGED
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.graph.session import ros_domain, session
+from flexarm_bringup.graph.session import REMOTE, ros_domain, session
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.bounds import YamlError, shown, yaml_content
 from flexarm_core.nearest import nearest
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from flexarm_bringup.graph.operator import Operator
 
-_NAME = "remote"
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _DISCOVERY_S = 4.0
 _ANSWER_S = 4.0
@@ -60,7 +59,7 @@ def _stop_every_arm() -> None:
     """Stop each arm as soon as it is found, and look for others as long as discovery may take."""
     asked: dict[str, list[Future[Any]]] = {}
     stopped: set[str] = set()
-    with session(_NAME) as operator:
+    with session(REMOTE) as operator:
         begun_s = time.monotonic()
 
         def may_come() -> bool:
@@ -111,7 +110,7 @@ def status(namespace: str) -> None:
             if report.name.startswith(ours):
                 newest[report.name.removeprefix(ours)] = report
 
-    with session(_NAME, namespace=namespace) as operator:
+    with session(REMOTE, namespace=namespace) as operator:
         operator.listen(DiagnosticArray, _DIAGNOSTICS, qos.EVERY, hear)
 
         def complete() -> bool:
@@ -200,12 +199,12 @@ def deactivate(node: str, namespace: str) -> None:
 @contextmanager
 def _attached(name: str, namespace: str) -> Iterator[Operator]:
     """Give an operator of an arm of which a node is running."""
-    with session(_NAME, namespace=namespace) as operator:
+    with session(REMOTE, namespace=namespace) as operator:
         wanted = operator.full_name(name)
         try:
             operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
         except LaunchError:
-            others = operator.nodes() - {operator.full_name(_NAME)}
+            others = operator.nodes() - {operator.full_name(REMOTE)}
             raise LaunchError(_nobody(f"node {wanted}") + nearest(wanted, others)) from None
         yield operator
 

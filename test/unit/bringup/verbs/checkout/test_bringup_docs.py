@@ -105,6 +105,16 @@ def foxglove_paths() -> Iterator[tuple[str, str]]:
             yield topic, field
 
 
+def test_foxglove___shows_the_arm_by_the_topic_and_the_frames_of_the_launch_file() -> None:
+    layout = json.loads((CONFIG / "foxglove.json").read_text("utf-8"))
+    panels = {name: panel for name, panel in layout["configById"].items() if name[:3] == "3D!"}
+    ((name, panel),) = panels.items()
+    assert f'"{name}"' in json.dumps(layout["layout"])
+    (arm,) = [each for each in panel["layers"].values() if each["layerId"] == "foxglove.Urdf"]
+    assert (arm["sourceType"], arm["topic"]) == ("topic", "/flexarm/robot_description")
+    assert arm["framePrefix"] + "base_link" == panel["followTf"]
+
+
 def plotjuggler_paths() -> Iterator[tuple[str, str]]:
     """Yield topic and field of every curve of the layout."""
     for curve in ET.parse(CONFIG / "plotjuggler.xml").iter("curve"):  # noqa: S314 - our own file
