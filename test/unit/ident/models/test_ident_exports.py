@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 READ_BACK = (".yaml", ".json", ".mat")
 ORIGIN: dict[str, str | list[str]] = {
-    "source": ["run 1", "bags/ä"],
+    "source": ["bags/run 1", "bags/ä"],
     "request": '{"method": "auto"}',
 }
 
@@ -88,10 +88,9 @@ def test_load_model___saved_model___returns_every_bit(tmp_path: Path, suffix: st
 @pytest.mark.parametrize("suffix", READ_BACK)
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(model=models())
-def test_load_model___any_saved_model___returns_every_bit(
+def test_load_model___any_saved_model_in_one_process___returns_every_bit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, model: control.StateSpace
 ) -> None:
-    # Not a process for each model.
     monkeypatch.setattr(mat, "_read_apart", lambda file: json.loads(json.dumps(tree(file))))
     path = tmp_path / f"any{suffix}"
     save_model(str(path), model, name="_2dof", provenance={})
