@@ -77,8 +77,8 @@ class Limiter:
     """Clamp, slew limit and position bound, in that order, behind a check for finite numbers.
 
     Zero is the safe state of the drive. A command that is not finite, or that drives outward beyond
-    the bound, becomes zero at once, whatever the slew limit. The slew is counted from the last
-    applied command.
+    the bound, becomes zero at once, whatever the slew limit; a command beyond a magnitude that was
+    lowered comes back to it at once too. The slew is counted from the last applied command.
 
     A limited command keeps its compensation as far as the command reaches, and the effort is cut.
     The compensation stands for friction, which is present in any case. The rest moves the arm and
@@ -137,7 +137,8 @@ class Limiter:
         change_v = command_v - self._applied_v
         allowed_v = settings.max_slew_v_per_s * max(interval_s, 0.0)
         if abs(change_v) > allowed_v:
-            command_v = self._applied_v + _clamp(change_v, allowed_v)
+            slewed_v = self._applied_v + _clamp(change_v, allowed_v)
+            command_v = _clamp(slewed_v, settings.max_command_v)
             reasons += (SLEW,)
         if abs(position_v) > settings.position_bound_v and command_v * position_v > 0.0:
             command_v = 0.0

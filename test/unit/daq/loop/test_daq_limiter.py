@@ -93,6 +93,19 @@ def test_compensation___larger_than_a_slewed_command___is_all_of_it() -> None:
     assert limiter.apply(1.0, 0.75, 0.0, 0.005) == (0.5, 0.5, ("slew",))
 
 
+@pytest.mark.parametrize(("wanted_v", "limited_v"), [(8.0, 2.0), (-8.0, 2.0)])
+def test_command___beyond_a_lowered_limit___comes_back_at_once_whatever_the_slew(
+    wanted_v: float, limited_v: float
+) -> None:
+    limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
+    for _ in range(8):
+        limiter.apply(8.0, 0.0, 0.0, 0.01)
+    limiter.settings = LimiterSettings(max_command_v=2.0, max_slew_v_per_s=100.0)
+    assert limiter.apply(wanted_v, 0.0, 0.0, 0.01).command_v == limited_v
+    # From there on it slews again.
+    assert limiter.apply(-8.0, 0.0, 0.0, 0.01).command_v == limited_v - 1.0
+
+
 def test_reset___after_a_command___slews_from_zero() -> None:
     limiter = Limiter(LimiterSettings(max_slew_v_per_s=100.0))
     for _ in range(20):
