@@ -32,6 +32,9 @@ from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from typing import BinaryIO
+
+    from flexarm_core.clock import Clock
 
 LATEST_TIME_NS = 2**63 - 1
 
@@ -58,6 +61,8 @@ class BagWriter:
         Size at which a file is full and the next one begins; 0: never.
     max_file_s : float
         Time from the first message of a file, s, at which the next one begins; 0: never.
+    clock : Clock, optional
+        Clock of the flush period, by default that of the machine.
 
     Attributes
     ----------
@@ -86,11 +91,13 @@ class BagWriter:
         flush_period_s: float = 0.9,
         max_file_bytes: int = 0,
         max_file_s: float = 0.0,
+        clock: Clock | None = None,
     ) -> None:
         self.path = Path(path)
         self.topics = tuple(topics)
         self._ros_distro = ros_distro
         self._flush_period_s = flush_period_s
+        self._clock: Clock = time if clock is None else clock
         self._max_file_bytes = max_file_bytes or math.inf
         self._max_file_ns = max_file_s * 1e9 or math.inf
         types = {topic.name: topic.definition.type_name for topic in self.topics}
@@ -157,7 +164,7 @@ class BagWriter:
 
     def flush_if_due(self) -> None:
         """Flush when messages have waited for a flush period; errors as in `flush`."""
-        if time.monotonic() - self._flushed_at_s >= self._flush_period_s:
+        if self._clock.monotonic() - self._flushed_at_s >= self._flush_period_s:
             self.flush()
 
     def flush(self) -> None:
@@ -201,6 +208,10 @@ class BagWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _create(self, file: Path) -> BinaryIO:
+        """Create a file of messages, and open it for writing."""
+        return file.open("xb")
+
     def _create_folder(self) -> None:
         try:
             self.path.mkdir(parents=True)
@@ -229,6 +240,7 @@ class BagWriter:
                 )
                 for topic in self.topics
             ),
+            self._create,
         )
         self._tallies.append(Tally({topic.name: 0 for topic in self.topics}))
         self._keep()
@@ -258,7 +270,7 @@ class BagWriter:
     def _keep(self) -> None:
         """Note that everything is with the operating system."""
         self._kept = [*self._tallies[:-1], self._tallies[-1].copy()]
-        self._flushed_at_s = time.monotonic()
+        self._flushed_at_s = self._clock.monotonic()
         self._waiting_since_ns = LATEST_TIME_NS
 
     def _information(self) -> dict[str, object]:

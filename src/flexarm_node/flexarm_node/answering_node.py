@@ -11,7 +11,7 @@ from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode
 from flexarm_node.stamps import set_stamp, stamp_ns
-from flexarm_node.statistics import Window
+from flexarm_node.statistics import AnswerCount, Window
 from flexarm_node.waiting import TopicWaiter
 
 if TYPE_CHECKING:
@@ -30,17 +30,14 @@ class AnsweringNode(LoopNode):
 
     A subclass computes the commands. This class receives the samples, numbers the commands,
     declares the commander, and collects the figures.
-
-    Attributes
-    ----------
-    run_start_ns : int
-        Stamp of the first sample of the run, ns.
     """
 
-    run_start_ns = 0
     _heard_s = math.inf
-    _answered = 0
-    _skipped = 0
+
+    @property
+    def run_start_ns(self) -> int:
+        """Stamp of the first sample of the run, ns."""
+        return self._count.run_start_ns
 
     @abstractmethod
     def commander(self) -> tuple[str, bool]:
@@ -73,6 +70,7 @@ class AnsweringNode(LoopNode):
 
     def make_topics(self) -> None:
         """Make the topics of the loop."""
+        self._count = AnswerCount()
         self._answer_s = Window(_STATISTICS_SAMPLES)
         self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
         self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
@@ -101,28 +99,24 @@ class AnsweringNode(LoopNode):
 
     def loop(self, stopping: threading.Event) -> None:
         """Answer until told to stop; a count of samples that goes back begins a new run."""
-        last_sequence = 0
+        self._count.restart()
         command = MotorCommand()
         command.header.frame_id = self.frame
         self._heard_s = math.inf
         while not stopping.is_set():
             state = self._states.wait_newest(_WAIT_S)
-            if state is None:
+            taken_ns = 0 if state is None else stamp_ns(state.header.stamp)
+            if state is None or not self._count.is_new(state.sequence, taken_ns):
                 self.spare_time()
                 continue
             received_s = self._heard_s = time.monotonic()
-            taken_ns = stamp_ns(state.header.stamp)
-            if state.sequence <= last_sequence or last_sequence == 0:
-                self.run_start_ns, last_sequence = taken_ns, state.sequence - 1
+            if self._count.begins(state.sequence, taken_ns):
                 self.begin()
-            self._skipped += state.sequence - last_sequence - 1
-            last_sequence = state.sequence
             self.answer(state, taken_ns, command)
             set_stamp(command.header.stamp, self.time.now_ns())
-            command.sequence += 1
+            command.sequence = self._count.next()
             command.state_sequence = state.sequence
             self._commands.publish(command)
-            self._answered += 1
             self.answered(state, taken_ns)
             self._answer_s.add(time.monotonic() - received_s)
             self.spare_time()
@@ -138,8 +132,8 @@ class AnsweringNode(LoopNode):
         """Yield the figures of the loop."""
         answer = self._answer_s.percentiles()
         yield {
-            "answered samples": self._answered,
-            "skipped periods": self._skipped,
+            "answered samples": self._count.answered,
+            "skipped periods": self._count.skipped,
             "answer p50 ms": f"{answer.p50 * 1e3:.3f}",
             "answer p99 ms": f"{answer.p99 * 1e3:.3f}",
         }

@@ -1,4 +1,4 @@
-"""Running figures of a loop over a window, cheap enough to update at every sample."""
+"""Counts and running figures of a loop, cheap enough to update at every sample."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ _BIN = math.log(1.01)
 _LONGEST_S = 1e3
 _BINS = math.ceil(math.log(_LONGEST_S / _FINEST_S) / _BIN)
 _SHARES = np.array([0.5, 0.99, 0.999, 1.0])
+# A number or a stamp that goes back further is that of a new run.
+_LATEST_SAMPLES = 100
+_LATEST_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -74,3 +77,56 @@ class Window:
         ranks = np.ceil(_SHARES * up_to[-1])
         middles = np.searchsorted(up_to, ranks) + 0.5
         return Percentiles(*(_FINEST_S * np.exp(_BIN * middles)).tolist())
+
+
+class AnswerCount:
+    """Numbers of a commander: it sends one command, with the next number, for each sample.
+
+    Attributes
+    ----------
+    run_start_ns : int
+        Stamp of the first sample of the run, ns.
+    answered : int
+        Commands sent, in all runs.
+    skipped : int
+        Periods without a sample here, in all runs.
+    """
+
+    def __init__(self) -> None:
+        self.run_start_ns = 0
+        self.answered = 0
+        self.skipped = 0
+        self._command = 0
+        self._sample = 0
+        self._taken_ns = 0
+
+    def restart(self) -> None:
+        """Begin the numbers anew: the node was activated, and the next sample begins a run."""
+        self._command = self._sample = 0
+
+    def is_new(self, sequence: int, taken_ns: int) -> bool:
+        """Return whether a sample is to be answered, by its number and its stamp.
+
+        One that comes twice, or behind a newer one of the run, is not: a second answer would look
+        like that of a second commander.
+        """
+        is_behind = 0 <= self._sample - sequence <= _LATEST_SAMPLES
+        return not (is_behind and 0 <= self._taken_ns - taken_ns <= _LATEST_NS)
+
+    def begins(self, sequence: int, taken_ns: int) -> bool:
+        """Take the number and the stamp of a sample; return whether it begins a run.
+
+        The first sample does, and so does one whose number is not above that of the last one.
+        """
+        is_first = sequence <= self._sample or self._sample == 0
+        if is_first:
+            self.run_start_ns, self._sample = taken_ns, sequence - 1
+        self.skipped += sequence - self._sample - 1
+        self._sample, self._taken_ns = sequence, taken_ns
+        return is_first
+
+    def next(self) -> int:
+        """Return the number of the next command, which is sent."""
+        self.answered += 1
+        self._command += 1
+        return self._command

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from mcap.writer import CompressionType, Writer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
     from pathlib import Path
+    from typing import BinaryIO
 
 CHUNK_BYTES = 1 << 16
 """Size of a full chunk: about half a second of samples and commands, also in virtual time."""
@@ -37,6 +38,8 @@ class StorageFile:
         File to create.
     topics : iterable of FileTopic
         All topics; names are unique.
+    create : callable
+        Function that creates the file and opens it for writing.
 
     Attributes
     ----------
@@ -46,11 +49,13 @@ class StorageFile:
         Size of what the operating system has.
     """
 
-    def __init__(self, path: Path, topics: Iterable[FileTopic]) -> None:
+    def __init__(
+        self, path: Path, topics: Iterable[FileTopic], create: Callable[[Path], BinaryIO]
+    ) -> None:
         self._path = path
         self.flushed_bytes = 0
         self.finished = False
-        self._stream = path.open("xb")
+        self._stream = create(path)
         self._writer = Writer(
             self._stream,
             chunk_size=CHUNK_BYTES,

@@ -27,6 +27,7 @@ from flexarm_node.statistics import Window
 if TYPE_CHECKING:
     import threading
 
+    from flexarm_core.clock import Clock
     from flexarm_daq.loop.exchange import Link
     from flexarm_daq.loop.limiter import Limiter
     from flexarm_daq.loop.sensor_check import SensorCheck
@@ -76,6 +77,8 @@ class Acquisition(Exchange):
         Settings of virtual time; None runs in real time.
     statistics_s : float
         Time that `late_s` and `reply_s` look back, s.
+    clock : Clock, optional
+        Clock of the loop, by default that of the machine.
 
     Attributes
     ----------
@@ -96,10 +99,12 @@ class Acquisition(Exchange):
         paced_by_rig: bool = False,
         lockstep: LockStep | None = None,
         statistics_s: float = 10.0,
+        clock: Clock | None = None,
     ) -> None:
         super().__init__(
             rig, limiter, watchdog, sensors, link, rate_hz=rate_hz, statistics_s=statistics_s
         )
+        self._clock: Clock = time if clock is None else clock
         self._samples = samples
         self._paced_by_rig = paced_by_rig
         self._lockstep = lockstep
@@ -134,10 +139,10 @@ class Acquisition(Exchange):
             self._rig.close()
 
     def _run_by_the_clock(self, stop: threading.Event) -> None:
-        deadline_s = time.monotonic()
+        deadline_s = self._clock.monotonic()
         skipped = 0
         while not stop.is_set():
-            self._take(self._read(), time.monotonic(), skipped)
+            self._take(self._read(), self._clock.monotonic(), skipped)
             if self._is_last():
                 return
             deadline_s += self._period_s
@@ -149,16 +154,16 @@ class Acquisition(Exchange):
         while not stop.is_set():
             sample = self._read()
             periods = (sample.time_s - self._sample_time_s) / self._period_s if self.taken else 1.0
-            self._take(sample, time.monotonic(), max(0, round(periods) - 1))
+            self._take(sample, self._clock.monotonic(), max(0, round(periods) - 1))
             if self._is_last():
                 return
             # The wait ends a little early, so that lateness does not persist; reading waits it out.
             self._serve_until(self._tick_s + self._period_s - _WAKE_MARGIN_S, stop)
 
     def _run_in_lockstep(self, lockstep: LockStep, stop: threading.Event) -> None:
-        deadline_s = time.monotonic()
+        deadline_s = self._clock.monotonic()
         while not stop.is_set():
-            self._take(self._read(), time.monotonic())
+            self._take(self._read(), self._clock.monotonic())
             if self._is_last():
                 return
             if self._is_answered:
@@ -166,7 +171,7 @@ class Acquisition(Exchange):
             # Without a pace, unanswered samples would run away from a commander that starts later.
             pace = lockstep.real_time_factor or (0.0 if self._is_answered else 1.0)
             if not pace:
-                deadline_s = time.monotonic()
+                deadline_s = self._clock.monotonic()
                 continue
             period_s = self._period_s / pace
             deadline_s += period_s
@@ -183,7 +188,7 @@ class Acquisition(Exchange):
         if command is None:
             return False
         # A late command may not act, but its sender is there: the next sample waits for it.
-        if self._act(command, time.monotonic()) in (Verdict.ACCEPTED, Verdict.LATE):
+        if self._act(command, self._clock.monotonic()) in (Verdict.ACCEPTED, Verdict.LATE):
             self._is_answered = True
         return True
 
@@ -192,19 +197,19 @@ class Acquisition(Exchange):
         if self._spared < self.taken - 1:
             self._spare()
         while not stop.is_set():
-            left_s = deadline_s - time.monotonic()
+            left_s = deadline_s - self._clock.monotonic()
             if left_s <= _WAKE_MARGIN_S:
-                time.sleep(max(0.0, left_s))
+                self._clock.sleep(max(0.0, left_s))
                 # An answer may have come in this sleep.
                 if self.commander.answered != self.sequence:
                     self._serve(0.0)
                 break
             has_come = self._serve(min(left_s - _WAKE_MARGIN_S, _STOP_POLL_S))
-            left_s = deadline_s - time.monotonic()
+            left_s = deadline_s - self._clock.monotonic()
             is_done = not has_come or self.commander.answered == self.sequence
             if is_done and left_s > _SPARE_S:
                 self._spare()
-        late_s = time.monotonic() - deadline_s
+        late_s = self._clock.monotonic() - deadline_s
         self.late_s.add(late_s)
         return late_s
 
@@ -213,10 +218,10 @@ class Acquisition(Exchange):
         self._link.spare_time()
 
     def _await_answer(self, timeout_s: float, stop: threading.Event) -> None:
-        until_s = time.monotonic() + timeout_s
+        until_s = self._clock.monotonic() + timeout_s
         while self.commander.answered != self.sequence and not stop.is_set():
             self._spare()
-            left_s = until_s - time.monotonic()
+            left_s = until_s - self._clock.monotonic()
             if not self._serve(min(left_s, _STOP_POLL_S)) and left_s <= _STOP_POLL_S:
                 self._is_answered = False
                 self._lose_commander()

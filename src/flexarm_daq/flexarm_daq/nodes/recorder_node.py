@@ -27,15 +27,14 @@ from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import SettingError
 from flexarm_core.paths import user_path
 from flexarm_core.tables import read_table
-from flexarm_daq.nodes.kept_messages import KeptMessages
 from flexarm_daq.nodes.last_messages import LastMessages
 from flexarm_daq.nodes.recorded_topics import IN_FORCE, KEPT, TOPICS, offered_qos, recorded_topics
-from flexarm_daq.nodes.send_times import SendTimes
+from flexarm_daq.nodes.recording import QUIET_S, Recording
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.reports import Reporter
-from flexarm_node.waiting import RawMessage, RawTopicsWaiter
+from flexarm_node.waiting import RawTopicsWaiter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -46,39 +45,34 @@ if TYPE_CHECKING:
 PARAMETERS = read_table("flexarm_daq.nodes", "recorder", {"topics": tuple(TOPICS)})
 _ResponseT = TypeVar("_ResponseT", SetBool.Response, Trigger.Response)
 _WAIT_S = 0.1
-# Longest time between the arrivals of two sent messages, on a busy machine too.
-_QUIET_S = 0.5
 _DRAIN_S = 5.0
 _REPORT_S = 1.0
 
 
 class RecorderNode(Node):
-    """Node that connects topics to a `BagWriter`; one thread owns the bag, and services ask it."""
+    """Node that connects topics to a `Recording`; one thread owns it, and services ask that."""
 
     def __init__(self) -> None:
         super().__init__("recorder", namespace="/flexarm")
         self._settings = Parameters(self, PARAMETERS, accept=_refuse_small_files)
         wanted = self._settings.values()["topics"]
         names = [name for name in TOPICS if name in wanted]
-        self._names = [self.resolve_topic_name(name) for name in names]
-        self._topics = recorded_topics(names, self._names)
+        resolved = [self.resolve_topic_name(name) for name in names]
+        self._topics = recorded_topics(names, resolved)
         self._waiter = RawTopicsWaiter(self, [(TOPICS[n][0], n, TOPICS[n][2]) for n in names])
-        self._writer: BagWriter | None = None
-        self._kept = KeptMessages(
-            topic for topic, name in zip(self._names, names, strict=True) if name in KEPT
+        self._recording = Recording(
+            resolved,
+            (topic for topic, name in zip(resolved, names, strict=True) if name in KEPT),
         )
         self._in_force = [
-            topic for topic, name in zip(self._names, names, strict=True) if name in IN_FORCE
+            topic for topic, name in zip(resolved, names, strict=True) if name in IN_FORCE
         ]
-        self._last: LastMessages | None = None
         if self._settings.values()["snapshot_mode"]:
             self.create_service(Trigger, "~/snapshot", self._on_snapshot)
-        self._sent = [SendTimes() for _ in names]
         self._requests: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = (
             queue.SimpleQueue()
         )
         self._stopping = threading.Event()
-        self.failure = ""
         self._reporter = Reporter(self, NodeTime(self))
         self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/record", self._on_record)
@@ -90,6 +84,11 @@ class RecorderNode(Node):
         self._thread = threading.Thread(target=self._record, daemon=True, name="recording")
         self._thread.start()
 
+    @property
+    def failure(self) -> str:
+        """Why the last recording stopped by itself; empty when it did not."""
+        return self._recording.failure
+
     def stop(self) -> None:
         """Write the messages that have come so far and close the bag."""
         self._stopping.set()
@@ -98,16 +97,10 @@ class RecorderNode(Node):
     def _record(self) -> None:
         while not self._stopping.is_set():
             messages = self._waiter.wait(_WAIT_S)
-            received_ns = time.monotonic_ns()
-            for message in messages:
-                self._sent[message.topic].add(message.source_ns, received_ns)
             try:
-                self._write(messages)
-                if self._writer is not None:
-                    # The topics may fall silent.
-                    self._writer.flush_if_due()
-            except RecordingError as error:
-                self._fail(error)
+                self._recording.take(messages, time.monotonic_ns())
+            except RecordingError:
+                self.get_logger().error(self.failure)
             while not self._requests.empty():
                 action, answer = self._requests.get()
                 try:
@@ -117,40 +110,17 @@ class RecorderNode(Node):
         with suppress(RecordingError):
             self._close()
 
-    def _fail(self, error: RecordingError) -> None:
-        self._writer = None
-        self.failure = f"recording stopped: {error}"
-        self.get_logger().error(self.failure)
-
-    def _write(self, messages: list[RawMessage]) -> None:
-        for message in messages:
-            name = self._names[message.topic]
-            for topic, raw, time_ns in self._kept.due(name, message.raw, message.source_ns):
-                if self._writer is None:
-                    continue
-                if self._last is not None:
-                    self._last.add(topic, raw, time_ns)
-                else:
-                    self._writer.write(topic, raw, time_ns, time_ns)
-
     def _write_what_is_on_its_way(self) -> None:
         """Write every message that was sent before now and comes in time."""
-        now_ns = time.monotonic_ns()
+        self._recording.end(time.monotonic_ns())
         deadline_s = time.monotonic() + _DRAIN_S
-        while time.monotonic() < deadline_s:
-            messages = self._waiter.wait(_QUIET_S)
-            due = [
-                message
-                for message in messages
-                if self._sent[message.topic].was_sent_before(message.source_ns, now_ns)
-            ]
-            self._write(due)
-            if not due or due[-1] is not messages[-1]:
-                return
+        while self._recording.ending and time.monotonic() < deadline_s:
+            messages = self._waiter.wait(QUIET_S)
+            self._recording.finish(messages, time.monotonic_ns())
 
     def _open(self) -> str:
-        if self._writer is not None:
-            raise RecordingError(f"already recording to {self._writer.path}")
+        if self._recording.writer is not None:
+            raise RecordingError(f"already recording to {self._recording.writer.path}")
         bag = self._settings.values()["bag"]
         if not bag:
             raise RecordingError("set the parameter bag to the folder to create")
@@ -160,17 +130,17 @@ class RecorderNode(Node):
             raise RecordingError(str(error)) from None
         ros_distro = os.environ.get("ROS_DISTRO", "jazzy")
         settings = self._settings.values()
-        self._writer = BagWriter(
+        writer = BagWriter(
             path,
             self._offered(),
             ros_distro=ros_distro,
             max_file_bytes=settings["max_bagfile_size"],
             max_file_s=settings["max_bagfile_duration"],
         )
+        last = None
         if settings["snapshot_mode"]:
-            self._last = LastMessages(settings["snapshot_duration"], self._in_force)
-        self._kept.open(time.time_ns())
-        self.failure = ""
+            last = LastMessages(settings["snapshot_duration"], self._in_force)
+        self._recording.open(writer, time.time_ns(), last)
         text = f"recording to {path}"
         self.get_logger().info(text)
         return text
@@ -186,51 +156,39 @@ class RecorderNode(Node):
         return topics
 
     def _close(self) -> str:
-        if self._writer is None:
-            if self.failure:
-                raise RecordingError(self.failure)
-            return "was not recording"
-        try:
-            self._write_what_is_on_its_way()
-            writer, self._writer = self._writer, None
-            writer.close()
-        except RecordingError as error:
-            self._fail(error)
-            raise
-        count = writer.message_count
-        text = f"{count} message{'s' * (count != 1)} in {writer.path}"
-        self.get_logger().info(text)
-        for complaint in writer.sequences.complaints():
-            self.get_logger().warning(f"{writer.path}: {complaint}")
-            text += f"; {complaint}"
+        writer = self._recording.writer
+        text = self._ended(self._recording.close)
+        if writer is not None:
+            self.get_logger().info(text)
+            for complaint in writer.sequences.complaints():
+                self.get_logger().warning(f"{writer.path}: {complaint}")
         return text
 
     def _write_snapshot(self) -> str:
-        if self._writer is None or self._last is None:
-            raise RecordingError("not recording: nothing is kept")
-        try:
-            self._write_what_is_on_its_way()
-            messages = self._last.take()
-            for topic, raw, time_ns in messages:
-                self._writer.write(topic, raw, time_ns, time_ns)
-            self._writer.end_file()
-        except RecordingError as error:
-            self._fail(error)
-            raise
-        count = len(messages)
-        text = f"snapshot of {count} message{'s' * (count != 1)} in {self._writer.path}"
+        text = self._ended(self._recording.snapshot)
         self.get_logger().info(text)
         return text
 
+    def _ended(self, end: Callable[[], str]) -> str:
+        """End a bag or a snapshot, with what is on its way to it; a failure is logged."""
+        was_recording = self._recording.writer is not None
+        try:
+            self._write_what_is_on_its_way()
+            return end()
+        except RecordingError:
+            if was_recording and self.failure:
+                self.get_logger().error(self.failure)
+            raise
+
     def _report(self) -> None:
         status = DiagnosticStatus(message="not recording")
-        writer = self._writer
+        writer, last = self._recording.writer, self._recording.last
         if writer is not None:
             complaints = writer.sequences.complaints()
             status.message = "; ".join([f"recording to {writer.path}", *complaints])
             status.values = [KeyValue(key="messages", value=str(writer.message_count))]
-            if self._last is not None:
-                kept = KeyValue(key="messages kept for a snapshot", value=str(len(self._last)))
+            if last is not None:
+                kept = KeyValue(key="messages kept for a snapshot", value=str(len(last)))
                 status.values = [*status.values, kept]
             if complaints:
                 status.level = DiagnosticStatus.WARN

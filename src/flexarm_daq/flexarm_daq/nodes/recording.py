@@ -1,0 +1,204 @@
+"""Recording of topics: serialised messages in, one bag at a time out."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol
+
+from flexarm_bags.writer import RecordingError
+from flexarm_core.labels import counted
+from flexarm_daq.nodes.kept_messages import KeptMessages
+from flexarm_daq.nodes.send_times import SendTimes
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from flexarm_bags.writer import BagWriter
+    from flexarm_daq.nodes.last_messages import LastMessages
+
+QUIET_S = 0.5
+"""Longest time between the arrivals of two sent messages, on a busy machine too."""
+_QUIET_NS = round(QUIET_S * 1e9)
+
+
+class Message(Protocol):
+    """One serialised message, with its topic as an index and the instant of its publication."""
+
+    @property
+    def topic(self) -> int:
+        """Index into the recorded topics."""
+
+    @property
+    def raw(self) -> bytes:
+        """Serialised message (CDR)."""
+
+    @property
+    def source_ns(self) -> int:
+        """Instant of publication, nanoseconds since the epoch."""
+
+
+class Recording:
+    """Recorder of messages, with or without a bag at the moment.
+
+    It reads no clock and waits for nothing: its caller states the time and brings the messages.
+
+    Parameters
+    ----------
+    topics : sequence of str
+        Recorded topics.
+    kept : iterable of str
+        Those of them whose last message belongs into every bag; see `KeptMessages`.
+
+    Attributes
+    ----------
+    writer : BagWriter or None
+        Writer of the present bag.
+    last : LastMessages or None
+        Messages that wait for a snapshot; None when all are written as they come.
+    failure : str
+        Why the last recording stopped by itself; empty when it did not.
+    ending : bool
+        True from `end` until all that was sent before it is written.
+    """
+
+    def __init__(self, topics: Sequence[str], kept: Iterable[str]) -> None:
+        self._topics = tuple(topics)
+        self._kept = KeptMessages(kept)
+        self._sent = [SendTimes() for _ in topics]
+        self._heard_ns = [-math.inf] * len(topics)
+        self._awaited: dict[int, float] = {}
+        self._later: list[Message] = []
+        self._ended_ns = 0
+        self.writer: BagWriter | None = None
+        self.last: LastMessages | None = None
+        self.failure = ""
+        self.ending = False
+
+    def open(self, writer: BagWriter, now_ns: int, last: LastMessages | None = None) -> None:
+        """Begin a bag at an instant, nanoseconds since the epoch, of all messages or snapshots."""
+        self.writer = writer
+        self.last = last
+        self.failure = ""
+        self._kept.open(now_ns)
+
+    def take(self, messages: Sequence[Message], received_ns: int) -> None:
+        """Write messages, received at an instant of the steady clock, and flush when that is due.
+
+        The topics may fall silent: this is to be called now and then without messages too.
+
+        Raises
+        ------
+        RecordingError
+            When the disk refuses the data; the recording is over then.
+        """
+        for message in messages:
+            self._sent[message.topic].add(message.source_ns, received_ns)
+            self._heard_ns[message.topic] = received_ns
+        try:
+            self._write(messages)
+            if self.writer is not None:
+                self.writer.flush_if_due()
+        except RecordingError as error:
+            self._fail(error)
+            raise
+
+    def end(self, now_ns: int) -> None:
+        """Begin to end the bag, or to take a snapshot, at an instant of the steady clock."""
+        self._ended_ns = now_ns
+        topics = range(len(self._topics))
+        recent = [topic for topic in topics if now_ns - self._heard_ns[topic] < _QUIET_NS]
+        self._awaited = dict.fromkeys(recent or topics, now_ns)
+        self._later = []
+        self.ending = self.writer is not None
+
+    def finish(self, messages: Sequence[Message], received_ns: int) -> None:
+        """Write those that were sent before the end, of messages that were on their way to it.
+
+        Each topic has a way of its own. `ending` turns false when every topic that was heard of
+        before the end has brought a later message, or nothing for `QUIET_S`.
+
+        Raises
+        ------
+        RecordingError
+            When the disk refuses the data; the recording is over then.
+        """
+        due = []
+        for message in messages:
+            topic = message.topic
+            if not self._sent[topic].was_sent_before(message.source_ns, self._ended_ns):
+                self._awaited.pop(topic, None)
+                self._later.append(message)
+                continue
+            due.append(message)
+            if topic in self._awaited:
+                self._awaited[topic] = received_ns
+        self.ending = any(received_ns - last < _QUIET_NS for last in self._awaited.values())
+        try:
+            self._write(due)
+        except RecordingError as error:
+            self._fail(error)
+            raise
+
+    def close(self) -> str:
+        """Close the bag, and return in words what is in it.
+
+        Raises
+        ------
+        RecordingError
+            When there is no bag because the recording has stopped by itself, or when the disk
+            refuses the data.
+        """
+        self.ending = False
+        if self.writer is None:
+            if self.failure:
+                raise RecordingError(self.failure)
+            return "was not recording"
+        writer = self.writer
+        try:
+            writer.close()
+        except RecordingError as error:
+            self._fail(error)
+            raise
+        self.writer = None
+        content = f"{counted(writer.message_count, 'message')} in {writer.path}"
+        return "; ".join([content, *writer.sequences.complaints()])
+
+    def snapshot(self) -> str:
+        """Write the last messages into a file of the bag, and return in words what is in it.
+
+        The bag goes on with the messages that were sent since `end`.
+
+        Raises
+        ------
+        RecordingError
+            When no messages are kept, or when the disk refuses the data.
+        """
+        self.ending = False
+        if self.writer is None or self.last is None:
+            raise RecordingError("not recording: nothing is kept")
+        try:
+            messages = self.last.take()
+            for topic, raw, time_ns in messages:
+                self.writer.write(topic, raw, time_ns, time_ns)
+            self.writer.end_file()
+        except RecordingError as error:
+            self._fail(error)
+            raise
+        self._write(self._later)
+        return f"snapshot of {counted(len(messages), 'message')} in {self.writer.path}"
+
+    def _write(self, messages: Sequence[Message]) -> None:
+        for message in messages:
+            name = self._topics[message.topic]
+            for topic, raw, time_ns in self._kept.due(name, message.raw, message.source_ns):
+                if self.writer is None:
+                    continue
+                if self.last is not None:
+                    self.last.add(topic, raw, time_ns)
+                else:
+                    self.writer.write(topic, raw, time_ns, time_ns)
+
+    def _fail(self, error: RecordingError) -> None:
+        self.writer = None
+        self.ending = False
+        self.failure = f"recording stopped: {error}"
