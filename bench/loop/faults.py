@@ -21,7 +21,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from bench.tools import FAULTS_PAGE, MUTANTS_HEADING, count_option, json_option, write_json
+from bench.tools import FAULTS_PAGE, SCHEDULES_HEADING, count_option, json_option, write_json
 
 _ROOT = Path(__file__).parents[2]
 # The campaign shares its injections and its graph with the tests.
@@ -85,8 +85,8 @@ def main(*, kills: int, seeds: int, json_file: Path | None, docs: bool) -> None:
     console.print(table(rows))
     write_json(json_file, rows)
     if docs:
-        _, *mutants = FAULTS_PAGE.read_text("utf-8").partition(MUTANTS_HEADING)
-        FAULTS_PAGE.write_text(_HEAD + markdown(rows) + "".join(mutants), "utf-8")
+        _, *others = FAULTS_PAGE.read_text("utf-8").partition(SCHEDULES_HEADING)
+        FAULTS_PAGE.write_text(_HEAD + markdown(rows) + "".join(others), "utf-8")
 
 
 def broken_rigs(seeds: int) -> Iterator[Row]:

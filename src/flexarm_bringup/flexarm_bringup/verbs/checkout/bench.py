@@ -53,6 +53,11 @@ _BENCHES = (
         ("--rigs 500 --spread 0.2",),
     ),
     ("faults", "The fault campaign: broken rigs, killed processes", ("--docs",)),
+    (
+        "schedules",
+        "Seeded schedules of faults: the whole graph in virtual time, its invariants checked",
+        ("--seeds 10000", "--seed 42", "--seeds 100000 --dask tcp://10.0.0.7:8786"),
+    ),
     ("mutants", "Small defects planted in the code: which the tests notice", ("--docs",)),
     ("bag_faults", "Cut, flipped and mutated bags", ()),
     ("endurance", "Ten minutes of recording at 500 Hz with a busy core", ()),

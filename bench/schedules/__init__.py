@@ -1,0 +1,1 @@
+"""Fault schedules: the whole graph in one process, in virtual time, by a seed."""
