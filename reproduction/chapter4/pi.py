@@ -197,7 +197,7 @@ def _table(results: Results) -> Finding:
     rows = []
     for code, made in CODES.items():
         ours, thesis = cases(results, code), made
-        for name, digits in (("criterion", 3), ("error_v", 4), ("rise_s", 2), ("kp", 2), ("ki", 4)):
+        for name, digits in (("criterion", 3), ("error_v", 3), ("rise_s", 2), ("kp", 2), ("ki", 3)):
             rows.append(
                 (
                     code,
@@ -298,7 +298,7 @@ def _claim(results: Results) -> Finding:
             code,
             made["type"],
             spread([100.0 * value for value in mismatch[code]], ".1f"),
-            spread([100.0 * case.uncompensated_mismatch for case in cases(results, code)], ".1f"),
+            spread([100.0 * case.uncompensated_mismatch for case in cases(results, code)], ".0f"),
             spread([case.implemented_itae for case in cases(results, code)], ".2f"),
             p_text(p_values[code]) if code in p_values else "",
         )
