@@ -5,17 +5,21 @@ from __future__ import annotations
 import json
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from rich.progress import track
 from rich.table import Table
 
+from flexarm_bringup.console.verb_group import FORCE
+from flexarm_core.outputs import MARK_KEY, OutputError, require_place
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    Command = TypeVar("Command", bound=Callable[..., None])
+    Command = Callable[..., None]
     Case = TypeVar("Case")
     Result = TypeVar("Result")
 
@@ -33,9 +37,24 @@ unit test fails on it. Of those that live, some do the same as the original.
 
 
 def json_option(command: Command) -> Command:
-    """Add the option `--json FILE`, the argument `json_file`."""
-    kind = click.Path(dir_okay=False, path_type=Path)
-    return click.option("--json", "json_file", type=kind, help="File for the figures.")(command)
+    """Add the option `--json FILE`, the argument `json_file`, and `--force`.
+
+    What the file is refused for is found before anything is measured.
+    """
+
+    @click.option(
+        "--json", "json_file", type=click.Path(path_type=Path), help="File for the figures."
+    )
+    @FORCE
+    @wraps(command)
+    def checked(*, json_file: Path | None, force: bool, **settings: Any) -> None:  # noqa: ANN401
+        try:
+            require_place([] if json_file is None else [json_file], force=force)
+        except OutputError as error:
+            raise click.ClickException(str(error)) from None
+        command(json_file=json_file, **settings)
+
+    return checked
 
 
 def count_option(name: str, default: int) -> Callable[[Command], Command]:
@@ -67,8 +86,24 @@ def run_trials(
         return list(track(pool.map(work, cases, chunksize=chunk), total=len(cases)))
 
 
-def write_json(file: Path | None, figures: object) -> None:
-    """Write figures, in which dataclasses may stand, to the file of `--json`; None: nowhere."""
-    if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(figures, indent=1, default=asdict), "utf-8")
+def write_json(file: Path | None, figures: dict[str, Any] | Sequence[Any]) -> None:
+    """Write figures to the file of `--json`; None: nowhere.
+
+    Parameters
+    ----------
+    file : Path or None
+        File, which gets the mark of a file of flexarm.
+    figures : dict, or sequence of dicts or dataclasses
+        Figures, in which dataclasses may stand; the first of several rows has the mark.
+    """
+    if file is None:
+        return
+    marked: object = figures
+    if isinstance(figures, dict):
+        marked = MARK_KEY | figures
+    elif figures:
+        first, *others = figures
+        row = first if isinstance(first, dict) else asdict(first)
+        marked = [MARK_KEY | row, *others]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(marked, indent=1, default=asdict), "utf-8")

@@ -24,7 +24,7 @@ from flexarm_core.errors import SettingError
 from flexarm_daq.loop.limiter import LimiterSettings
 
 if TYPE_CHECKING:
-    from flexarm_control.laws.law_protocol import Law
+    from flexarm_control.laws.law_protocol import LawWithMemory
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 ANY = st.floats()
@@ -45,7 +45,7 @@ def _values(table: dict[str, object], names: st.SearchStrategy[str]) -> st.Searc
     return names.flatmap(values_of)
 
 
-def built(name: str, values: dict[str, float]) -> Law:
+def built(name: str, values: dict[str, float]) -> LawWithMemory:
     """Return a law; one that refuses its values, in a clear error, is no example."""
     try:
         return build_law(name, values)

@@ -77,7 +77,7 @@ def test_watchdog___any_history___judges_by_the_sample_of_the_last_command(
         assert watchdog.stale(now, float(now)) is (answered is None)
         taken.append(now)
         wanted = taken[max(len(taken) - 1 - back, 0)]
-        assert watchdog.in_time(wanted) is (now - wanted < 3)
+        assert watchdog.in_time(wanted) is (now - wanted < 2)
         if now - wanted < 3:
             watchdog.fed(wanted)
             answered = wanted

@@ -93,16 +93,23 @@ def arm_state(
     return Sent("/flexarm/state", type_name, stamp_ns, raw)
 
 
-def motor_command(sequence: int, time_ns: int, effort_v: float) -> Sent:
-    """Return a MotorCommand on /flexarm/command."""
+def motor_command(
+    sequence: int,
+    time_ns: int,
+    effort_v: float,
+    *,
+    state_sequence: int | None = None,
+    compensation_v: float = 0.0,
+) -> Sent:
+    """Return a MotorCommand on /flexarm/command; it answers the sample of its own number."""
     type_name = "flexarm_msgs/msg/MotorCommand"
     raw = serialised(
         type_name,
         header=header(time_ns),
         sequence=sequence,
-        state_sequence=sequence,
+        state_sequence=sequence if state_sequence is None else state_sequence,
         effort_v=effort_v,
-        compensation_v=0.0,
+        compensation_v=compensation_v,
     )
     return Sent("/flexarm/command", type_name, time_ns, raw)
 

@@ -164,7 +164,7 @@ def has_all(graph: Graph) -> bool:
     full_name = graph.operator.full_name
     last = {
         "daq": (PUBLISH, _CLOCK),
-        "controller": (PUBLISH, full_name("payload")),
+        "controller": (PUBLISH, full_name("law")),
         "experiment": (PUBLISH, full_name("commander")),
         "recorder": (REPLY, full_name("recorder/record")),
         "player": (REPLY, full_name("player/play")),

@@ -12,6 +12,7 @@ from flexarm_bags.reader import (
     CHANNEL_INFO,
     COMMANDER_INFO,
     IO_SAMPLE,
+    LAW_IN_FORCE,
     MOTOR_COMMAND,
     REFERENCE,
 )
@@ -36,6 +37,7 @@ EXPECTED = {
     "io": IO_SAMPLE,
     "io_channels": CHANNEL_INFO,
     "commander": COMMANDER_INFO,
+    "law": LAW_IN_FORCE,
 }
 """Types of the project's topics, by the last part of their names."""
 

@@ -52,6 +52,7 @@ IO_SAMPLE = "flexarm_msgs/msg/IoSample"
 CHANNEL_INFO = "flexarm_msgs/msg/ChannelInfo"
 MOTOR_COMMAND = "flexarm_msgs/msg/MotorCommand"
 COMMANDER_INFO = "flexarm_msgs/msg/CommanderInfo"
+LAW_IN_FORCE = "flexarm_msgs/msg/LawInForce"
 REFERENCE = "std_msgs/msg/Float64"
 
 _NS = 1_000_000_000
@@ -284,7 +285,7 @@ class Bag:
             return None
         if not self.count(topic):
             return None
-        info = self._deserialised(topic, CHANNEL_INFO)[-1]
+        info = self.messages(topic, CHANNEL_INFO)[-1]
         return Channels(
             tuple(info.input_names),
             tuple(info.output_names),
@@ -298,7 +299,7 @@ class Bag:
         commander = sibling(topic, "commander")
         if not self.has(commander, COMMANDER_INFO):
             return []
-        infos = self._deserialised(commander, COMMANDER_INFO)
+        infos = self.messages(commander, COMMANDER_INFO)
         return [bool(info.uses_outputs) for info in infos]
 
     def _decoded(self, topic: str, messages: Messages) -> Recorded:
@@ -342,6 +343,6 @@ class Bag:
                 raise BoundError(f"{topic} has too many messages to be read one by one")
         return Messages.of(times_ns, raws)
 
-    def _deserialised(self, topic: str, type_name: str) -> list[Any]:
+    def messages(self, topic: str, type_name: str) -> list[Any]:
         """Return the messages of a topic as objects, whose members the bag's definition names."""
         return [self.reader.deserialize(raw, type_name) for raw in self._messages(topic).raws()]

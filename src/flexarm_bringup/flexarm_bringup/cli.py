@@ -30,6 +30,7 @@ VERBS = {
     "identify": "offline.identify:identify",
     "report": "offline.identify:report",
     "tune": "offline.tune:tune",
+    "replay": "offline.replay:replay",
     "reproduce": "checkout.reproduce:reproduce",
     "play": "laboratory.programs:play",
     "record": "laboratory.programs:record",

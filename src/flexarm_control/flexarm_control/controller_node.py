@@ -7,21 +7,19 @@ not active, the watchdog of the DAQ node holds the drive at zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from itertools import chain
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from std_msgs.msg import Float64
 
-from flexarm_control.laws.registry import LAWS, LawSpec, build_law
 from flexarm_control.laws.switching import Handover
-from flexarm_control.models.chosen_model import PREFIX, chosen_model
-from flexarm_control.references import REFERENCES, Reference, build_reference
-from flexarm_control.sample_rate import SampleRate, suits
+from flexarm_control.loop_setup import PARAMETERS, TOPIC, Setup
+from flexarm_control.models.chosen_model import PREFIX
+from flexarm_control.sample_rate import SampleRate
 from flexarm_core.channels import TRAVEL_V
 from flexarm_core.errors import SettingError
-from flexarm_core.tables import read_table
-from flexarm_msgs.msg import ArmState, MotorCommand, PayloadEstimate
+from flexarm_msgs.msg import ArmState, LawInForce, MotorCommand, PayloadEstimate
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
 from flexarm_node.answering_node import AnsweringNode
@@ -33,8 +31,7 @@ if TYPE_CHECKING:
 
     from rclpy.publisher import Publisher
 
-    from flexarm_control.laws.law_protocol import Law
-    from flexarm_core.specs import ParameterSpec
+    from flexarm_control.laws.law_protocol import Memory
 
 # An unchanged reference is published again, for a recorder that was not yet there when it changed.
 _TELL_AGAIN_NS = 1_000_000_000
@@ -42,98 +39,16 @@ _TELL_AGAIN_NS = 1_000_000_000
 _PAYLOAD_NS = 100_000_000
 # A stream of set-points that are refused is told so often.
 _REFUSED_S = 5.0
-TOPIC = "topic"
-"""The reference comes from the service and the topic, and not from a built-in profile."""
 
 
-def _under(prefix: str, specs: tuple[ParameterSpec, ...]) -> list[ParameterSpec]:
-    """Return parameters of a law or reference under its name, as ``pd.kp``."""
-    return [replace(spec, name=f"{prefix}.{spec.name}", live=True) for spec in specs]
+class _InForce(NamedTuple):
+    """Origin of the answers from a sample on, beside the samples."""
 
-
-def _below(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of a law or reference by the names that it has for them, as ``kp``."""
-    start = prefix + "."
-    return {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
-
-
-PARAMETERS = (
-    *read_table(
-        "flexarm_control",
-        "controller",
-        {
-            "topic": TOPIC,
-            "laws": tuple(LAWS),
-            "references": (TOPIC, *REFERENCES),
-            "designed_laws": tuple(row.name for row in LAWS.values() if row.design),
-        },
-    ),
-    *(
-        spec
-        for table in (LAWS, REFERENCES)
-        for name, row in table.items()
-        for spec in _under(name, row.parameters)
-    ),
-)
-_PARAMETER_NAMES = {spec.name for spec in PARAMETERS}
-
-
-@dataclass(frozen=True)
-class Setup:
-    """Law and reference in force; replaced as a whole, by one assignment.
-
-    Attributes
-    ----------
-    law_spec : LawSpec
-        Row of the control law.
-    law : Law
-        The control law.
-    rate_hz : float or None
-        Sampling rate of the law, Hz; None when it suits any.
-    profile : Reference or None
-        Built-in reference, or None when it comes from the topic.
-    """
-
-    law_spec: LawSpec
-    law: Law
-    rate_hz: float | None
-    profile: Reference | None
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Setup:
-        """Build law and reference from all parameters of the node.
-
-        Raises
-        ------
-        SettingError
-            When the values do not fit together.
-        """
-        name, reference = values["law"], values["reference"]
-        profile = None
-        if reference != TOPIC:
-            profile = build_reference(reference, _below(reference, values))
-        law_spec, gains = LAWS[name], _below(name, values)
-        model = chosen_model(gains.pop("model", ""), values)
-        return cls(law_spec, build_law(name, gains, model), law_spec.rate_hz(gains, model), profile)
-
-    def check_rate(self, measured_hz: float | None) -> None:
-        """Refuse samples at another rate than that of the law.
-
-        Raises
-        ------
-        SettingError
-            When the rates differ; the message states the remedy.
-        """
-        if self.rate_hz is None or measured_hz is None or suits(self.rate_hz, measured_hz):
-            return
-        name = self.law_spec.name
-        remedy = "sample at that rate or take another law"
-        if f"{name}.rate_hz" in _PARAMETER_NAMES:
-            remedy = f"set {name}.rate_hz"
-        raise SettingError(
-            f"law {name} is made for {self.rate_hz:g} Hz and the samples come at "
-            f"{measured_hz:.0f} Hz: {remedy}"
-        )
+    taken_ns: int
+    setup: Setup
+    reference_v: float
+    command_sequence: int
+    memory: Memory
 
 
 class ControllerNode(AnsweringNode):
@@ -162,6 +77,7 @@ class ControllerNode(AnsweringNode):
         self._told_v: float | None = None
         self._told_ns = 0
         self._weighed_ns = 0
+        self._in_force: _InForce | None = None
         self.start_if_asked()
 
     def commander(self) -> tuple[str, bool]:
@@ -181,6 +97,7 @@ class ControllerNode(AnsweringNode):
             heard=self._on_reference,
         )
         self._payloads = self.create_publisher(PayloadEstimate, "payload", qos.STATUS)
+        self._laws = self.create_publisher(LawInForce, "law", qos.SENT)
 
     def release_topics(self) -> None:
         """Release the topics."""
@@ -189,11 +106,12 @@ class ControllerNode(AnsweringNode):
             self._references.close()
             self._references = None
         self.destroy_publisher(self._payloads)
+        self.destroy_publisher(self._laws)
 
     def publishers(self) -> tuple[Publisher, ...]:
         """Return the publishers whose messages a recorder needs in full before a run ends."""
         shared = () if self._references is None else (self._references.publisher,)
-        return (*super().publishers(), *shared)
+        return (*super().publishers(), self._laws, *shared)
 
     def prepare(self) -> None:
         """Prepare a run, and publish the set-point."""
@@ -213,20 +131,23 @@ class ControllerNode(AnsweringNode):
         self._told_v = None
         self._told_ns = 0
         self._weighed_ns = 0
+        self._in_force = None
 
     def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
         """Fill in the command: the law's answer to the sample and the reference at its instant."""
-        setup = self._setup
+        setup, reference_v = self._setup, self._reference_v
         self._handover.replace(setup.law)
         setup.check_rate(self._rate.add(taken_ns))
+        self._note_law(taken_ns, setup, reference_v, command.sequence + 1)
         if setup.profile is not None:
-            self._reference_v = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
+            self._reference_v = reference_v = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
             self._tell_reference(taken_ns)
         volts = (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v)
-        command.effort_v, command.compensation_v = self._handover.step(volts, self._reference_v)
+        command.effort_v, command.compensation_v = self._handover.step(volts, reference_v)
 
     def answered(self, state: ArmState, taken_ns: int) -> None:
-        """Publish the payload at intervals, when the law estimates it."""
+        """Publish what is in force for the law, when that is due, and the payload at intervals."""
+        self._tell_law(state, taken_ns)
         setup = self._setup
         if setup.law_spec.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return
@@ -239,6 +160,37 @@ class ControllerNode(AnsweringNode):
         """Yield the figures of the loop."""
         yield {"law": self._setup.law_spec.name, "set-point V": f"{self._reference_v:g}"}
         yield from super().figures()
+
+    def _note_law(
+        self, taken_ns: int, setup: Setup, reference_v: float, command_sequence: int
+    ) -> None:
+        """Note what the next answer follows from, when it has changed and at intervals."""
+        before = self._in_force
+        if (
+            before is None
+            or setup is not before.setup
+            or (setup.profile is None and reference_v != before.reference_v)
+            or taken_ns - before.taken_ns >= _TELL_AGAIN_NS
+        ):
+            memory = self._handover.memory()
+            self._in_force = _InForce(taken_ns, setup, reference_v, command_sequence, memory)
+
+    def _tell_law(self, state: ArmState, taken_ns: int) -> None:
+        """Publish what was noted for a sample: the command did not wait for it."""
+        if self._in_force is None or self._in_force.taken_ns != taken_ns:
+            return
+        _, setup, reference_v, command_sequence, memory = self._in_force
+        message = LawInForce(
+            command_sequence=command_sequence,
+            run_time_ns=taken_ns - self.run_start_ns,
+            reference_v=reference_v,
+            parameters=setup.text,
+            memory_names=list(memory),
+            memory_sizes=[len(group) for group in memory.values()],
+            memory=list(chain.from_iterable(memory.values())),
+        )
+        message.header.stamp = state.header.stamp
+        self._laws.publish(message)
 
     def _tell_reference(self, taken_ns: int) -> None:
         """Publish the reference of a built-in profile, when it has changed and at intervals."""

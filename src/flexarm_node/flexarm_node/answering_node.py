@@ -68,7 +68,7 @@ class AnsweringNode(LoopNode):
         """Do what may wait until the command is sent; see `answer`."""
 
     def publishers(self) -> tuple[Publisher, ...]:
-        """Return the publishers whose messages a recorder must have before a run has ended."""
+        """Return the publishers whose messages a recorder must have from a run's begin to end."""
         return (self._commands, self._commander_out)
 
     def make_topics(self) -> None:
@@ -85,8 +85,8 @@ class AnsweringNode(LoopNode):
         self.destroy_publisher(self._commander_out)
 
     def prepare(self) -> None:
-        """Wait for every reader of the commands, drop an old sample, declare the commander."""
-        self.await_listeners(self._commands, least=1)
+        """Wait for every reader of what is sent, drop an old sample, declare the commander."""
+        self.await_listeners(*self.publishers(), least=1)
         self._states.wait_newest(0.0)
         self.declare_commander()
 

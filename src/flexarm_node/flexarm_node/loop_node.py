@@ -149,17 +149,17 @@ class LoopNode(LifecycleNode):
         """
         next(self._reports)
 
-    def await_listeners(self, publisher: Publisher, least: int = 0) -> None:
-        """Wait until every reader will get the first message; warn when it takes long.
+    def await_listeners(self, *publishers: Publisher, least: int = 0) -> None:
+        """Wait until every reader will get the first messages; warn when it takes long.
 
-        At least `least` readers, and as many as the parameter `listeners` says, must be there: this
-        node may not have discovered all of them.
+        At least `least` readers of one of the topics, and as many as the parameter `listeners`
+        says, must be there: this node may not have discovered all of them.
         """
         least = max(least, self.parameters.values()["listeners"])
-        if not wait_until(lambda: has_every_reader(self, [publisher], least)):
+        if not wait_until(lambda: has_every_reader(self, publishers, least)):
+            names = ", ".join(publisher.topic_name for publisher in publishers)
             self.get_logger().warning(
-                f"not every reader of {publisher.topic_name} is there: "
-                "it may miss the first messages"
+                f"not every reader of {names} is there: it may miss the first messages"
             )
 
     def await_acknowledged(self, *publishers: Publisher) -> None:

@@ -4,7 +4,11 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bench.tools import make_table, run_trials, write_json
+import click
+import pytest
+from click.testing import CliRunner
+
+from bench.tools import json_option, make_table, run_trials, write_json
 from flexarm_bringup.verbs.checkout.bench import bench
 from support.project import PROJECT
 
@@ -21,7 +25,49 @@ class Row:
 def test_write_json___rows___are_objects_in_a_new_folder(tmp_path: Path) -> None:
     file = tmp_path / "new" / "rows.json"
     write_json(file, [Row("orse", 0.5)])
-    assert json.loads(file.read_text("utf-8")) == [{"name": "orse", "error": 0.5}]
+    (row,) = json.loads(file.read_text("utf-8"))
+    assert (row["name"], row["error"]) == ("orse", pytest.approx(0.5))
+
+
+@click.command()
+@json_option
+@click.option("--rows", is_flag=True)
+def measure(*, json_file: Path | None, rows: bool) -> None:
+    """Stand in for a benchmark."""
+    click.echo("measured")
+    write_json(json_file, [Row("orse", 0.5), Row("pbsid", 0.6)] if rows else {"error": 0.5})
+
+
+@pytest.mark.parametrize("kind", [(), ("--rows",)])
+def test_json_file___of_an_earlier_measurement___is_replaced(
+    tmp_path: Path, kind: tuple[str, ...]
+) -> None:
+    file = tmp_path / "figures.json"
+    for _ in range(2):
+        result = CliRunner().invoke(measure, ["--json", str(file), *kind])
+        assert (result.exit_code, result.output) == (0, "measured\n")
+
+
+def test_json_file___of_somebody_else___is_refused_before_the_measurement(tmp_path: Path) -> None:
+    file = tmp_path / "mine.json"
+    file.write_text('{"mine": true}', "utf-8")
+
+    result = CliRunner().invoke(measure, ["--json", str(file)])
+
+    assert result.exit_code == 1
+    assert result.output.startswith(f"Error: {file}: was not written by flexarm: ")
+    assert result.output.count("\n") == 1
+    assert file.read_text("utf-8") == '{"mine": true}'
+    forced = CliRunner().invoke(measure, ["--json", str(file), "--force"])
+    assert forced.exit_code == 0
+    assert json.loads(file.read_text("utf-8"))["error"] == pytest.approx(0.5)
+
+
+def test_json_file___that_is_a_folder___is_refused_before_the_measurement(tmp_path: Path) -> None:
+    result = CliRunner().invoke(measure, ["--json", str(tmp_path)])
+
+    assert result.exit_code == 1
+    assert result.output == f"Error: {tmp_path}: cannot be written: Is a directory\n"
 
 
 def test_make_table___columns_of_figures___are_set_to_the_right() -> None:

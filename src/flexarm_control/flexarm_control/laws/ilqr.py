@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     import control
 
+    from flexarm_control.laws.law_protocol import Memory
     from flexarm_core.arrays import FloatArray
 
 PLAUSIBLE_V = 100.0
@@ -250,6 +251,20 @@ class Ilqr:
         """Return to the state before the first sample."""
         self._started = False
         self._integral_v = 0.0
+
+    def memory(self) -> Memory:
+        """Return observer and sum of the errors; see `LawWithMemory.memory`."""
+        return {
+            "observer": self._state.tolist(),
+            "integral_v": (self._integral_v,),
+            "started": (float(self._started),),
+        }
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from an observer and a sum of the errors; see `LawWithMemory.remember`."""
+        self._state[:] = memory["observer"]
+        (self._integral_v,) = memory["integral_v"]
+        self._started = bool(memory["started"][0])
 
 
 def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:

@@ -19,7 +19,11 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from flexarm_core.channels import MAX_COMMAND_V
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+    from typing import TypeAlias
+
+    Memory: TypeAlias = Mapping[str, Sequence[float]]
+    """Numbers that a law has in memory, by the name of their group."""
 
 
 class Effort(NamedTuple):
@@ -75,3 +79,30 @@ class Law(Protocol):
 
     def reset(self) -> None:
         """Return to the state before the first sample."""
+
+
+class LawWithMemory(Law, Protocol):
+    """Law whose state can be recorded and restored: every law of the registry."""
+
+    def memory(self) -> Memory:
+        """Return what the next answers follow from, beside gains, samples and references.
+
+        The groups and their sizes are always the same.
+        """
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from a memory of the same law; `memory` may have further groups."""
+
+
+class Memoryless:
+    """Base of the laws without a state."""
+
+    def reset(self) -> None:
+        """Do nothing: the law has no state."""
+
+    def memory(self) -> Memory:
+        """Return nothing: the law has no state."""
+        return {}
+
+    def remember(self, memory: Memory) -> None:
+        """Do nothing: the law has no state."""

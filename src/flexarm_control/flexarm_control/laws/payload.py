@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from flexarm_control.laws.law_protocol import Memory
+
 MAX_PAYLOAD_KG = 1.0
 """Heaviest payload that an estimate may name."""
 
@@ -117,6 +119,22 @@ class PayloadEstimator:
         self._state = np.zeros(len(self._a))
         self._zv, self._zw, self._zz = np.zeros((3, len(_INSTRUMENT_PAYLOADS_KG)))
         self._vv = self._vw = self._ww = self._count = 0.0
+
+    def memory(self) -> Memory:
+        """Return filters and sums; see `flexarm_control.laws.law_protocol.LawWithMemory.memory`."""
+        return {
+            "filters": self._state.tolist(),
+            "zv": self._zv.tolist(),
+            "zw": self._zw.tolist(),
+            "zz": self._zz.tolist(),
+            "sums": (self._vv, self._vw, self._ww, self._count),
+        }
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from filters and sums, as a law does."""
+        self._state = np.array(memory["filters"])
+        self._zv, self._zw, self._zz = (np.array(memory[name]) for name in ("zv", "zw", "zz"))
+        self._vv, self._vw, self._ww, self._count = memory["sums"]
 
     def step(self, volts: Sequence[float]) -> None:
         """Take one sample (position, base strain, middle strain, speed, V), if it is plausible."""

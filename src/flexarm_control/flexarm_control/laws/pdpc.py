@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from flexarm_control.laws.gains import Compensation, PdpGains
-from flexarm_control.laws.law_protocol import limited
+from flexarm_control.laws.law_protocol import Memoryless, limited
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Pdp:
+class Pdp(Memoryless):
     """PDP law (4-7) without friction compensation.
 
     u_e = kp (R - y1) - kd y4 - ksg y3; y4 already is the speed, the dot over it in (4-7) is a
@@ -30,12 +30,9 @@ class Pdp:
         effort_v = gains.kp * (reference_v - volts[0]) - gains.kd * volts[3] - gains.ksg * volts[2]
         return limited(effort_v)
 
-    def reset(self) -> None:
-        """Do nothing: the law has no state."""
-
 
 @dataclass(frozen=True)
-class Pdpc:
+class Pdpc(Memoryless):
     """PDP law with conditional Coulomb friction compensation, (4-6) to (4-8).
 
     Attributes
@@ -62,6 +59,3 @@ class Pdpc:
             return limited(effort_v, compensation.command_v(effort_v, error_v, speed_v))
         level_v = compensation.compensation_v
         return limited(effort_v, level_v if effort_v >= 0.0 else -level_v)
-
-    def reset(self) -> None:
-        """Do nothing: the law has no state."""

@@ -23,6 +23,8 @@ from flexarm_core.specs import Bounded, setting
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from flexarm_control.laws.law_protocol import Memory
+
 _COMPENSATION_V = 0.7
 """Level of (4-8)."""
 
@@ -105,6 +107,19 @@ class PdpcPlus:
         """Return to the state before the first sample."""
         self._error_v = self._speed_v = self._strain_v = 0.0
         self._started = self._resting = False
+
+    def memory(self) -> Memory:
+        """Return the filtered signals and the rest; see `LawWithMemory.memory`."""
+        return {
+            "filtered_v": (self._error_v, self._speed_v, self._strain_v),
+            "started": (float(self._started),),
+            "resting": (float(self._resting),),
+        }
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from filtered signals and a rest; see `LawWithMemory.remember`."""
+        self._error_v, self._speed_v, self._strain_v = memory["filtered_v"]
+        self._started, self._resting = bool(memory["started"][0]), bool(memory["resting"][0])
 
 
 def _share(bandwidth_hz: float, rate_hz: float) -> float:

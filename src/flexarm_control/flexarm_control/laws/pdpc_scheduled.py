@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_control.laws.gains import Compensation
-    from flexarm_control.laws.law_protocol import Effort
+    from flexarm_control.laws.law_protocol import Effort, Memory
 
 _ASK_EVERY = 10
 _RAMP_S = 0.05
@@ -195,3 +195,20 @@ class ScheduledPdpc:
         self._samples = 0
         self._law = self._robust
         self._wanted = self._robust.gains
+
+    def memory(self) -> Memory:
+        """Return estimator and gains; see `LawWithMemory.memory`."""
+        gains, wanted = self._law.gains, self._wanted
+        return {
+            **self._estimator.memory(),
+            "samples": (float(self._samples),),
+            "gains": (gains.kp, gains.kd, gains.ksg),
+            "wanted_gains": (wanted.kp, wanted.kd, wanted.ksg),
+        }
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from an estimator and gains; see `LawWithMemory.remember`."""
+        self._estimator.remember(memory)
+        self._samples = int(memory["samples"][0])
+        self._law = replace(self._robust, gains=PdpGains(*memory["gains"]))
+        self._wanted = PdpGains(*memory["wanted_gains"])

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_control.laws.gains import PiGains, Sampling
-    from flexarm_control.laws.law_protocol import Effort
+    from flexarm_control.laws.law_protocol import Effort, Memory
 
 
 class Pi:
@@ -48,3 +48,11 @@ class Pi:
     def reset(self) -> None:
         """Forget the sum of the errors."""
         self._integral_v_s = 0.0
+
+    def memory(self) -> Memory:
+        """Return the sum of the errors; see `LawWithMemory.memory`."""
+        return {"integral_v_s": (self._integral_v_s,)}
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from a sum of the errors; see `LawWithMemory.remember`."""
+        (self._integral_v_s,) = memory["integral_v_s"]

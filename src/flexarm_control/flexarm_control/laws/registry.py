@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_control.laws.law_protocol import Law
+    from flexarm_control.laws.law_protocol import LawWithMemory
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class LawSpec:
 
     name: str
     title: str
-    build: Callable[..., Law]
+    build: Callable[..., LawWithMemory]
     settings: tuple[type[Bounded], ...]
     design: Callable[[control.StateSpace, Any], IlqrDesign] | None = None
     tuning: str = ""
@@ -181,7 +181,7 @@ def build_law(
     name: str,
     values: Mapping[str, float] | None = None,
     model: control.StateSpace | None = None,
-) -> Law:
+) -> LawWithMemory:
     """Build a law from its name and parameters.
 
     Parameters
@@ -196,7 +196,7 @@ def build_law(
 
     Returns
     -------
-    Law
+    LawWithMemory
         Law before its first sample.
 
     Raises

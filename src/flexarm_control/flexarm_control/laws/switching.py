@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, Law, limited
+from flexarm_control.laws.law_protocol import NO_EFFORT, Effort, limited
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from flexarm_control.laws.law_protocol import LawWithMemory, Memory
 
 FADE_V = 0.1
 """Decrease of the difference between the old and the new command with every sample, V."""
@@ -23,17 +25,17 @@ class Handover:
 
     Parameters
     ----------
-    law : Law
+    law : LawWithMemory
         First law.
     """
 
-    def __init__(self, law: Law) -> None:
+    def __init__(self, law: LawWithMemory) -> None:
         self.law = law
         self._command_v = 0.0
         self._difference_v = 0.0
         self._is_new = False
 
-    def replace(self, law: Law) -> None:
+    def replace(self, law: LawWithMemory) -> None:
         """Take another law from the next sample on; the same law again changes nothing."""
         self._is_new = self._is_new or law is not self.law
         self.law = law
@@ -60,3 +62,14 @@ class Handover:
         """Return to the state before the first sample."""
         self._is_new, self._difference_v, self._command_v = False, 0.0, 0.0
         self.law.reset()
+
+    def memory(self) -> Memory:
+        """Return the fade and the memory of the law; see `LawWithMemory.memory`."""
+        fade = (self._command_v, self._difference_v, float(self._is_new))
+        return {"handover": fade, **self.law.memory()}
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from a fade and a memory of the law; see `LawWithMemory.remember`."""
+        self._command_v, self._difference_v, is_new = memory["handover"]
+        self._is_new = bool(is_new)
+        self.law.remember(memory)

@@ -21,12 +21,16 @@ class Watchdog:
     samples. Since the numbers of samples come from the loop's clock, it is measured by the rig's
     clock too. Half a period is allowed there for samples that come a little early or late.
 
+    A command has to come a period before it is stale. One that came later would act for the rest of
+    that period, and with a constant delay the drive would be pulsed: on and off in every period.
+
     Parameters
     ----------
     period_s : float
         Sampling period, s.
     max_age_periods : int
-        Samples, or periods of time, after which a command is stale.
+        Samples, or periods of time, after which a command is stale. With 1, a command acts until
+        the next sample.
 
     Raises
     ------
@@ -39,8 +43,9 @@ class Watchdog:
             raise SettingError(f"period_s must be positive, got {period_s}")
         if max_age_periods < 1:
             raise SettingError(f"max_age_periods must be at least 1, got {max_age_periods}")
-        self._max_age_samples = max_age_periods
-        self._max_age_s = period_s * (max_age_periods - 0.5)
+        self._period_s = period_s
+        self._stale_periods = max_age_periods
+        self._late_periods = max(1, max_age_periods - 1)
         self._recent: deque[_Sample] = deque(maxlen=max_age_periods)
         self._answered: _Sample | None = None
 
@@ -55,14 +60,14 @@ class Watchdog:
             Time of the sample by the rig's clock, s.
         """
         self._recent.append(_Sample(sequence, time_s))
-        if self._answered is not None and self._is_old(self._answered):
+        if self._answered is not None and self._is_old(self._answered, self._stale_periods):
             self._answered = None
         return self._answered is None
 
     def in_time(self, sequence: int) -> bool:
-        """Return whether a command that answers this sample is young enough to act now."""
+        """Return whether a command that answers this sample is young enough to begin to act."""
         sample = self._find(sequence)
-        return sample is not None and not self._is_old(sample)
+        return sample is not None and not self._is_old(sample, self._late_periods)
 
     def fed(self, sequence: int) -> None:
         """Take note of a command in time, by the number of the sample that it answers."""
@@ -71,9 +76,9 @@ class Watchdog:
     def _find(self, sequence: int) -> _Sample | None:
         return next((each for each in reversed(self._recent) if each.sequence == sequence), None)
 
-    def _is_old(self, sample: _Sample) -> bool:
+    def _is_old(self, sample: _Sample, periods: int) -> bool:
         newest = self._recent[-1]
         return (
-            newest.sequence - sample.sequence >= self._max_age_samples
-            or newest.time_s - sample.time_s > self._max_age_s
+            newest.sequence - sample.sequence >= periods
+            or newest.time_s - sample.time_s > self._period_s * (periods - 0.5)
         )

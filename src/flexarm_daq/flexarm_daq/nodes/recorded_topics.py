@@ -19,6 +19,7 @@ from flexarm_msgs.msg import (
     ChannelInfo,
     CommanderInfo,
     IoSample,
+    LawInForce,
     MotorCommand,
     PayloadEstimate,
 )
@@ -36,6 +37,7 @@ TOPICS = {
     "state": (ArmState, "flexarm_msgs/msg/ArmState", qos.EVERY),
     "command": (MotorCommand, "flexarm_msgs/msg/MotorCommand", qos.EVERY),
     "reference": (Float64, "std_msgs/msg/Float64", qos.EVERY),
+    "law": (LawInForce, "flexarm_msgs/msg/LawInForce", qos.EVERY),
     "joint_states": (JointState, "sensor_msgs/msg/JointState", qos.EVERY),
     "io": (IoSample, "flexarm_msgs/msg/IoSample", qos.EVERY),
     "payload": (PayloadEstimate, "flexarm_msgs/msg/PayloadEstimate", qos.STATUS),

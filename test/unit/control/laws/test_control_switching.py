@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_control import Effort, Pdp, PdpGains, build_law
+from flexarm_control.laws.law_protocol import Memoryless
 from flexarm_control.laws.switching import FADE_V, Handover
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 VOLTS = (1.0, 0.0, 0.0, 0.0)
 
 
-class _Constant:
+class _Constant(Memoryless):
     def __init__(self, effort_v: float, compensation_v: float = 0.0) -> None:
         self.answer = Effort(effort_v, compensation_v)
         self.resets = 0

@@ -50,8 +50,8 @@ def test_answers_to_an_old_sample___are_refused_and_never_drive(
     assert bench.acquisition.unanswered == age + 29
 
 
-@pytest.mark.parametrize("share", [3.25, 5.5, 100.5])
-def test_constant_delay_above_the_age___ends_at_zero(clock: Clock, share: float) -> None:
+@pytest.mark.parametrize("share", [2.25, 3.25, 5.5, 100.5])
+def test_constant_delay_above_two_periods___ends_at_zero(clock: Clock, share: float) -> None:
     """The controller first answers in time, and from sample 11 on too late."""
 
     def answer(record: Record) -> list[tuple[float, Command]]:
@@ -67,7 +67,23 @@ def test_constant_delay_above_the_age___ends_at_zero(clock: Clock, share: float)
     assert late == pytest.approx(290 - share, abs=1.0)
 
 
-@pytest.mark.parametrize("share", [0.25, 1.25, 2.25])
+@pytest.mark.parametrize("max_age_periods", [2, 3, 5])
+@pytest.mark.parametrize("delay", [0.25, 0.75, 1.25, 1.75, 2.25, 2.75, 3.25, 4.25, 4.75, 5.25])
+def test_constant_delay___of_any_length___never_pulses_the_drive(
+    clock: Clock, delay: float, max_age_periods: int
+) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [(delay * PERIOD_S, reply(record, 2.0))]
+
+    bench = Bench(clock, answer, virtual=False, samples=30, max_age_periods=max_age_periods).run()
+
+    # Within a period the arm would not show it: every write counts.
+    drives = delay < max_age_periods - 1
+    assert set(bench.rig.writes[:-1]) == ({2.0} if drives else set())
+    assert bench.acquisition.safety.counts[Event.STALE] == 0
+
+
+@pytest.mark.parametrize("share", [0.25, 1.25, 1.75])
 def test_reply___to_an_older_sample___counts_from_that_sample(clock: Clock, share: float) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:
         return [(share * PERIOD_S, reply(record, 2.0))]
@@ -79,11 +95,11 @@ def test_reply___to_an_older_sample___counts_from_that_sample(clock: Clock, shar
 
 
 def test_late_answer___is_in_force_for_the_rest_of_its_age(clock: Clock) -> None:
-    """It answers sample 4, arrives after sample 6, and is stale at sample 7."""
+    """It answers sample 4, arrives after sample 5, and is stale at sample 7."""
 
     def answer(record: Record) -> list[tuple[float, Command]]:
-        return [(2.25 * PERIOD_S, reply(record, 2.0))] if record.sequence == 4 else []
+        return [(1.25 * PERIOD_S, reply(record, 2.0))] if record.sequence == 4 else []
 
     bench = Bench(clock, answer, virtual=False, samples=10).run()
-    assert bench.commands_v == [*[0.0] * 6, 2.0, *[0.0] * 3]
-    assert bench.rig.write_times_s == pytest.approx([5.25 * PERIOD_S, 6 * PERIOD_S], rel=1e-6)
+    assert bench.commands_v == [*[0.0] * 5, 2.0, 2.0, *[0.0] * 3]
+    assert bench.rig.write_times_s == pytest.approx([4.25 * PERIOD_S, 6 * PERIOD_S], rel=1e-6)

@@ -1,0 +1,221 @@
+"""Comparison of recorded commands with those of the recorded law on the recorded samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_control.laws.switching import Handover
+from flexarm_control.loop_setup import Setup
+from flexarm_control.models.chosen_model import PREFIX
+from flexarm_control.replaying.record import NOT_RECORDED
+from flexarm_core.errors import SettingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from flexarm_control.laws.law_protocol import Effort, Memory
+    from flexarm_control.replaying.record import LawRecord, LoopRecord
+    from flexarm_core.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True)
+class Place:
+    """Sample of a record and its answer.
+
+    Attributes
+    ----------
+    sequence : int
+        Number of the sample.
+    time_s : float
+        Time of the sample since the first one of the record, s.
+    command_sequence : int
+        Number of the command that answers it.
+    """
+
+    sequence: int
+    time_s: float
+    command_sequence: int
+
+
+@dataclass(frozen=True)
+class Change:
+    """Change of a parameter, in force from a place on."""
+
+    place: Place
+    text: str
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Command that the recorded law does not give on the recorded samples.
+
+    Attributes
+    ----------
+    place : Place
+        Place of the command.
+    recorded, recomputed : ndarray, (2,)
+        Feedback effort u_e and compensation u_c, V.
+    change : Change or None
+        Last change of a parameter up to there.
+    """
+
+    place: Place
+    recorded: FloatArray
+    recomputed: FloatArray
+    change: Change | None
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Outcome of a replay.
+
+    Attributes
+    ----------
+    samples, commands, compared : int
+        Samples and commands in the record, and commands that could be compared. The others come
+        before the first law that was told, or after a sample or command that is not in the record.
+    laws : tuple of str
+        Laws in the order of their first use.
+    changes : tuple of Change
+        Changes of parameters.
+    differences : tuple of Difference
+        Commands that differ by more than the tolerance.
+    largest_v : float
+        Largest difference of effort or compensation, V, also below the tolerance.
+    """
+
+    samples: int
+    commands: int
+    compared: int
+    laws: tuple[str, ...]
+    changes: tuple[Change, ...]
+    differences: tuple[Difference, ...]
+    largest_v: float
+
+
+def replay(record: LoopRecord, *, tolerance_v: float = 0.0) -> Replay:
+    """Run the recorded samples through the recorded law and compare each command.
+
+    Parameters
+    ----------
+    record : LoopRecord
+        The record.
+    tolerance_v : float
+        Largest difference that counts as none, V; 0 compares every bit.
+
+    Raises
+    ------
+    SettingError
+        When a recorded law cannot be built, or has another memory.
+    """
+    answers, changed = _answers(record)
+    rows = np.flatnonzero(np.isfinite(answers[:, 0]))
+    recorded, recomputed = record.answers[rows], answers[rows]
+    changes = tuple(Change(_place(record, row), text) for row, text in changed)
+    differences = []
+    for row in rows[differing(recorded, recomputed, tolerance_v).any(axis=1)].tolist():
+        before = sum(at <= row for at, _ in changed)
+        change = changes[before - 1] if before else None
+        place = _place(record, row)
+        differences.append(Difference(place, record.answers[row], answers[row], change))
+    apart_v = np.nan_to_num(np.abs(recorded - recomputed), nan=np.inf, posinf=np.inf)
+    return Replay(
+        samples=len(record.sequence),
+        commands=len(record.answers),
+        compared=len(rows),
+        laws=tuple(dict.fromkeys(law.parameters["law"] for law in record.laws)),
+        changes=changes,
+        differences=tuple(differences),
+        largest_v=float(apart_v.max(initial=0.0)),
+    )
+
+
+def differing(recorded: FloatArray, recomputed: FloatArray, tolerance_v: float) -> BoolArray:
+    """Return where two arrays differ by more than a tolerance; 0 compares every bit."""
+    differs: BoolArray = recorded.view(np.int64) != recomputed.view(np.int64)
+    if tolerance_v > 0.0:
+        differs &= ~(np.abs(recorded - recomputed) <= tolerance_v)
+    return differs
+
+
+class _Law:
+    """Law and reference from one place of the record on."""
+
+    def __init__(self, told: LawRecord, setup: Setup) -> None:
+        self.setup = setup
+        self._reference_v = told.reference_v
+        self._run_start_ns = told.stamp_ns - told.run_time_ns
+        self._handover = Handover(setup.law)
+        if _sizes(told.memory) != _sizes(self._handover.memory()):
+            raise SettingError(
+                f"the recorded memory of law {setup.law_spec.name} is that of another version"
+            )
+        self._handover.remember(told.memory)
+
+    def answer(self, volts: Sequence[float], stamp_ns: int) -> Effort:
+        """Return the answer to a sample."""
+        reference_v = self._reference_v
+        if self.setup.profile is not None:
+            reference_v = self.setup.profile((stamp_ns - self._run_start_ns) * 1e-9)
+        return self._handover.step(volts, reference_v)
+
+
+def _answers(record: LoopRecord) -> tuple[FloatArray, list[tuple[int, str]]]:
+    """Return the recomputed answers, (commands, 2), and rows and texts of changes of parameters.
+
+    An answer is NaN where the law is not known.
+    """
+    answers: FloatArray = np.full_like(record.answers, np.nan)
+    changes: list[tuple[int, str]] = []
+    told_at = {(law.stamp_ns, law.command_sequence): law for law in record.laws}
+    law: _Law | None = None
+    before: LawRecord | None = None
+    last = NOT_RECORDED
+    numbers, answered = record.command_sequence.tolist(), record.answered.tolist()
+    for row, (number, sample) in enumerate(zip(numbers, answered, strict=True)):
+        if sample == NOT_RECORDED or number != last + 1:
+            # What the law did in between is not known.
+            law = None
+        last = number
+        if sample == NOT_RECORDED:
+            continue
+        stamp_ns = int(record.stamps_ns[sample])
+        told = told_at.get((stamp_ns, number))
+        if told is not None:
+            same = before is not None and told.parameters == before.parameters
+            if before is not None:
+                changes += [(row, text) for text in _changes(before, told)]
+            law = _Law(told, law.setup if law and same else Setup.of(told.parameters))
+            before = told
+        if law is not None:
+            answers[row] = law.answer(record.volts[sample].tolist(), stamp_ns)
+    return answers, changes
+
+
+def _changes(before: LawRecord, after: LawRecord) -> Iterator[str]:
+    """Yield the parameters of both that differ; those of another law are told by its name."""
+    for name, value in after.parameters.items():
+        old = before.parameters.get(name, value)
+        if old != value:
+            is_entry = name.startswith(PREFIX)
+            yield f"{name} was replaced" if is_entry else f"{name} {_shown(old)} to {_shown(value)}"
+
+
+def _shown(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else f"{value}"
+
+
+def _sizes(memory: Memory) -> dict[str, int]:
+    return {name: len(group) for name, group in memory.items()}
+
+
+def _place(record: LoopRecord, row: int) -> Place:
+    sample = record.answered[row]
+    return Place(
+        sequence=int(record.sequence[sample]),
+        time_s=float(record.stamps_ns[sample] - record.stamps_ns[0]) * 1e-9,
+        command_sequence=int(record.command_sequence[row]),
+    )
