@@ -27,7 +27,13 @@ if TYPE_CHECKING:
     from reproduction.framework.findings import Finding, Judgement, SideBySide
 
 CACHE = Path("out/reproduction/cache")
-_COLOURS = {Verdict.AGREES: "green", Verdict.SAME_RANKING: "yellow", Verdict.DIFFERS: "red"}
+_COLOURS = {
+    Verdict.AGREES: "green",
+    Verdict.BY_CONSTRUCTION: "cyan",
+    Verdict.SAME_RANKING: "yellow",
+    Verdict.DIFFERS: "red",
+    Verdict.OURS: "white",
+}
 
 
 @click.group(cls=VerbGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -5,10 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from reproduction.appendices import experiments, nominal_models, strain_sign
-from reproduction.chapter2 import claims, excitation, imperfections, modes, tables, validation
+from reproduction.chapter2 import (
+    block_rows,
+    claims,
+    excitation,
+    imperfections,
+    modes,
+    tables,
+    thesis_way,
+    validation,
+)
 from reproduction.chapter3 import claims as reduction_claims
 from reproduction.chapter3 import costs, figures, ranks, responses, updated_models
-from reproduction.chapter4 import ilqr, pdp, pdpc, pi
+from reproduction.chapter4 import ilqr, ilqr_claims, ilqr_designs, pdp, pdpc, pi
 from reproduction.framework.selection import in_order
 
 if TYPE_CHECKING:
@@ -16,8 +25,9 @@ if TYPE_CHECKING:
 
 _MODULES = (
     *(excitation, tables, modes, validation, claims, imperfections),
+    *(block_rows, thesis_way),
     *(ranks, costs, updated_models, figures, responses, reduction_claims),
-    *(pi, pdp, pdpc, ilqr),
+    *(pi, pdp, pdpc, ilqr, ilqr_claims, ilqr_designs),
     *(experiments, strain_sign, nominal_models),
 )
 

@@ -164,6 +164,7 @@ def compare(number: int, facts: tuple[RecordFacts, ...], check: Check, note: str
             same_ranking=False,
             evidence=f"{compared - len(wrong)} of {compared} entries are those of the thesis.",
             reason="Other are: " + "; ".join(wrong) + ".",
+            by_construction=True,
         ),
         tables=(
             SideBySide(

@@ -17,6 +17,7 @@ from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.reduction.modal import reduce_model
+from reproduction.chapter2.order_survey import METHOD, block_rows_for
 from reproduction.framework.findings import (
     SEEDS,
     SENSORS,
@@ -66,7 +67,9 @@ def identified(
     for seed in SEEDS:
         data = preprocess(simulated_record(record, seed, THESIS_NOISE_V))
         half = data.head(len(data) // 2)
-        full = identify(half, order=full_order, method="orse_thesis")
+        full = identify(
+            half, order=full_order, method=METHOD, block_rows=block_rows_for(full_order)
+        )
         reduced = reduce_model(
             full, half, ranking="mrmc", order=order, known_modes_hz=known_hz.tolist(), update="b"
         ).model
@@ -180,6 +183,9 @@ def _reason(
     parts.append(
         prose(
             "appendix-b-model.reason",
+            band_slow=_band(0),
+            band_low=_band(1),
+            band_high=_band(2),
             low_db=contradiction[1],
             high_db=contradiction[2],
             base_low=gaps_db[0, 1],
@@ -189,6 +195,10 @@ def _reason(
         )
     )
     return " ".join(parts)
+
+
+def _band(number: int) -> str:
+    return "{:g} to {:g}".format(*BANDS_HZ[number])
 
 
 def _same_order(

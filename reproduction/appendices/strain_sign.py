@@ -85,9 +85,9 @@ def compare(found: tuple[Examined, ...]) -> Finding:
 
 def _reason(turned: Examined, *, nearer: bool) -> str:
     gain_db, phase_deg = np.min(turned.slow, axis=0)
-    found = f"With the sign of y3 turned, the best gains are {_gains(turned)}"
+    found = f"With the sign of the middle gauge turned, the best gains are {_gains(turned)}"
     if not nearer:
-        return f"{found}, no nearer to the thesis's: the sign of y3 does not explain it."
+        return f"{found}, no nearer to the thesis's: that sign does not explain it."
     return prose("appendix-b.reason", found=found, gain_db=gain_db, phase_deg=phase_deg)
 
 

@@ -134,6 +134,7 @@ def compare_drive(current_a: Sequence[float]) -> Finding:
             evidence=f"{slope:.3f} A/V, straight within {100.0 * departure:.2f} % of its range up "
             f"to {MAX_COMMAND_V:g} V, and {beyond:.2f} A beyond.",
             reason="The simulated drive is not linear.",
+            by_construction=True,
         ),
         tables=(SideBySide("The drive", ("", "thesis", "ours"), rows),),
         plots=(Plot("Current over command; the direction is the sign", svg),),
@@ -168,6 +169,7 @@ def compare_waveforms(signals: Sequence[Signal]) -> Finding:
             f"says; the varying one at {varying.turning_hz.min():.2f} to "
             f"{varying.turning_hz.max():.2f} Hz.",
             reason=f"Not so: {', '.join(wrong)}.",
+            by_construction=True,
         ),
         tables=(
             SideBySide(
@@ -207,6 +209,7 @@ def compare_bounded(signals: Sequence[Signal]) -> Finding:
             evidence=f"{sum(right)} of 2 signals begin towards the positive bound and turn in the "
             f"sample in which the position reaches {BOUND_V:g} V.",
             reason=f"Not so: {', '.join(wrong)}.",
+            by_construction=True,
         ),
         tables=(
             SideBySide(

@@ -9,10 +9,10 @@ import numpy as np
 from scipy import stats
 
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_ident.models.state_space import is_stable
 from reproduction.chapter2.order_survey import (
     ORDERS,
     TABLE_OF,
+    counts_as_stable,
     fitted_half,
     identified,
     survey,
@@ -51,7 +51,6 @@ PRINTED_TO = 0.001
 MANY = 0.5
 """Numbers of stable orders agree when those of more than this share of the experiments do."""
 METHOD_TEXT = prose("chapter-2.method", least=ORDERS[0], most=ORDERS[-1], seeds=len(SEEDS))
-PAYLOAD_MODES = prose("chapter-2.payload_modes")
 _SPECIAL = thesis_table("table_2_5")
 _TYPICAL = thesis_table("table_2_6")
 
@@ -164,7 +163,9 @@ def _table(key: str, name: str, results: Results) -> Finding:
             record: (float(len(row["stable"])), float(found[record].stable_orders.mean()))
             for record, row in printed.items()
         },
-        reason=prose(f"{key}.reason", payload_modes=PAYLOAD_MODES),
+        reason=prose(
+            f"{key}.reason", leaving=leaving_text(found.values()), **_best(printed, found)
+        ),
     )
     errors = SideBySide(
         "Errors of the chosen model: position, base gauge, middle gauge, speed; mean",
@@ -179,13 +180,41 @@ def _table(key: str, name: str, results: Results) -> Finding:
     return Finding(judgement, (errors, orders), text=(METHOD_TEXT, *_misprints(printed)))
 
 
+def leaving_text(found: Iterable[OrderSurvey]) -> str:
+    """Say which eigenvalue makes the unstable models of some experiments unstable."""
+    swinging = np.concatenate([each.swinging[~each.stable] for each in found])
+    return prose("chapter-2.leaving", real=1.0 - np.mean(swinging)) if len(swinging) else ""
+
+
+def _best(printed: Mapping[str, Any], found: Mapping[str, OrderSurvey]) -> dict[str, Any]:
+    """Compare the thesis's two best records with the others of the same payload, in ours."""
+    best = sorted(printed, key=lambda record: float(printed[record]["mean"]))[:2]
+    payload_kg = experiment(best[0]).payload_kg
+    rest = [
+        record
+        for record in found
+        if record not in best and experiment(record).payload_kg == payload_kg
+    ]
+    ours_best, ours_rest = (
+        float(np.median([found[record].mean_dmv for record in some])) for some in (best, rest)
+    )
+    return {
+        "best": " and ".join(best),
+        "payload_g": 1e3 * payload_kg,
+        "ours_best": ours_best,
+        "ours_rest": ours_rest,
+    }
+
+
 def special_stability(code: str) -> tuple[bool, ...]:
     """Tell for each seed whether a model of Table 2-5 is stable as it is identified."""
     row = _SPECIAL[code]
     halves = (
         fitted_half(thesis_record(row["record"], seed, row["compensation"])) for seed in SEEDS
     )
-    return tuple(is_stable(identified(half).subspace.matrices(row["order"]).A) for half in halves)
+    return tuple(
+        counts_as_stable(identified(half).subspace.matrices(row["order"]).A) for half in halves
+    )
 
 
 def _special(results: Results) -> Finding:

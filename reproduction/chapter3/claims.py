@@ -127,6 +127,7 @@ def claim_mrmc(found: Trials) -> Finding:
             f"{totals['mrm']} by MRM and in {totals['msv']} by MSV. The very pairs that are "
             f"nearest to the arm's frequencies are among MRMC's in {nearest}.",
             reason="MRMC keeps no more than the other rankings.",
+            by_construction=True,
         ),
         tables=(
             SideBySide(

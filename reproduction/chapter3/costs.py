@@ -11,8 +11,7 @@ import numpy as np
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
-from flexarm_ident import identify, validate_dmv
-from reproduction.chapter2.order_survey import METHOD, fitted_half, prepared
+from reproduction.chapter2.order_survey import fitted_half, identified, matched, model_of, prepared
 from reproduction.chapter3.examples import (
     C_UPDATED,
     DISTINCT,
@@ -86,8 +85,8 @@ def full_model_errors(code: str, rig: str, seed: int) -> tuple[float, ...]:
     record = prepared(
         run_experiment(entry, replace(parameters, **changed), seed), example.compensation
     )
-    found = identify(fitted_half(record), order=example.order, method=METHOD)
-    return tuple(validate_dmv(found.model, record).delta.tolist())
+    model, _ = model_of(identified(fitted_half(record)), example.order)
+    return tuple(matched(model, record).delta.tolist())
 
 
 def drift_calls(code: str) -> tuple[Call, ...]:
@@ -246,6 +245,39 @@ def _left_out(found: Sequence[ReductionTrial]) -> str:
     return spread([trial.left_out_rank("mrmc") for trial in found], "g")
 
 
+def _values(number: str, found: Records) -> dict[str, Any]:
+    """Return the figures of the reasons of a table."""
+    rows = {
+        (row.stage, row.validation): row
+        for row in thesis_rows(thesis_table(f"table_{number.replace('-', '_')}b"))
+    }
+    kept = rows["mrmc", "dmv"].modes.split(",")
+    modes = thesis_table(f"table_{number.replace('-', '_')}a")["modes"]
+    noisy = found.noisy
+    sets = {way: len({trial.stages[way].kept for trial in noisy}) for way in WAYS}
+    ours = {
+        stage: float(np.median(errors(noisy, stage)[:, 0]))
+        for stage in (INITIAL, "updated", f"updated{C_UPDATED}")
+    }
+    return {
+        "kept": prose("table-3-x-parts.kept", records=len(noisy), **sets),
+        "left_out": prose(
+            "table-3-x-parts.left_out",
+            theirs=min(mode["mrm"] for mode in modes if mode["mode"] not in kept),
+            strong=_left_out(noisy),
+        ),
+        "base": rows["mrmc", "dmv"].delta[1],
+        "middle": rows["mrmc", "dmv"].delta[2],
+        "position": rows[INITIAL, "dmv"].delta[0],
+        "updated": rows["updated", "dmv"].delta[0],
+        "our_position": ours[INITIAL],
+        "our_updated": ours["updated"],
+        "our_c_updated": ours[f"updated{C_UPDATED}"],
+        "moved": sum(bool(trial.moved) for trial in noisy),
+        "records": len(noisy),
+    }
+
+
 _DRIFT = frozenset({"3-2", "3-4"})
 """Tables whose full model matches the position far less well than the thesis's."""
 
@@ -255,7 +287,7 @@ def _subject(number: str, code: str) -> Subject:
         finding = compare_errors(
             thesis_rows(thesis_table(f"table_{number.replace('-', '_')}b")),
             records_of(results, code),
-            reason=prose(f"table-{number}b.reason"),
+            reason=prose(f"table-{number}b.reason", **_values(number, records_of(results, code))),
         )
         if number not in _DRIFT:
             return finding

@@ -84,7 +84,7 @@ FIGURES = tuple(
 
 
 def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) -> Finding:
-    """Draw a stage and judge a full model by its four errors, a reduced one by its cost."""
+    """Draw a stage and judge its four errors, and of a reduced model the cost as well."""
     example, low, noisy = found
     stage, validation = figure.stage, figure.validation
     thesis = {(row.stage, row.validation): row for row in rows}
@@ -101,15 +101,16 @@ def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) 
     cost = thesis[stage, validation].mean / thesis[INITIAL, validation].mean
     our_cost = float(np.median(ratios(noisy, stage, validation)))
     quiet_cost = float(np.median(ratios(low, stage, validation)))
+    near = np.abs(ours - theirs) <= np.maximum(DELTA_SMALL, DELTA_NEAR * theirs)
+    agreeing = f"{int(near.sum())} of {len(near)} errors agree ({_pairs(theirs, ours)})"
     if stage in (INITIAL, "unstable"):
-        near = np.abs(ours - theirs) <= np.maximum(DELTA_SMALL, DELTA_NEAR * theirs)
         turned = reversed_pairs(
             *(dict(zip(SENSORS, delta.tolist(), strict=True)) for delta in (theirs, ours))
         )
         judgement = judged(
             agrees=bool(near.all()),
             same_ranking=not turned,
-            evidence=f"{int(near.sum())} of 4 errors agree ({_pairs(theirs, ours)}); "
+            evidence=f"{agreeing}; "
             + (
                 "; ".join(
                     f"ours matches the {worse} better than the {better}" for better, worse in turned
@@ -123,11 +124,11 @@ def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) 
         )
     else:
         judgement = judged(
-            agrees=abs(our_cost / cost - 1.0) <= RATIO_NEAR,
+            agrees=abs(our_cost / cost - 1.0) <= RATIO_NEAR and bool(near.all()),
             same_ranking=(our_cost > GOOD) == (cost > GOOD),
             evidence=f"The error is {_times(our_cost)} the full model's, the thesis's "
-            f"{_times(cost)}; with little noise {_times(quiet_cost)}. Medians of {len(noisy)} "
-            f"records.{lost}",
+            f"{_times(cost)}; with little noise {_times(quiet_cost)}. {agreeing}. Medians of "
+            f"{len(noisy)} records.{lost}",
             reason=_other_cost(cost, our_cost, quiet_cost),
         )
     if shown.curves is None:

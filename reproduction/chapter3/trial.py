@@ -11,16 +11,19 @@ import numpy as np
 
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
-from flexarm_ident import IdentificationError, identify, reduce_model, validate_dmv, validate_sfv
+from flexarm_ident import IdentificationError, reduce_model
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import output_scale, preprocess
 from flexarm_ident.reduction.balanced import balanced_truncation
 from flexarm_ident.reduction.realisation import thesis_realisation
 from reproduction.chapter2.order_survey import (
+    BLOCK_ROWS,
     CUTOFF_HZ,
-    METHOD,
-    SET_POINT_GAINS,
     fitted_half,
+    followed,
+    identified,
+    matched,
+    model_of,
     prepared,
     set_point_record,
 )
@@ -57,7 +60,6 @@ if TYPE_CHECKING:
 NOISE_V: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
     {LOW: LOW_NOISE_V, THESIS: THESIS_NOISE_V, FILTERED: THESIS_NOISE_V}
 )
-BLOCK_ROWS = 40
 SEARCHED = range(15, 37)
 """Orders among which an unstable model is looked for."""
 
@@ -67,19 +69,22 @@ def reduction_trial(code: str, noise: str, seed: int) -> ReductionTrial:
     example = EXAMPLES[code]
     record = _record(example, noise, seed)
     trained = fitted_half(record)
-    raw = _identified(example, trained)
+    found = identified(trained)
+    raw = _of_order(found, _order(example, found), stable=False)
     eigenvalues = np.linalg.eigvals(raw.model.A)
     moved = tuple(complex(each) for each in eigenvalues[np.abs(eigenvalues) >= 1.0])
-    full = raw if example.unstable else _refitted(raw, trained)
-    models, reductions = _reduced(example, full, trained)
     if example.unstable:
-        models = {"unstable": raw.model, "initial": _forced(raw.model), **models}
+        full = replace(raw, model=_forced(raw.model))
     else:
-        models = {"initial": full.model, **models}
+        full = _of_order(found, raw.order, stable=True)
+    models, reductions = _reduced(example, full, trained)
+    models = {"initial": full.model, **models}
+    if example.unstable:
+        models = {"unstable": raw.model, **models}
     payload_kg = experiment(example.experiment).payload_kg
     set_point = set_point_record(1.0 / record.dt_s, payload_kg, seed)
     modes = reductions[next(iter(reductions))].modes
-    found = _Validation(record, set_point, models)
+    validated = _Validation(record, set_point, models)
     known = example.known_modes_hz
     is_shown = seed == example.shown_seed
     stages = {}
@@ -90,8 +95,8 @@ def reduction_trial(code: str, noise: str, seed: int) -> ReductionTrial:
             order=models[name].nstates,
             kept=kept,
             bending_hz=tuple(mode.frequency_hz for mode in bending_modes(has, known)),
-            dmv=found.dmv_errors[name],
-            sfv=found.sfv_errors.get(name, ()),
+            dmv=validated.dmv_errors[name],
+            sfv=validated.sfv_errors.get(name, ()),
         )
     smallest = min(reductions, key=lambda name: reductions[name].order)
     direct = reductions[smallest].model
@@ -105,7 +110,7 @@ def reduction_trial(code: str, noise: str, seed: int) -> ReductionTrial:
         stages=stages,
         realisation_difference=realisation_difference(direct, rebuilt, trained).frequency_response,
         models=_matrices(models) if is_shown else {},
-        curves=found.curves() if is_shown and noise == THESIS else None,
+        curves=validated.curves() if is_shown and noise == THESIS else None,
     )
 
 
@@ -116,35 +121,28 @@ def _record(example: Example, noise: str, seed: int) -> IoData:
     return preprocess(record, compensation=example.compensation, bias="first", cutoff_hz=CUTOFF_HZ)
 
 
-def _identified(example: Example, trained: IoData) -> Identification:
-    """Identify the full model, with its unstable eigenvalues where it has some."""
-
-    def identified(order: int) -> Identification:
-        return identify(trained, order=order, method=METHOD, block_rows=BLOCK_ROWS, stable=False)
-
-    found = identified(example.order)
+def _order(example: Example, found: Identification) -> int:
+    """Return the order of the full model, of an unstable one the nearest that is so."""
     if not example.unstable:
-        return found
+        return example.order
     for order in sorted(SEARCHED, key=lambda order: (abs(order - example.order), -order)):
         eigenvalues = np.linalg.eigvals(found.subspace.matrices(order).A)
         outside = eigenvalues[np.abs(eigenvalues) >= 1.0]
         # One that has no partner is real.
         if len(outside) == 1 and outside[0].real > 0.0:
-            return found if order == example.order else identified(order)
-    raise IdentificationError(f"{trained.label}: no order has one unstable real eigenvalue")
+            return order
+    raise IdentificationError(f"{example.code}: no order has one unstable real eigenvalue")
 
 
-def _refitted(raw: Identification, trained: IoData) -> Identification:
-    """Return the stable model of the same order; B is fitted after eigenvalues were moved."""
-    if np.abs(np.linalg.eigvals(raw.model.A)).max() < 1.0:
-        return raw
-    return identify(trained, order=raw.order, method=METHOD, block_rows=BLOCK_ROWS)
+def _of_order(found: Identification, order: int, *, stable: bool) -> Identification:
+    model, _ = model_of(found, order, stable=stable)
+    return replace(found, model=model, order=order)
 
 
 def _forced(model: control.StateSpace) -> control.StateSpace:
     """Return a model whose unstable eigenvalues alone are moved (section 3.2, third example)."""
     names = {"inputs": list(model.input_labels), "outputs": list(model.output_labels)}
-    return control.ss(stabilise(model.A)[0], model.B, model.C, model.D, model.dt, **names)
+    return control.ss(stabilise(model.A, "clamp")[0], model.B, model.C, model.D, model.dt, **names)
 
 
 def _reduced(
@@ -159,8 +157,8 @@ def _reduced(
             reductions[name + ending] = _reduction(example, full, trained, kept, update)
     models = {name: reduction.model for name, reduction in reductions.items()}
     first = next(iter(reductions.values()))
-    stable = _forced(full.model)
-    models["balanced"] = balanced_truncation(stable, first.order, output_scale(trained)).model
+    balanced = balanced_truncation(full.model, first.order, output_scale(trained))
+    models["balanced"] = balanced.model
     return models, reductions
 
 
@@ -190,11 +188,11 @@ class _Validation:
         self.dmv_errors: dict[str, tuple[float, ...]] = {}
         self.sfv_errors: dict[str, tuple[float, ...]] = {}
         for name, model in models.items():
-            dmv = validate_dmv(model, record)
+            dmv = matched(model, record)
             self._dmv[name], self.dmv_errors[name] = dmv.y, tuple(dmv.delta.tolist())
             if name in (*WAYS, "balanced", "unstable"):
                 continue
-            sfv = validate_sfv(model, set_point, SET_POINT_GAINS)
+            sfv = followed(model, set_point)
             self._sfv[name], self.sfv_errors[name] = sfv.y, tuple(sfv.delta.tolist())
 
     def curves(self) -> Curves:

@@ -150,7 +150,7 @@ def _table(results: Results) -> Finding:
 
 
 def tuning_judgement(printed: Tuned, turned: Tuned) -> Judgement:
-    """Judge Table 4-2: one optimum from all starts, and the thesis's gains on either sign."""
+    """Judge Table 4-2: one optimum from all starts, and the thesis's gains and sums."""
     values = thesis_table("table_4_2")
     wanted = np.array([values[name] for name in ("kp", "kd", "ksg")])
 
@@ -160,15 +160,25 @@ def tuning_judgement(printed: Tuned, turned: Tuned) -> Judgement:
     def distance(tuned: Tuned) -> float:
         return float(np.max(np.abs(np.array(tuned.gains) / wanted - 1.0)))
 
+    def sums(tuned: Tuned) -> tuple[float, float]:
+        return (
+            tuned.error_itae_sum / values["error_itae_sum"],
+            tuned.strain_itae_sum / values["strain_itae_sum"],
+        )
+
     same = one_optimum(printed) and one_optimum(turned)
+    near = bool(np.all(np.abs(np.array(sums(printed)) - 1.0) <= CLOSE))
+    error_sum, strain_sum = sums(turned)
     return judged(
-        agrees=same and distance(printed) <= CLOSE,
+        agrees=same and near and distance(printed) <= CLOSE,
         same_ranking=same and distance(turned) <= CLOSE,
         evidence=f"The three starts {'lead' if same else 'do not lead'} to one J within "
         f"{SAME_J:.1%}. With the sign of y3 turned the gains are within {distance(turned):.0%} "
         f"of the thesis's; {CLOSE:.0%} would agree. With the printed models one of them is off "
-        f"by {distance(printed):.0%}: those behind Table 4-2 probably had the other sign.",
-        reason="Neither sign of y3 leads to the printed gains.",
+        f"by {distance(printed):.0%}: those behind Table 4-2 probably had the other sign. The sums "
+        f"of E and Y are {error_sum:.2f} and {strain_sum:.2f} times the thesis's with y3 turned, "
+        "{:.2f} and {:.2f} times as printed.".format(*sums(printed)),
+        reason="Neither sign of the middle gauge leads to the printed gains.",
     )
 
 

@@ -43,8 +43,10 @@ class Verdict(Enum):
     """Relation of our result to the thesis's."""
 
     AGREES = "agrees"
+    BY_CONSTRUCTION = "agrees by construction"
     SAME_RANKING = "same ranking"
     DIFFERS = "differs"
+    OURS = "our choice"
 
 
 @dataclass(frozen=True)
@@ -164,7 +166,14 @@ def columns(line: str) -> tuple[str, ...]:
     return tuple(line.split(" | "))
 
 
-def judged(*, agrees: bool, same_ranking: bool, evidence: str, reason: str) -> Judgement:
+def judged(
+    *,
+    agrees: bool,
+    same_ranking: bool,
+    evidence: str,
+    reason: str,
+    by_construction: bool = False,
+) -> Judgement:
     """Judge by the two criteria of a subject.
 
     Parameters
@@ -174,10 +183,13 @@ def judged(*, agrees: bool, same_ranking: bool, evidence: str, reason: str) -> J
     evidence : str
         Our result, with figures.
     reason : str
-        Reason of a difference; used only for one.
+        Reason of a difference; used only for one. Its figures are computed, as those of the
+        evidence are.
+    by_construction : bool
+        Whether what agrees was built by the thesis's words, and says little of our results.
     """
     if agrees:
-        return Judgement(Verdict.AGREES, evidence)
+        return Judgement(Verdict.BY_CONSTRUCTION if by_construction else Verdict.AGREES, evidence)
     if same_ranking:
         return Judgement(Verdict.SAME_RANKING, evidence)
     return Judgement(Verdict.DIFFERS, f"{evidence} {reason}".strip())

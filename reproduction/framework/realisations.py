@@ -1,4 +1,4 @@
-"""Difference between two realisations of one model."""
+"""Realisations of a model: their difference, and their digits."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from flexarm_ident.fitting.validation import frequency_response, relative_errors
 from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import with_matrices
 from flexarm_ident.records.iodata import as_records
 
 if TYPE_CHECKING:
@@ -21,6 +22,16 @@ if TYPE_CHECKING:
 _FREQUENCIES = 200
 # Lowest frequency of the comparison, as a part of the Nyquist frequency.
 _LOWEST = 1e-3
+
+
+# Decimals in which the same record gives the same matrices on every processor.
+_COMMON_DECIMALS = 7
+
+
+def rounded_model(model: control.StateSpace) -> control.StateSpace:
+    """Return a model with its matrices in the decimals that do not depend on the processor."""
+    matrices = {name: np.round(getattr(model, name), _COMMON_DECIMALS) for name in "ABC"}
+    return with_matrices(model, **matrices)
 
 
 @dataclass(frozen=True)

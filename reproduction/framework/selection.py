@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 ALL = "all"
 APPENDICES = "appendices"
-KINDS = ("table", "appendix", "figure", "claim")
+KINDS = ("table", "appendix", "figure", "claim", "choice")
 """Kinds of subjects, in the order of a page."""
 _KEY = re.compile(rf"({'|'.join(KINDS)})-(\d+|[a-z])(?:-(\d+)([a-z]?))?")
 

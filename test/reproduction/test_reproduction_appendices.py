@@ -80,7 +80,7 @@ def test_thesis_values___tables_of_appendix_a___are_as_long_and_say_what_it_prin
 @pytest.mark.parametrize("number", CHECKS)
 def test_catalogue_table___records_as_the_thesis_lists_them___agree(number: int) -> None:
     finding = catalogue_finding(number)
-    assert finding.judgement.verdict is Verdict.AGREES
+    assert finding.judgement.verdict is Verdict.BY_CONSTRUCTION
     assert len(finding.tables[0].rows) == len(thesis_table(f"table_a_{number}"))
 
 
@@ -112,7 +112,7 @@ COMMANDS_V = np.array(excitation._COMMANDS_V)
 @pytest.mark.parametrize(
     ("current_a", "verdict"),
     [
-        (0.5 * np.clip(COMMANDS_V, -10.0, 10.0), Verdict.AGREES),
+        (0.5 * np.clip(COMMANDS_V, -10.0, 10.0), Verdict.BY_CONSTRUCTION),
         (np.sign(COMMANDS_V) * np.abs(COMMANDS_V) ** 1.3, Verdict.SAME_RANKING),
         (0.5 * np.clip(COMMANDS_V, -6.0, 6.0), Verdict.DIFFERS),
     ],
@@ -149,7 +149,7 @@ def waveforms(
 
 def test_waveforms___as_section_2_4_1_says___agree() -> None:
     finding = waveforms()
-    assert finding.judgement.verdict is Verdict.AGREES
+    assert finding.judgement.verdict is Verdict.BY_CONSTRUCTION
     assert len(finding.plots) == 4
 
 
@@ -181,7 +181,7 @@ def bounded(turns_at_v: float, magnitude: np.ndarray | float) -> Signal:
 def test_bounded___turns_at_three_volts___agree() -> None:
     signals = [bounded(3.0, 3.0), bounded(3.0, RANDOM)]
     finding = excitation.compare_bounded(signals)
-    assert finding.judgement.verdict is Verdict.AGREES, finding.judgement.because
+    assert finding.judgement.verdict is Verdict.BY_CONSTRUCTION, finding.judgement.because
 
 
 @pytest.mark.parametrize(

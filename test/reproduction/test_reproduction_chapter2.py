@@ -7,48 +7,32 @@ import pytest
 
 from flexarm_daq.experiments.catalogue import catalogue, experiment
 from reproduction.chapter2 import (
+    block_rows,
     claims,
     imperfections,
     modes,
     order_survey,
     tables,
+    thesis_way,
     validation,
 )
-from reproduction.chapter2.order_survey import ORDERS, OrderSurvey
+from reproduction.chapter2.order_survey import ORDERS
 from reproduction.framework.findings import SEEDS, Verdict, thesis_table
+from support.chapter2_surveys import made_up_survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from reproduction.framework.findings import Call, Finding, Subject
+    from reproduction.framework.findings import Call, Finding, Judgement, Subject
 
 SUBJECTS: tuple[Subject, ...] = tuple(
     subject
-    for module in (tables, modes, validation, claims, imperfections)
+    for module in (tables, modes, validation, claims, imperfections, block_rows, thesis_way)
     for subject in module.SUBJECTS
 )
 AGREES, RANKING, DIFFERS = Verdict.AGREES, Verdict.SAME_RANKING, Verdict.DIFFERS
 FIGURES = (6, 7, 8, 11, 12, 14, 15, 16)
 LOW, HIGH = [0.1] * len(SEEDS), [0.2] * len(SEEDS)
-
-
-def made_up_survey(record: str, **changed: Any) -> OrderSurvey:  # noqa: ANN401 - any field
-    """A survey whose figures are those of the thesis, the same with every seed."""
-    row = thesis_table(order_survey.TABLE_OF[record[0]])[record]
-    seeds = len(SEEDS)
-    values: dict[str, Any] = {
-        "record": record,
-        "stable": np.tile(np.isin(ORDERS, row["stable"]), (seeds, 1)),
-        "chosen_orders": np.full(seeds, row["order"]),
-        "chosen_dmv": np.tile(row["delta"], (seeds, 1)),
-        "chosen_sfv": np.full((seeds, 4), 0.5),
-        "chosen_gain": np.ones((seeds, 4)),
-        "printed_dmv": np.tile(row["delta"], (seeds, 1)),
-        "printed_sfv": np.full((seeds, 4), 0.5),
-        "printed_loop_stable": np.ones(seeds, dtype=bool),
-        "singular_values": np.tile(0.5 ** np.arange(60), (seeds, 1)),
-    }
-    return OrderSurvey(**values | changed)
 
 
 def made_up_modes(*, near: bool) -> modes.WaveformModes:
@@ -71,6 +55,13 @@ def made_up_result(call: Call) -> Any:  # noqa: ANN401 - what the call returns
         validation.validated_model: lambda _: validation.ValidatedModel(
             0.01, signals, signals, signals, signals
         ),
+        validation.late_record: lambda _: late(away=True),
+        block_rows.swept: lambda _: dict.fromkeys(
+            block_rows.SWEPT, block_rows.Swept(9.0, 0.3, 0.1, 1.0, 1.0)
+        ),
+        thesis_way.ways: lambda *_: thesis_way.Ways(
+            {thesis_way.THESIS_WAY: (0.4, 0.2), "another": (0.5, 0.1)}, 3, 4
+        ),
         modes.closed_loop_gains: lambda: {
             order: np.ones((len(SEEDS), points, 4), np.float32) for order in (18, 27)
         },
@@ -80,6 +71,13 @@ def made_up_result(call: Call) -> Any:  # noqa: ANN401 - what the call returns
         ),
     }
     return makers[call.function](*call.arguments)
+
+
+def late(*, away: bool) -> validation.LateRecord:
+    seeds = len(SEEDS)
+    return validation.LateRecord(
+        np.full(seeds, away), np.full(seeds, 24.7), np.full((seeds, 4), 0.2)
+    )
 
 
 def built(key: str) -> Finding:
@@ -92,6 +90,7 @@ def test_subjects___are_those_of_chapter_2() -> None:
         [f"table-2-{number}" for number in range(1, 7)]
         + [f"figure-2-{number}" for number in FIGURES]
         + [f"claim-2-{number}" for number in range(1, 8)]
+        + ["choice-2-1", "choice-2-2"]
     )
 
 
@@ -216,10 +215,26 @@ def test_validation_figures___are_judged_by_both_models() -> None:
     assert judge([0.2] * 4, near, near).verdict is AGREES
     assert judge([0.2] * 4, far, near).verdict is RANKING
     assert judge([0.2] * 4, far, far).verdict is DIFFERS
-    loops = validation.loop_judgement
-    assert loops(np.zeros(4, dtype=bool), [1.0] * 4).verdict is AGREES
-    assert loops(np.array([False, True, True, True]), [1.0] * 4).verdict is RANKING
-    assert loops(np.ones(4, dtype=bool), [1.0] * 4).verdict is DIFFERS
+
+
+def test_figure_2_12___is_judged_by_the_record_as_it_is_and_explained_by_a_late_one() -> None:
+    def judged(stable_loops: int) -> Judgement:
+        return validation.loop_judgement(np.arange(4) < stable_loops, [1.0] * 4, late(away=True))
+
+    assert judged(0).verdict is AGREES
+    assert judged(3).verdict is RANKING
+    differing = judged(4)
+    assert differing.verdict is DIFFERS
+    assert "run away in 100% of the seeds, at 24.7 Hz" in differing.because
+
+
+def test_late_record___outputs_behind_the_input___make_the_loop_run_away(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(validation, "SEEDS", SEEDS[:1])
+    found = validation.late_record("B_dat9")
+    assert found.away.all()
+    assert found.loop_hz == pytest.approx([24.7], abs=0.5)
 
 
 def test_figure_2_16___peaks_and_strong_gauges() -> None:
@@ -242,12 +257,12 @@ def test_claim_2_1___square_best_and_random_worst() -> None:
 
 def test_claims_2_2_and_2_3___can_fail() -> None:
     bounded, stable = claims.bounded_judgement, claims.stability_judgement
-    assert bounded(LOW, HIGH, LOW, HIGH).verdict is AGREES
-    assert bounded(HIGH, LOW, LOW, HIGH).verdict is RANKING
-    assert bounded(HIGH, LOW, HIGH, LOW).verdict is DIFFERS
-    assert stable(LOW, HIGH, HIGH).verdict is AGREES
-    assert stable(HIGH, LOW, [0.3] * len(SEEDS)).verdict is RANKING
-    assert stable(HIGH, LOW, LOW).verdict is DIFFERS
+    assert bounded(LOW, HIGH, LOW, HIGH, leaving="").verdict is AGREES
+    assert bounded(HIGH, LOW, LOW, HIGH, leaving="").verdict is RANKING
+    assert bounded(HIGH, LOW, HIGH, LOW, leaving="").verdict is DIFFERS
+    assert stable(LOW, HIGH, HIGH, leaving="").verdict is AGREES
+    assert stable(HIGH, LOW, [0.3] * len(SEEDS), leaving="").verdict is RANKING
+    assert stable(HIGH, LOW, LOW, leaving="").verdict is DIFFERS
 
 
 def test_claim_2_4___runaway_loops_are_worse() -> None:

@@ -164,8 +164,10 @@ def test_figures___of_full_models_are_judged_by_each_sensor() -> None:
     assert figure_verdict("3-1", (0.4, 0.27, 0.45, 0.3)) is DIFFERS
 
 
-def test_figures___of_reduced_models_are_judged_by_their_cost() -> None:
-    assert figure_verdict("3-3", [0.74] * 4) is AGREES
+def test_figures___of_reduced_models_are_judged_by_their_cost_and_by_each_sensor() -> None:
+    assert figure_verdict("3-3", [0.3367, 0.6875, 0.9436, 0.9960]) is AGREES
+    # The cost is the thesis's, the errors are not.
+    assert figure_verdict("3-3", [0.74] * 4) is RANKING
     assert figure_verdict("3-3", [0.5] * 4) is RANKING
     assert figure_verdict("3-3", [0.36] * 4) is DIFFERS
     assert figure_verdict("3-4", [0.7] * 4) is DIFFERS

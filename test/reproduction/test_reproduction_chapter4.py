@@ -8,7 +8,7 @@ from scipy import stats
 
 from flexarm_control.laws.registry import build_law
 from flexarm_daq import RigParameters
-from reproduction.chapter4 import ilqr, pdp, pdpc, pi
+from reproduction.chapter4 import ilqr, ilqr_claims, ilqr_designs, pdp, pdpc, pi
 from reproduction.framework.findings import (
     Call,
     Judgement,
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from reproduction.framework.findings import Finding, Subject
 
 SUBJECTS: tuple[Subject, ...] = tuple(
-    subject for module in (pi, pdp, pdpc, ilqr) for subject in module.SUBJECTS
+    subject
+    for module in (pi, pdp, pdpc, ilqr, ilqr_claims, ilqr_designs)
+    for subject in module.SUBJECTS
 )
 FIGURES = [*range(2, 6), 8, *range(10, 13), *range(15, 19)]
 AGREES, RANKING, DIFFERS = Verdict.AGREES, Verdict.SAME_RANKING, Verdict.DIFFERS
@@ -47,6 +49,7 @@ def pi_case(**changed: float) -> pi.PiCase:
         "time_s": time_s,
         "simulated_v": np.full(300, 3.0),
         "implemented_v": np.full(300, 2.7),
+        "uncompensated_v": np.full(300, 2.4),
     }
     return pi.PiCase(**values | changed)
 
@@ -64,6 +67,7 @@ def test_subjects___are_the_tables_and_figures_of_chapter_4() -> None:
         ["table-4-1", "table-4-2"]
         + [f"figure-4-{number}" for number in FIGURES]
         + [f"claim-4-{number}" for number in range(1, 8)]
+        + ["choice-4-1"]
     )
 
 
@@ -128,6 +132,7 @@ def test_claim_4_1___needs_both_types_to_be_worse() -> None:
 def test_mismatch___is_the_distance_over_the_set_point() -> None:
     case = pi_case()
     assert case.mismatch == pytest.approx(0.1)
+    assert case.uncompensated_mismatch == pytest.approx(0.2)
     assert case.implemented_itae == pytest.approx(0.1 * 0.5, rel=0.01)
 
 
@@ -138,8 +143,10 @@ def test_model_of_type_ii___follows_the_rig() -> None:
     assert np.ptp(case.implemented_v[-300:]) < 0.1
 
 
-def tuned(gains: tuple[float, float, float], criteria: tuple[float, ...]) -> pdp.Tuned:
-    return pdp.Tuned(gains, min(criteria), 1.0, 1.0, (10.0,), (55.0,), (), criteria)
+def tuned(
+    gains: tuple[float, float, float], criteria: tuple[float, ...], strain_sum: float = 2.407
+) -> pdp.Tuned:
+    return pdp.Tuned(gains, min(criteria), 1.239, strain_sum, (10.0,), (55.0,), (), criteria)
 
 
 def test_table_4_2___one_optimum_close_to_the_printed_gains() -> None:
@@ -147,6 +154,7 @@ def test_table_4_2___one_optimum_close_to_the_printed_gains() -> None:
     same, apart = (3.5, 3.5, 3.5), (3.5, 3.6, 3.5)
     judge = pdp.tuning_judgement
     assert judge(tuned(thesis, same), tuned(far, same)).verdict is AGREES
+    assert judge(tuned(thesis, same, 5.0), tuned(thesis, same)).verdict is RANKING
     assert judge(tuned(far, same), tuned(thesis, same)).verdict is RANKING
     assert judge(tuned(far, same), tuned((0.5, 4.2, 0.1), same)).verdict is DIFFERS
     assert judge(tuned(far, apart), tuned(thesis, same)).verdict is DIFFERS
@@ -220,13 +228,39 @@ def ilqr_trial(**changed: float) -> ilqr.IlqrTrial:
 
 
 def test_figures_4_15_to_4_18___held_or_hunting() -> None:
-    assert ilqr.held_judgement([ilqr_trial()]).verdict is AGREES
-    assert ilqr.held_judgement([ilqr_trial(swing_v=0.2)]).verdict is RANKING
-    assert ilqr.held_judgement([ilqr_trial(overshoot=0.2)]).verdict is DIFFERS
+    held, swings, over = [ilqr_trial()], [ilqr_trial(swing_v=0.2)], [ilqr_trial(overshoot=0.2)]
+    assert ilqr.held_judgement(held, held).verdict is AGREES
+    assert ilqr.held_judgement(held, over).verdict is RANKING
+    assert ilqr.held_judgement(held, swings).verdict is RANKING
+    assert ilqr.held_judgement(swings, held).verdict is DIFFERS
+    assert ilqr.held_judgement(over, held).verdict is DIFFERS
     hunting = {"overshoot": 0.2, "swing_v": 0.4, "reversals": 2}
-    assert ilqr.hunting_judgement([ilqr_trial(**hunting)]).verdict is RANKING
-    assert ilqr.hunting_judgement([ilqr_trial(**hunting, last_swing_v=0.3)]).verdict is AGREES
-    assert ilqr.hunting_judgement([ilqr_trial()]).verdict is DIFFERS
+    dies = ilqr.hunting_judgement([ilqr_trial(**hunting)], [("stiff", "ours")])
+    assert dies.verdict is RANKING
+    assert "see choice 4-1: stiff (ours)." in dies.because
+    assert ilqr.hunting_judgement([ilqr_trial(**hunting, last_swing_v=0.3)], []).verdict is AGREES
+    assert ilqr.hunting_judgement([ilqr_trial()], []).verdict is DIFFERS
+
+
+def test_ilqr___with_the_weights_of_the_thesis___has_its_first_gain() -> None:
+    design, printed = ilqr_designs.ilqr_design(ilqr_designs.PRINTED), thesis_table("section_4_4")
+    assert abs(design.kc[0]) == pytest.approx(printed["kc"][0], rel=0.1)
+    assert design.ki == printed["ki"]
+    A, B, C = (np.asarray(getattr(design.model, name)) for name in "ABC")
+    for loop in (A - B @ design.kc[np.newaxis], A - design.observer @ C[[0]]):
+        assert np.abs(np.linalg.eigvals(loop)).max() < 1.0
+    # The first state is the position's, as the thesis noted.
+    assert np.argmax(np.abs(C[0])) == 0
+
+
+def test_variants___of_the_hunting_arm___are_listed() -> None:
+    results = dict.fromkeys(ilqr_designs.VARIANT_CALLS, 0.0)
+    assert ilqr_designs.hunting_variants(results) == []
+    first = next(iter(ilqr_designs.VARIANTS))
+    results |= dict.fromkeys(ilqr_designs.VARIANTS[first], 0.5)
+    assert ilqr_designs.hunting_variants(results) == [first]
+    found = finding_of("choice-4-1", results)
+    assert "1 still hunt after 30 s: as it is (ours)." in found.judgement.because
 
 
 @pytest.mark.parametrize(
@@ -240,7 +274,7 @@ def test_figures_4_15_to_4_18___held_or_hunting() -> None:
 def test_claim_4_4___pdpc_has_to_be_better(
     errors: dict[float, float], overshoots: dict[float, float], verdict: Verdict
 ) -> None:
-    found = ilqr.rivals_judgement(errors, overshoots)
+    found = ilqr_claims.rivals_judgement(errors, overshoots)
     assert found.verdict is verdict
     assert "5 V: " in found.because
     assert "3 V: not the smaller error" in found.because or errors[3.0] < 0.05
@@ -257,7 +291,7 @@ def test_claim_4_4___pdpc_has_to_be_better(
     ],
 )
 def test_claim_4_7___needs_both_steps(held: Verdict, hunts: Verdict, verdict: Verdict) -> None:
-    found = ilqr.disturbance_judgement(
+    found = ilqr_claims.disturbance_judgement(
         Judgement(held, "It stands."), Judgement(hunts, "It swings.")
     )
     assert found.verdict is verdict

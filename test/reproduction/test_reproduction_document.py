@@ -75,8 +75,8 @@ def test_write_document___index___counts_the_verdicts_and_links_to_every_section
     write_document(OUTCOMES, tmp_path, complete=True)
     index = (tmp_path / "index.md").read_text("utf-8")
     rows = [cells(line) for line in index.splitlines() if line.startswith("|")]
-    assert ["[Chapter 2](chapter-2.md)", "1", "0", "1"] in rows
-    assert ["all", "2", "1", "1"] in rows
+    assert ["[Chapter 2](chapter-2.md)", "1", "0", "0", "1", "0"] in rows
+    assert ["all", "2", "0", "1", "1", "0"] in rows
     links = re.findall(r"\((\S+?\.md)#(\S+?)\)", index)
     assert [anchor for _, anchor in links] == [each.subject.key for each in OUTCOMES]
     for page, anchor in links:

@@ -213,4 +213,4 @@ def test_all_subjects___the_thesis___stand_in_its_order() -> None:
     wanted = [f"table-2-{n}" for n in range(1, 7)]
     assert [key for key in keys if key.startswith("table-2-")] == wanted
     last_of_chapter_2 = [key for key in keys if page_of(key) == "chapter-2"][-1]
-    assert last_of_chapter_2.startswith("claim-2-")
+    assert last_of_chapter_2 == "choice-2-2"

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 DT_S = 0.005
+STRIBECK_RADPS = 0.15
 _FINE = 25
 _YIELD_RAD = 1e-4
 _NOISE_RAD = (1e-3, 1e-4)
@@ -27,7 +28,13 @@ _STEPS = 100
 
 
 def rubbing_arm(
-    levels: tuple[float, ...], *, seed: int = 0, samples: int = 3000, skip: int = 0
+    levels: tuple[float, ...],
+    *,
+    rise: float = 0.0,
+    load: float = 0.0,
+    seed: int = 0,
+    samples: int = 3000,
+    skip: int = 0,
 ) -> IoData:
     """Return a record of an arm with one or two joints under position loops.
 
@@ -35,6 +42,10 @@ def rubbing_arm(
     ----------
     levels : tuple of float
         Coulomb level of each joint, one or two.
+    rise : float
+        Rise of each level at standstill, as a part of it; it fades over `STRIBECK_RADPS`.
+    load : float
+        Part of each input's size that adds to the level.
     seed : int
         Seed of the references and of the noise.
     samples : int
@@ -58,6 +69,7 @@ def rubbing_arm(
         stiffness,
         damping,
         np.array(levels),
+        *(rise, load),
         _references(rng, total, joints),
         *(3.0 * weights, 0.4 * weights),
     )
@@ -87,6 +99,8 @@ def _run(  # noqa: PLR0917 (compiled code has no keyword arguments)
     stiffness: Array,
     damping: Array,
     levels: Array,
+    rise: float,
+    load: float,
     references: Array,
     stiff: Array,
     calm: Array,
@@ -105,8 +119,10 @@ def _run(  # noqa: PLR0917 (compiled code has no keyword arguments)
             for i in range(n):
                 force[i] = -stiffness[i] * q[i] - damping[i] * v[i]
             for i in range(joints):
+                fading = np.exp(-((v[i] / STRIBECK_RADPS) ** 2))
+                level = levels[i] * (1.0 + rise * fading) + load * abs(us[k, i])
                 bristle[i] += h * v[i] * levels[i] / _YIELD_RAD
-                bristle[i] = min(max(bristle[i], -levels[i]), levels[i])
+                bristle[i] = min(max(bristle[i], -level), level)
                 force[i] += us[k, i] - bristle[i]
             for i in range(n):
                 for j in range(n):

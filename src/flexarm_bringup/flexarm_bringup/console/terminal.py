@@ -150,17 +150,26 @@ def error_table(outputs: Sequence[str], rows: Iterable[tuple[str, Sequence[float
 
 
 def friction_table(parameters: Mapping[str, Any]) -> Table:
-    """Return the table of dry friction among a model's parameters; without rows when none is."""
-    table = Table("dry friction", "Coulomb level", "offset", "unit", box=None)
-    for prefix in (key.removesuffix("level") for key in parameters if key.endswith(_LEVEL)):
+    """Return the table of dry friction among a model's parameters; without rows when none is.
+
+    Rise at standstill and load have columns where the friction depends on them.
+    """
+    found = [key.removesuffix("level") for key in parameters if key.endswith(_LEVEL)]
+    fields = {"Coulomb level": "level", "offset": "offset"}
+    if any(prefix + "rise" in parameters for prefix in found):
+        fields |= {"rise at standstill": "rise", "part of load": "load"}
+    table = Table("dry friction", *fields, "unit", box=None)
+    for prefix in found:
         names = parameters[prefix.removesuffix("friction_") + "input_names"]
-        fields = ("level", "level_std", "offset", "offset_std")
-        columns = (parameters[prefix + field] for field in fields)
-        for name, level, level_std, offset, offset_std in zip(names, *columns, strict=True):
-            table.add_row(
-                name,
-                f"{level:.4g} \u00b1 {level_std:.2g}",
-                f"{offset:.4g} \u00b1 {offset_std:.2g}",
-                label_and_unit(name)[1],
-            )
+        columns = [
+            [
+                f"{value:.4g} \u00b1 {deviation:.2g}"
+                for value, deviation in zip(
+                    parameters[prefix + field], parameters[f"{prefix}{field}_std"], strict=True
+                )
+            ]
+            for field in fields.values()
+        ]
+        for name, *cells in zip(names, *columns, strict=True):
+            table.add_row(name, *cells, label_and_unit(name)[1])
     return table

@@ -8,6 +8,7 @@ regulator (4-9) feeds them back, and an integral of the error removes a constant
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 PLAUSIBLE_V = 100.0
 """Ten times the range of the converter; a larger reading is no measurement."""
+# Digits of a gain in which the kernels of all processors agree.
+_COMMON_DIGITS = 9
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,7 @@ def design_ilqr(model: control.StateSpace, weights: IlqrWeights | None = None) -
     order, position = model.nstates, model.C[[POSITION]]
     speed_up = regulator_radius**-weights.observer_speed
     dual = quadratic_gain(speed_up * model.A.T, position.T, np.eye(order), np.eye(1))
-    observer = dual.T / speed_up
+    observer = _rounded(dual.T / speed_up)
     return IlqrDesign(
         model=model,
         channels=(POSITION,),
@@ -170,7 +173,7 @@ def design_regulator(
     weighted = np.sqrt(per_output)[:, None] * c
     kc = quadratic_gain(a, b, weighted.T @ weighted, np.array([[weights.effort]]))
     steady = c[[POSITION]] @ np.linalg.solve(np.eye(len(a)) - a + b @ kc, b)
-    return kc.ravel(), 1.0 / float(steady[0, 0])
+    return kc.ravel(), float(_rounded(1.0 / steady[0, 0]))
 
 
 class Ilqr:
@@ -179,6 +182,9 @@ class Ilqr:
     The observer starts at rest at the position of the arm. Its input is the effort after
     saturation, and the sum of the errors is held while the drive is saturated, so neither winds up.
     A measurement beyond 100 V is a fault: the answer is zero and the states do not change.
+
+    The gains have nine digits, and the products of a step are summed in one order: the same samples
+    give the same commands on every machine.
 
     A model from data without the compensation is that of an arm whose friction is compensated. So
     the law can compensate as well, as in (4-8), with the speed of the observer.
@@ -198,10 +204,11 @@ class Ilqr:
         self._design = design
         self._compensation = compensation if compensation is not None else OptionalCompensation()
         self._speed = np.array(model.C[SPEED])
-        a = model.A - design.observer @ model.C[measured]
+        a = model.A - np.einsum("ij,jk", design.observer, model.C[measured])
         # One product gives the next state from state, effort and measured outputs.
         self._move = np.ascontiguousarray(np.hstack([a, model.B, design.observer]))
-        self._at_rest = _at_rest(model)
+        self._measured = tuple(enumerate(measured, len(a) + 1))
+        self._at_rest = _rounded(_at_rest(model))
         self._order = len(a)
         self._known = np.zeros(self._move.shape[1])
         self._state = self._known[: self._order]
@@ -212,7 +219,7 @@ class Ilqr:
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
         design, known = self._design, self._known
-        for place, channel in enumerate(design.channels, self._order + 1):
+        for place, channel in self._measured:
             if not -PLAUSIBLE_V < volts[channel] < PLAUSIBLE_V:
                 return NO_EFFORT
             known[place] = volts[channel]
@@ -223,13 +230,13 @@ class Ilqr:
             self._started = True
         error_v = reference_v - volts[POSITION]
         integral_v = self._integral_v + error_v
-        feedback_v = float(np.dot(design.kc, self._state))
+        feedback_v = float(np.einsum("i,i", design.kc, self._state))
         effort_v = design.kp * reference_v + design.ki * integral_v - feedback_v
         answer = limited(effort_v, self._compensation_v(effort_v, error_v))
         if effort_v == answer.effort_v or effort_v * error_v < 0.0:
             self._integral_v = integral_v
         known[self._order] = answer.effort_v
-        np.dot(self._move, known, out=self._next)
+        np.einsum("ij,j", self._move, known, out=self._next)
         self._state[:] = self._next
         return answer
 
@@ -237,7 +244,7 @@ class Ilqr:
         """Return the compensation (4-8), V."""
         if not self._compensation.compensation_v:
             return 0.0
-        speed_v = float(np.dot(self._speed, self._state))
+        speed_v = float(np.einsum("i,i", self._speed, self._state))
         return self._compensation.command_v(effort_v, error_v, speed_v)
 
     def reset(self) -> None:
@@ -271,7 +278,7 @@ def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -
     from control import dlqr  # noqa: PLC0415 - it loads matplotlib
 
     try:
-        return np.asarray(dlqr(A, B, Q, R)[0])
+        return _rounded(dlqr(A, B, Q, R)[0])
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SettingError(
             f"no regulator or observer for this model and these weights ({error}); weigh the "
@@ -282,6 +289,13 @@ def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -
 def radius(a: FloatArray) -> float:
     """Return the largest magnitude of the eigenvalues of a matrix."""
     return float(np.max(np.abs(np.linalg.eigvals(a))))
+
+
+def _rounded(gains: FloatArray | float) -> FloatArray:
+    """Return gains to the `_COMMON_DIGITS` of the largest one."""
+    largest = float(np.max(np.abs(gains)))
+    digits = _COMMON_DIGITS - 1 - (math.floor(math.log10(largest)) if largest else 0)
+    return np.round(gains, digits)
 
 
 def _at_rest(model: control.StateSpace) -> FloatArray:

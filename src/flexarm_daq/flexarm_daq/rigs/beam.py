@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
 
 from flexarm_core.errors import SettingError
+from flexarm_daq.rigs.eigenmodes import eigenmodes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -92,16 +92,14 @@ def hub_beam_modes(parameters: RigParameters, hub_kg_m2: float, flexible: int) -
     mass[0, 0] += hub_kg_m2
     mass[-2, -2] += parameters.tip_mass_kg + parameters.payload_kg
     mass[-1, -1] += parameters.tip_inertia_kg_m2
-    squares, shapes = eigh(stiffness, mass, subset_by_index=(0, flexible))
-    # The eigenvalue of the rigid mode is a rounding error of either sign.
-    squares[0] = 0.0
-    shapes *= np.sign(shapes[0])
+    squares, bending = eigenmodes(stiffness, mass, flexible, _ELEMENT_DOFS - 1)
+    shapes = np.column_stack([_rigid_shape(parameters, mass), bending * np.sign(bending[0])])
     return BeamModes(
-        omega_rad_per_s=np.sqrt(squares),
+        omega_rad_per_s=np.sqrt(np.append(0.0, squares)),
         hub_angle=shapes[0],
-        base_curvature=_curvature_row(parameters, parameters.base_gauge_at_m) @ shapes,
-        middle_curvature=_curvature_row(parameters, parameters.middle_gauge_at_m) @ shapes,
-        momentum=mass @ shapes,
+        base_curvature=_curvatures(parameters, parameters.base_gauge_at_m, shapes),
+        middle_curvature=_curvatures(parameters, parameters.middle_gauge_at_m, shapes),
+        momentum=np.einsum("ij,jk", mass, shapes),
         shapes=shapes,
     )
 
@@ -122,9 +120,9 @@ def carried_over(before: BeamModes, after: BeamModes) -> NDArray[np.float64]:
     ndarray, (modes after, modes before)
         Matrix for positions and for velocities.
     """
-    fitted: NDArray[np.float64] = after.momentum.T @ before.shapes
-    missing = before.hub_angle - after.hub_angle @ fitted
-    return fitted + np.outer(after.hub_angle, missing) / (after.hub_angle @ after.hub_angle)
+    fitted: NDArray[np.float64] = np.einsum("ji,jk", after.momentum, before.shapes)
+    missing = before.hub_angle - np.einsum("i,ij", after.hub_angle, fitted)
+    return fitted + np.outer(after.hub_angle, missing) / np.sum(after.hub_angle**2)
 
 
 def _assemble(parameters: RigParameters) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -143,6 +141,23 @@ def _assemble(parameters: RigParameters) -> tuple[NDArray[np.float64], NDArray[n
         mass[span, span] += element_mass
         stiffness[span, span] += element_stiffness
     return mass[1:, 1:], stiffness[1:, 1:]
+
+
+def _rigid_shape(parameters: RigParameters, mass: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the turning arm, normalised to unit modal mass."""
+    shape = np.ones(len(mass))
+    shape[1::2] = parameters.length_m / ELEMENTS * np.arange(1, ELEMENTS + 1)
+    rigid: NDArray[np.float64] = shape / np.sqrt(np.einsum("i,ij,j", shape, mass, shape))
+    return rigid
+
+
+def _curvatures(
+    parameters: RigParameters, at_m: float, shapes: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the curvature of the modes at a distance from the axis; the rigid one has none."""
+    curvatures: NDArray[np.float64] = np.einsum("i,ij", _curvature_row(parameters, at_m), shapes)
+    curvatures[0] = 0.0
+    return curvatures
 
 
 def _curvature_row(parameters: RigParameters, at_m: float) -> NDArray[np.float64]:

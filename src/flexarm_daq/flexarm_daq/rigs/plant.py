@@ -64,7 +64,7 @@ class Plant:
     @property
     def arm_angle_rad(self) -> float:
         """Angle of the arm's hub."""
-        return float(self._equations.hub_angle @ self.state[POSITION, ARM:])
+        return float(np.sum(self._equations.hub_angle * self.state[POSITION, ARM:]))
 
     def reset(self) -> None:
         """Put the rig to rest at the middle of its travel."""
@@ -86,7 +86,8 @@ class Plant:
         """
         before = self._modes
         self._load(replace(self.parameters, payload_kg=payload_kg))
-        self.state[:, ARM:] = self.state[:, ARM:] @ carried_over(before, self._modes).T
+        to_new = carried_over(before, self._modes)
+        self.state[:, ARM:] = np.einsum("ij,kj", self.state[:, ARM:], to_new)
 
     def advance(self, command_v: float, interval_s: float) -> None:
         """Move on with a constant command.
@@ -112,7 +113,9 @@ class Plant:
 
     def outputs_v(self) -> NDArray[np.float64]:
         """Return the four sensor voltages without noise or quantisation, V."""
-        volts: NDArray[np.float64] = self._equations.output_rows @ self.state[POSITION]
+        volts: NDArray[np.float64] = np.einsum(
+            "ij,j", self._equations.output_rows, self.state[POSITION]
+        )
         return volts
 
     def run(self, command_v: NDArray[np.float64], period_s: float) -> NDArray[np.float64]:
@@ -198,7 +201,7 @@ def _equations(parameters: RigParameters, modes: BeamModes) -> Equations:
         stop_angle=math.radians(parameters.stop_angle_deg),
         stop_stiffness=parameters.stop_stiffness_nm_per_rad,
         stop_damping=parameters.stop_damping_nm_s_per_rad,
-        arm_mobility=float(modes.hub_angle @ modes.hub_angle),
+        arm_mobility=float(np.sum(modes.hub_angle**2)),
         hub_angle=modes.hub_angle,
         stiffness=np.concatenate([[0.0, cutoff_rad_per_s**2], modal_stiffness]),
         damping=np.concatenate([[motor_damping, tacho_damping], modal_damping]),

@@ -27,7 +27,7 @@ class SimulatedRig:
 
     In virtual time, the default, sample k stands at k / `rate_hz` however long the caller takes. A
     command acts the rig's `loop_delay_s` after the last sample. The same seed and the same commands
-    give the same numbers on any machine of a kind.
+    give the same numbers on any machine.
 
     With a clock the rig is in real time: each call moves it on to the present with the command in
     force. After a gap longer than `MAX_CATCH_UP_S`, as of a stopped process, it moves on by that

@@ -119,9 +119,12 @@ def fitted(
         If the model is so unstable that its response overflows.
     """
     raw = found.space.matrices(order)
-    ways = METHODS[found.method].ways if stable else ()
+    method = METHODS[found.method]
     A, fit, moved, way = fit_stable(
-        *(raw.A, raw.C, records, ways), feedthrough=feedthrough, noise_weighted=noise_weighted
+        *(raw.A, raw.C, records, method.ways if stable else ()),
+        feedthrough=feedthrough,
+        noise_weighted=noise_weighted,
+        at_rest=method.at_rest,
     )
     first = records[0]
     model = state_space(

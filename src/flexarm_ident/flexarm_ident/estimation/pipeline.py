@@ -120,7 +120,8 @@ def identify(
         replaceable = method == AUTO and order is None and not feedthrough
         found = with_friction(found, replaceable=replaceable, progress=progress)
     if refine and found.friction is None:
-        found = refined(found, progress=progress)
+        order_open = order is None and singular_value_threshold is None
+        found = refined(found, order_open=order_open, progress=progress)
     return found
 
 

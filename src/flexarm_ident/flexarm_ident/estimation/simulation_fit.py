@@ -19,6 +19,7 @@ from flexarm_core.labels import label_and_unit
 from flexarm_ident.fitting.likelihood import maximise_likelihood
 from flexarm_ident.fitting.refinement import refine_model
 from flexarm_ident.fitting.validation import mean_error, relative_errors
+from flexarm_ident.friction.arm import Rung
 from flexarm_ident.friction.arm_fit import fit_arm
 from flexarm_ident.friction.layout import arm_layout
 from flexarm_ident.friction.levels import estimate_coulomb
@@ -45,6 +46,17 @@ _LIKELY_SAMPLES = 100_000
 _STANDS_OUT = 3.0
 # Half the range of a level, in units of its middle.
 _UNDETERMINED = 0.1
+# The same for what the level depends on, which matters less.
+_VAGUE = 0.4
+_SWEEPS = "record slow reversals and fast sweeps in one experiment"
+_REVERSALS = "record many slow reversals, with rests between them"
+_LOADS = "record strong accelerations beside gentle ones"
+_RUNGS = {
+    Rung.COULOMB: "Coulomb and viscous",
+    Rung.STRIBECK: "higher at standstill",
+    Rung.LOAD: "higher under load",
+    Rung.STRIBECK | Rung.LOAD: "higher at standstill and under load",
+}
 
 
 def is_compensated(records: Sequence[IoData]) -> bool:
@@ -120,7 +132,9 @@ def with_friction(
     return replace(found, notes=(*found.notes, note))
 
 
-def refined(found: Identification, *, progress: Progress | None = None) -> Identification:
+def refined(
+    found: Identification, *, order_open: bool, progress: Progress | None = None
+) -> Identification:
     """Refine a linear model by maximum likelihood where its errors are noise.
 
     Otherwise it is refined by its simulation error over the leading parts of its records.
@@ -129,6 +143,8 @@ def refined(found: Identification, *, progress: Progress | None = None) -> Ident
     ----------
     found : Identification
         Subspace model.
+    order_open : bool
+        Whether the likelihood may leave out modes.
     progress : callable, optional
         Called with the stage "refinement" and the completed part.
 
@@ -141,16 +157,19 @@ def refined(found: Identification, *, progress: Progress | None = None) -> Ident
     start_error = _errors(_simulated(found.model, found.x0, records), records)
     likely = None
     if sum(map(len, records)) <= _LIKELY_SAMPLES:
-        likely = maximise_likelihood(found.model, found.x0, records, progress=progress)
+        likely = maximise_likelihood(
+            found.model, found.x0, records, order_open=order_open, progress=progress
+        )
     if likely is not None:
         return replace(
             found,
             model=likely.model,
             x0=likely.x0,
+            order=likely.model.nstates,
             fit_error=_errors(_simulated(likely.model, likely.x0, records), records),
             start_error=start_error,
             likely_modes=likely.modes,
-            notes=(*found.notes, "refined by maximum likelihood, as the errors pass for noise"),
+            notes=(*found.notes, _likely_note(found.order, likely.model.nstates)),
         )
     most = -(-_REFINED_SAMPLES // len(records))
     heads = [record.head(most) for record in records]
@@ -167,6 +186,13 @@ def refined(found: Identification, *, progress: Progress | None = None) -> Ident
         start_error=start_error,
         notes=(*found.notes, note),
     )
+
+
+def _likely_note(before: int, after: int) -> str:
+    note = "refined by maximum likelihood, as the errors pass for noise"
+    if after == before:
+        return note
+    return f"{note}; order {after} instead of {before}, as what was left out followed the noise"
 
 
 def levels_text(coulomb: CoulombEstimate) -> str:
@@ -215,8 +241,16 @@ def _choice(fit: ArmFit, start_error: FloatArray, linear: str) -> str:
     return (
         f"an arm with dry friction, order {fit.model.nstates}, took the place of the linear model: "
         f"{mean_error(fit.error):.3g} in free simulation instead of {mean_error(start_error):.3g}; "
-        f"of the linear ones, {linear}"
+        f"{_ladder(fit)}; of the linear ones, {linear}"
     )
+
+
+def _ladder(fit: ArmFit) -> str:
+    """Return what the friction depends on, and the errors on halves left out that say so."""
+    errors = ", ".join(
+        f"{np.linalg.norm(halves):.3g} {_RUNGS[each]}" for each, halves in fit.left_out.items()
+    )
+    return f"its friction is {_RUNGS[fit.rung]}, by halves left out of the fit ({errors})"
 
 
 def _notes(fit: ArmFit) -> tuple[str, ...]:
@@ -226,12 +260,17 @@ def _notes(fit: ArmFit) -> tuple[str, ...]:
         if count
     )
     notes = [f"dead sensors were left out of the fit: {dead}"] if dead else []
-    for name, (lowest, highest) in zip(fit.model.input_labels, fit.level_ranges, strict=True):
-        if highest - lowest > _UNDETERMINED * (highest + lowest):
-            title, unit = label_and_unit(name)
-            notes.append(
-                f"the friction level of {title} is not determined by the record: "
-                f"{lowest:.3g} to {highest:.3g} {unit} simulate it equally well; record slow "
-                "reversals and fast sweeps in one experiment"
-            )
+    for name, (level, rise, _, load) in zip(fit.model.input_labels, fit.law_ranges, strict=True):
+        title, unit = label_and_unit(name)
+        for what, (lowest, highest), limit, of, remedy in (
+            (f"friction level of {title}", level, _UNDETERMINED, unit, _SWEEPS),
+            (f"rise of the friction of {title} at standstill", rise, _VAGUE, unit, _REVERSALS),
+            (f"part of the load in the friction of {title}", load, _VAGUE, "", _LOADS),
+        ):
+            if highest - lowest > limit * (highest + lowest):
+                span = f"{lowest:.3g} to {highest:.3g} {of}".rstrip()
+                notes.append(
+                    f"the {what} is not determined by the record: {span} simulate it equally "
+                    f"well; {remedy}"
+                )
     return tuple(notes)

@@ -51,24 +51,27 @@ class ModalProblem:
         self._products = [regression.products(record) for record in records]
         self.powers = [each.power for each in self._products]
 
-    def solve(self, weight: FloatArray, *, refined: bool) -> Solution:
+    def solve(self, weight: FloatArray, *, refined: bool, at_rest: bool) -> Solution:
         """Solve the normal equations for weights of the squared errors, (outputs,).
 
-        With `refined` the records are read once more where digits were lost.
+        With `refined` the records are read once more where digits were lost. Records `at_rest` have
+        no initial states.
         """
         regression, size = self._regression, self._size
+        free = slice(0, regression.shared if at_rest else size)
         normal = np.zeros((size, size), dtype=complex)
         for place, each in zip(self._places, self._products, strict=True):
             normal[np.ix_(place, place)] += regression.normal(each, weight)
         smallest = size * np.finfo(float).eps
-        inverse = truncated_inverse(normal, smallest=smallest, equilibrated=True)
+        inverse = truncated_inverse(normal[free, free], smallest=smallest, equilibrated=True)
         condition = float(np.sqrt(inverse.condition))
 
         def solve(products: Sequence[Products]) -> tuple[ComplexArray, list[Missed]]:
             right = np.zeros(size, dtype=complex)
             for place, each in zip(self._places, products, strict=True):
                 right[place] += regression.right(each, weight)
-            found = inverse.solve(right)
+            found = np.zeros(size, dtype=complex)
+            found[free] = inverse.solve(right[free])
             weights = [regression.signal_weights(found[place]) for place in self._places]
             pairs = zip(products, weights, strict=True)
             return found, [each.missed(combination) for each, combination in pairs]
@@ -107,7 +110,7 @@ class SchurProblem:
         self._triangles = [regression.triangles(record) for record in records]
         self.powers = [np.sum(each[:, :, -1] ** 2, axis=1) for each in self._triangles]
 
-    def solve(self, weight: FloatArray, *, refined: bool) -> Solution:  # noqa: ARG002 - one interface
+    def solve(self, weight: FloatArray, *, refined: bool, at_rest: bool) -> Solution:  # noqa: ARG002 - one interface
         """Solve the triangles together; as in `ModalProblem`, but without loss of digits."""
         regression = self._regression
         n, m, driven = regression.states, regression.outputs, regression.states * regression.inputs
@@ -124,6 +127,8 @@ class SchurProblem:
                 ]
                 rows = np.zeros((len(triangle), size))
                 rows[:, place] = np.sqrt(weight[output]) * triangle[:, :-1]
+                if at_rest:
+                    rows[:, driven:D_first] = 0.0
                 blocks.append(rows)
                 targets.append(np.sqrt(weight[output]) * triangle[:, -1])
                 places.append(place)

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray, Progress
+    from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.records.iodata import IoData
 
 # Fewer say more about the noise than about the model.
@@ -72,6 +73,7 @@ def maximise_likelihood(
     x0: Sequence[FloatArray],
     data: IoData | Sequence[IoData],
     *,
+    order_open: bool = False,
     progress: Progress | None = None,
 ) -> LikelihoodFit | None:
     """Maximise the likelihood over A, B, C and the initial states; D stays.
@@ -84,6 +86,8 @@ def maximise_likelihood(
         Initial state of each record.
     data : IoData or sequence of IoData
         Records.
+    order_open : bool
+        Leave out modes, the faintest first, as long as Schwarz's criterion prefers that.
     progress : callable, optional
         Called with the stage "refinement" and the completed part.
 
@@ -110,11 +114,38 @@ def maximise_likelihood(
         if not np.isfinite(found.cost):
             return None
         model, starts = problem.unpack(found.theta)
+    while order_open and (simpler := _simpler(problem, found, filters, records)) is not None:
+        problem, found = simpler
+    model, starts = problem.unpack(found.theta)
     white = [_white(e, filters) for e in _errors(model, starts, records)]
     if not is_noise(white, [record.u for record in records]):
         return None
     modes = _modes(problem, found.theta, found.matrix, model)
     return LikelihoodFit(model, starts, tuple(filters), modes)
+
+
+def _simpler(
+    problem: ModalError,
+    found: Minimum,
+    filters: Sequence[FloatArray],
+    records: Sequence[IoData],
+) -> tuple[ModalError, Minimum] | None:
+    """Return the fit without the faintest mode where Schwarz's criterion prefers it.
+
+    A mode too many follows the noise.
+    """
+    if len(problem.groups) == 1:
+        return None
+    faintest = problem.groups[int(np.argmin(problem.powers(found.theta)))]
+    model, starts = problem.without(found.theta, faintest)
+    if is_defective(modal_form(model).vectors):
+        return None
+    simpler = ModalError(model, records, filters)
+    again = simpler.minimised(starts, iterations=_ITERATIONS, on_step=lambda: None)
+    errors = sum(int(record.usable.sum()) for record in records) * model.noutputs
+    # The scale of a state, and the angle of a pair, are no parameters of the model.
+    fewer = len(found.theta) - len(again.theta) - len(faintest)
+    return (simpler, again) if again.cost <= found.cost + fewer * np.log(errors) else None
 
 
 def _errors(

@@ -90,6 +90,28 @@ class ModalError:
         model = with_matrices(self._model, A=T @ A @ inverse, B=T @ B, C=C @ inverse)
         return model, tuple(T @ start for start in starts)
 
+    def without(
+        self, theta: FloatArray, group: tuple[int, ...]
+    ) -> tuple[control.StateSpace, tuple[FloatArray, ...]]:
+        """Return model and initial states with one mode left out, in modal coordinates."""
+        A, B, C, starts = self._split(theta)
+        kept = np.delete(np.arange(self._n), group)
+        model = with_matrices(self._model, A=A[np.ix_(kept, kept)], B=B[kept], C=C[:, kept])
+        return model, tuple(start[kept] for start in starts)
+
+    def powers(self, theta: FloatArray) -> FloatArray:
+        """Return the sum of squares that each mode alone gives behind the filters, (modes,)."""
+        A, B, C, starts = self._split(theta)
+        powers = np.zeros(len(self._groups))
+        for mode, group in enumerate(map(list, self._groups)):
+            own = (A[np.ix_(group, group)], B[group], C[:, group], np.zeros_like(self._model.D))
+            for record, start, known in zip(self._records, starts, self._known, strict=True):
+                y = BlockSimulation(*own, start[group]).advance(record.u)
+                for alone, taps, rows in zip(y.T, self._filters, known, strict=True):
+                    passed = scipy.signal.lfilter(taps, [1.0], alone)
+                    powers[mode] += float(np.sum(passed[rows] ** 2))
+        return powers
+
     def minimised(
         self, x0: Sequence[FloatArray], *, iterations: int, on_step: Callable[[], None]
     ) -> Minimum:
@@ -208,9 +230,10 @@ class _BlockRun:
         # One sample more than the chunk: where the next one starts.
         longer = np.vstack([u, np.zeros((1, r))])
         still, steady = np.zeros((r, len(self._x))), np.zeros((r, count))
+        smooth, constant = np.zeros((r, 4)), np.zeros((r, 4, count))
         x, d_x = run_sensitivity(
-            *(self._A, self._B, still, np.zeros(r), longer, self._x),
-            *(self._d_A, self._d_B, steady, steady, self._d_x),
+            *(self._A, self._B, still, smooth, longer, longer, self._x),
+            *(self._d_A, self._d_B, constant, steady, self._d_x),
         )
         self._x, self._d_x = x[-1].copy(), d_x[-1].copy()
         return x[:-1], d_x[:-1]

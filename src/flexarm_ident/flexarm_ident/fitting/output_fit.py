@@ -77,6 +77,7 @@ def fit_inputs(
     *,
     feedthrough: bool = False,
     noise_weighted: bool = False,
+    at_rest: bool = False,
 ) -> OutputFit:
     """Fit B, the initial states and, on request, D to the outputs (2-17), (3-17).
 
@@ -93,6 +94,8 @@ def fit_inputs(
     noise_weighted : bool
         Weight each output by the inverse of a first fit's residual instead of its RMS, so that
         outputs with little noise count more.
+    at_rest : bool
+        Let every record start from rest, as (2-14) does.
 
     Raises
     ------
@@ -100,7 +103,12 @@ def fit_inputs(
         If A is so unstable that its response overflows.
     """
     inputs = len(records[0].inputs)
-    return _fit(A, C, inputs, records, feedthrough=feedthrough, noise_weighted=noise_weighted)
+    return _fit(
+        *(A, C, inputs, records),
+        feedthrough=feedthrough,
+        noise_weighted=noise_weighted,
+        at_rest=at_rest,
+    )
 
 
 def fit_initial_states(
@@ -166,6 +174,7 @@ def _fit(
     *,
     feedthrough: bool,
     noise_weighted: bool = False,
+    at_rest: bool = False,
 ) -> OutputFit:
     eigenvalues, vectors = np.linalg.eig(A)
     longest = max(len(record) for record in records)
@@ -186,9 +195,9 @@ def _fit(
     power = _mean(problem.powers, records)
     weight = _inverse(power)
     if noise_weighted:
-        missed = _mean(problem.solve(weight, refined=False).missed, records)
+        missed = _mean(problem.solve(weight, refined=False, at_rest=at_rest).missed, records)
         weight = _inverse(np.maximum(missed, _SMALLEST_NOISE**2 * power))
-    found = problem.solve(weight, refined=True)
+    found = problem.solve(weight, refined=True, at_rest=at_rest)
     error = _relative_error(found.missed, problem.powers)
     return OutputFit(found.B, found.D, found.x0, error, found.rank, found.condition)
 

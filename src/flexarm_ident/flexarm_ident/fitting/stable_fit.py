@@ -47,6 +47,7 @@ def fit_stable(
     *,
     feedthrough: bool,
     noise_weighted: bool,
+    at_rest: bool = False,
 ) -> StableFit:
     """Move the eigenvalues in the way that simulates best, and fit the inputs.
 
@@ -64,6 +65,8 @@ def fit_stable(
         Whether D is fitted.
     noise_weighted : bool
         Whether the outputs are weighted by their noise, see `fit_inputs`.
+    at_rest : bool
+        Whether the records start from rest.
 
     Raises
     ------
@@ -73,7 +76,10 @@ def fit_stable(
 
     def fitted(candidate: _Moved) -> StableFit:
         fit = fit_inputs(
-            *(candidate.A, C, records), feedthrough=feedthrough, noise_weighted=noise_weighted
+            *(candidate.A, C, records),
+            feedthrough=feedthrough,
+            noise_weighted=noise_weighted,
+            at_rest=at_rest,
         )
         return StableFit(candidate.A, fit, candidate.unstable, candidate.way)
 

@@ -165,11 +165,16 @@ def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None =
     return Dmv(delta, mean_error(delta), y, start)
 
 
-def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = None) -> Sfv:
+def validate_sfv(
+    model: control.StateSpace,
+    data: IoData,
+    gains: Gains | None = None,
+    x0: ArrayLike | None = None,
+) -> Sfv:
     """Compare measured outputs with the model in closed loop on the recorded reference.
 
     The law answers sample k before sample k + 1, without Coulomb compensation and without
-    saturation (Figure 2-3). The initial state is that of `validate_dmv` under the effort alone.
+    saturation (Figure 2-3).
 
     Parameters
     ----------
@@ -179,6 +184,8 @@ def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = 
         Closed-loop record with its reference.
     gains : Gains, optional
         The law; by default recovered from the record.
+    x0 : array_like, (states,), optional
+        Initial state; by default that of `validate_dmv` under the effort alone.
 
     Returns
     -------
@@ -206,7 +213,8 @@ def validate_sfv(model: control.StateSpace, data: IoData, gains: Gains | None = 
         if gain != 0.0:
             feedback[0, data.outputs.index(name)] = gain
     A = model.A - model.B @ feedback @ model.C
-    start = _initial_state(model, remove_compensation(data))
+    effort = remove_compensation(data)
+    start = _initial_state(model, effort) if x0 is None else _checked_state(model, x0)
     drive = (law.kp * data.reference + law.offset_v)[:, np.newaxis]
     y = BlockSimulation(A, model.B, model.C, model.D, start).advance(drive)
     delta = relative_errors(data.y_measured, y)

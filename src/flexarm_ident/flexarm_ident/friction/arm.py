@@ -13,6 +13,7 @@ generalise to new records, unlike those of a free state-space model with frictio
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Flag, auto
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,6 +22,17 @@ import scipy
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
+
+
+class Rung(Flag):
+    """What the friction level depends on beside the direction of motion: the rungs of a ladder.
+
+    Viscous friction is in the damping of every arm.
+    """
+
+    COULOMB = 0
+    STRIBECK = auto()
+    LOAD = auto()
 
 
 class ArmMatrices(NamedTuple):
@@ -49,11 +61,17 @@ class FlexibleArm:
         1.0 where a positive input accelerates its position, -1.0 where it slows it down.
     outputs : int
         Number of all outputs.
+    rung : Rung
+        What the friction depends on.
     """
 
     positions: tuple[int, ...]
     signs: tuple[float, ...]
     outputs: int
+    rung: Rung = Rung.COULOMB
+
+    law = ("log_level", "log_rise", "log_speed", "log_load")
+    """Parameters whose exponentials are the columns of `laws`."""
 
     @property
     def inputs(self) -> int:
@@ -78,7 +96,7 @@ class FlexibleArm:
     @property
     def parameters(self) -> int:
         """Number of parameters, without those of initial states."""
-        return int(self.blocks["offset"].stop)
+        return int(self.blocks["log_load"].stop)
 
     @cached_property
     def blocks(self) -> dict[str, slice]:
@@ -95,6 +113,9 @@ class FlexibleArm:
             "log_ratio": e,
             "log_level": r,
             "offset": r,
+            "log_rise": r if Rung.STRIBECK in self.rung else 0,
+            "log_speed": r if Rung.STRIBECK in self.rung else 0,
+            "log_load": r if Rung.LOAD in self.rung else 0,
         }
         ends = np.cumsum(list(sizes.values()))
         return {
@@ -123,6 +144,24 @@ class FlexibleArm:
         """Return the Coulomb levels, (inputs,)."""
         with np.errstate(over="ignore"):
             return np.exp(theta[self.blocks["log_level"]])
+
+    def laws(self, theta: FloatArray) -> FloatArray:
+        """Return the friction as `stick_slip.friction_levels` takes it, (inputs, 4)."""
+        laws = np.zeros((self.inputs, 4))
+        for column, name in enumerate(self.law):
+            own = theta[self.blocks[name]]
+            if len(own):
+                with np.errstate(over="ignore"):
+                    laws[:, column] = np.exp(own)
+        return laws
+
+    def law_slopes(self, theta: FloatArray) -> FloatArray:
+        """Return its derivatives by the parameters, (inputs, 4, parameters)."""
+        laws, slopes = self.laws(theta), np.zeros((self.inputs, 4, self.parameters))
+        for column, name in enumerate(self.law):
+            for i, place in enumerate(range(*self.blocks[name].indices(self.parameters))):
+                slopes[i, column, place] = laws[i, column]
+        return slopes
 
     def offsets(self, theta: FloatArray) -> FloatArray:
         """Return the constant parts of the inputs, (inputs,)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,12 +19,17 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.arm import FlexibleArm
 
 _LEAST_INDEPENDENCE = 0.05
+# Part of the load from which friction holds a joint that its load drives.
+_SELF_LOCKING = 0.5
+# Part of the usual speed over which a rise fades at least.
+_LEAST_FADING = 0.01
 
 
 class Part(NamedTuple):
-    """Record, smoothed and decimated, with the weights of its residuals."""
+    """Record, smoothed and decimated, with the inputs' sizes and the weights of its residuals."""
 
     u: FloatArray
+    sizes: FloatArray
     y: FloatArray
     weight: FloatArray
 
@@ -53,6 +59,28 @@ class SimulationError:
     dt_s: float
     prior: FloatArray
 
+    @cached_property
+    def usual_speed(self) -> FloatArray:
+        """RMS speed of each driven position in the records, (inputs,)."""
+        driven = list(self.arm.positions)
+        speed = [np.gradient(part.y[:, driven], self.dt_s, axis=0) for part in self.parts]
+        return np.asarray(np.sqrt(np.mean(np.vstack(speed) ** 2, axis=0)))
+
+    def allowed(self, theta: FloatArray) -> FloatArray:
+        """Return parameters whose friction can be told apart from a Coulomb level and a gain.
+
+        A rise fades within the usual speed and over some of it, and no joint is self-locking under
+        its load.
+        """
+        allowed, blocks = theta.copy(), self.arm.blocks
+        if len(theta[blocks["log_speed"]]):
+            usual = np.log(self.usual_speed)
+            least = usual + np.log(_LEAST_FADING)
+            allowed[blocks["log_speed"]] = np.clip(theta[blocks["log_speed"]], least, usual)
+        load = theta[blocks["log_load"]]
+        allowed[blocks["log_load"]] = np.minimum(load, np.log(_SELF_LOCKING))
+        return allowed
+
     def initial_state(self, theta: FloatArray, record: int) -> FloatArray:
         """Return the initial state of a record, (states,)."""
         return self.arm.initial_state(theta, theta[self._start(record)])
@@ -69,18 +97,20 @@ class SimulationError:
 
     def residuals(self, theta: FloatArray) -> list[FloatArray]:
         """Return the weighted residuals of each record, (samples, outputs)."""
+        return [
+            part.weight * (x @ self.arm.output_matrix.T - part.y)
+            for part, x in zip(self.parts, self.states(theta), strict=True)
+        ]
+
+    def states(self, theta: FloatArray) -> list[FloatArray]:
+        """Return the simulated states of each record, (samples, states)."""
         from flexarm_ident.models.stick_slip import run  # noqa: PLC0415 - numba loads slowly
 
         A, B = self.arm.discrete(theta, self.dt_s)
-        offsets, levels = self.arm.offsets(theta), self.arm.levels(theta)
+        laws = self.arm.laws(theta)
         return [
-            part.weight
-            * (
-                run(A, B, self.arm.speed, levels, part.u - offsets, self.initial_state(theta, i))[0]
-                @ self.arm.output_matrix.T
-                - part.y
-            )
-            for i, part in enumerate(self.parts)
+            run(A, B, self.arm.speed, laws, *self._driven(theta, record))[0]
+            for record in range(len(self.parts))
         ]
 
     def normal(self, theta: FloatArray) -> Normal:
@@ -95,10 +125,11 @@ class SimulationError:
             A, B, d_A, d_B = arm.discrete_with_derivatives(theta, self.dt_s)
         if not (np.isfinite(d_A).all() and np.isfinite(d_B).all()):
             return nothing
-        levels, offsets = arm.levels(theta), arm.offsets(theta)
+        laws, offsets = arm.laws(theta), arm.offsets(theta)
         # Of the initial motions, a record depends on its own alone.
-        d_levels, d_u = np.zeros((2, arm.inputs, own + arm.motions))
-        d_levels[:, arm.blocks["log_level"]] = np.diag(levels)
+        d_laws = np.zeros((arm.inputs, 4, own + arm.motions))
+        d_laws[..., :own] = arm.law_slopes(theta)
+        d_u = np.zeros((arm.inputs, own + arm.motions))
         d_u[:, arm.blocks["offset"]] = -np.eye(arm.inputs)
         gradient, matrix = np.zeros(count), np.zeros((count, count))
         gradient[arm.blocks["offset"]] = self.prior**2 * offsets
@@ -110,8 +141,16 @@ class SimulationError:
             d_x0[:, own + np.flatnonzero(self.untold(part))] = 0.0
             try:
                 x, d_x = run_sensitivity(
-                    *(A, B, arm.speed, levels, part.u - offsets, self.initial_state(theta, i)),
-                    *(d_A, d_B, d_levels, d_u, d_x0),
+                    *(
+                        A,
+                        B,
+                        arm.speed,
+                        laws,
+                        part.u - offsets,
+                        part.sizes,
+                        self.initial_state(theta, i),
+                    ),
+                    *(d_A, d_B, d_laws, d_u, d_x0),
                 )
             except np.linalg.LinAlgError:
                 return nothing
@@ -125,6 +164,11 @@ class SimulationError:
                 gradient[places] += jacobian.T @ residual
                 matrix[np.ix_(places, places)] += jacobian.T @ jacobian
         return Normal(cost, gradient, matrix)
+
+    def _driven(self, theta: FloatArray, record: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return net inputs, their sizes and the initial state of a record."""
+        part = self.parts[record]
+        return part.u - self.arm.offsets(theta), part.sizes, self.initial_state(theta, record)
 
     def untold(self, part: Part) -> BoolArray:
         """Return which first coordinates and speeds nothing tells, (motions,)."""

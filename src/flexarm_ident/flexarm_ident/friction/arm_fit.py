@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.fitting.levenberg_marquardt import minimise
 from flexarm_ident.friction.arm import FlexibleArm
 from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
-from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
+from flexarm_ident.friction.descent import descend
+from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
+from flexarm_ident.friction.ladder import climb
 from flexarm_ident.friction.layout import drive_columns
 from flexarm_ident.friction.level_profile import profile_levels
 from flexarm_ident.friction.random_starts import RandomStarts
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
+    from flexarm_ident.friction.arm import Rung
+    from flexarm_ident.friction.ladder import Climb
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.friction.level_profile import LevelProfile
     from flexarm_ident.records.iodata import IoData
@@ -75,8 +78,13 @@ class ArmFit:
         Number of samples without a working sensor.
     bandwidth_hz : float
         Frequency below which the outputs' power lies.
-    level_ranges : ndarray, (inputs, 2)
-        Lowest and highest level with which the records are simulated equally well.
+    law_ranges : ndarray, (inputs, 4, 2)
+        Lowest and highest Coulomb level, rise at standstill, speed over which it fades, and load,
+        with which the records are simulated equally well.
+    rung : Rung
+        What the friction depends on.
+    left_out : dict of Rung to tuple of float
+        Relative errors of the halves that were left out of a fit, by what the friction depends on.
     """
 
     model: control.StateSpace
@@ -85,7 +93,9 @@ class ArmFit:
     error: FloatArray
     dead_samples: FloatArray
     bandwidth_hz: float
-    level_ranges: FloatArray
+    law_ranges: FloatArray
+    rung: Rung
+    left_out: dict[Rung, tuple[float, ...]]
 
 
 def fit_arm(
@@ -147,9 +157,13 @@ def fit_arm(
             f"{records[0].label}: no arm with friction simulates the record: leave friction out"
         )
     problem, best = _loosened(problem, best)
-    profile = profile_levels(problem, best, finalists)
+    reached = climb(problem, (best, *finalists))
+    problem, (best, *others) = reached.whole
+    if reached.rung:
+        best = _descended(problem, best.theta)
+    profile = profile_levels(problem, best, others)
     report("friction", 1.0)
-    return _result(problem, profile, records, lives, band_hz)
+    return _result(reached, profile, records, lives, band_hz)
 
 
 def _finalists(
@@ -159,7 +173,7 @@ def _finalists(
     begun, share = batch / _BATCHES, 0.9 / _BATCHES
     tries = []
     for number in range(_STARTS):
-        tries.append(minimise(draw.start(), problem.cost, problem.normal, iterations=_FIRST_STEPS))
+        tries.append(descend(problem, draw.start(), iterations=_FIRST_STEPS))
         report("friction", begun + 0.7 * share * (number + 1) / _STARTS)
     tries.sort(key=lambda found: found.cost)
     found = []
@@ -208,8 +222,13 @@ def _problem(
     arm = FlexibleArm(positions, _signs(smooth, positions, records[0].dt_s), outputs)
     step = slice(None, None, decimation)
     parts = tuple(
-        Part(_held(u, decimation), y[step], live[step] * scale)
-        for (u, y), live in zip(smooth, lives, strict=True)
+        Part(
+            _held(u, decimation),
+            _held(np.abs(record.u), decimation),
+            y[step],
+            live[step] * scale,
+        )
+        for record, (u, y), live in zip(records, smooth, lives, strict=True)
     )
     return SimulationError(arm, parts, dt_s, _COST_OF_ZERO_ERROR / (_ZERO_ERROR * peak))
 
@@ -230,7 +249,7 @@ def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError,
 
 def _descended(problem: SimulationError, theta: FloatArray) -> Minimum:
     """Return the minimum after the last, longer search."""
-    return minimise(theta, problem.cost, problem.normal, iterations=_LAST_STEPS)
+    return descend(problem, theta, iterations=_LAST_STEPS)
 
 
 def _held(u: FloatArray, decimation: int) -> FloatArray:
@@ -251,32 +270,18 @@ def _signs(
 
 
 def _result(
-    problem: SimulationError,
+    reached: Climb,
     profile: LevelProfile,
     records: Sequence[IoData],
     lives: Sequence[FloatArray],
     band_hz: float,
 ) -> ArmFit:
-    arm, first, best = problem.arm, records[0], profile.best
+    problem, best, first = reached.whole.problem, profile.best, records[0]
+    arm = problem.arm
     A, B = arm.discrete(best.theta, first.dt_s)
     C, D = arm.output_matrix, np.zeros((arm.outputs, arm.inputs))
     model = state_space(A, B, C, D, first.dt_s, inputs=first.inputs, outputs=first.outputs)
-    deviation = deviations(problem, best)
-    levels = arm.levels(best.theta)
-    friction = DryFriction(
-        levels,
-        arm.offsets(best.theta),
-        np.max(
-            [
-                levels * np.hypot(deviation[arm.blocks["log_level"]], _SYSTEMATIC),
-                levels - profile.lowest,
-                profile.highest - levels,
-            ],
-            axis=0,
-        ),
-        deviation[arm.blocks["offset"]],
-        arm.speed,
-    )
+    friction = _friction(problem, profile)
     x0 = tuple(problem.initial_state(best.theta, i) for i in range(len(records)))
     missed, total = np.zeros(arm.outputs), np.zeros(arm.outputs)
     for record, live, start in zip(records, lives, x0, strict=True):
@@ -291,5 +296,23 @@ def _result(
         ],
         axis=0,
     )
-    ranges = np.stack([profile.lowest, profile.highest], axis=1)
-    return ArmFit(model, x0, friction, error, dead, band_hz, ranges)
+    ranges = np.stack([profile.lowest, profile.highest], axis=-1)
+    return ArmFit(model, x0, friction, error, dead, band_hz, ranges, reached.rung, reached.left_out)
+
+
+def _friction(problem: SimulationError, profile: LevelProfile) -> DryFriction:
+    """Return the friction with deviations from the curvature and from the profile."""
+    arm, theta = problem.arm, profile.best.theta
+    deviation, laws = deviations(problem, profile.best), arm.laws(theta)
+    scatter = np.maximum(laws - profile.lowest, profile.highest - laws)
+    for column, name in enumerate(arm.law):
+        own = deviation[arm.blocks[name]]
+        if len(own):
+            by_curvature = laws[:, column] * np.hypot(own, _SYSTEMATIC)
+            scatter[:, column] = np.maximum(scatter[:, column], by_curvature)
+    levels, rises, rise_speeds, loads = laws.T
+    dependence = None
+    if arm.rung:
+        dependence = Dependence(rises, rise_speeds, loads, scatter[:, 1], scatter[:, 3])
+    offsets, offset_deviations = arm.offsets(theta), deviation[arm.blocks["offset"]]
+    return DryFriction(levels, offsets, scatter[:, 0], offset_deviations, arm.speed, dependence)

@@ -3,13 +3,15 @@
 A model `arm` with friction has the parameters `models.arm.friction_level` and
 `models.arm.friction_offset`, their standard deviations `friction_level_std` and
 `friction_offset_std`, all with one entry per input in the input's unit, and `friction_speed`, the
-row-major map from the state to the opposed speeds. A model without friction has none of them.
+row-major map from the state to the opposed speeds. Where the friction also depends on speed and
+load, there are `friction_rise`, `friction_rise_speed`, `friction_load`, `friction_rise_std` and
+`friction_load_std` as well. A model without friction has none of them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,7 +29,8 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
 
-# Their order is that of `DryFriction`.
+# Their order is that of the attributes.
+_ATTRIBUTES = ("levels", "offsets", "level_deviations", "offset_deviations", "speed")
 _FIELDS = (
     "friction_level",
     "friction_offset",
@@ -35,11 +38,40 @@ _FIELDS = (
     "friction_offset_std",
     "friction_speed",
 )
+# Their order is that of `Dependence`.
+_FIELDS_OF_DEPENDENCE = (
+    "friction_rise",
+    "friction_rise_speed",
+    "friction_load",
+    "friction_rise_std",
+    "friction_load_std",
+)
+
+
+class Dependence(NamedTuple):
+    """How friction depends on speed v and load: level + rise exp(-(v / rise_speed)^2) + load |u|.
+
+    Attributes
+    ----------
+    rises, rise_speeds : ndarray, (inputs,)
+        Rise of each level at standstill, in the input's unit, and the speed over which it fades.
+        An input without a rise has zeros.
+    loads : ndarray, (inputs,)
+        Part of the input's size that adds to the level.
+    rise_deviations, load_deviations : ndarray, (inputs,)
+        Their standard deviations.
+    """
+
+    rises: FloatArray
+    rise_speeds: FloatArray
+    loads: FloatArray
+    rise_deviations: FloatArray
+    load_deviations: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class DryFriction:
-    """Coulomb friction at the inputs of a model.
+    """Dry friction at the inputs of a model.
 
     With the offset, the level forwards is ``level + offset`` and backwards ``level - offset``.
 
@@ -51,6 +83,8 @@ class DryFriction:
         Their standard deviations.
     speed : ndarray, (inputs, states)
         Map from the model's state to the opposed speeds.
+    dependence : Dependence, optional
+        How the levels depend on speed and load.
     """
 
     levels: FloatArray
@@ -58,6 +92,16 @@ class DryFriction:
     level_deviations: FloatArray
     offset_deviations: FloatArray
     speed: FloatArray
+    dependence: Dependence | None = None
+
+    @property
+    def laws(self) -> FloatArray:
+        """The friction as `stick_slip.friction_levels` takes it, (inputs, 4)."""
+        laws = np.zeros((len(self.levels), 4))
+        laws[:, 0] = self.levels
+        if self.dependence is not None:
+            laws[:, 1:] = np.column_stack(self.dependence[:3])
+        return laws
 
 
 def simulate_with_friction(
@@ -90,7 +134,8 @@ def simulate_with_friction(
 
     A, B = np.ascontiguousarray(model.A), np.ascontiguousarray(model.B)
     start = np.asarray(x0, dtype=np.float64)
-    x, forces = run(A, B, friction.speed, friction.levels, u - friction.offsets, start)
+    net, sizes = u - friction.offsets, np.abs(u)
+    x, forces = run(A, B, friction.speed, friction.laws, net, sizes, start)
     return x @ model.C.T, forces
 
 
@@ -150,8 +195,10 @@ def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:
     """Return friction as fields of a model's parameters, by name; none without friction."""
     if friction is None:
         return {}
-    values = (getattr(friction, each.name) for each in fields(friction))
-    return {field: np.ravel(value).tolist() for field, value in zip(_FIELDS, values, strict=True)}
+    named = dict(zip(_FIELDS, (getattr(friction, each) for each in _ATTRIBUTES), strict=True))
+    if friction.dependence is not None:
+        named |= zip(_FIELDS_OF_DEPENDENCE, friction.dependence, strict=True)
+    return {field: np.ravel(value).tolist() for field, value in named.items()}
 
 
 def load_friction(path: Path | str) -> DryFriction | None:
@@ -177,14 +224,19 @@ def load_friction(path: Path | str) -> DryFriction | None:
     found = {
         field: value
         for key, value in load_parameters(path).items()
-        if (field := key.rpartition(".")[2]) in _FIELDS
+        if (field := key.rpartition(".")[2]) in (*_FIELDS, *_FIELDS_OF_DEPENDENCE)
     }
     if not found:
         return None
-    sizes = (*(len(_FIELDS) - 1) * ((model.ninputs,),), (model.ninputs, model.nstates))
-    return DryFriction(
-        *(_array(path, found, field, size) for field, size in zip(_FIELDS, sizes, strict=True))
-    )
+    rows = (model.ninputs,)
+    *per_input, speed_field = _FIELDS
+    levels, offsets, *scatter = (_array(path, found, field, rows) for field in per_input)
+    speed = _array(path, found, speed_field, (model.ninputs, model.nstates))
+    dependence = None
+    if any(field in found for field in _FIELDS_OF_DEPENDENCE):
+        values = (_array(path, found, field, rows) for field in _FIELDS_OF_DEPENDENCE)
+        dependence = Dependence(*values)
+    return DryFriction(levels, offsets, scatter[0], scatter[1], speed, dependence)
 
 
 def _array(

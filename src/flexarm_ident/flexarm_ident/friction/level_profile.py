@@ -1,9 +1,9 @@
-"""Profile of the Coulomb levels: the levels with which a record is simulated equally well.
+"""Profile of the friction: the laws with which a record is simulated equally well.
 
-The curvature of the cost at one minimum says little where the levels trade with damping and gain,
-and where the cost has several minima. Each level is therefore moved away from the best fit in
-steps, all other parameters are fitted again, and so on until the cost stands out. The levels of
-other minima count as well.
+The curvature of the cost at one minimum says little where the friction trades with damping and
+gain, and where the cost has several minima. Each level, rise and load is therefore moved away from
+the best fit in steps, all other parameters are fitted again, and so on until the cost stands out.
+The laws of other minima count as well.
 
 Venzon, Moolgavkar, "A method for computing profile-likelihood-based confidence intervals", Applied
 Statistics 37 (1988).
@@ -15,16 +15,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.fitting.levenberg_marquardt import Minimum, Normal, minimise
+from flexarm_ident.friction.descent import descend
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.friction.arm_error import SimulationError
 
 # A cost 10 % above the smallest is an error 5 % above it, less than two halves of a record differ.
 _EQUALLY_GOOD = 1.1
+_MOVED = ("log_level", "log_rise", "log_load")
 _STEP = 0.06
 _STEPS = 8
 _ITERATIONS = 12
@@ -34,7 +36,7 @@ _LOWER = 0.995
 
 
 class LevelProfile(NamedTuple):
-    """Lowest minimum that was met, and the range of levels that are equally good, (inputs,)."""
+    """Lowest minimum that was met, and the range of laws that are equally good, (inputs, 4)."""
 
     best: Minimum
     lowest: FloatArray
@@ -44,7 +46,7 @@ class LevelProfile(NamedTuple):
 def profile_levels(
     problem: SimulationError, best: Minimum, others: Sequence[Minimum]
 ) -> LevelProfile:
-    """Return the range of levels whose cost is at most 10 % above the smallest.
+    """Return the range of friction laws whose cost is at most 10 % above the smallest.
 
     Parameters
     ----------
@@ -65,43 +67,26 @@ def profile_levels(
                 break
         if lower is start:
             break
-        best = minimise(lower.theta, problem.cost, problem.normal, iterations=_DESCENT)
+        best = descend(problem, lower.theta, iterations=_DESCENT)
         points.append((best.theta, best.cost))
-    good = [
-        problem.arm.levels(theta) for theta, cost in points if cost <= _EQUALLY_GOOD * best.cost
-    ]
+    good = [problem.arm.laws(theta) for theta, cost in points if cost <= _EQUALLY_GOOD * best.cost]
     return LevelProfile(best, np.min(good, axis=0), np.max(good, axis=0))
 
 
 def _moved(problem: SimulationError, best: Minimum) -> Iterator[Minimum]:
-    """Yield minima with one level fixed, further and further from the best fit."""
-    for place in range(*problem.arm.blocks["log_level"].indices(problem.arm.parameters)):
+    """Yield minima with one parameter fixed, further and further from the best fit."""
+    places = np.arange(len(best.theta))
+    for place in np.concatenate([places[problem.arm.blocks[name]] for name in _MOVED]):
+        free = np.delete(places, place)
         for step in (-_STEP, _STEP):
             theta = best.theta
             for _ in range(_STEPS):
                 moved = theta.copy()
                 moved[place] += step
-                found = _with_one_fixed(problem, moved, place)
+                if problem.allowed(moved)[place] != moved[place]:
+                    break
+                found = descend(problem, moved, iterations=_ITERATIONS, free=free)
                 yield found
                 if not found.cost <= _EQUALLY_GOOD * best.cost:
                     break
                 theta = found.theta
-
-
-def _with_one_fixed(problem: SimulationError, theta: FloatArray, place: int) -> Minimum:
-    """Return the minimum over all parameters but one."""
-    free = np.delete(np.arange(len(theta)), place)
-
-    def whole(part: FloatArray) -> FloatArray:
-        joined = theta.copy()
-        joined[free] = part
-        return joined
-
-    def normal(part: FloatArray) -> Normal:
-        cost, gradient, matrix = problem.normal(whole(part))
-        return Normal(cost, gradient[free], matrix[np.ix_(free, free)])
-
-    found = minimise(
-        theta[free], lambda part: problem.cost(whole(part)), normal, iterations=_ITERATIONS
-    )
-    return found._replace(theta=whole(found.theta))

@@ -35,7 +35,7 @@ class RandomStarts:
         speed = [np.gradient(part.y[:, driven], problem.dt_s, axis=0) for part in problem.parts]
         acceleration = np.vstack([np.gradient(v, problem.dt_s, axis=0) for v in speed])
         self._u = np.sqrt(np.mean(u**2, axis=0))
-        self._speed = np.sqrt(np.mean(np.vstack(speed) ** 2, axis=0))
+        self._speed = problem.usual_speed
         self._acceleration = np.sqrt(np.mean(acceleration**2, axis=0))
         y = np.vstack([part.y for part in problem.parts])
         self._y = np.sqrt(np.mean(y**2, axis=0))

@@ -1,9 +1,17 @@
-"""Linear models with Coulomb friction at their inputs, stepped in time by compiled code.
+"""Linear models with dry friction at their inputs, stepped in time by compiled code.
 
 Friction opposes the speed of the coordinate that its input drives. It is taken implicitly: over a
-step it is the force that stops the motion, limited to the Coulomb friction level. A drive below its
-level therefore stands still without creep or chatter, and the step is piecewise linear, which gives
-exact derivatives. Moreau, "Unilateral contact and dry friction in finite freedom dynamics" (1988).
+step it is the force that stops the motion, limited to the friction level. A drive below its level
+therefore stands still without creep or chatter, and the step is piecewise smooth, which gives exact
+derivatives. Moreau, "Unilateral contact and dry friction in finite freedom dynamics" (1988).
+
+The level of an input is that of Coulomb, higher near standstill after Stribeck, and higher under
+load. It is taken from the speed v at the beginning of the step and the size of the input u over it:
+
+    level = coulomb + rise exp(-(v / stribeck_speed)^2) + load |u|
+
+Armstrong-Hélouvry, Dupont, Canudas de Wit, "A survey of models, analysis tools and compensation
+methods for the control of machines with friction", Automatica 30 (1994).
 
 The functions check nothing; `dry_friction` and `refinement` use them.
 """
@@ -55,12 +63,61 @@ def friction_force(free_speed: FloatArray, gain: FloatArray, levels: FloatArray)
 
 
 @compiled
+def friction_levels(laws: FloatArray, speeds: FloatArray, sizes: FloatArray) -> FloatArray:
+    """Return the friction level of each input, (inputs,).
+
+    Parameters
+    ----------
+    laws : ndarray, (inputs, 4)
+        Coulomb level, rise at standstill, speed over which it fades, and part of the input's size.
+    speeds, sizes : ndarray, (inputs,)
+        Speeds that friction opposes, and sizes of the inputs.
+    """
+    levels = np.empty(len(laws))
+    for i in range(len(laws)):
+        fading = np.exp(-((speeds[i] / laws[i, 2]) ** 2)) if laws[i, 1] > 0.0 else 0.0
+        levels[i] = laws[i, 0] + laws[i, 1] * fading + laws[i, 3] * sizes[i]
+    return levels
+
+
+@compiled
+def friction_level_derivatives(
+    laws: FloatArray,
+    speeds: FloatArray,
+    sizes: FloatArray,
+    d_laws: FloatArray,
+    d_speeds: FloatArray,
+) -> FloatArray:
+    """Return the derivatives of `friction_levels`, (inputs, parameters).
+
+    Parameters
+    ----------
+    laws, speeds, sizes
+        As in `friction_levels`.
+    d_laws : ndarray, (inputs, 4, parameters)
+        Derivatives of the laws.
+    d_speeds : ndarray, (inputs, parameters)
+        Derivatives of the speeds.
+    """
+    derivatives = np.empty(d_speeds.shape)
+    for i in range(len(laws)):
+        derivatives[i] = d_laws[i, 0] + sizes[i] * d_laws[i, 3]
+        if laws[i, 1] > 0.0:
+            part = speeds[i] / laws[i, 2]
+            fading = np.exp(-(part**2))
+            steep = 2.0 * laws[i, 1] * fading * part / laws[i, 2]
+            derivatives[i] += fading * d_laws[i, 1] + steep * (part * d_laws[i, 2] - d_speeds[i])
+    return derivatives
+
+
+@compiled
 def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
     A: FloatArray,
     B: FloatArray,
     speed: FloatArray,
-    levels: FloatArray,
+    laws: FloatArray,
     u: FloatArray,
+    sizes: FloatArray,
     x0: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Step a model through a record.
@@ -71,10 +128,10 @@ def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
         Discrete model.
     speed : ndarray, (inputs, states)
         Map from the state to the speed that the friction of each input opposes.
-    levels : ndarray, (inputs,)
-        Coulomb friction levels.
-    u : ndarray, (samples, inputs)
-        Inputs.
+    laws : ndarray, (inputs, 4)
+        Friction as `friction_levels` takes it; zeros without friction.
+    u, sizes : ndarray, (samples, inputs)
+        Inputs from each sample to the next, and their sizes for the friction.
     x0 : ndarray, (states,)
         Initial state.
 
@@ -90,7 +147,7 @@ def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
     forces = np.empty((samples, inputs))
     gain = speed @ B
     now = x0.copy()
-    free_speed = np.empty(inputs)
+    speeds, free_speed = np.empty(inputs), np.empty(inputs)
     after = np.empty(states)
     for k in range(samples):
         x[k] = now
@@ -102,11 +159,11 @@ def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
                 total += B[i, j] * u[k, j]
             after[i] = total
         for i in range(inputs):
-            total = 0.0
+            speeds[i] = free_speed[i] = 0.0
             for j in range(states):
-                total += speed[i, j] * after[j]
-            free_speed[i] = total
-        forces[k] = friction_force(free_speed, gain, levels)
+                speeds[i] += speed[i, j] * now[j]
+                free_speed[i] += speed[i, j] * after[j]
+        forces[k] = friction_force(free_speed, gain, friction_levels(laws, speeds, sizes[k]))
         for i in range(states):
             total = after[i]
             for j in range(inputs):
@@ -132,7 +189,7 @@ def force_derivative(
     gain : ndarray, (inputs, inputs)
         Speeds that unit forces give over the step.
     force, levels : ndarray, (inputs,)
-        The step's friction and the levels.
+        The step's friction and its levels.
     d_levels : ndarray, (inputs, parameters)
         Derivative of the levels.
     """
@@ -160,12 +217,13 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
     A: FloatArray,
     B: FloatArray,
     speed: FloatArray,
-    levels: FloatArray,
+    laws: FloatArray,
     u: FloatArray,
+    sizes: FloatArray,
     x0: FloatArray,
     d_A: FloatArray,
     d_B: FloatArray,
-    d_levels: FloatArray,
+    d_laws: FloatArray,
     d_u: FloatArray,
     d_x0: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
@@ -173,14 +231,16 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
 
     Parameters
     ----------
-    A, B, speed, levels, u, x0
+    A, B, speed, laws, u, sizes, x0
         As in `run`; `speed` does not depend on the parameters.
     d_A : ndarray, (states, states, first parameters)
         Derivative of A, which only the first of all parameters change.
     d_B : ndarray, (states, inputs, first parameters)
         Derivative of B.
-    d_levels, d_u : ndarray, (inputs, parameters)
-        Derivatives of the levels and of a constant part of the inputs.
+    d_laws : ndarray, (inputs, 4, parameters)
+        Derivatives of the friction.
+    d_u : ndarray, (inputs, parameters)
+        Derivative of a constant part of the inputs.
     d_x0 : ndarray, (states, parameters)
         Derivative of the initial state.
 
@@ -193,7 +253,7 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
     """
     samples, states, inputs = len(u), len(A), B.shape[1]
     parameters, first = d_x0.shape[1], d_A.shape[2]
-    x, forces = run(A, B, speed, levels, u, x0)
+    x, forces = run(A, B, speed, laws, u, sizes, x0)
     gain = speed @ B
     d_x = np.empty((samples, states, parameters))
     now = d_x0.copy()
@@ -209,6 +269,12 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
                 for p in range(first):
                     ahead[i, p] += d_B[i, j, p] * net
         d_speed = product(speed, ahead)
+        speeds = np.zeros(inputs)
+        for i in range(inputs):
+            for j in range(states):
+                speeds[i] += speed[i, j] * x[k, j]
+        levels = friction_levels(laws, speeds, sizes[k])
+        d_levels = friction_level_derivatives(laws, speeds, sizes[k], d_laws, product(speed, now))
         d_force = force_derivative(d_speed, gain, forces[k], levels, d_levels)
         now = ahead - product(B, d_force)
     return x, d_x

@@ -18,6 +18,7 @@ from flexarm_ident.models.modes import modal_form, ranked_modes
 from flexarm_ident.models.state_space import stabilise, with_matrices
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.preprocess import output_scale
+from flexarm_ident.subspace.methods import METHODS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -125,7 +126,7 @@ def reduce_model(
     modes = ranked_modes(full, records, output_scale(records))
     kept, notes = _choose(modes, ranking, order, known_modes_hz)
     realised = truncate(full, [state for mode in kept for state in mode.states])
-    updated = _updated(realised, records, update)
+    updated = _updated(realised, records, update, at_rest=METHODS[identification.method].at_rest)
     return Reduction(
         model=updated.model,
         kept=tuple(mode.label for mode in kept),
@@ -197,12 +198,16 @@ class _Update(NamedTuple):
     condition: float | None
 
 
-def _updated(model: control.StateSpace, records: Sequence[IoData], update: str) -> _Update:
+def _updated(
+    model: control.StateSpace, records: Sequence[IoData], update: str, *, at_rest: bool
+) -> _Update:
     if update == "b":
-        inputs = fit_inputs(model.A, model.C, _without_feedthrough(model, records))
+        driven = _without_feedthrough(model, records)
+        inputs = fit_inputs(model.A, model.C, driven, at_rest=at_rest)
         refitted = with_matrices(model, B=inputs.B)
         return _Update(refitted, inputs.x0, inputs.rank, inputs.condition)
-    x0 = fit_initial_states(model, records)
+    rest = (np.zeros(model.nstates),) * len(records)
+    x0 = rest if at_rest else fit_initial_states(model, records)
     if update == "none":
         return _Update(model, x0, None, None)
     outputs = fit_outputs(model, x0, records)

@@ -59,6 +59,8 @@ class Method:
         Ways to move unstable eigenvalues, the best of which is taken.
     bears_feedback : bool
         Whether it is unbiased where inputs were computed from the outputs.
+    at_rest : bool
+        Whether records start from rest; otherwise their initial states are fitted.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Method:
     weighed: bool = True
     ways: tuple[Way, ...] = WAYS
     bears_feedback: bool = False
+    at_rest: bool = False
 
     def shifts(self, block_rows: int) -> int:
         """Return the block rows of the Gram for `block_rows` block rows of the future."""
@@ -104,10 +107,11 @@ _ROWS = (
         build=lambda data: plain(data.gram, output_scale(data.records)),
         looks_back=False,
         title="ORSE, outputs scaled by their maxima",
-        help="the thesis's own scaling, to reproduce it",
+        help="the thesis's own way, to reproduce it",
         noise_weighted=False,
         weighed=False,
         ways=("clamp",),
+        at_rest=True,
     ),
 )
 METHODS = {row.name: row for row in _ROWS}

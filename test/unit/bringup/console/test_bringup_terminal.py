@@ -54,6 +54,15 @@ def test_friction_table___levels___have_their_scatter_and_unit() -> None:
     }
     assert cells(friction_table(parameters)) == [("current1_a", "0.15 ± 0.01", "0 ± 0.002", "A")]
     assert friction_table({"models.arm.dt": 0.01}).row_count == 0
+    parameters |= {
+        "models.arm.friction_rise": [0.2],
+        "models.arm.friction_rise_std": [0.05],
+        "models.arm.friction_load": [0.0],
+        "models.arm.friction_load_std": [0.0],
+    }
+    assert cells(friction_table(parameters)) == [
+        ("current1_a", "0.15 ± 0.01", "0 ± 0.002", "0.2 ± 0.05", "0 ± 0", "A")
+    ]
 
 
 def test_progress_bar___without_a_terminal___prints_a_line_for_each_tenth(

@@ -11,6 +11,7 @@ import scipy
 from flexarm_ident import IoData, identify
 from flexarm_ident.fitting.likelihood import maximise_likelihood
 from flexarm_ident.fitting.noise_filter import is_noise, whitening_filter
+from flexarm_ident.models.modes import modal_form
 from support.ident_systems import (
     DT_S,
     arm_model,
@@ -84,6 +85,31 @@ def test_likelihood___coloured_noise___is_nearer_to_the_truth_than_the_subspace_
         ratios.append(missed[0] / missed[1])
     assert np.median(ratios) < 0.9
     assert max(ratios) < 1.2
+
+
+def test_likelihood___order_left_open___comes_down_to_that_of_the_plant() -> None:
+    known = pulse_responses(random_model(5, 4, 2, 1))
+    for seed in range(2):
+        data = noisy(seed, 3000)
+        start = identify(data, order=9, block_rows=10, method="orse_iv")
+        given, found = (
+            maximise_likelihood(start.model, start.x0, data, order_open=order_open)
+            for order_open in (False, True)
+        )
+        assert given is not None
+        assert found is not None
+        assert (given.model.nstates, found.model.nstates) == (9, 4)
+        assert len(found.modes) == len(modal_form(found.model).groups)
+        missed = [np.linalg.norm(pulse_responses(each.model) - known) for each in (found, given)]
+        assert missed[0] < 0.8 * missed[1]
+
+
+def test_identify___refined___keeps_a_given_order_only() -> None:
+    data = noisy(0, 3000)
+    found = [identify(data, order=order, block_rows=10, refine=True) for order in (9, None)]
+    assert [each.order for each in found] == [9, 4]
+    assert [each.model.nstates for each in found] == [9, 4]
+    assert found[1].notes[-1].startswith("refined by maximum likelihood")
 
 
 @pytest.mark.slow

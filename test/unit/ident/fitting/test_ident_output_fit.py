@@ -69,6 +69,33 @@ def test_fit_inputs___noisy_records___equals_the_thesis_regression(
     assert fit.rank == B.size + D.size + 2 * model.nstates
 
 
+@pytest.mark.parametrize("schur", [False, True])
+def test_fit_inputs___at_rest___equals_the_thesis_regression_without_initial_states(
+    *, schur: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if schur:
+        monkeypatch.setattr(modes, "_DEFECTIVE_CONDITION", 0.0)
+    model = random_model(1)
+    data = record(model, 203, seed=1, noise=0.3)
+    fit = fit_inputs(model.A, model.C, [data], at_rest=True)
+    rms = np.sqrt(np.mean(data.y**2, axis=0))
+    phi = np.stack(
+        [
+            step_by_step(
+                named(model.A, unit[:, np.newaxis], model.C, np.zeros((model.noutputs, 1))),
+                data.u[:, [j]],
+            )
+            / rms
+            for j in range(model.ninputs)
+            for unit in np.eye(model.nstates)
+        ],
+        axis=2,
+    )
+    theta = np.linalg.lstsq(phi.reshape(-1, phi.shape[2]), (data.y / rms).ravel(), rcond=None)[0]
+    np.testing.assert_allclose(fit.B, theta.reshape(model.ninputs, -1).T, atol=1e-9)
+    np.testing.assert_allclose(fit.x0, 0.0, atol=0.0)
+
+
 def test_fit_inputs___noise_free_records___exact_with_zero_error() -> None:
     model = random_model(2)
     records = [record(model, 400, seed=3), record(model, 31, seed=4)]

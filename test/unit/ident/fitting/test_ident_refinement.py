@@ -156,7 +156,7 @@ def arm_record(samples: int = 3000, dt_s: float = 0.005) -> tuple[FlexibleArm, A
         y[k] = arm.output_matrix @ x + (2e-3, 2e-3) * rng.normal(size=2)
         reference = np.sin(1.7 * k * dt_s) + (0.5 if (k // 400) % 2 else -0.5)
         u[k] = 3.0 * (reference - y[k, 0]) - 0.3 * arm.speed[0] @ x
-        x = run(A, B, arm.speed, arm.levels(theta), u[[k, k]] - 0.01, x)[0][1]
+        x = run(A, B, arm.speed, arm.laws(theta), u[[k, k]] - 0.01, u[[k, k]], x)[0][1]
     inputs, outputs = ("drive_a",), ("hub_rad", "gauge_v")
     data = IoData(u, y, dt_s=dt_s, inputs=inputs, outputs=outputs, closed_loop=True)
     return arm, theta, data
@@ -180,7 +180,7 @@ def test_arm___derivatives___agree_with_differences() -> None:
 
 def test_arm_error___gradient_through_stick_and_slip___agrees_with_differences() -> None:
     arm, theta, data = arm_record(400)
-    part = Part(np.array(data.u), data.y, np.ones_like(data.y))
+    part = Part(np.array(data.u), np.abs(data.u), data.y, np.ones_like(data.y))
     problem = SimulationError(arm, (part,), data.dt_s, np.array([0.5]))
     theta = np.concatenate([theta, np.zeros(arm.motions)])
     theta = theta + 0.02 * np.random.default_rng(1).normal(size=len(theta))
@@ -200,8 +200,8 @@ def test_fit_arm___closed_loop_without_compensation___finds_level_and_simulates(
     fit = fit_arm(data, [Drive("drive_a", "hub_rad")])
     assert fit.friction.levels == pytest.approx([0.3], rel=0.05)
     assert np.abs(fit.friction.levels - 0.3) <= fit.friction.level_deviations
-    assert np.all(fit.level_ranges[:, 0] <= fit.friction.levels)
-    assert np.all(fit.friction.levels <= fit.level_ranges[:, 1])
+    assert np.all(fit.law_ranges[:, 0, 0] <= fit.friction.levels)
+    assert np.all(fit.friction.levels <= fit.law_ranges[:, 0, 1])
     assert abs(fit.friction.offsets[0] - 0.01) < 0.02
     assert np.all(fit.error < 0.04)
 

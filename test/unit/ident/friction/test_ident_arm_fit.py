@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from flexarm_ident.friction.arm import FlexibleArm
+from flexarm_ident.friction.arm import FlexibleArm, Rung
 from flexarm_ident.friction.arm_error import Part, SimulationError
 from flexarm_ident.friction.arm_fit import fit_arm
 from flexarm_ident.friction.layout import Drive
@@ -13,17 +15,25 @@ from flexarm_ident.friction.random_starts import RandomStarts
 from support.rubbing_arms import rubbing_arm
 
 ONE, TWO = (0.5,), (0.5, 0.3)
+BOTH = Rung.STRIBECK | Rung.LOAD
+# What a rung adds to each joint: rise, speed over which it fades, load.
+NEW = {Rung.COULOMB: (), Rung.STRIBECK: (0.2, 0.3), Rung.LOAD: (0.1,), BOTH: (0.2, 0.3, 0.1)}
 # Cut while a joint turns with 0.9 rad/s and more.
 MOVING = [(ONE, 0, 830), (ONE, 2, 700), (TWO, 0, 660)]
 
 
-def test_simulation_error___records_in_motion___has_the_gradient_of_differences() -> None:
+@pytest.mark.parametrize("rung", [Rung.COULOMB, Rung.STRIBECK, Rung.LOAD, BOTH])
+def test_simulation_error___records_in_motion___has_the_gradient_of_differences(rung: Rung) -> None:
     records = [rubbing_arm(TWO, seed=seed, samples=300, skip=700) for seed in range(2)]
-    arm = FlexibleArm((0, 1), (1.0, 1.0), 4)
-    parts = tuple(Part(each.u, each.y, np.ones_like(each.y)) for each in records)
+    arm = FlexibleArm((0, 1), (1.0, 1.0), 4, rung)
+    new = np.repeat(NEW[rung], 2)
+    parts = tuple(Part(each.u, np.abs(each.u), each.y, np.ones_like(each.y)) for each in records)
     problem = SimulationError(arm, parts, records[0].dt_s, np.ones(2))
-    theta = RandomStarts(problem, 5.0, np.random.default_rng(0)).start()
+    coulomb = replace(problem, arm=replace(arm, rung=Rung.COULOMB))
+    theta = RandomStarts(coulomb, 5.0, np.random.default_rng(0)).start()
+    theta = np.insert(theta, [coulomb.arm.parameters] * len(new), np.log(new))
     assert len(theta) == arm.parameters + 2 * arm.motions
+    assert np.count_nonzero(problem.normal(theta).gradient) == len(theta)
     step = 1e-6
     slopes = [
         (problem.cost(theta + step * way) - problem.cost(theta - step * way)) / (2.0 * step)
@@ -46,8 +56,34 @@ def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
         for name, output in zip(record.inputs, record.outputs[:joints], strict=True)
     ]
     fit = fit_arm(record, drives)
+    assert fit.rung == Rung.COULOMB
     assert fit.friction.levels == pytest.approx(levels, rel=0.05)
     assert np.all(fit.error < 0.05)
     x0 = fit.x0[0]
     assert x0[:joints] == pytest.approx(places, abs=0.02)
     assert x0[2 * joints : 3 * joints] == pytest.approx(speeds, abs=0.25)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rise", "load", "rung"),
+    [(0.5, 0.0, Rung.STRIBECK), (0.0, 0.15, Rung.LOAD), (0.5, 0.15, BOTH)],
+)
+def test_fit___friction_of_each_rung___is_told_by_halves_left_out(
+    rise: float, load: float, rung: Rung
+) -> None:
+    record = rubbing_arm(ONE, rise=rise, load=load, seed=1)
+    fit = fit_arm(record, [Drive("drive1_a", "joint1_rad")])
+    assert fit.rung == rung
+    assert np.all(np.array(fit.left_out[rung]) < fit.left_out[Rung.COULOMB])
+    assert fit.friction.levels == pytest.approx(ONE, rel=0.15)
+    if rung & Rung.LOAD:
+        # One level more than the load trades with.
+        assert fit.friction.laws[:, 3] == pytest.approx([load], rel=0.45)
+        assert fit.friction.dependence is not None
+        scatter = fit.friction.dependence.load_deviations
+        assert np.abs(fit.friction.laws[:, 3] - load) <= scatter
+    if rung & Rung.STRIBECK:
+        # The speed of the rise trades with its height: what is certain is that there is one.
+        assert np.all(fit.friction.laws[:, 1] > 0.3 * rise * ONE[0])
+        assert np.all(fit.friction.laws[:, 1] < 1.5 * rise * ONE[0])

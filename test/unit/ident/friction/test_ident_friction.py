@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from flexarm_ident import IdentificationError, IoData
-from flexarm_ident.friction.dry_friction import DryFriction, simulate_with_friction
+from flexarm_ident import IdentificationError, IoData, load_friction, save_model
+from flexarm_ident.friction.dry_friction import (
+    Dependence,
+    DryFriction,
+    friction_fields,
+    simulate_with_friction,
+)
 from flexarm_ident.friction.layout import Drive
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.model_parameters import ModelFileError
 from flexarm_ident.models.stick_slip import friction_force
 from flexarm_ident.records.signals import dead_stretches, live_samples
 from support.ident_systems import DT_S, arm_model, named
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import control
     from numpy.typing import NDArray
 
@@ -40,6 +49,14 @@ def dry(level: float, offset: float = 0.0) -> DryFriction:
     return DryFriction(
         np.array([level]), np.array([offset]), nothing, nothing, np.array([[0.0, 1.0]])
     )
+
+
+def clinging(rise: float = 0.0, rise_speed: float = 0.0, load: float = 0.0) -> DryFriction:
+    """Return friction of level 0.5 that depends on speed and load."""
+    nothing = np.zeros(1)
+    rises, rise_speeds, loads = (np.array([value]) for value in (rise, rise_speed, load))
+    dependence = Dependence(rises, rise_speeds, loads, nothing, nothing)
+    return replace(dry(0.5), dependence=dependence)
 
 
 def moved_record(level: float, *, noise: float = 0.0, seed: int = 0) -> IoData:
@@ -103,6 +120,58 @@ def test_friction_force___coupled_drives___meets_the_conditions_of_coulomb() -> 
         assert np.abs(after[held]).max(initial=0.0) < 1e-4
         assert np.all(np.abs(force) <= levels)
         assert np.all((force * after)[~held] >= -1e-4)
+
+
+def test_simulation___slow_push_against_a_rise___breaks_away_at_their_sum() -> None:
+    u = np.linspace(0.0, 1.0, 2000)[:, np.newaxis]
+    y, _ = simulate_with_friction(sledge(), clinging(0.3, 0.05), u, np.zeros(2))
+    assert u[np.flatnonzero(y[:, 1])[0], 0] == pytest.approx(0.8, abs=2e-3)
+
+
+def test_simulation___speed_far_above_that_of_the_rise___slides_with_the_coulomb_level() -> None:
+    u = np.zeros((30, 1))
+    y, forces = simulate_with_friction(sledge(), clinging(0.3, 0.05), u, np.array([0.0, 3.0]))
+    assert y[-1, 1] > 2.0
+    assert forces == pytest.approx(np.full((30, 1), 0.5))
+
+
+def test_simulation___speed_of_the_rise___leaves_one_part_in_e_of_it() -> None:
+    _, forces = simulate_with_friction(
+        sledge(), clinging(0.3, 0.2), np.ones((1, 1)), np.array([0.0, 0.2])
+    )
+    assert forces[0, 0] == pytest.approx(0.5 + 0.3 / np.e)
+
+
+@pytest.mark.parametrize("push", [2.0, -2.0])
+def test_simulation___friction_under_load___takes_its_part_of_the_push(push: float) -> None:
+    u = np.full((50, 1), push)
+    y, forces = simulate_with_friction(sledge(), clinging(load=0.2), u, np.zeros(2))
+    assert forces == pytest.approx(np.sign(push) * np.full((50, 1), 0.5 + 0.2 * 2.0))
+    speed = (push - forces[0, 0]) / MASS * 49 * DT_S
+    assert y[-1, 1] == pytest.approx(speed)
+
+
+@pytest.mark.parametrize("friction", [dry(0.4, 0.1), clinging(0.3, 0.05, 0.2)])
+@pytest.mark.parametrize("suffix", ["yaml", "json", "mat"])
+def test_load_friction___file_of_save_model___has_it_back(
+    friction: DryFriction, suffix: str, tmp_path: Path
+) -> None:
+    file = tmp_path / f"sledge.{suffix}"
+    save_model(file, sledge(), name="sledge", provenance=friction_fields(friction))
+    kept = load_friction(file)
+    assert kept is not None
+    assert kept.laws.tolist() == friction.laws.tolist()
+    assert (kept.dependence is None) == (friction.dependence is None)
+    assert friction_fields(kept) == friction_fields(friction)
+
+
+def test_load_friction___part_of_the_dependence___names_what_is_missing(tmp_path: Path) -> None:
+    file = tmp_path / "sledge.yaml"
+    fields = friction_fields(clinging(0.3, 0.05, 0.2))
+    del fields["friction_rise_speed"]
+    save_model(file, sledge(), name="sledge", provenance=fields)
+    with pytest.raises(ModelFileError, match="friction_rise_speed is missing"):
+        load_friction(file)
 
 
 @pytest.mark.parametrize("level", [0.3, 1.0])

@@ -36,6 +36,9 @@ class Bowl:
     def normal(self, theta: Array) -> Normal:
         return Normal(self.cost(theta), self.matrix @ (theta - self.centre), self.matrix)
 
+    def allowed(self, theta: Array) -> Array:
+        return theta
+
     @property
     def minimum(self) -> Minimum:
         return Minimum(self.centre, 1.0, self.matrix)
@@ -50,8 +53,8 @@ def test_profile___quadratic_cost___reaches_to_ten_percent_above_it(
     # With the other parameters at their best, the curvature is the Schur complement.
     reach = np.sqrt(0.1 / (curvature - coupling**2))
     steps = 0.06 * np.floor(reach / 0.06 + 1e-9)
-    assert np.log(profile.highest[0] / 0.3) == pytest.approx(steps, abs=1e-3)
-    assert np.log(profile.lowest[0] / 0.3) == pytest.approx(-steps, abs=1e-3)
+    assert np.log(profile.highest[0, 0] / 0.3) == pytest.approx(steps, abs=1e-3)
+    assert np.log(profile.lowest[0, 0] / 0.3) == pytest.approx(-steps, abs=1e-3)
 
 
 def test_profile___start_beside_the_minimum___moves_there() -> None:
@@ -76,4 +79,4 @@ def test_profile___another_minimum_as_good___counts() -> None:
     far = two.centre.copy()
     far[two.arm.blocks["log_level"]] += np.log(2.0)
     profile = profile_levels(two, bowl.minimum, [Minimum(far, 1.0, two.matrix)])  # type: ignore[arg-type]
-    assert profile.highest[0] == pytest.approx(0.6)
+    assert profile.highest[0, 0] == pytest.approx(0.6)

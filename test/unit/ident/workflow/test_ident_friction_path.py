@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from flexarm_ident import IoData, identify, load_friction, load_model, read_bag, validate_dmv
 from flexarm_ident.friction.dry_friction import (
+    Dependence,
     DryFriction,
     friction_fields,
     net_records,
@@ -198,13 +199,16 @@ def test_reduced_model___of_an_arm_with_friction___has_friction_too(reduced: Out
     assert np.all(reduced.dmv_errors < 0.2)
 
 
-def test_refer_friction___same_model_in_other_coordinates___same_simulation() -> None:
+@pytest.mark.parametrize("depends", [False, True])
+def test_refer_friction___same_model_in_other_coordinates___same_simulation(depends: bool) -> None:  # noqa: FBT001
     model, u = arm_model(), square_wave(1500, 2)
     n = model.nstates
     speed = np.random.default_rng(0).normal(size=(1, n))
     speed *= np.sign(speed @ model.B)
     nothing = np.zeros(1)
-    friction = DryFriction(np.array([0.4]), np.array([0.1]), nothing, nothing, speed)
+    rise, fading, load = np.array([[0.2], [0.5], [0.1]])
+    more = Dependence(rise, fading, load, nothing, nothing) if depends else None
+    friction = DryFriction(np.array([0.4]), np.array([0.1]), nothing, nothing, speed, more)
     x0 = np.random.default_rng(1).normal(size=n)
     y, _ = simulate_with_friction(model, friction, u, x0)
     data = IoData(u, y, dt_s=DT_S)

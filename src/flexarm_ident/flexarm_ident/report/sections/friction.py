@@ -1,4 +1,4 @@
-"""Dry friction section: Coulomb friction levels and their origin."""
+"""Dry friction section: levels, what they depend on, and their origin."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ def _build(subject: Subject) -> Iterator[Block]:
             "The levels were fitted together with the model, by free simulation. The model moves "
             "under the input less friction and offset; the friction follows from its own speeds. "
             "± is the standard deviation, from the residuals and their correlation in time, or "
-            "more where levels further away simulate the records equally well."
+            "more where levels further away simulate the records equally well. What the friction "
+            "depends on was told by halves of the records that were left out of the fit."
         )
     elif coulomb is not None:
         yield _estimated(coulomb)
@@ -44,17 +45,24 @@ SECTION = Section(60, "Dry friction", _build, _applies)
 
 
 def _fitted(outcome: Outcome, friction: DryFriction) -> Table:
-    """Return the levels and offsets in the model with their deviations and units."""
+    """Return the friction in the model with its deviations and units."""
+    head = ["Input", "Unit", "Coulomb level", "Offset"]
+    columns = [
+        (friction.levels, friction.level_deviations),
+        (friction.offsets, friction.offset_deviations),
+    ]
+    if (more := friction.dependence) is not None:
+        head += ["Rise at standstill", "Part of load"]
+        columns += [(more.rises, more.rise_deviations), (more.loads, more.load_deviations)]
+    texts = [
+        [_plus_minus(*each) for each in zip(value, deviation, strict=True)]
+        for value, deviation in columns
+    ]
     rows = tuple(
-        (*label_and_unit(name), _plus_minus(*level), _plus_minus(*offset))
-        for name, level, offset in zip(
-            outcome.model.input_labels,
-            zip(friction.levels, friction.level_deviations, strict=True),
-            zip(friction.offsets, friction.offset_deviations, strict=True),
-            strict=True,
-        )
+        (*label_and_unit(name), *cells)
+        for name, *cells in zip(outcome.model.input_labels, *texts, strict=True)
     )
-    return Table("friction", "Dry friction", ("Input", "Unit", "Coulomb level", "Offset"), rows)
+    return Table("friction", "Dry friction", tuple(head), rows)
 
 
 def _estimated(coulomb: CoulombEstimate) -> Table:
