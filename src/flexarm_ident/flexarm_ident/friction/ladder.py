@@ -27,6 +27,8 @@ _EFFECTS = (Rung.STRIBECK, Rung.LOAD)
 # Costs are squares of errors: an error on what was left out has to fall by 5 %.
 _LEFT_OUT_PAYS = 0.9
 _FIT_PAYS = 0.95
+# A smaller part of the level is no friction, whatever an error says that is next to nothing.
+_RELEVANT = 0.1
 # Starts of a search: rise by the level, speeds by the RMS speed, load by the input.
 _RISE = 0.3
 _SPEEDS = (0.05, 0.3)
@@ -109,7 +111,17 @@ def _pays(here: Climb, higher: Climb) -> bool:
     fit = higher.whole.minima[0].cost <= _FIT_PAYS * here.whole.minima[0].cost
     before, after = np.array(here.left_out[here.rung]), np.array(higher.left_out[higher.rung])
     left_out = np.sum(after**2) <= _LEFT_OUT_PAYS * np.sum(before**2)
-    return bool(fit and left_out and np.all(after < before))
+    relevant = np.any(_part_of_level(higher.whole, higher.rung & ~here.rung) > _RELEVANT)
+    return bool(fit and left_out and relevant and np.all(after < before))
+
+
+def _part_of_level(fit: Fit, effect: Rung) -> FloatArray:
+    """Return the size of an effect as a part of the Coulomb level, (inputs,)."""
+    levels, rises, _, loads = fit.problem.arm.laws(fit.own).T
+    if effect == Rung.STRIBECK:
+        return np.asarray(rises / levels)
+    sizes = np.vstack([part.sizes for part in fit.problem.parts])
+    return np.asarray(loads * np.sqrt(np.mean(sizes**2, axis=0)) / levels)
 
 
 def _judged(whole: Fit, halves: tuple[Fit, ...]) -> Climb:

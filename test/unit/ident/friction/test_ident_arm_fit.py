@@ -19,7 +19,7 @@ BOTH = Rung.STRIBECK | Rung.LOAD
 # What a rung adds to each joint: rise, speed over which it fades, load.
 NEW = {Rung.COULOMB: (), Rung.STRIBECK: (0.2, 0.3), Rung.LOAD: (0.1,), BOTH: (0.2, 0.3, 0.1)}
 # Cut while a joint turns with 0.9 rad/s and more.
-MOVING = [(ONE, 0, 830), (ONE, 2, 700), (TWO, 0, 660)]
+MOVING = [(ONE, 0, 830, 3000), (ONE, 2, 700, 3000), (TWO, 0, 660, 1500)]
 
 
 @pytest.mark.parametrize("rung", [Rung.COULOMB, Rung.STRIBECK, Rung.LOAD, BOTH])
@@ -43,11 +43,11 @@ def test_simulation_error___records_in_motion___has_the_gradient_of_differences(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("levels", "seed", "skip"), MOVING)
+@pytest.mark.parametrize(("levels", "seed", "skip", "samples"), MOVING)
 def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
-    levels: tuple[float, ...], seed: int, skip: int
+    levels: tuple[float, ...], seed: int, skip: int, samples: int
 ) -> None:
-    record, joints = rubbing_arm(levels, seed=seed, skip=skip), len(levels)
+    record, joints = rubbing_arm(levels, seed=seed, skip=skip, samples=samples), len(levels)
     times_s = record.dt_s * np.arange(9)
     speeds, places = np.polyfit(times_s, record.y[:9, :joints], 1)
     assert np.abs(speeds).max() > 0.9
