@@ -6,6 +6,7 @@ import math
 from dataclasses import MISSING, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from flexarm_core.bounds import shown
 from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
@@ -72,8 +73,9 @@ class ParameterSpec:
             return f"{self.name} = '{unknown[0]}': must be one of {', '.join(self.choices)}"
         least, most = self.bounds
         if isinstance(value, int | float) and not least <= value <= most:
+            number = f"{value:.6g}" if isinstance(value, float) else shown(value)
             return (
-                f"{self.name} = {value:.6g} is outside {self.range_text}; "
+                f"{self.name} = {number} is outside {self.range_text}; "
                 f"choose a value in that range ({self.description})"
             )
         return None

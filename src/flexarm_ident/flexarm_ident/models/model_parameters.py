@@ -216,7 +216,7 @@ def _names(key: str, value: object) -> list[str]:
 def _matrix(key: str, value: object, shape: list[int]) -> FloatArray:
     try:
         entries = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         entries = np.array(math.nan)
     if entries.ndim == 0:
         raise ModelFileError(f"{key} must be a list of numbers")

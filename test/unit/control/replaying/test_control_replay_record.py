@@ -80,6 +80,7 @@ def test_bag___without_what_a_replay_needs___is_refused_with_what_it_lacks(
         ({"law": "pd"}, "without law or reference"),
         (pd_parameters(1.0, **{"pd.kq": 1.0}), "no parameter pd.kq: it was recorded by another"),
         (pd_parameters(9.0), "pd.kp = 9 is outside 0 to 5 V/V"),
+        (pd_parameters(1.0) | {"pd.kp": 10**400}, r"pd.kp = 1000+\.\.\.0+ is outside 0 to 5 V/V"),
         (pd_parameters(1.0) | {"pd.kd": "much"}, "parameter pd.kd must be a float"),
         (pd_parameters(1.0) | {"pd.kd": True}, "parameter pd.kd must be a float"),
         (pd_parameters(1.0) | {"law": "magic"}, "law = 'magic': must be one of pd"),

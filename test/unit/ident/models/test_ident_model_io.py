@@ -195,6 +195,7 @@ def test_model_from_parameters___missing_field___is_named(field: str) -> None:
         ("a", ["x"] * 9, r"a must be a list of numbers"),
         ("a", [[1.0], [1.0, 2.0]], r"a must be a list of numbers"),
         ("a", None, r"a must be a list of numbers"),
+        ("a", [10**400] * 9, r"a must be a list of numbers"),
         ("states", 0, r"states must be a whole number, 1 to 10000: 0"),
         ("states", 3.0, r"states must be a whole number, 1 to 10000: 3\.0"),
         ("states", True, r"states must be a whole number, 1 to 10000: True"),
