@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from bench.schedules import bags
+from bench.schedules import bag_content
 from bench.schedules.daq import Daq
 from bench.schedules.oracle import Violation
 from bench.schedules.processes import Commander, Law, Waveform
@@ -117,7 +117,7 @@ class Simulation:
         world.advance(LENGTH_S + 10.0)
         for ledger in self.recorder.ledgers:
             every_bit = self._schedule.seed % _EXAMINED == 0
-            self.digest.update(bags.check(ledger, every_bit=every_bit))
+            self.digest.update(bag_content.check(ledger, every_bit=every_bit))
 
     def _link(self, name: str, deliver: Callable[..., None]) -> Link:
         self._links[name] = Link(self.world, f"{self._schedule.seed} {name}", deliver)

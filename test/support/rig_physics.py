@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import TYPE_CHECKING
 
 from flexarm_daq.rigs.beam import arm_modes
@@ -11,6 +12,9 @@ from flexarm_daq.rigs.integrator import ARM, MOTOR, POSITION, VELOCITY
 if TYPE_CHECKING:
     from flexarm_daq.rigs.plant import Plant
     from flexarm_daq.rigs.rig_parameters import RigParameters
+
+# An eigenproblem takes milliseconds, and the energy is asked for at each step.
+_modes = cache(arm_modes)
 
 
 def energy_j(plant: Plant) -> float:
@@ -24,7 +28,7 @@ def energy_j(plant: Plant) -> float:
     doubled = (
         rig.motor_inertia_kg_m2 * speed[MOTOR] ** 2
         + speed[ARM:] @ speed[ARM:]
-        + modal @ (arm_modes(rig).omega_rad_per_s ** 2 * modal)
+        + modal @ (_modes(rig).omega_rad_per_s ** 2 * modal)
         + rig.gear_stiffness_nm_per_rad * tooth_rad**2
         + rig.stop_stiffness_nm_per_rad * stop_rad**2
     )

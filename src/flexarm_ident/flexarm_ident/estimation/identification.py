@@ -132,6 +132,11 @@ class Identification:
             return "flexible arm with dry friction, fitted by free simulation"
         return METHODS[self.method].title
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether the method takes the records to start from rest."""
+        return self.friction is None and METHODS[self.method].at_rest
+
     @cached_property
     def data_warnings(self) -> tuple[DataWarning, ...]:
         """Defects of the records, each with its name and figures."""

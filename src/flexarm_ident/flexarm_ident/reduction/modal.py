@@ -18,7 +18,6 @@ from flexarm_ident.models.modes import modal_form, ranked_modes
 from flexarm_ident.models.state_space import stabilise, with_matrices
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.preprocess import output_scale
-from flexarm_ident.subspace.methods import METHODS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -126,7 +125,7 @@ def reduce_model(
     modes = ranked_modes(full, records, output_scale(records))
     kept, notes = _choose(modes, ranking, order, known_modes_hz)
     realised = truncate(full, [state for mode in kept for state in mode.states])
-    updated = _updated(realised, records, update, at_rest=METHODS[identification.method].at_rest)
+    updated = _updated(realised, records, update, at_rest=identification.at_rest)
     return Reduction(
         model=updated.model,
         kept=tuple(mode.label for mode in kept),
