@@ -139,7 +139,7 @@ def test_recorded_bag___is_read_by_rosbags_and_by_its_own_definitions(
     }
     for mine, theirs in zip(own["/flexarm/state"], states, strict=True):
         assert (mine.header.frame_id, mine.header.stamp.nanosec) == (
-            "flexarm",
+            "flexarm/base_link",
             theirs.header.stamp.nanosec,
         )
         assert (mine.position_v, mine.speed_v, mine.command_v) == (
