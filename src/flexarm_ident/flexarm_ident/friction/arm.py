@@ -142,8 +142,7 @@ class FlexibleArm:
 
     def levels(self, theta: FloatArray) -> FloatArray:
         """Return the Coulomb levels, (inputs,)."""
-        with np.errstate(over="ignore"):
-            return np.exp(theta[self.blocks["log_level"]])
+        return self.laws(theta)[:, 0]
 
     def laws(self, theta: FloatArray) -> FloatArray:
         """Return the friction as `stick_slip.friction_levels` takes it, (inputs, 4)."""

@@ -141,15 +141,7 @@ class SimulationError:
             d_x0[:, own + np.flatnonzero(self.untold(part))] = 0.0
             try:
                 x, d_x = run_sensitivity(
-                    *(
-                        A,
-                        B,
-                        arm.speed,
-                        laws,
-                        part.u - offsets,
-                        part.sizes,
-                        self.initial_state(theta, i),
-                    ),
+                    *(A, B, arm.speed, laws, *self._driven(theta, i)),
                     *(d_A, d_B, d_laws, d_u, d_x0),
                 )
             except np.linalg.LinAlgError:

@@ -15,7 +15,7 @@ import numpy as np
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.friction.arm import FlexibleArm
 from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
-from flexarm_ident.friction.descent import descend
+from flexarm_ident.friction.descent import LAST_STEPS, descend
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
 from flexarm_ident.friction.ladder import climb
 from flexarm_ident.friction.layout import drive_columns
@@ -55,7 +55,6 @@ _FINALISTS = 6
 _BATCHES = 3
 _CONFIRMED = 1.05
 _FIRST_STEPS = 15
-_LAST_STEPS = 400
 # Part of a level: a friction that is held from sample to sample cost up to 1.4 % in simulation.
 _SYSTEMATIC = 0.015
 
@@ -249,7 +248,7 @@ def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError,
 
 def _descended(problem: SimulationError, theta: FloatArray) -> Minimum:
     """Return the minimum after the last, longer search."""
-    return descend(problem, theta, iterations=_LAST_STEPS)
+    return descend(problem, theta, iterations=LAST_STEPS)
 
 
 def _held(u: FloatArray, decimation: int) -> FloatArray:

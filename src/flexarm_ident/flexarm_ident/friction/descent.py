@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.friction.arm_error import SimulationError
 
+LAST_STEPS = 400
+"""Steps after which nothing is left of what a start knew."""
+
 
 def descend(
     problem: SimulationError,

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexarm_ident.friction.arm import Rung
 from flexarm_ident.friction.arm_error import Part
-from flexarm_ident.friction.descent import descend
+from flexarm_ident.friction.descent import LAST_STEPS, descend
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -34,7 +34,6 @@ _RISE = 0.3
 _SPEEDS = (0.05, 0.3)
 _LOAD = 0.1
 _STEPS = 100
-_LAST_STEPS = 400
 _MOTION_STEPS = 20
 
 
@@ -175,6 +174,6 @@ def _halves(problem: SimulationError, theta: FloatArray) -> tuple[Fit, ...]:
     starts = [theta, np.concatenate([own, *motions])]
     return tuple(
         # Until nothing is left of what the start knows of the other half.
-        Fit(half, (descend(half, start, iterations=_LAST_STEPS),))
+        Fit(half, (descend(half, start, iterations=LAST_STEPS),))
         for half, start in zip(problems, starts, strict=True)
     )
