@@ -105,6 +105,15 @@ def make_table(*heads: str, title: str | None = None, words: int = 1) -> Table:
     return table
 
 
+def write_table(page: Path, name: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Write the table of a benchmark into a page, between the two comments with its name."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    before, begin, rest = page.read_text("utf-8").partition(f"<!-- bench {name} -->\n")
+    _, end, after = rest.partition(f"<!-- end of bench {name} -->")
+    page.write_text(f"{before}{begin}{table}\n{end}{after}", "utf-8")
+
+
 def run_trials(
     work: Callable[[Case], Result], cases: Sequence[Case], *, chunk: int = 1
 ) -> list[Result]:

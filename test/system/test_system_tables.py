@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from flexarm_control.controller_node import ControllerNode
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.references import REFERENCES
+from flexarm_control.shaping.shapers import SHAPERS
 from flexarm_control.tuner_node import TunerNode
 from flexarm_daq.experiments.excitation import EXCITATIONS
 from flexarm_daq.nodes import player_node
@@ -63,6 +64,8 @@ KNOWN = {
     "$topic": "topic",
     "$laws": list(LAWS),
     "$references": ["topic", *REFERENCES],
+    "$no_shaper": "none",
+    "$shapers": ["none", *SHAPERS],
     "$topics": list(TOPICS),
     "$excitations": list(EXCITATIONS),
     "$faults": ["none", *(fault.value for fault in Fault)],

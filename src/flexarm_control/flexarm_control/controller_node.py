@@ -149,10 +149,10 @@ class ControllerNode(AnsweringNode):
         """Publish what is in force for the law, when that is due, and the payload at intervals."""
         self._tell_law(state, taken_ns)
         setup = self._setup
-        if setup.law_spec.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
+        if setup.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return
         self._weighed_ns = taken_ns
-        message = PayloadEstimate(**setup.law_spec.payload(setup.law)._asdict())
+        message = PayloadEstimate(**setup.payload()._asdict())
         message.header.stamp = state.header.stamp
         self._payloads.publish(message)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,15 +13,19 @@ from flexarm_control.laws.registry import LAWS, LawSpec, build_law
 from flexarm_control.models.chosen_model import PREFIX, chosen_model
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.sample_rate import suits
+from flexarm_control.shaping.shaped_law import ShapedLaw
+from flexarm_control.shaping.shapers import NONE, SHAPERS
+from flexarm_control.shaping.vibrations import model_vibrations, nominal_vibrations
 from flexarm_core.errors import SettingError
 from flexarm_core.tables import read_table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     import control
 
     from flexarm_control.laws.law_protocol import LawWithMemory
+    from flexarm_control.laws.payload import PayloadEstimate
     from flexarm_core.specs import ParameterSpec
 
 TOPIC = "topic"
@@ -46,6 +51,8 @@ PARAMETERS = (
             "topic": TOPIC,
             "laws": tuple(LAWS),
             "references": (TOPIC, *REFERENCES),
+            "no_shaper": NONE,
+            "shapers": (NONE, *SHAPERS),
             "designed_laws": tuple(row.name for row in LAWS.values() if row.design),
         },
     ),
@@ -57,6 +64,7 @@ PARAMETERS = (
     ),
 )
 _SPECS = {spec.name: spec for spec in PARAMETERS}
+_OF_SHAPER = [name for name in _SPECS if name.startswith("shaper")]
 
 
 @dataclass(frozen=True)
@@ -68,9 +76,11 @@ class Setup:
     law_spec : LawSpec
         Row of the control law.
     law : LawWithMemory
-        The control law.
+        The control law, behind its shaper.
+    payload : callable or None
+        Function that returns the law's estimate of the payload, if it has one.
     rate_hz : float or None
-        Sampling rate of the law, Hz; None when it suits any.
+        Sampling rate of law and shaper, Hz; None when they suit any.
     profile : Reference or None
         Built-in reference, or None when it comes from the topic.
     text : str
@@ -79,6 +89,7 @@ class Setup:
 
     law_spec: LawSpec
     law: LawWithMemory
+    payload: Callable[[], PayloadEstimate] | None
     rate_hz: float | None
     profile: Reference | None
     text: str
@@ -99,7 +110,17 @@ class Setup:
         law_spec, gains = LAWS[name], _below(name, values)
         model = chosen_model(gains.pop("model", ""), values)
         law, rate_hz = build_law(name, gains, model), law_spec.rate_hz(gains, model)
-        return cls(law_spec, law, rate_hz, profile, _text(values, model))
+        payload = partial(law_spec.payload, law) if law_spec.payload else None
+        used = _used(values)
+        _replace_model(used, f"{name}.model", "", model)
+        if values.get("shaper", NONE) != NONE:
+            shaper = {key: values.get(key, _SPECS[key].default) for key in _OF_SHAPER}
+            named = chosen_model(shaper["shaper_model"], values)
+            rate_hz = rate_hz or shaper["shaper_rate_hz"]
+            law = _shaped(law, shaper, model if named is None else named, rate_hz, payload)
+            used |= shaper
+            _replace_model(used, "shaper_model", "shaper_", named)
+        return cls(law_spec, law, payload, rate_hz, profile, json.dumps(used))
 
     def check_rate(self, measured_hz: float | None) -> None:
         """Refuse samples at another rate than that of the law.
@@ -115,6 +136,8 @@ class Setup:
         remedy = "sample at that rate or take another law"
         if f"{name}.rate_hz" in _SPECS:
             remedy = f"set {name}.rate_hz"
+        elif self.law_spec.rate_hz({}) is None:
+            remedy = "set shaper_rate_hz"
         raise SettingError(
             f"law {name} is made for {self.rate_hz:g} Hz and the samples come at "
             f"{measured_hz:.0f} Hz: {remedy}"
@@ -154,17 +177,41 @@ def _has_type(value: object, wanted: type) -> bool:
     return isinstance(value, wanted) or (wanted is float and isinstance(value, int))
 
 
-def _text(values: Mapping[str, Any], model: control.StateSpace | None) -> str:
-    """Return what law and reference are built from, with the model in place of its file."""
+def _used(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what law and reference are built from."""
     name, reference = values["law"], values["reference"]
     groups = (f"{name}.", f"{reference}.")
     used: dict[str, Any] = {"law": name, "reference": reference}
-    used |= {key: value for key, value in values.items() if key.startswith(groups)}
-    if model is not None:
-        # The identification is loaded only for a model.
-        from flexarm_ident.models.model_parameters import model_parameters  # noqa: PLC0415
+    return used | {key: value for key, value in values.items() if key.startswith(groups)}
 
-        choice = re.sub(r"\W", "_", Path(used[f"{name}.model"]).stem)
-        used[f"{name}.model"] = choice
-        used |= model_parameters(choice, model, provenance={})
-    return json.dumps(used)
+
+def _replace_model(
+    used: dict[str, Any], key: str, prefix: str, model: control.StateSpace | None
+) -> None:
+    """Put a model in the place of its file."""
+    if model is None:
+        return
+    # The identification is loaded only for a model.
+    from flexarm_ident.models.model_parameters import model_parameters  # noqa: PLC0415
+
+    choice = prefix + re.sub(r"\W", "_", Path(used[key]).stem).removeprefix(prefix)
+    used[key] = choice
+    used |= model_parameters(choice, model, provenance={})
+
+
+def _shaped(
+    law: LawWithMemory,
+    shaper: Mapping[str, Any],
+    model: control.StateSpace | None,
+    rate_hz: float,
+    payload: Callable[[], PayloadEstimate] | None,
+) -> ShapedLaw:
+    """Return a law behind a shaper, for the vibration of a model or the printed ones."""
+    return ShapedLaw(
+        law,
+        shaper["shaper"],
+        nominal_vibrations() if model is None else model_vibrations(model),
+        rate_hz=rate_hz,
+        payload_kg=shaper["shaper_payload_kg"],
+        payload=payload if model is None else None,
+    )

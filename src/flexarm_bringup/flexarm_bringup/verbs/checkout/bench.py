@@ -48,6 +48,11 @@ _BENCHES = (
         ("--json out/control.json",),
     ),
     (
+        "shapers",
+        "Reference shapers before a law: what each one gives and costs",
+        ("--docs", "--law pdpc_scheduled --seeds 1"),
+    ),
+    (
         "robustness",
         "Tuned gains over a grid of payloads and on rigs drawn at random",
         ("--rigs 500 --spread 0.2",),

@@ -1,0 +1,1 @@
+"""Reference shapers in front of a law."""
