@@ -95,7 +95,8 @@ def test_command___real_arm___shows_and_keeps_its_dry_friction(
     graph: Graph, tmp_path: Path
 ) -> None:
     bag, out = BAG.parent / "quanser_2dsfl", tmp_path / "out"
-    process = graph.run([str(ROOT / "flexarm"), "identify", str(bag), "-o", str(out)])
+    words = ["identify", str(bag), "--train-fraction", "0.5", "-o", str(out)]
+    process = graph.run([str(ROOT / "flexarm"), *words])
     assert process.exit_code() == 0, process.printed
     content = yaml.safe_load((out / "model.yaml").read_text("utf-8"))
     model = content["/**"]["ros__parameters"]["models"]["quanser_2dsfl"]
