@@ -30,7 +30,8 @@ def residual(parts: np.ndarray[tuple[int], np.dtype[np.float64]], mode: Vibratio
         * complex(-mode.damping_ratio, math.sqrt(1.0 - mode.damping_ratio**2))
     )
     ages_s = DT_S * (len(parts) - 1 - np.arange(len(parts)))
-    return abs(np.sum(parts * np.exp(s * ages_s))) / math.exp(s.real * ages_s[0])
+    left = complex(np.sum(parts * np.exp(s * ages_s)))
+    return abs(left) / math.exp(s.real * float(ages_s[0]))
 
 
 @pytest.mark.parametrize("damping_ratio", [0.0, 0.03, 0.15])
