@@ -16,6 +16,7 @@ COMPUTING_PACKAGES = (
     "flexarm_daq",
     "flexarm_ident",
     "flexarm_control",
+    "flexarm_live",
 )
 CONNECTING = {
     *(

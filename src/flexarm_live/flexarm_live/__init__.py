@@ -1,0 +1,1 @@
+"""Bridge from the graph to a page in the browser and to the terminal."""
