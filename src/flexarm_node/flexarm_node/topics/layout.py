@@ -97,7 +97,7 @@ class Layout:
             _BIG_ENDIAN: Struct(f">4x{unpacked}"),
         }
         names = [name.replace(".", "_") for name in self._names]
-        self._values = namedtuple(message_type.__name__, names)  # type: ignore[misc] # noqa: PYI024 - the message says the names
+        self._values: Any = namedtuple(message_type.__name__, names)  # type: ignore[misc] # noqa: PYI024 - the message says the names
 
     def pack(self, *numbers: float) -> bytes:
         """Return the bytes of a message by its numbers, in the order of the definition."""

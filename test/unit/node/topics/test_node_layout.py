@@ -3,7 +3,7 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
@@ -53,6 +53,7 @@ def numbers(message: Message) -> list[float]:
 
 
 @pytest.mark.parametrize("message_type", TYPES)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_random_messages___have_the_bytes_of_rclpy(
     message_type: MessageType, data: st.DataObject
@@ -63,11 +64,12 @@ def test_random_messages___have_the_bytes_of_rclpy(
     assert len(packed) == len(theirs)
     # rclpy leaves in the padding what was there before.
     assert deserialize_message(packed, message_type) == message
-    assert list(layout(message_type).unpack(theirs)) == numbers(message)
+    assert list(layout(message_type).unpack(theirs) or ()) == numbers(message)
 
 
 @pytest.mark.parametrize("little_endian", [True, False])
 @pytest.mark.parametrize("message_type", TYPES)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_random_messages___of_either_endianness___are_read(
     message_type: MessageType, data: st.DataObject, *, little_endian: bool
@@ -81,7 +83,7 @@ def test_random_messages___of_either_endianness___are_read(
     header = types["std_msgs/msg/Header"](stamp, FRAME)
     foreign = types[name](header, *numbers(message)[2:])
     raw = bytes(STORE.serialize_cdr(foreign, name, little_endian=little_endian))
-    assert list(layout(message_type).unpack(raw)) == numbers(message)
+    assert list(layout(message_type).unpack(raw) or ()) == numbers(message)
     if little_endian:
         assert layout(message_type).pack(*numbers(message)) == raw
 
@@ -120,7 +122,7 @@ def test_texts_among_the_numbers___keep_their_places() -> None:
     message = CommanderInfo(node="/flexarm/daq", law="pd", uses_outputs=True)
     message.header.stamp.sec = 5
     assert deserialize_message(own.pack(5, 0, 1), CommanderInfo) == message
-    assert tuple(own.unpack(serialize_message(message))) == (5, 0, 1)
+    assert tuple(own.unpack(serialize_message(message)) or ()) == (5, 0, 1)
     message.law = "pdpc"
     assert own.unpack(serialize_message(message)) is None
 
