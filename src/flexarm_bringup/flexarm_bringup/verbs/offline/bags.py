@@ -6,17 +6,13 @@ import sys
 from pathlib import Path
 
 import click
-from ament_index_python.packages import get_package_share_directory
 
 from flexarm_bags.check import check_bag
 from flexarm_bags.metadata import BAG_FILES
 from flexarm_bags.repair import RepairSummary, repair_bag
-from flexarm_bags.schema import load_typestore
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import load_csv_map
-from flexarm_node.shares import share_of
+from flexarm_bringup.verbs.offline.csv_bags import imported
 
 _NEW_BAG = click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Bag to create."
@@ -36,12 +32,11 @@ _NEW_BAG = click.option(
 @examples("import run.csv --map columns.yaml -o bags/run")
 def import_(csv: Path, map_file: Path, output: Path) -> None:
     """Turn a CSV file with named columns into a bag."""
-    share = Path(get_package_share_directory("flexarm_msgs"))
-    typestore = load_typestore({"flexarm_msgs": share})
-    made = import_csv(csv, load_csv_map(map_file), output, typestore=typestore, folder_of=share_of)
+    made = imported(csv, map_file, output)
     click.echo(
         f"{made.bag}: {made.samples} samples at {made.rate_hz:g} Hz, {made.duration_s:.2f} s"
     )
+    terminal.next_step(f"flexarm identify {output}")
 
 
 @click.group()
