@@ -66,8 +66,13 @@ def note(text: str) -> None:
     """Print a note below what it belongs to, in a colour by its grade."""
     style = next((style for grade, style in _GRADES.items() if text.startswith(grade)), None)
     if CONSOLE.is_terminal:
-        indents = {"initial_indent": "  ", "subsequent_indent": "    "}
-        text = textwrap.fill(text, CONSOLE.width, break_long_words=False, **indents)
+        text = textwrap.fill(
+            text,
+            CONSOLE.width,
+            initial_indent="  ",
+            subsequent_indent="    ",
+            break_long_words=False,
+        )
     else:
         text = f"  {text}"
     CONSOLE.print(text, markup=False, style=style)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_bringup.console.completion import completed
-from flexarm_control.controller_node import PARAMETERS
 from flexarm_control.laws.registry import LAWS
+from flexarm_control.loop_setup import PARAMETERS
 from flexarm_daq.experiments.catalogue import catalogue
 from support.project import PROJECT
 
@@ -45,8 +45,9 @@ def test_bags___are_found_also_in_a_folder_of_them(
     assert "bags/c_dat3_0g" in words("identify", start="ba")
     assert words("play", start="bags/q") == ["bags/quanser_2dsfl"]
     monkeypatch.chdir(tmp_path)
-    (found,) = completed("identify", (), "mine") or ()
-    assert (found.value, found.type) == ("mine", "file")
+    found = completed("identify", (), "mine")
+    assert found is not None
+    assert [(each.value, each.type) for each in found] == [("mine", "file")]
 
 
 @pytest.mark.parametrize(("verb", "start"), [("identify", "--me"), ("bench", "")])
