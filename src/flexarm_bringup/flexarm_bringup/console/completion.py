@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from click.shell_completion import CompletionItem
 
+from flexarm_core.bounds import yaml_content
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
@@ -81,9 +83,7 @@ def settings(given: Sequence[str], _: str) -> Iterator[str]:
     if not given:
         yield from _TABLES
     elif given[0] in _TABLES:
-        import yaml  # noqa: PLC0415 - the other words need none
-
-        table = yaml.safe_load(_file_of(*_TABLES[given[0]]).read_text("utf-8"))
+        table: Any = yaml_content(_file_of(*_TABLES[given[0]]).read_text("utf-8"))
         for content in table.values():
             yield from (f"{name}=" for name in _leaves(content, ""))
 
