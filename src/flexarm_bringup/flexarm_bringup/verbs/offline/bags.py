@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from flexarm_bags.check import check_bag
-from flexarm_bags.metadata import BAG_FILES
-from flexarm_bags.repair import RepairSummary, repair_bag
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.offline.csv_bags import imported
+
+if TYPE_CHECKING:
+    from flexarm_bags.repair import RepairSummary
 
 _NEW_BAG = click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Bag to create."
@@ -50,6 +51,8 @@ def bag() -> None:
 @examples("bag repair out/run1 -o out/run1_repaired")
 def repair(damaged: Path, output: Path) -> None:
     """Copy every whole message of a damaged bag into a new one."""
+    from flexarm_bags.repair import repair_bag  # noqa: PLC0415
+
     made = repair_bag(damaged, output)
     lines = (
         f"{made.bag}: {made.messages} messages, {_loss(made)}",
@@ -80,6 +83,8 @@ def check(bags: tuple[Path, ...]) -> None:
 
 def _is_good(bag: Path) -> bool:
     """Print what is wrong with a bag and what could not be checked; return whether it is good."""
+    from flexarm_bags.check import check_bag  # noqa: PLC0415
+
     found = check_bag(bag)
     count = len(found.problems)
     verdict = f"{count} problem{'s' * (count > 1)}" if count else "good"
@@ -104,4 +109,6 @@ def _bags_of(path: Path) -> list[Path]:
 
 def _has_bag_files(folder: Path) -> bool:
     """Return whether this is a bag, whole or not."""
+    from flexarm_bags.metadata import BAG_FILES  # noqa: PLC0415
+
     return any(any(folder.glob(pattern)) for pattern in BAG_FILES)

@@ -15,9 +15,7 @@ from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
 from flexarm_bringup.verbs.offline.csv_bags import as_bags
-from flexarm_bringup.verbs.offline.series import model_each
 from flexarm_core.channels import CHANNEL_NAMES
-from flexarm_core.workers import Workers
 from flexarm_ident import job
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import parse_exports
@@ -205,6 +203,10 @@ def identify(
         raise click.UsageError("--jobs, --dask and --parquet belong to --each")
     with as_bags(bags, map_file) as records:
         if each:
+            # They load matplotlib and joblib.
+            from flexarm_bringup.verbs.offline.series import model_each  # noqa: PLC0415
+            from flexarm_core.workers import Workers  # noqa: PLC0415
+
             model_each(
                 records,
                 out,
