@@ -21,7 +21,7 @@ from std_srvs.srv import SetBool
 
 from flexarm_bags.playback import PlaybackError, PlaybackPlan, PlayedTopic
 from flexarm_core.errors import SettingError
-from flexarm_core.paths import user_path
+from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
 from flexarm_daq.nodes.recorded_topics import OF_ALL_NODES
@@ -29,7 +29,7 @@ from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import request_stop, run
 from flexarm_node.stamps import set_stamp
-from flexarm_node.waiting import has_every_reader, wait_until
+from flexarm_node.topics.waiting import has_every_reader, wait_until
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher

@@ -25,7 +25,7 @@ from std_srvs.srv import SetBool, Trigger
 from flexarm_bags.records.storage_file import CHUNK_BYTES
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import SettingError
-from flexarm_core.paths import user_path
+from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_daq.nodes.last_messages import LastMessages
 from flexarm_daq.nodes.recorded_topics import IN_FORCE, KEPT, TOPICS, offered_qos, recorded_topics
@@ -35,7 +35,7 @@ from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.qos import EVERY
 from flexarm_node.reports import Reporter
-from flexarm_node.waiting import RawTopicsWaiter
+from flexarm_node.topics.waiting import RawTopicsWaiter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
