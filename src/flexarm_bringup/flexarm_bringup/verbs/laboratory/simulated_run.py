@@ -18,7 +18,7 @@ from flexarm_bringup.console.verb_group import FORCE
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.runs.recorded_run import record_run
-from flexarm_bringup.verbs.laboratory.experiment import commander_parameters
+from flexarm_bringup.verbs.laboratory.experiment_runs import commander_parameters
 from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
 from flexarm_bringup.verbs.laboratory.step_results import SET_POINT_V, ControlledStep, show_model
 from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
