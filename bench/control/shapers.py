@@ -25,7 +25,7 @@ from reproduction.framework.rig import RATE_HZ, STEP_S, step_to
 PAYLOADS_KG, SETPOINTS_V = (0.0, 0.2, 0.4), (1.0, 3.0, 5.0)
 SETTLED_S = 3.0
 _PAGE = Path(__file__).parents[2] / "docs" / "control.md"
-_LAWS = ("pdpc", "pdpc_plus")
+_LAWS = ("pdpc_plus",)
 _HEADS = ("law", "shaper", "settling s, mean, worst", "overshoot", "gauge peak", "gauge 3-10 s")
 
 

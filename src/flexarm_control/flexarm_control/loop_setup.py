@@ -53,7 +53,7 @@ PARAMETERS = (
             "references": (TOPIC, *REFERENCES),
             "no_shaper": NONE,
             "shapers": (NONE, *SHAPERS),
-            "designed_laws": tuple(row.name for row in LAWS.values() if row.design),
+            "designed_laws": tuple(row.name for row in LAWS.values() if row.takes_model),
         },
     ),
     *(
