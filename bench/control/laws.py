@@ -63,8 +63,8 @@ also `planned.observer_hz` 5 |
 | repeat the thesis | `pd`, `pi`, `pdp`, `pdpc` and `pdpc_unconditional` with its values |
 
 The two tables come from `./flexarm bench laws --docs`: steps to 1, 3 and 5 V with 0, 200 and 400 g,
-{seeds} seed(s) a case, mean and worst settling. Overshoot, error, the gauge's peak and the command are
-the worst; the gauge's RMS from 3 to 10 s is a mean. All figures are noise-free. `planned` and
+{seeds} seed(s) a case, mean and worst settling. Overshoot, error, the gauge's peak and the command
+are the worst; the gauge's RMS from 3 to 10 s is a mean. All figures are noise-free. `planned` and
 `planned_observer` know the payload, `planned_blind` detects it, and `planned_model` plans on a
 model identified from the simulated C_dat3. 10 s means that some steps never settle.
 
