@@ -6,8 +6,6 @@ import re
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pygments.lexers.special import TextLexer
-
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
@@ -105,5 +103,3 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", _with_methods)
     app.connect("source-read", _with_parameters)
     app.connect("autodoc-process-docstring", _as_plain_text)
-    # GitHub draws these; here their few lines are read as they stand.
-    app.add_lexer("mermaid", TextLexer)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import re
 import subprocess
+from typing import TYPE_CHECKING
 
 from support.import_graph import project_modules
 from support.project import PROJECT
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 PAGES = sorted(
     page
@@ -49,6 +53,42 @@ def test_pages___name___only_modules_that_exist() -> None:
         if (unknown := {name for name in names if not known(name, modules)})
     }
     assert missing == {}
+
+
+def test_pages_on_the_front___links___lead_to_files_and_headings() -> None:
+    """Those of docs are checked when the site is built."""
+    missing = []
+    for page in PROJECT.glob("*.md"):
+        for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text("utf-8")):
+            path, _, anchor = target.partition("#")
+            if "://" not in target and not leads_to(PROJECT / path, anchor):
+                missing.append(f"{page.name}: {target}")
+    assert missing == []
+
+
+def leads_to(file: Path, anchor: str) -> bool:
+    """Return whether there is a file, with a heading of that anchor if one is given."""
+    if not anchor:
+        return file.exists()
+    headings = re.findall(r"^#+ (.+)$", file.read_text("utf-8"), re.MULTILINE)
+    return anchor in {re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings}
+
+
+def test_readme___is_short() -> None:
+    assert len((PROJECT / "README.md").read_text("utf-8").splitlines()) <= 120
+
+
+def test_readme___counts_of_the_reproduction___are_those_of_its_page() -> None:
+    page = (PROJECT / "docs" / "reproduction" / "index.md").read_text("utf-8")
+    (row,) = re.findall(r"^\| all \|(.+)\|$", page, re.MULTILINE)
+    agree, constructed, ranked, differ, _ = (int(cell) for cell in row.split("|"))
+    words = (
+        f"{agree + constructed + ranked + differ} of its tables, figures and claims",
+        f"{agree} agree and {constructed} more by construction",
+        f"{ranked} differ in figures and lead to the same ranking, {differ} differ",
+    )
+    text = " ".join((PROJECT / "README.md").read_text("utf-8").split())
+    assert [each for each in words if each not in text] == []
 
 
 def known(name: str, modules: set[str]) -> bool:

@@ -34,8 +34,6 @@ MAX_AGE_PERIODS = 3
 """Default age of a command at which the DAQ node sets the drive to zero."""
 QUIET_SAMPLES = 60
 _LONGEST_WAIT_S = 0.4
-# Beside killed processes the middleware may need its lease of 20 s to find new ones.
-_PATIENCE_S = 120.0
 
 
 @dataclass(frozen=True)
@@ -193,7 +191,7 @@ class Campaign:
 
     def _wait(self, condition: Callable[[], bool], what: str) -> None:
         try:
-            self.graph.wait(condition, what, _PATIENCE_S)
+            self.graph.wait(condition, what)
         except LaunchError as error:
             told = f"{len(self.states)} samples, {self.status.message}, {self.figures()}"
             raise AssertionError(f"{error}: {told}") from None

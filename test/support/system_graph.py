@@ -53,7 +53,7 @@ PACKAGES = {
 }
 """Nodes by name, and the package that each belongs to."""
 
-PATIENCE_S = 120.0
+PATIENCE_S = 400.0
 """Deadline of everything that usually takes a moment; the machine may be busy."""
 
 TRANSITIONS = {

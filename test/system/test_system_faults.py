@@ -182,7 +182,7 @@ def test_controller_killed_at_random_moments___drive_at_zero_within_three_period
     campaign: Campaign,
 ) -> None:
     campaign.activate()
-    for kill in campaign.kill_controllers(random_moments_s(4, seed=4)):
+    for kill in campaign.kill_controllers(random_moments_s(2, seed=4)):
         assert 1 <= kill.periods <= MAX_AGE_PERIODS, kill
     campaign.graph.wait(lambda: campaign.figures().get("drive") == "ready", "the report")
     assert campaign.figures()["events: two commanders"] == "0"

@@ -25,7 +25,6 @@ pytestmark = pytest.mark.system
 
 # Takes some seconds, most of them for the choice of the order.
 BAG = BAGS / "c_dat3_0g"
-PATIENCE_S = 120.0
 STAGES = ["reading", "gram", "range space", "order", "fit", "reduction", "validation", "writing"]
 
 
@@ -60,7 +59,7 @@ class Goal:
 
     def result(self) -> tuple[int, IdentifyBags.Result]:
         """Wait for the end and return status and result."""
-        self._graph.wait(self._result.done, "the result", PATIENCE_S)
+        self._graph.wait(self._result.done, "the result")
         answer = self._result.result()
         return answer.status, answer.result
 
@@ -112,7 +111,7 @@ def test_goal___tells_its_stages_and_answers_as_the_service_does(
     assert fractions[-1] <= 1.0
     assert list(dict.fromkeys(each.stage for each in goal.feedback)) == STAGES
 
-    response = graph.call(Identify, "identify", Identify.Request(**fields), PATIENCE_S)
+    response = graph.call(Identify, "identify", Identify.Request(**fields))
     assert response.success
     for field in ("parameters", "modes", "dmv", "sfv", "warnings", "report_path"):
         assert getattr(result, field) == getattr(response, field)

@@ -1,12 +1,10 @@
 from __future__ import annotations
 
-import re
 import signal
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import pytest
-import yaml
 
 from flexarm_bringup.verbs.offline.identify import identify, report
 from flexarm_ident.models.files import load_model
@@ -89,24 +87,6 @@ def test_command___with_exports___shows_stages_and_writes_the_files(
     models = ["model.yaml", "model.json", "model.mat", "model.h"]
     assert names_in(out) == {*models, "report.html"}
     assert [load_model(out / name).nstates for name in models[:3]] == [6, 6, 6]
-
-
-def test_command___real_arm___shows_and_keeps_its_dry_friction(
-    graph: Graph, tmp_path: Path
-) -> None:
-    bag, out = BAG.parent / "quanser_2dsfl", tmp_path / "out"
-    process = graph.run([str(ROOT / "flexarm"), "identify", str(bag), "-o", str(out)])
-    assert process.exit_code() == 0, process.printed
-    content = yaml.safe_load((out / "model.yaml").read_text("utf-8"))
-    model = content["/**"]["ros__parameters"]["models"]["quanser_2dsfl"]
-    table = process.printed[process.printed.index("Coulomb level") :]
-    for name, level in zip(model["input_names"], model["friction_level"], strict=True):
-        assert re.search(rf"{name} +{level:.4g} \u00b1 .* A", table)
-    errors = re.search(r"data \(DMV\) +(.*)", process.printed)
-    assert errors is not None
-    hub1, deflection1, hub2, deflection2, _ = map(float, errors[1].split())
-    assert (hub1 + hub2) / 2.0 <= 0.20
-    assert (deflection1 + deflection2) / 2.0 <= 0.50
 
 
 def test_command___interrupted___leaves_no_folder(graph: Graph, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import resource
 import signal
 import sys
 import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 import rclpy
@@ -29,7 +30,9 @@ _SHUTDOWN_S = 1.0
 _PR_SET_PDEATHSIG = 1
 _MCL_CURRENT_AND_FUTURE = 3
 PRIORITY = "FLEXARM_PRIORITY"
-"""Environment variable: SCHED_FIFO priority of the nodes with a loop; 0 asks for none."""
+"""Environment variable: SCHED_FIFO priority of the nodes with a loop; 0 asks for none.
+
+The recorder takes the one below."""
 _DEFAULT_PRIORITY = "20"
 DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
 """Environment variable: the process that started a node, which stops when that one dies."""
@@ -56,7 +59,9 @@ def request_stop() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> int:
+def run(
+    make_node: Callable[[], StoppableNode], *, realtime: bool = False, keeps_up: bool = False
+) -> int:
     """Run one node until SIGINT or SIGTERM; return the process's exit code, 1 after its failure.
 
     A signal ends the spinning at once although the main thread is waiting inside the middleware,
@@ -70,10 +75,17 @@ def run(make_node: Callable[[], StoppableNode], *, realtime: bool = False) -> in
         Ask for real-time priority and locked memory, so that the node's loop is on time on a busy
         machine; where that is not permitted, one line says so. The middleware is set up so that
         the loop waits neither for a node that joins nor long for a lost message.
+    keeps_up : bool
+        Ask for the priority just below that of a loop: on a machine that the loops of several arms
+        keep busy, the node still gets to read all that they send.
     """
     if realtime:
         prefer_realtime()
         _lock_memory()
+    elif keeps_up:
+        # Where it is not permitted, the nodes with a loop say so.
+        with suppress(PermissionError):
+            _take_priority(_priority() - 1)
     if not _follows_parent():
         return 1
     signals, wakeup = os.pipe()
@@ -150,16 +162,22 @@ def _follows_parent() -> bool:
 
 def prefer_realtime() -> None:
     """Take real-time priority where permitted; call it before the middleware makes its threads."""
-    priority = int(os.environ.get(PRIORITY, _DEFAULT_PRIORITY))
-    if priority <= 0:
-        return
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        _take_priority(_priority())
     except PermissionError:
         sys.stderr.write(
             f"no real-time priority, so a busy machine makes samples late: permit it with "
-            f"`ulimit -r {priority}`, or set {PRIORITY}=0\n"
+            f"`ulimit -r {_priority()}`, or set {PRIORITY}=0\n"
         )
+
+
+def _priority() -> int:
+    return int(os.environ.get(PRIORITY, _DEFAULT_PRIORITY))
+
+
+def _take_priority(priority: int) -> None:
+    if priority > 0:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
 def _lock_memory() -> None:

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from flexarm_node.process import DIE_WITH_PARENT
+from flexarm_node.process import DIE_WITH_PARENT, PRIORITY
 
 NODE = """
 from flexarm_node.process import run
@@ -34,3 +34,42 @@ def test_run___parent_that_died_before_the_start___makes_no_node(gone: bool) -> 
     done = run_node(1 if gone else os.getpid())
     assert done.returncode == 1
     assert ("made" in done.stderr) == (not gone)
+
+
+SHOWING = """
+import os
+asked = []
+os.sched_setscheduler = lambda pid, policy, param: asked.append((policy, param.sched_priority))
+
+from flexarm_node.process import run
+
+class Node:
+    def __init__(self):
+        raise SystemExit(f"asked: {asked}")
+
+run(Node, %s)
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "priority", "asked"),
+    [
+        ("realtime=True", "20", [(os.SCHED_FIFO, 20)]),
+        ("keeps_up=True", "20", [(os.SCHED_FIFO, 19)]),
+        ("realtime=False", "20", []),
+        ("realtime=True", "0", []),
+        ("keeps_up=True", "0", []),
+        ("keeps_up=True", "1", []),
+    ],
+)
+def test_run___kind_of_node___asks_for_its_priority(
+    kind: str, priority: str, asked: list[tuple[int, int]]
+) -> None:
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", SHOWING % kind],
+        env={**os.environ, PRIORITY: priority},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr.splitlines()[-1] == f"asked: {asked}"

@@ -9,7 +9,8 @@ for the wall clock at the pace of the run. A stalled machine therefore stalls th
 and no sample is lost. The same seed gives the same numbers at any pace.
 
 A sample waits only while a commander answers. When an answer is too late, the drive goes to zero.
-The arm then moves on at its pace until a command is accepted again.
+The arm then moves on at its pace until a command is accepted again, and so it does while the drive
+is held.
 
 Time comes from the rig and from the monotonic clock, so a jump of the wall clock has no effect.
 """
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from flexarm_daq.loop.commander import Verdict
 from flexarm_daq.loop.exchange import Exchange
-from flexarm_daq.loop.safety import Event
+from flexarm_daq.loop.safety import DriveState, Event
 from flexarm_node.statistics import Window
 
 if TYPE_CHECKING:
@@ -166,10 +167,12 @@ class Acquisition(Exchange):
             self._take(self._read(), self._clock.monotonic())
             if self._is_last():
                 return
-            if self._is_answered:
+            # No command can act on a held drive: the arm moves on at its pace.
+            waits = self._is_answered and self.safety.state is not DriveState.HELD
+            if waits:
                 self._await_answer(lockstep.answer_timeout_s, stop)
             # Without a pace, unanswered samples would run away from a commander that starts later.
-            pace = lockstep.real_time_factor or (0.0 if self._is_answered else 1.0)
+            pace = lockstep.real_time_factor or (0.0 if waits else 1.0)
             if not pace:
                 deadline_s = self._clock.monotonic()
                 continue

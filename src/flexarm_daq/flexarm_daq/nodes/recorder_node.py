@@ -33,6 +33,7 @@ from flexarm_daq.nodes.recording import QUIET_S, Recording
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
+from flexarm_node.qos import EVERY
 from flexarm_node.reports import Reporter
 from flexarm_node.waiting import RawTopicsWaiter
 
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 PARAMETERS = read_table("flexarm_daq.nodes", "recorder", {"topics": tuple(TOPICS)})
 _ResponseT = TypeVar("_ResponseT", SetBool.Response, Trigger.Response)
 _WAIT_S = 0.1
-_DRAIN_S = 5.0
 _REPORT_S = 1.0
 
 
@@ -113,10 +113,12 @@ class RecorderNode(Node):
     def _write_what_is_on_its_way(self) -> None:
         """Write every message that was sent before now and comes in time."""
         self._recording.end(time.monotonic_ns())
-        deadline_s = time.monotonic() + _DRAIN_S
-        while self._recording.ending and time.monotonic() < deadline_s:
+        # A busy machine may have left so many unread; the clock would end this before they are.
+        waiting = EVERY.depth * len(self._topics)
+        while self._recording.ending and waiting > 0:
             messages = self._waiter.wait(QUIET_S)
             self._recording.finish(messages, time.monotonic_ns())
+            waiting -= len(messages)
 
     def _open(self) -> str:
         if self._recording.writer is not None:
@@ -225,4 +227,4 @@ def _refuse_small_files(values: Mapping[str, Any]) -> None:
 
 def main() -> int:
     """Run the node; an unfinished recording is an error of the process."""
-    return run(RecorderNode)
+    return run(RecorderNode, keeps_up=True)

@@ -91,6 +91,30 @@ def test_lock_step___nobody_answers_any_more___costs_one_time_out_and_then_goes_
     assert bench.acquisition.safety.counts[Event.STALE] == 1
 
 
+@pytest.mark.parametrize("factor", [0.0, 0.5])
+def test_lock_step___drive_is_held___no_sample_waits_for_an_answer(
+    clock: Clock, factor: float
+) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        if record.sequence == 3:
+            bench.acquisition.emergency_stop()
+        return [(0.0, reply(record, 1.0))] if record.sequence <= 3 else []
+
+    bench = Bench(
+        clock,
+        answer,
+        virtual=True,
+        samples=9,
+        lockstep=LockStep(factor, TIMEOUT_S, is_answered=True),
+    )
+    bench.run()
+
+    held = [record for record in bench.link.records if record.sequence > 3]
+    assert [record.command_v for record in held[1:]] == [0.0] * 5
+    taken_s = np.array([record.taken_s for record in held])
+    np.testing.assert_allclose(np.diff(taken_s), PERIOD_S / (factor or 1.0), rtol=1e-6)
+
+
 @pytest.mark.parametrize("factor", [0.01, 0.25, 1.0, 100.0])
 def test_pace___every_sample_waits_for_the_wall_clock(clock: Clock, factor: float) -> None:
     bench = Bench(

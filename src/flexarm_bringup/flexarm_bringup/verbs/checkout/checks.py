@@ -36,8 +36,8 @@ _ALL = (
     *_READ,
     # What the tests of a file share is computed once: a file stays with one worker.
     ("unit tests", ("pytest", "-n", "auto", *BY_FILE, "--ignore", "test/system")),
-    # Their nodes wait more than they work, and some keep the time: two at once, on any machine.
-    ("system tests", ("pytest", "--numprocesses", "2", "--dist", "worksteal", "test/system")),
+    # Their nodes wait more than they work, and some keep the time: three at once, on any machine.
+    ("system tests", ("pytest", "--numprocesses", "3", "--dist", "worksteal", "test/system")),
 )
 
 

@@ -15,7 +15,7 @@ from rich.table import Table
 from flexarm_bags.check import check_bag
 from flexarm_bags.metadata import BAG_FILES
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.console.quantity import MASS_KG, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
@@ -101,12 +101,18 @@ def _run_options(function: Callable[..., None]) -> Callable[..., None]:
 
 @click.command()
 @click.argument("names", nargs=-1, required=True)
-@click.option("--payload", "payload_kg", type=FiniteRange(0.0, 1.0), help="Instead of its own, kg.")
+@click.option(
+    "--payload",
+    "payload_kg",
+    type=Quantity(MASS_KG, 0.0, 1.0),
+    metavar="MASS",
+    help="Instead of its own, kg, or with its unit: 200g.",
+)
 @_run_options
 @examples(
     "experiment C_dat3",
     "experiment B_dat9 --fast --seed 7",
-    "experiment C_dat3 --payload 0.2",
+    "experiment C_dat3 --payload 200g",
     "experiment O_dat2 --params-file rig.yaml",
 )
 def experiment(names: tuple[str, ...], **settings: Any) -> None:  # noqa: ANN401

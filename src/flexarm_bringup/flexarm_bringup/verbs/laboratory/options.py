@@ -10,7 +10,7 @@ import click
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
-from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.console.quantity import MASS_KG, Quantity
 from flexarm_bringup.graph.processes import NAMESPACE
 from flexarm_bringup.runs.pace import Pace
 
@@ -37,9 +37,10 @@ ARM = click.option(
 PAYLOAD = click.option(
     "--payload",
     "payload_kg",
-    type=FiniteRange(0.0, 1.0),
+    type=Quantity(MASS_KG, 0.0, 1.0),
+    metavar="MASS",
     default=0.0,
-    help="Mass at the tip, kg.",
+    help="Mass at the tip, kg, or with its unit: 200g.",
 )
 PARAMETER_FILES = click.option(
     "--params-file",

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.console.quantity import TIME_S, Quantity
 from flexarm_bringup.console.verb_group import RUN_ON, examples
 from flexarm_bringup.graph.processes import NodeProgram, find_executable
 from flexarm_bringup.verbs.laboratory.options import ARM
@@ -36,7 +37,12 @@ def run(package: str, executable: str, arguments: tuple[str, ...]) -> None:
     help="Record this topic, such as state or /diagnostics; may be given more than once.",
 )
 @click.option("--max-bag-size", type=int, help="Begin the next file at that many bytes.")
-@click.option("--max-bag-duration", type=float, help="Begin the next file after that time, s.")
+@click.option(
+    "--max-bag-duration",
+    type=Quantity(TIME_S),
+    metavar="TIME",
+    help="Begin the next file after that time, s, or with its unit: 10min.",
+)
 @click.option(
     "--snapshot-mode",
     is_flag=True,

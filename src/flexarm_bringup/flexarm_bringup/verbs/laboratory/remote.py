@@ -12,6 +12,7 @@ from lifecycle_msgs.msg import State
 from std_srvs.srv import Trigger
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.quantity import POSITION_V, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import MANAGED
 from flexarm_bringup.graph.processes import LaunchError
@@ -130,16 +131,16 @@ def status(namespace: str) -> None:
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("volts", type=float)
+@click.argument("set_point_v", metavar="SET_POINT", type=Quantity(POSITION_V))
 @ARM
-@examples("reference 1.5", "reference -3")
-def reference(volts: float, namespace: str) -> None:
-    """Give the running controller a set-point, V.
+@examples("reference 1.5", "reference -3", "reference 23deg")
+def reference(set_point_v: float, namespace: str) -> None:
+    """Give the running controller a set-point.
 
-    It prints what is in force.
+    It is in V, or has its unit: deg, rad. What is in force is printed.
     """
     with _attached("controller", namespace) as operator:
-        request = SetReference.Request(reference_v=volts)
+        request = SetReference.Request(reference_v=set_point_v)
         response = operator.call(SetReference, "set_reference", request)
     if not response.success:
         raise LaunchError(response.message)

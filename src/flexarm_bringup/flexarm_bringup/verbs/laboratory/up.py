@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
 from flexarm_bringup.graph.processes import LaunchError
@@ -67,7 +67,8 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
 @click.option(
     "--rate",
     "rate_hz",
-    type=FiniteRange(10.0, 2000.0),
+    type=Quantity(FREQUENCY_HZ, 10.0, 2000.0),
+    metavar="FREQUENCY",
     default=300.0,
     show_default=True,
     help="Hz.",

@@ -11,6 +11,7 @@ from click.shell_completion import CompletionItem
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
 from flexarm_bringup.verbs.offline.series import model_each
@@ -78,7 +79,8 @@ _REQUEST_OPTIONS = (
     click.option(
         "--cutoff",
         "cutoff_hz",
-        type=FiniteRange(0.0, min_open=True),
+        type=Quantity(FREQUENCY_HZ, 0.0),
+        metavar="FREQUENCY",
         help="Low-pass filter, Hz; none by default.",
     ),
     click.option(
@@ -96,7 +98,12 @@ _REQUEST_OPTIONS = (
     ),
     click.option("--reduced-order", type=click.IntRange(1), help="States to keep; else chosen."),
     click.option(
-        "--known-mode", "known_modes_hz", multiple=True, type=float, help="Hz, for mrmc; repeat."
+        "--known-mode",
+        "known_modes_hz",
+        multiple=True,
+        type=Quantity(FREQUENCY_HZ),
+        metavar="FREQUENCY",
+        help="Hz, for mrmc; repeat.",
     ),
     click.option(
         "--update",

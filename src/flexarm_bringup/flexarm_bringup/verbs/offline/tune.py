@@ -11,6 +11,7 @@ from rich.table import Table
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_bringup.console.quantity import TIME_S, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_control.design.model_sources import load_models
 from flexarm_control.design.tuning_job import TUNINGS, TuneRequest
@@ -44,7 +45,13 @@ if TYPE_CHECKING:
 @click.option("--gain-margin", "gain_margin_db", default=10.0, show_default=True, help="dB.")
 @click.option("--phase-margin", "phase_margin_deg", default=55.0, show_default=True, help="deg.")
 @click.option(
-    "--delay", "delay_s", default=0.0, show_default=True, help="Loop delay, s, at most 0.05."
+    "--delay",
+    "delay_s",
+    type=Quantity(TIME_S),
+    metavar="TIME",
+    default=0.0,
+    show_default=True,
+    help="Loop delay, s, or with its unit: 0.5ms; at most 0.05.",
 )
 @FORCE
 @examples(

@@ -1,0 +1,60 @@
+"""Quantity as the type of an argument: a number, with its unit or without."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any
+
+from flexarm_bringup.console.finite_range import FiniteRange
+from flexarm_core.channels import POSITION_V_PER_RAD
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from click import Context, Parameter
+
+_NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?([a-zA-Z]+)")
+
+
+class Quantity(FiniteRange):
+    """Number of one unit, which may be given in others.
+
+    Parameters
+    ----------
+    units : mapping of str to float
+        Units that are known, and what one of each is in the first, which a bare number has.
+    least, most : float, optional
+        Range, in the first unit.
+    """
+
+    name = "quantity"
+
+    def __init__(
+        self, units: Mapping[str, float], least: float | None = None, most: float | None = None
+    ) -> None:
+        super().__init__(least, most)
+        self.units = units
+
+    def convert(self, value: Any, param: Parameter | None, ctx: Context | None) -> float:  # noqa: ANN401 - as click has it
+        """Return the number in the first unit; an unknown unit is a usage error."""
+        found = _NUMBER_AND_UNIT.fullmatch(str(value).strip())
+        if not found:
+            return super().convert(value, param, ctx)
+        number, unit = found.groups()
+        if unit not in self.units:
+            known = ", ".join(self.units)
+            self.fail(f"{value!r} has a unit that is not known here: use {known}.", param, ctx)
+        return super().convert(float(number) * self.units[unit], param, ctx)
+
+
+FREQUENCY_HZ = {"Hz": 1.0, "kHz": 1e3}
+MASS_KG = {"kg": 1.0, "g": 1e-3}
+POSITION_V = {
+    "V": 1.0,
+    "mV": 1e-3,
+    "deg": POSITION_V_PER_RAD * math.radians(1.0),
+    "rad": POSITION_V_PER_RAD,
+}
+"""Units of a position or a set-point; V are those of the potentiometer."""
+TIME_S = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}

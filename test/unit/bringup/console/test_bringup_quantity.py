@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+import click
+import pytest
+
+from flexarm_bringup.console.quantity import FREQUENCY_HZ, MASS_KG, POSITION_V, TIME_S, Quantity
+
+
+@pytest.mark.parametrize(
+    ("units", "text", "expected"),
+    [
+        (MASS_KG, "0.2", 0.2),
+        (MASS_KG, "200g", 0.2),
+        (MASS_KG, "2e2 g", 0.2),
+        (MASS_KG, ".2kg", 0.2),
+        # 35 deg are 3 V (section 2.4.2).
+        (POSITION_V, "35deg", 3.0),
+        (POSITION_V, "-17.5deg", -1.5),
+        (POSITION_V, "0.6108652rad", 3.0),
+        (POSITION_V, "-3", -3.0),
+        (POSITION_V, "1500mV", 1.5),
+        (TIME_S, "10min", 600.0),
+        (TIME_S, "0.5ms", 0.0005),
+        (FREQUENCY_HZ, "0.3kHz", 300.0),
+    ],
+)
+def test_quantity___number_with_or_without_unit___is_in_the_first_unit(
+    units: dict[str, float], text: str, expected: float
+) -> None:
+    assert Quantity(units).convert(text, None, None) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("200lb", "'200lb' has a unit that is not known here: use kg, g."),
+        ("2 00g", "'2 00g' is not a valid"),
+        ("1500g", "1.5 is not in the range 0.0<=x<=1.0"),
+        ("-1g", "-0.001 is not in the range"),
+        ("nan", "nan is no finite number"),
+        ("g", "'g' is not a valid"),
+    ],
+)
+def test_quantity___text_that_is_none___is_refused_with_the_way_out(text: str, words: str) -> None:
+    with pytest.raises(click.BadParameter) as refusal:
+        Quantity(MASS_KG, 0.0, 1.0).convert(text, None, None)
+    assert words in refusal.value.message
