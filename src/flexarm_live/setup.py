@@ -12,7 +12,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     # Without a key of rosdep, or with one that is too old on the oldest system.
-    install_requires=["setuptools", "websockets>=14,<18"],
+    install_requires=["setuptools", "control>=0.10.1,<0.11", "websockets>=14,<18"],
     extras_require={"test": ["pytest"]},
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",

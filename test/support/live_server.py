@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from websockets.sync.client import ClientConnection, connect
 
 from flexarm_core.errors import FlexarmError
+from flexarm_live.page_files import page_files
 from flexarm_live.serving.access import LOOPBACK
 from flexarm_live.serving.laboratory import Answer
 from flexarm_live.serving.server import Server
@@ -66,7 +67,7 @@ class LiveServer:
         self.namespace = namespace
         page = socket.create_server(("127.0.0.1", 0))
         self.port: int = page.getsockname()[1]
-        web = Web(LOOPBACK, TOKEN, view_only=view_only, report=laboratory.report)
+        web = Web(page_files(), LOOPBACK, TOKEN, view_only=view_only, report=laboratory.report)
         self.server = Server(laboratory, web, page, listen(namespace), ping_s=None)
 
     def page(self, query: str = f"?token={TOKEN}", **options: Any) -> ClientConnection:  # noqa: ANN401

@@ -26,6 +26,7 @@ from flexarm_core.paths import user_path
 from flexarm_core.tables import read_table
 from flexarm_live.graph.bridge import Bridge
 from flexarm_live.graph.loop_nodes import LOOP_NODES
+from flexarm_live.page_files import page_files
 from flexarm_live.serving.access import LOOPBACK
 from flexarm_live.serving.encoding import frame_of
 from flexarm_live.serving.server import Server
@@ -92,6 +93,7 @@ class LiveNode(Node):
                 f"live: cannot listen on {address} port {values['port'] or _USUAL_PORT}: {error}"
             ) from None
         web = Web(
+            page_files(),
             LOOPBACK | {address},
             secrets.token_urlsafe(_TOKEN_BYTES),
             view_only=values["view_only"],

@@ -131,8 +131,8 @@ def test_build_reference___every_value___reaches_the_reference() -> None:
 
 
 def test_build_reference___unknown_name___lists_the_known() -> None:
-    with pytest.raises(ControlError, match="no reference 'sine'; choose one of constant, step"):
-        build_reference("sine")
+    with pytest.raises(ControlError, match="no reference 'ramp'; choose one of constant, step"):
+        build_reference("ramp")
 
 
 def test_build_reference___unknown_parameter___lists_the_known() -> None:

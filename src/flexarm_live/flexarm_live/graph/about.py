@@ -1,4 +1,4 @@
-"""What a page is told of the arm once: channels, shape, laws, experiments and faults."""
+"""First message about an arm: channels, shape, laws, experiments and faults."""
 
 from __future__ import annotations
 
@@ -98,5 +98,4 @@ def _amplitudes_per_v(rig: RigParameters) -> FloatArray:
             rig.middle_gauge_v_per_nm * modes.middle_curvature[bending],
         ]
     )
-    per_v: FloatArray = np.linalg.inv(volts_per_amplitude)
-    return per_v
+    return np.asarray(np.linalg.inv(volts_per_amplitude), dtype=np.float64)

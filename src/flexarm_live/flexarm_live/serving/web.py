@@ -9,11 +9,10 @@ from urllib.parse import urlsplit
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
-from flexarm_live.page_files import INDEX, page_files
 from flexarm_live.serving.access import refusal, role_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from urllib.parse import SplitResult
 
     from websockets.http11 import Request
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 LIVE = "/live"
 """Path of the WebSocket."""
 _REPORT = "/report/"
+_INDEX = "index.html"
 _PAGE_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -38,6 +38,8 @@ class Web:
 
     Parameters
     ----------
+    files : mapping of str to (bytes, str)
+        Content and media type of each file of the page, by its name.
     names : frozenset of str
         Names under which the server is called.
     token : str
@@ -50,6 +52,7 @@ class Web:
 
     def __init__(
         self,
+        files: Mapping[str, tuple[bytes, str]],
         names: frozenset[str],
         token: str,
         *,
@@ -60,7 +63,7 @@ class Web:
         self.token = token
         self.view_only = view_only
         self._report = report
-        self._files = page_files()
+        self._files = files
 
     def answer(self, request: Request, *, has_room: bool) -> Response | None:
         """Return the answer to a request; None for a WebSocket that may be opened."""
@@ -84,10 +87,10 @@ class Web:
             report = self._report(path.removeprefix(_REPORT))
             if report is not None:
                 return _response(HTTPStatus.OK, report, "text/html; charset=utf-8", _REPORT_POLICY)
-        file = self._files.get(path.removeprefix("/") or INDEX)
+        file = self._files.get(path.removeprefix("/") or _INDEX)
         if file is None:
             return _text(HTTPStatus.NOT_FOUND, "there is no such file")
-        return _response(HTTPStatus.OK, file.content, file.media_type, _PAGE_POLICY)
+        return _response(HTTPStatus.OK, *file, _PAGE_POLICY)
 
 
 def query_of(request: Request) -> str:

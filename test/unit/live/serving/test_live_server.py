@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import struct
 from typing import TYPE_CHECKING
 
@@ -114,17 +113,6 @@ def test_terminal___with_an_endless_line___is_cut_off(live: LiveServer) -> None:
 def test_socket___that_is_served___is_not_taken_over(live: LiveServer) -> None:
     with pytest.raises(FileExistsError, match="another process"):
         listen(live.namespace)
-
-
-def test_socket___left_by_a_killed_process___is_replaced(live: LiveServer) -> None:
-    listen("/left").close()
-    with listen("/left") as listening, connect("/left"):
-        assert listening.family is socket.AF_UNIX
-    with pytest.raises(OSError, match="refused"):
-        connect("/left")
-    with pytest.raises(FileNotFoundError):
-        connect("/never")
-    assert live.namespace == "/arm"
 
 
 def test_rate_limit___allows___so_many_in_any_second() -> None:
