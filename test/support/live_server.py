@@ -73,8 +73,15 @@ class LiveServer:
     def page(self, query: str = f"?token={TOKEN}", **options: Any) -> ClientConnection:  # noqa: ANN401
         """Return a page that is connected."""
         address = f"ws://127.0.0.1:{self.port}/live{query}"
-        patient = {"open_timeout": PATIENCE_S, "ping_interval": None, "close_timeout": 2.0}
-        return connect(address, compression=None, **patient, **options)
+        page: ClientConnection = connect(
+            address,
+            compression=None,
+            open_timeout=PATIENCE_S,
+            ping_interval=None,
+            close_timeout=2.0,
+            **options,
+        )
+        return page
 
     def get(self, path: str, **headers: str) -> tuple[int, dict[str, str], bytes]:
         """Return status, headers and body of a file, by a request that may be a hostile one."""

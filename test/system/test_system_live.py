@@ -89,13 +89,16 @@ def test_up___its_page___shows_every_sample_and_drives_the_arm(
     process.send(signal.SIGINT)
     assert process.exit_code() == 0, process.printed
     with AnyReader([bag]) as reader:
-        changed = [
-            (event.node, each.name, each.value.double_value)
+        events: list[Any] = [
+            reader.deserialize(raw, connection.msgtype)
             for connection, _, raw in reader.messages()
             if connection.topic == "/parameter_events"
-            for event in [reader.deserialize(raw, connection.msgtype)]
-            for each in event.changed_parameters
         ]
+    changed = [
+        (event.node, each.name, each.value.double_value)
+        for event in events
+        for each in event.changed_parameters
+    ]
     assert ("/flexarm/daq", "payload_kg", 0.2) in changed
 
 

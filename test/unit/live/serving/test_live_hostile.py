@@ -92,7 +92,7 @@ def test_page___with_two_tokens___is_refused(live: LiveServer) -> None:
 )
 @pytest.mark.usefixtures("good")
 def test_page___of_a_foreign_origin___is_refused(live: LiveServer, origin: str) -> None:
-    with pytest.raises(InvalidStatus, match="403") as refused, live.page(origin=origin):  # type: ignore[arg-type]
+    with pytest.raises(InvalidStatus, match="403") as refused, live.page(origin=origin):
         pass
     assert origin.encode() in (refused.value.response.body or b"")
 

@@ -117,7 +117,7 @@ def _run_graph(settings: _Settings) -> None:
         "controller": {"law": settings.law, "reference": settings.reference},
         "recorder": {"topics": _RECORDED},
     }
-    nodes = LABORATORY
+    nodes: tuple[str, ...] = LABORATORY
     if settings.page is not None:
         nodes = (*nodes, PAGE_NODE)
         parameters[PAGE_NODE] = settings.page.parameters()
