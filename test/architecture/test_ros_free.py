@@ -22,7 +22,7 @@ CONNECTING = {
     *(
         f"flexarm_node.{name}"
         for name in (
-            "waiting",
+            "topics.waiting",
             "qos",
             "parameters",
             "process",
@@ -97,7 +97,7 @@ def test_computing_modules___are_imported_without_ros() -> None:
     assert finished.returncode == 0
 
 
-@pytest.mark.parametrize("module", ["flexarm_node.waiting", "flexarm_daq.nodes.daq_node"])
+@pytest.mark.parametrize("module", ["flexarm_node.topics.waiting", "flexarm_daq.nodes.daq_node"])
 def test_connecting_module___is_what_the_block_stops(module: str) -> None:
     finished = run_without_ros(module)
     assert finished.returncode != 0

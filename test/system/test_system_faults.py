@@ -83,7 +83,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
-from flexarm_node.waiting import wait_until
+from flexarm_node.topics.waiting import wait_until
 from flexarm_node.process import request_stop, run
 
 class Asking(Node):

@@ -11,7 +11,7 @@ from std_msgs.msg import Float64
 
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
-from flexarm_node.shared_topic import SharedTopic
+from flexarm_node.topics.shared_topic import SharedTopic
 from support.system_graph import ROOT, Graph
 
 if TYPE_CHECKING:

@@ -19,19 +19,21 @@ from flexarm_control.models.chosen_model import PREFIX
 from flexarm_control.sample_rate import SampleRate
 from flexarm_core.channels import TRAVEL_V
 from flexarm_core.errors import SettingError
-from flexarm_msgs.msg import ArmState, LawInForce, MotorCommand, PayloadEstimate
+from flexarm_msgs.msg import LawInForce, PayloadEstimate
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
 from flexarm_node.answering_node import AnsweringNode
 from flexarm_node.process import run
-from flexarm_node.shared_topic import SharedTopic
+from flexarm_node.stamps import set_stamp
+from flexarm_node.topics.shared_topic import SharedTopic
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from rclpy.publisher import Publisher
 
-    from flexarm_control.laws.law_protocol import Memory
+    from flexarm_control.laws.law_protocol import Effort, Memory
+    from flexarm_node.topics.layout import Numbers
 
 # An unchanged reference is published again, for a recorder that was not yet there when it changed.
 _TELL_AGAIN_NS = 1_000_000_000
@@ -133,27 +135,27 @@ class ControllerNode(AnsweringNode):
         self._weighed_ns = 0
         self._in_force = None
 
-    def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
-        """Fill in the command: the law's answer to the sample and the reference at its instant."""
+    def answer(self, state: Numbers, taken_ns: int) -> Effort:
+        """Return the law's answer to the sample and the reference at its instant."""
         setup, reference_v = self._setup, self._reference_v
         self._handover.replace(setup.law)
         setup.check_rate(self._rate.add(taken_ns))
-        self._note_law(taken_ns, setup, reference_v, command.sequence + 1)
+        self._note_law(taken_ns, setup, reference_v, self.upcoming)
         if setup.profile is not None:
             self._reference_v = reference_v = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
             self._tell_reference(taken_ns)
         volts = (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v)
-        command.effort_v, command.compensation_v = self._handover.step(volts, reference_v)
+        return self._handover.step(volts, reference_v)
 
-    def answered(self, state: ArmState, taken_ns: int) -> None:
+    def answered(self, taken_ns: int) -> None:
         """Publish what is in force for the law, when that is due, and the payload at intervals."""
-        self._tell_law(state, taken_ns)
+        self._tell_law(taken_ns)
         setup = self._setup
         if setup.law_spec.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return
         self._weighed_ns = taken_ns
         message = PayloadEstimate(**setup.law_spec.payload(setup.law)._asdict())
-        message.header.stamp = state.header.stamp
+        set_stamp(message.header.stamp, taken_ns)
         self._payloads.publish(message)
 
     def figures(self) -> Iterator[Mapping[str, object]]:
@@ -175,7 +177,7 @@ class ControllerNode(AnsweringNode):
             memory = self._handover.memory()
             self._in_force = _InForce(taken_ns, setup, reference_v, command_sequence, memory)
 
-    def _tell_law(self, state: ArmState, taken_ns: int) -> None:
+    def _tell_law(self, taken_ns: int) -> None:
         """Publish what was noted for a sample: the command did not wait for it."""
         if self._in_force is None or self._in_force.taken_ns != taken_ns:
             return
@@ -189,7 +191,7 @@ class ControllerNode(AnsweringNode):
             memory_sizes=[len(group) for group in memory.values()],
             memory=list(chain.from_iterable(memory.values())),
         )
-        message.header.stamp = state.header.stamp
+        set_stamp(message.header.stamp, taken_ns)
         self._laws.publish(message)
 
     def _tell_reference(self, taken_ns: int) -> None:

@@ -5,20 +5,23 @@ from __future__ import annotations
 import math
 import time
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
 from flexarm_node import qos
 from flexarm_node.loop_node import LoopNode
-from flexarm_node.stamps import set_stamp, stamp_ns
+from flexarm_node.stamps import joined_ns, set_stamp, stamp_members
 from flexarm_node.statistics import AnswerCount, Window
-from flexarm_node.waiting import TopicWaiter
+from flexarm_node.topics.layout import Layout
+from flexarm_node.topics.waiting import TopicWaiter
 
 if TYPE_CHECKING:
     import threading
     from collections.abc import Iterator, Mapping
 
     from rclpy.publisher import Publisher
+
+    from flexarm_node.topics.layout import Numbers
 
 _WAIT_S = 0.1
 _SILENT_S = 1.0
@@ -39,6 +42,11 @@ class AnsweringNode(LoopNode):
         """Stamp of the first sample of the run, ns."""
         return self._count.run_start_ns
 
+    @property
+    def upcoming(self) -> int:
+        """Number of the next command."""
+        return self._count.upcoming
+
     @abstractmethod
     def commander(self) -> tuple[str, bool]:
         """Return the name of the commander, and whether its commands use the outputs."""
@@ -48,20 +56,18 @@ class AnsweringNode(LoopNode):
         """Prepare for the first sample of a run, or of a run that begins anew."""
 
     @abstractmethod
-    def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
-        """Set effort and compensation of the command that answers a sample.
+    def answer(self, state: Numbers, taken_ns: int) -> tuple[float, float]:
+        """Return effort and compensation of the command that answers a sample, V.
 
         Parameters
         ----------
-        state : ArmState
-            The sample.
+        state : Numbers
+            The sample, an ArmState.
         taken_ns : int
             Its stamp, ns.
-        command : MotorCommand
-            The command, still with effort and compensation of the sample before.
         """
 
-    def answered(self, state: ArmState, taken_ns: int) -> None:
+    def answered(self, taken_ns: int) -> None:
         """Do what may wait until the command is sent; see `answer`."""
 
     def publishers(self) -> tuple[Publisher, ...]:
@@ -72,7 +78,9 @@ class AnsweringNode(LoopNode):
         """Make the topics of the loop."""
         self._count = AnswerCount()
         self._answer_s = Window(_STATISTICS_SAMPLES)
-        self._states: TopicWaiter[Any] = TopicWaiter(self, ArmState, "state", qos.NEWEST)
+        frame = {"header.frame_id": self.frame}
+        self._layout = Layout(MotorCommand, frame)
+        self._states = TopicWaiter(self, Layout(ArmState, frame), "state", qos.NEWEST)
         self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
         self._commander_out = self.create_publisher(CommanderInfo, "commander", qos.STATUS)
 
@@ -100,24 +108,25 @@ class AnsweringNode(LoopNode):
     def loop(self, stopping: threading.Event) -> None:
         """Answer until told to stop; a count of samples that goes back begins a new run."""
         self._count.restart()
-        command = MotorCommand()
-        command.header.frame_id = self.frame
         self._heard_s = math.inf
         while not stopping.is_set():
             state = self._states.wait_newest(_WAIT_S)
-            taken_ns = 0 if state is None else stamp_ns(state.header.stamp)
-            if state is None or not self._count.is_new(state.sequence, taken_ns):
+            if state is None:
+                self.spare_time()
+                continue
+            taken_ns = joined_ns(state.header_stamp_sec, state.header_stamp_nanosec)
+            if not self._count.is_new(state.sequence, taken_ns):
                 self.spare_time()
                 continue
             received_s = self._heard_s = time.monotonic()
             if self._count.begins(state.sequence, taken_ns):
                 self.begin()
-            self.answer(state, taken_ns, command)
-            set_stamp(command.header.stamp, self.time.now_ns())
-            command.sequence = self._count.next()
-            command.state_sequence = state.sequence
+            effort_v, compensation_v = self.answer(state, taken_ns)
+            stamp = stamp_members(self.time.now_ns())
+            sequences = self._count.next(), state.sequence
+            command = self._layout.pack(*stamp, *sequences, effort_v, compensation_v)
             self._commands.publish(command)
-            self.answered(state, taken_ns)
+            self.answered(taken_ns)
             self._answer_s.add(time.monotonic() - received_s)
             self.spare_time()
         self.await_acknowledged(*self.publishers())

@@ -19,8 +19,8 @@ from flexarm_core.tables import read_table
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.reports import Reporter
+from flexarm_node.topics.waiting import has_every_reader, wait_until
 from flexarm_node.transport import complaint_about_transport
-from flexarm_node.waiting import has_every_reader, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -29,7 +29,11 @@ class NodeTime:
 
     def now_ns(self) -> int:
         """Return the time in nanoseconds since the epoch, or since the simulated clock's start."""
-        now_ns: int = self._node.get_clock().now().nanoseconds
+        clock = self._node.get_clock()
+        if not clock.ros_time_is_active:
+            # The same clock, without the objects around it.
+            return time.time_ns()
+        now_ns: int = clock.now().nanoseconds
         if now_ns:
             return now_ns
         self._miss()

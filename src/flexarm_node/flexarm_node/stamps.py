@@ -12,14 +12,25 @@ _NS = 1_000_000_000
 
 def stamp_ns(stamp: Time) -> int:
     """Return a stamp as nanoseconds since the epoch."""
-    return int(stamp.sec) * _NS + int(stamp.nanosec)
+    return joined_ns(stamp.sec, stamp.nanosec)
 
 
-def stamp_text(stamp: Time) -> str:
-    """Return a stamp as seconds since the epoch, to the nanosecond."""
-    return f"{stamp.sec}.{stamp.nanosec:09d}"
+def joined_ns(sec: int, nanosec: int) -> int:
+    """Return the members of a stamp as nanoseconds since the epoch."""
+    return sec * _NS + nanosec
+
+
+def stamp_members(time_ns: int) -> tuple[int, int]:
+    """Return the members of a stamp, `sec` and `nanosec`."""
+    return divmod(time_ns, _NS)
+
+
+def stamp_text(time_ns: int) -> str:
+    """Return an instant as seconds since the epoch, to the nanosecond."""
+    sec, nanosec = stamp_members(time_ns)
+    return f"{sec}.{nanosec:09d}"
 
 
 def set_stamp(stamp: Time, time_ns: int) -> None:
     """Set a stamp to an instant in nanoseconds since the epoch."""
-    stamp.sec, stamp.nanosec = divmod(time_ns, _NS)
+    stamp.sec, stamp.nanosec = stamp_members(time_ns)

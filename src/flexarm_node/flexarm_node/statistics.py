@@ -125,6 +125,11 @@ class AnswerCount:
         self._sample, self._taken_ns = sequence, taken_ns
         return is_first
 
+    @property
+    def upcoming(self) -> int:
+        """Number of the next command."""
+        return self._command + 1
+
     def next(self) -> int:
         """Return the number of the next command, which is sent."""
         self.answered += 1

@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
-from flexarm_node.stamps import stamp_text
+from flexarm_node.stamps import stamp_ns, stamp_text
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -95,7 +95,7 @@ class RunWatch:
 
     def _on_state(self, state: ArmState) -> None:
         self.sequence = state.sequence
-        self._sampled_s = stamp_text(state.header.stamp)
+        self._sampled_s = stamp_text(stamp_ns(state.header.stamp))
 
     def _on_report(self, message: DiagnosticArray) -> None:
         for status in message.status:

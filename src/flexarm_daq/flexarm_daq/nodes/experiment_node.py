@@ -19,7 +19,7 @@ from flexarm_node.process import run
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from flexarm_msgs.msg import ArmState, MotorCommand
+    from flexarm_node.topics.layout import Numbers
 
 PARAMETERS = read_table(
     "flexarm_daq.nodes",
@@ -52,10 +52,10 @@ class ExperimentNode(AnsweringNode):
         """Begin the experiment again from the start."""
         self._excitation.reset()
 
-    def answer(self, state: ArmState, taken_ns: int, command: MotorCommand) -> None:
-        """Fill in the command."""
+    def answer(self, state: Numbers, taken_ns: int) -> tuple[float, float]:
+        """Return the command, which is effort alone."""
         time_s = (taken_ns - self.run_start_ns) * 1e-9
-        command.effort_v = self._excitation.step(time_s, state.position_v)
+        return self._excitation.step(time_s, state.position_v), 0.0
 
     def figures(self) -> Iterator[Mapping[str, object]]:
         """Yield the figures of the loop."""

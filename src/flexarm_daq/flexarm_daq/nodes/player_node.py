@@ -29,7 +29,7 @@ from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import request_stop, run
 from flexarm_node.stamps import set_stamp
-from flexarm_node.waiting import has_every_reader, wait_until
+from flexarm_node.topics.waiting import has_every_reader, wait_until
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher

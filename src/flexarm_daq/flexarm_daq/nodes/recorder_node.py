@@ -35,7 +35,7 @@ from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.qos import EVERY
 from flexarm_node.reports import Reporter
-from flexarm_node.waiting import RawTopicsWaiter
+from flexarm_node.topics.waiting import RawTopicsWaiter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

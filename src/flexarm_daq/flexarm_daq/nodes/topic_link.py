@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -15,8 +15,9 @@ from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB, bend_angles
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
-from flexarm_node.stamps import set_stamp, stamp_ns, stamp_text
-from flexarm_node.waiting import TopicWaiter, node_names, wait_until
+from flexarm_node.stamps import joined_ns, set_stamp, stamp_members, stamp_text
+from flexarm_node.topics.layout import Layout
+from flexarm_node.topics.waiting import TopicWaiter, node_names, wait_until
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
@@ -41,16 +42,17 @@ class TopicLink:
         self._node = node
         self._publisher = node.create_publisher(ArmState, "state", qos.SENT)
         self._joint_states = node.create_publisher(JointState, "joint_states", qos.SENT)
-        self._commands: TopicWaiter[Any] = TopicWaiter(node, MotorCommand, "command", qos.NEWEST)
+        frame = {"header.frame_id": node.frame}
+        self._layout = Layout(ArmState, frame)
+        self._commands = TopicWaiter(node, Layout(MotorCommand, frame), "command", qos.NEWEST)
         self._clock: Publisher[Clock] | None = None
         self._told = False
         self._now = Clock()
-        self._state = ArmState()
-        self._state.header.frame_id = node.frame
         self._joint = JointState(name=[HUB, *BEND_JOINTS])
         self._joint.header.frame_id = node.frame
         self._joint_every = 1
         self._start_ns = 0
+        self._newest_ns = 0
 
     def start(self, rate_hz: float, *, virtual: bool, clock: bool, await_commander: bool) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
@@ -67,7 +69,7 @@ class TopicLink:
     @property
     def newest_s(self) -> str:
         """Stamp of the newest sample, in seconds since the epoch."""
-        return stamp_text(self._state.header.stamp)
+        return stamp_text(self._newest_ns)
 
     def has_commander(self) -> bool:
         """Return whether a node is there that could send commands."""
@@ -80,24 +82,21 @@ class TopicLink:
             # that makes the time of `/clock` cannot follow it.
             now_ns = self._node.time.now_ns() if self._clock is None else time.time_ns()
             self._start_ns = record.start_ns(now_ns, time.monotonic())
-        state = self._state
-        set_stamp(state.header.stamp, self._start_ns + round(record.time_s * 1e9))
-        state.sequence = record.sequence
-        (
-            state.position_v,
-            state.base_strain_v,
-            state.middle_strain_v,
-            state.speed_v,
-        ) = record.volts.tolist()
-        state.command_v = record.command_v
-        state.compensation_v = record.compensation_v
-        state.command_sequence = record.command_sequence
+        self._newest_ns = self._start_ns + round(record.time_s * 1e9)
+        state = self._layout.pack(
+            *stamp_members(self._newest_ns),
+            record.sequence,
+            *record.volts.tolist(),
+            record.command_v,
+            record.compensation_v,
+            record.command_sequence,
+        )
         self._publisher.publish(state)
         if self._clock is not None and self._clock.get_subscription_count():
-            self._now.clock = state.header.stamp
+            set_stamp(self._now.clock, self._newest_ns)
             self._clock.publish(self._now)
         if record.sequence % self._joint_every == 0 and self._joint_states.get_subscription_count():
-            self._publish_joints(state)
+            self._publish_joints(record)
 
     def wait(self, timeout_s: float) -> Command | None:
         """Return the newest command, or None when none came in time."""
@@ -109,7 +108,7 @@ class TopicLink:
             message.state_sequence,
             message.effort_v,
             message.compensation_v,
-            stamp_ns(message.header.stamp),
+            joined_ns(message.header_stamp_sec, message.header_stamp_nanosec),
         )
 
     def spare_time(self) -> None:
@@ -154,11 +153,11 @@ class TopicLink:
             self._node.destroy_publisher(self._clock)
             self._clock = None
 
-    def _publish_joints(self, state: ArmState) -> None:
+    def _publish_joints(self, record: Record) -> None:
         joint = self._joint
-        joint.header.stamp = state.header.stamp
-        bends = _BEND_ANGLES @ (state.base_strain_v, state.middle_strain_v)
-        joint.position = [_POSITION.to_si(state.position_v), *bends]
-        joint.velocity = [_SPEED.to_si(state.speed_v), *_UNKNOWN]
-        joint.effort = [COMMAND.to_si(state.command_v) * _TORQUE_NM_PER_A, *_UNKNOWN]
+        set_stamp(joint.header.stamp, self._newest_ns)
+        position_v, *strains_v, speed_v = record.volts.tolist()
+        joint.position = [_POSITION.to_si(position_v), *(_BEND_ANGLES @ strains_v)]
+        joint.velocity = [_SPEED.to_si(speed_v), *_UNKNOWN]
+        joint.effort = [COMMAND.to_si(record.command_v) * _TORQUE_NM_PER_A, *_UNKNOWN]
         self._joint_states.publish(joint)

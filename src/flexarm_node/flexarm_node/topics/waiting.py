@@ -1,17 +1,18 @@
 """Waiting in the calling thread, outside any executor: for messages, and for readers.
 
 An executor costs several hundred microseconds per message and stalls now and then; a loop that
-answers every sample waits on the middleware itself. This is the only module that touches rclpy's
-internal `WaitSet` and `take_message`.
+answers every sample waits on the middleware itself, and takes bytes. This is the only module that
+touches rclpy's internal `WaitSet` and `take_message`.
 """
 
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.serialization import deserialize_message
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -21,11 +22,12 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
     from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-Message = TypeVar("Message")
+    from flexarm_node.topics.layout import Layout, Numbers
 
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _MATCH_TIMEOUT_S = 7.0
 _MATCH_POLL_S = 0.01
+_RAW = True
 
 
 def has_every_reader(node: Node, publishers: Sequence[Publisher], least: int = 0) -> bool:
@@ -84,13 +86,22 @@ class RawMessage(NamedTuple):
     """Instant of publication, nanoseconds since the epoch."""
 
 
-class TopicWaiter(Generic[Message]):
-    """A subscription that one thread waits on; arguments as for `Node.create_subscription`."""
+class TopicWaiter:
+    """A subscription that one thread waits on, for the numbers of the newest message.
 
-    def __init__(
-        self, node: Node, message_type: type[Message], topic: str, qos: QoSProfile
-    ) -> None:
-        self._waiting = _WaitSet(node, [(message_type, topic, qos)], raw=False)
+    Parameters
+    ----------
+    node : Node
+        Owner of the subscription.
+    layout : Layout
+        Usual layout of the messages; others are read by rclpy, which takes longer.
+    topic, qos
+        As for `Node.create_subscription`.
+    """
+
+    def __init__(self, node: Node, layout: Layout, topic: str, qos: QoSProfile) -> None:
+        self._layout = layout
+        self._waiting = _WaitSet(node, [(layout.message_type, topic, qos)])
 
     @property
     def topic(self) -> str:
@@ -101,29 +112,35 @@ class TopicWaiter(Generic[Message]):
         """Return how many publishers of the topic the graph knows."""
         return self._waiting.publishers(0)
 
-    def wait(self, timeout_s: float) -> Message | None:
-        """Return the next message, or None when none came in time."""
-        taken = self._take()
-        if taken is None and timeout_s > 0.0:
-            self._waiting.wait(timeout_s)
-            taken = self._take()
-        return taken
-
-    def wait_newest(self, timeout_s: float) -> Message | None:
+    def wait_newest(self, timeout_s: float) -> Numbers | None:
         """Return the newest message, dropping older ones, or None when none came in time."""
-        newest = self.wait(timeout_s)
-        newer = newest
-        while newer is not None:
-            newest, newer = newer, self._take()
+        newest = self._take_newest()
+        if newest is None and timeout_s > 0.0:
+            self._waiting.wait(timeout_s)
+            newest = self._take_newest()
         return newest
 
     def close(self) -> None:
         """Remove the subscription. No thread may be waiting any more."""
         self._waiting.close()
 
-    def _take(self) -> Message | None:
-        taken = self._waiting.take(0)
-        return None if taken is None else taken[0]
+    def _take_newest(self) -> Numbers | None:
+        newest = None
+        while (taken := self._waiting.take(0)) is not None:
+            numbers = self._read(taken[0])
+            newest = newest if numbers is None else numbers
+        return newest
+
+    def _read(self, raw: bytes) -> Numbers | None:
+        """Return the numbers of a message; None for bytes of no message, which rclpy drops too."""
+        numbers = self._layout.unpack(raw)
+        if numbers is not None:
+            return numbers
+        try:
+            message = deserialize_message(raw, self._layout.message_type)
+        except (RuntimeError, UnicodeDecodeError):
+            return None
+        return self._layout.numbers(message)
 
 
 class RawTopicsWaiter:
@@ -138,7 +155,7 @@ class RawTopicsWaiter:
     """
 
     def __init__(self, node: Node, topics: Sequence[tuple[type, str, QoSProfile]]) -> None:
-        self._waiting = _WaitSet(node, topics, raw=True)
+        self._waiting = _WaitSet(node, topics)
         self._topics = range(len(topics))
 
     def wait(self, timeout_s: float) -> list[RawMessage]:
@@ -162,18 +179,15 @@ class RawTopicsWaiter:
 
 
 class _WaitSet:
-    """Subscriptions outside the executor and the wait set that holds them."""
+    """Raw subscriptions outside the executor and the wait set that holds them."""
 
-    def __init__(
-        self, node: Node, topics: Sequence[tuple[type, str, QoSProfile]], *, raw: bool
-    ) -> None:
+    def __init__(self, node: Node, topics: Sequence[tuple[type, str, QoSProfile]]) -> None:
         self._node = node
         # Held here: rclpy keeps callback groups by weak reference.
         self._group = _OutsideExecutor()
-        self._raw = raw
         self._subscriptions = [
             node.create_subscription(
-                message_type, topic, _never_called, qos, callback_group=self._group, raw=raw
+                message_type, topic, _never_called, qos, callback_group=self._group, raw=True
             )
             for message_type, topic, qos in topics
         ]
@@ -194,11 +208,11 @@ class _WaitSet:
     def publishers(self, topic: int) -> int:
         return int(self._node.count_publishers(self.topic(topic)))
 
-    def take(self, topic: int) -> tuple[Any, dict[str, int]] | None:
+    def take(self, topic: int) -> tuple[bytes, dict[str, int]] | None:
         handle = self._subscriptions[topic].handle
         with handle:
-            taken: tuple[Any, dict[str, int]] | None = handle.take_message(
-                self._types[topic], self._raw
+            taken: tuple[bytes, dict[str, int]] | None = handle.take_message(
+                self._types[topic], _RAW
             )
         return taken
 

@@ -1,0 +1,155 @@
+// The chain from a record to a tuned law: its stages, its jobs, and the first two stages.
+
+import { attempt, byId, element, fillMenu, tell, write } from "./dom.js";
+
+const STAGES = ["record", "identify", "model", "tune", "step"];
+
+/** Tabs of the stages; arrow keys move between them. */
+export function showStage(name) {
+  for (const stage of STAGES) {
+    const isShown = stage === name;
+    const tab = byId(`tab_${stage}`);
+    tab.setAttribute("aria-selected", `${isShown}`);
+    tab.tabIndex = isShown ? 0 : -1;
+    byId(`stage_${stage}`).hidden = !isShown;
+  }
+}
+
+function wireTabs() {
+  for (const stage of STAGES) byId(`tab_${stage}`).onclick = () => showStage(stage);
+  byId("stages").onkeydown = ({ key }) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[key];
+    if (step === undefined) return;
+    const shown = STAGES.findIndex((stage) => byId(`tab_${stage}`).tabIndex === 0);
+    const next = STAGES[(shown + step + STAGES.length) % STAGES.length];
+    showStage(next);
+    byId(`tab_${next}`).focus();
+  };
+  showStage("record");
+}
+
+/** Write the command line that does the same as a stage. */
+export function showCommand(stage, command) {
+  const code = byId(`command_${stage}`);
+  write(code, command);
+  if (code.nextElementSibling === null) {
+    const copy = () => navigator.clipboard.writeText(code.textContent).then(() => tell("Copied."));
+    code.after(element("button", { class: "quiet", onclick: () => attempt(copy), "aria-label": "Copy the command" }, "Copy"));
+  }
+}
+
+/** Long work: one at a time, with its stage, its part done and its way out. */
+export class Jobs {
+  #number = null;
+
+  constructor(link) {
+    this.link = link;
+    byId("cancel").onclick = () => attempt(() => link.request("cancel", { job: this.#number }));
+  }
+
+  /** Run a job and show its progress; the promise is its data. */
+  async run(verb, fields) {
+    if (!byId("running").hidden) throw new Error(`${verb}: another job runs; cancel it first`);
+    byId("running").hidden = false;
+    write(byId("running_stage"), verb);
+    byId("running_part").removeAttribute("value");
+    try {
+      return await this.link.job(verb, fields, {
+        began: (id) => (this.#number = id),
+        news: (message) => this.#show(message),
+      });
+    } finally {
+      byId("running").hidden = true;
+    }
+  }
+
+  #show({ job, stage, fraction }) {
+    write(byId("running_stage"), stage ? `${job}: ${stage}` : job);
+    if (typeof fraction === "number") byId("running_part").value = fraction;
+    else byId("running_part").removeAttribute("value");
+  }
+}
+
+/** Stages Record and Identify. */
+export class Chain {
+  #recording = null;
+
+  constructor(hello, link, jobs, shown) {
+    Object.assign(this, { hello, link, jobs, shown });
+    wireTabs();
+    this.#wireRecord();
+    for (const id of ["bag", "method", "order_wanted"]) byId(id).onchange = () => this.#tellIdentify();
+    byId("identify").onclick = () => attempt(() => this.identify({}));
+    this.refreshBags();
+  }
+
+  follow({ recording }) {
+    if (recording === this.#recording) return;
+    this.#recording = recording;
+    const button = byId("record");
+    button.setAttribute("aria-pressed", `${recording !== null}`);
+    write(button, recording === null ? "Record" : "End the record");
+    if (recording === null) this.refreshBags();
+    else write(byId("recording"), `Recording ${recording}`);
+  }
+
+  /** Fill the menu of records, with the newest one chosen. */
+  async refreshBags(chosen) {
+    const { bags } = (await attempt(() => this.link.request("bags"))) ?? { bags: [] };
+    fillMenu(byId("bag"), bags.map((bag) => [bag, bag]), chosen ?? byId("bag").value);
+    this.#tellIdentify();
+  }
+
+  /** Identify the chosen record; `wish` has the order and modes that were clicked. */
+  async identify(wish) {
+    const fields = {
+      bag: byId("bag").value,
+      method: byId("method").value,
+      order: Number(byId("order_wanted").value),
+      reduced_order: 0,
+      known_modes_hz: [],
+      ...wish,
+    };
+    if (fields.bag === "") throw new Error("identify: there is no record; make one in the stage Record");
+    const data = await this.jobs.run("identify", fields);
+    showCommand("identify", data.command);
+    this.shown(data);
+    showStage("model");
+  }
+
+  #wireRecord() {
+    const { experiments } = this.hello;
+    fillMenu(byId("experiment"), experiments.map(({ name }) => [name, name]));
+    const tellExperiment = () => {
+      const { name, description } = experiments.find((each) => each.name === byId("experiment").value) ?? {};
+      write(byId("experiment_words"), description ?? "");
+      showCommand("record", `./flexarm experiment ${name ?? ""}`);
+    };
+    byId("experiment").onchange = tellExperiment;
+    tellExperiment();
+    byId("run_experiment").onclick = () =>
+      attempt(async () => {
+        const { bag } = await this.jobs.run("experiment", { name: byId("experiment").value });
+        await this.#take(bag);
+      });
+    byId("record").onclick = () =>
+      attempt(async () => {
+        const isOn = this.#recording === null;
+        const { bag } = await this.link.request("record", { on: isOn });
+        showCommand("record", `./flexarm record ${bag ?? ""}`);
+        if (!isOn) await this.#take(bag);
+      });
+  }
+
+  async #take(bag) {
+    await this.refreshBags(bag);
+    write(byId("recording"), `Recorded ${bag}`);
+    showStage("identify");
+  }
+
+  #tellIdentify() {
+    const [bag, method] = [byId("bag").value || "BAG", byId("method").value];
+    const order = Number(byId("order_wanted").value);
+    showCommand("identify", `./flexarm identify ${bag} --method ${method}${order > 0 ? ` --order ${order}` : ""}`);
+  }
+}

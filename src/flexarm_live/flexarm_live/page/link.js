@@ -1,0 +1,120 @@
+// Link to the server: one WebSocket, requests with their replies, jobs with their progress.
+
+const LONGEST_WAIT_MS = 4000;
+const SILENCE_MS = 2500;
+
+/**
+ * Events: `hello`, `state`, `parameters` (detail: the message), `samples` (detail: the buffer),
+ * `closed` and `silent`. A connection that breaks is made again.
+ */
+export class Link extends EventTarget {
+  #socket = null;
+  #number = 0;
+  #open = new Map();
+  #jobs = new Map();
+  #waitMs = 250;
+  #watch = 0;
+  #stopWaits = false;
+
+  constructor(url) {
+    super();
+    this.url = url;
+    this.#connect();
+  }
+
+  /** Send a request; the promise is its reply's data, or an Error with the reason. */
+  request(verb, fields = {}) {
+    if (this.#socket.readyState !== WebSocket.OPEN) {
+      return Promise.reject(new Error(`${verb}: there is no connection to the server`));
+    }
+    this.#number += 1;
+    const id = this.#number;
+    this.#socket.send(JSON.stringify({ id, do: verb, ...fields }));
+    return new Promise((resolve, reject) => this.#open.set(id, { verb, resolve, reject }));
+  }
+
+  /** Send the stop now, or before all else when the connection is back. */
+  stop() {
+    this.#stopWaits = this.#socket.readyState !== WebSocket.OPEN;
+    return this.request("stop");
+  }
+
+  /** Begin a job; `began` gets its number, `news` each message, the promise its last one's data. */
+  job(verb, fields, { began, news }) {
+    return new Promise((resolve, reject) => {
+      const reply = this.request(verb, fields);
+      const id = this.#number;
+      this.#jobs.set(id, { verb, news, resolve, reject });
+      reply.then(
+        () => began(id),
+        (refusal) => {
+          this.#jobs.delete(id);
+          reject(refusal);
+        },
+      );
+    });
+  }
+
+  #connect() {
+    const socket = new WebSocket(this.url);
+    socket.binaryType = "arraybuffer";
+    socket.addEventListener("open", () => {
+      this.#waitMs = 250;
+      if (this.#stopWaits) this.stop().catch(() => {});
+    });
+    socket.addEventListener("message", ({ data }) => this.#receive(data));
+    socket.addEventListener("close", ({ reason }) => this.#lose(reason));
+    this.#socket = socket;
+  }
+
+  #receive(data) {
+    this.#heard();
+    if (data instanceof ArrayBuffer) {
+      this.#tell("samples", data);
+      return;
+    }
+    const message = JSON.parse(data);
+    if (message.type === "reply") this.#answer(message);
+    else if (message.type === "job") this.#progress(message);
+    else this.#tell(message.type, message);
+  }
+
+  #answer({ id, ok, message, data }) {
+    const asked = this.#open.get(id);
+    if (asked === undefined) return;
+    this.#open.delete(id);
+    if (ok) asked.resolve(data ?? {});
+    else asked.reject(new Error(`${asked.verb}: ${message}`));
+  }
+
+  #progress(message) {
+    const job = this.#jobs.get(message.id);
+    if (job === undefined) return;
+    job.news(message);
+    if (!message.done) return;
+    this.#jobs.delete(message.id);
+    if (message.ok) job.resolve(message.data ?? {});
+    else job.reject(new Error(`${job.verb}: ${message.message}`));
+  }
+
+  #lose(reason) {
+    clearTimeout(this.#watch);
+    const lost = new Error("the connection to the server broke");
+    for (const asked of [...this.#open.values(), ...this.#jobs.values()]) asked.reject(lost);
+    this.#open.clear();
+    this.#jobs.clear();
+    this.#tell("closed", reason);
+    setTimeout(() => this.#connect(), this.#waitMs);
+    this.#waitMs = Math.min(2 * this.#waitMs, LONGEST_WAIT_MS);
+  }
+
+  // The server tells its state twice a second: silence is a state of its own.
+  #heard() {
+    clearTimeout(this.#watch);
+    this.#watch = setTimeout(() => this.#tell("silent"), SILENCE_MS);
+  }
+
+  #tell(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

@@ -1,0 +1,124 @@
+// The identified model: verdict, order and modes over the spectrum, fit against the record.
+
+import { attempt, byId, element, fillTable, write } from "./dom.js";
+import { chart } from "./charts.js";
+import { showCommand } from "./chain.js";
+import { figure } from "./numbers.js";
+
+const SAME_MODE = 0.02;
+const title = (output) => output.replace(/_v$/, "").replace("_", " ");
+
+/** Stage Model; `identify(wish)` is asked for another order or other modes. */
+export class ModelStage {
+  #known = [];
+  #order = 0;
+
+  constructor(identify) {
+    this.again = (wish) => attempt(() => identify(wish));
+    byId("order").onchange = ({ target }) => this.#wish(Number(target.value));
+  }
+
+  /** Show the result of an identification. */
+  show(data) {
+    this.data = data;
+    this.#order = data.order;
+    byId("order").value = data.order;
+    byId("verdict").dataset.verdict = data.verdict;
+    byId("verdict").replaceChildren(element("b", {}, data.verdict), ` ${data.verdict_line}`);
+    this.#showModes();
+    this.#showStabilisation();
+    const outputs = [...data.outputs.map(title), "mean"];
+    fillTable(byId("dmv"), data.dmv.map((error, k) => [outputs[k], figure(error, 4)]));
+    byId("report").href = data.report;
+    showCommand("model", data.command);
+    this.#showFits();
+  }
+
+  #wish(order) {
+    this.again({ order, known_modes_hz: this.#known });
+  }
+
+  #keeps(hz) {
+    return this.#known.some((known) => Math.abs(known - hz) < SAME_MODE * hz);
+  }
+
+  #toggle(hz) {
+    const kept = this.#keeps(hz);
+    this.#known = this.#known.filter((known) => Math.abs(known - hz) >= SAME_MODE * hz);
+    if (!kept) this.#known.push(hz);
+    this.#wish(this.#order);
+  }
+
+  #showModes() {
+    fillTable(
+      byId("modes"),
+      this.data.modes.map(({ frequency_hz: hz, damping, physical }) => [
+        element(
+          "button",
+          { "aria-pressed": `${this.#keeps(hz)}`, onclick: () => this.#toggle(hz) },
+          `${figure(hz, 2)} Hz`,
+        ),
+        `${figure(100 * damping, 1)} %`,
+        physical ? "physical" : "of the noise",
+      ]),
+    );
+  }
+
+  #showStabilisation() {
+    const { stabilisation, spectrum, modes, order } = this.data;
+    const highest = Math.max(...stabilisation.orders);
+    const hz = spectrum.hz.at(-1);
+    const pick = (_, at) => {
+      const nearest = stabilisation.orders.reduce((best, each) => (Math.abs(each - at) < Math.abs(best - at) ? each : best));
+      this.#wish(nearest);
+    };
+    const points = (stable) => stabilisation.points.filter((point) => point[2] === stable && point[1] <= hz);
+    const dots = (kind, stable) => ({ kind, x: points(stable).map((p) => p[1]), y: points(stable).map((p) => p[0]) });
+    chart(byId("stabilisation"), {
+      label: `Stabilisation diagram; order ${order} is chosen, up to ${highest}`,
+      x: { label: "Hz", low: 0, high: hz },
+      y: { label: "order", low: 0, high: highest + 1 },
+      curves: spectrum.db.map((db) => ({ kind: "spectrum", x: spectrum.hz, y: squeezed(db, highest) })),
+      dots: [dots("unstable", false), dots("stable", true)],
+      marks: [
+        { y: order, kind: "chosen", text: `order ${order}` },
+        ...modes
+          .filter(({ physical, frequency_hz: at }) => physical && at > 0.02 * hz && at < hz)
+          .map(({ frequency_hz: at }) => ({
+            x: at,
+            kind: this.#keeps(at) ? "kept" : "mode",
+            text: figure(at, 1),
+            onpick: () => this.#toggle(at),
+          })),
+      ],
+      onpick: pick,
+    });
+  }
+
+  #showFits() {
+    const { outputs, fit } = this.data;
+    const tiles = outputs.map((output, k) => {
+      const host = element("div", { class: "chart" });
+      const drawing = {
+        label: `${title(output)}: measured and simulated`,
+        x: { label: "s" },
+        y: { label: `${title(output)}, V` },
+        curves: [
+          { kind: "former", x: fit.t_s, y: fit.measured[k] },
+          { kind: "now", x: fit.t_s, y: fit.simulated[k] },
+        ],
+      };
+      return [host, drawing];
+    });
+    byId("fits").replaceChildren(...tiles.map(([host]) => host));
+    for (const [host, drawing] of tiles) chart(host, drawing);
+    write(byId("fits").previousElementSibling, "Fit against the record: measured, and simulated in the accent's colour");
+  }
+}
+
+/** A spectrum in dB over the height of the diagram. */
+function squeezed(db, height) {
+  const finite = db.filter(Number.isFinite);
+  const [least, most] = [Math.min(...finite), Math.max(...finite)];
+  return db.map((value) => ((value - least) / (most - least || 1)) * height);
+}

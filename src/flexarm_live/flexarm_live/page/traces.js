@@ -1,0 +1,215 @@
+// Traces: one plot for each kind of signal over one time axis, with zoom, pause and hover.
+
+import { byId, element, write } from "./dom.js";
+import { decimated } from "./samples.js";
+
+const HEIGHT_PX = 116;
+const FOOT_PX = 22;
+const LEAST_SPAN_S = 0.05;
+// A plot that took long is drawn less often, so that the arm keeps its frames.
+const REST_FACTOR = 5;
+const TITLES = { position: "Position", strain: "Strain", speed: "Speed", command: "Command" };
+// Range of an axis whose signal rests, V: noise is not blown up to full height.
+const LEAST_RANGE_V = { position: 0.5, strain: 1, speed: 0.2, command: 1 };
+
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+const label = (name) => name.replace(/_v$/, "").replace("_", " ").replace("reference", "set-point");
+
+/** The plots, and the span of time that they show. */
+export class Traces {
+  #panels = [];
+  #view = { live: true, spanS: 10, endS: 0 };
+  #cursorS = null;
+  #restUntil = 0;
+  #drawnEnd = -1;
+
+  constructor(hello, ring, units) {
+    Object.assign(this, { hello, ring, units });
+    this.host = byId("traces");
+    units.addEventListener("change", () => this.#build());
+    matchMedia("(prefers-color-scheme: dark)").onchange = () => this.#build();
+    new ResizeObserver(() => this.#fit()).observe(this.host);
+    byId("span").onchange = ({ target }) => this.#look({ live: true, spanS: Number(target.value) });
+    byId("pause").onclick = () => this.pause();
+    byId("zoom_in").onclick = () => this.zoom(0.5);
+    byId("zoom_out").onclick = () => this.zoom(2);
+    this.host.onkeydown = (event) => this.#key(event);
+    this.#build();
+  }
+
+  get live() {
+    return this.#view.live;
+  }
+
+  /** Stop the picture, or let it run again. */
+  pause() {
+    this.#look({ live: !this.live, endS: this.#newestS() });
+  }
+
+  zoom(factor) {
+    const oldestS = this.ring.end ? this.#newestS() - this.ring.time(this.ring.begin) : Infinity;
+    const spanS = Math.max(LEAST_SPAN_S, Math.min(this.#view.spanS * factor, Math.max(oldestS, 10), 300));
+    const middleS = this.#view.endS - this.#view.spanS / 2;
+    this.#look({ spanS, endS: this.live ? this.#newestS() : middleS + spanS / 2 });
+  }
+
+  /** Draw what is new; called once a frame. */
+  draw(nowMs) {
+    if (!this.live || nowMs < this.#restUntil || this.ring.end === this.#drawnEnd) return;
+    this.#drawnEnd = this.ring.end;
+    this.#view.endS = this.#newestS();
+    this.#render();
+    this.#restUntil = nowMs + REST_FACTOR * (performance.now() - nowMs);
+  }
+
+  #newestS() {
+    return this.ring.end ? this.ring.time(this.ring.end - 1) : 0;
+  }
+
+  #look(change) {
+    Object.assign(this.#view, change);
+    write(byId("pause"), this.live ? "Pause" : "Live");
+    this.#render();
+  }
+
+  #render() {
+    const { spanS, endS } = this.#view;
+    for (const { plot, names } of this.#panels) {
+      const [times, ...columns] = decimated(this.ring, names, endS - spanS, endS, plot.width);
+      const shown = columns.map((column, k) => {
+        const factor = this.units.factor(names[k]);
+        return column.map((volts) => (Number.isFinite(volts) ? volts * factor : null));
+      });
+      plot.setData([times, ...shown], false);
+      plot.setScale("x", { min: endS - spanS, max: endS });
+    }
+    this.#tellValues();
+  }
+
+  #build() {
+    for (const { plot } of this.#panels) plot.destroy();
+    this.#panels = [];
+    const groups = Object.keys(TITLES).filter((group) => this.#channels(group).length > 0);
+    const figures = groups.map((group) => this.#panel(group, group === groups.at(-1)));
+    this.host.replaceChildren(...figures);
+    this.#fit();
+    this.#render();
+  }
+
+  #channels(group) {
+    return this.hello.channels.filter((channel) => channel.group === group).map(({ name }) => name);
+  }
+
+  #panel(group, last) {
+    const names = this.#channels(group);
+    const readings = names.map(() => element("output", {}, "–"));
+    const caption = element(
+      "figcaption",
+      {},
+      element("b", {}, TITLES[group]),
+      ...names.map((name, k) =>
+        element("span", { class: `key key${k}` }, `${label(name)} `, readings[k]),
+      ),
+    );
+    const figure = element("figure", {}, caption);
+    const plot = new uPlot(this.#options(group, names, last), [[]], figure);
+    this.#panels.push({ plot, names, readings, last });
+    return figure;
+  }
+
+  #options(group, names, last) {
+    const least = LEAST_RANGE_V[group] * this.units.factor(names[0]);
+    const axis = { stroke: colour("muted"), font: "11px system-ui", grid: { stroke: colour("line"), width: 1 } };
+    axis.ticks = { show: false };
+    const strokes = [colour("accent"), colour("second")];
+    return {
+      width: 300,
+      height: this.#height(last),
+      legend: { show: false },
+      padding: [6, 6, 0, 0],
+      cursor: { sync: { key: "time" }, y: false, points: { size: 6 }, drag: { x: true, y: false, setScale: false } },
+      select: { show: true },
+      scales: {
+        x: { time: false, auto: false },
+        y: { range: (_, low, high) => roomy(low, high, least) },
+      },
+      axes: [
+        { ...axis, size: last ? FOOT_PX : 4, gap: 3, values: last ? seconds : (_, at) => at.map(() => "") },
+        { ...axis, size: 46, gap: 4, space: 26, label: undefined },
+      ],
+      series: [
+        {},
+        ...names.map((_, k) => ({
+          stroke: strokes[k],
+          width: k === 0 ? 1.5 : 1.25,
+          dash: group === "position" && k === 1 ? [5, 4] : undefined,
+          points: { show: false },
+        })),
+      ],
+      hooks: {
+        setCursor: [(plot) => this.#hover(plot)],
+        setSelect: [(plot) => this.#select(plot)],
+        ready: [(plot) => (plot.over.ondblclick = () => this.#look({ live: true, spanS: 10 }))],
+      },
+    };
+  }
+
+  #height(last) {
+    return HEIGHT_PX + (last ? FOOT_PX : 4);
+  }
+
+  #fit() {
+    const width = this.host.clientWidth;
+    if (width === 0) return;
+    for (const { plot, last } of this.#panels) plot.setSize({ width, height: this.#height(last) });
+  }
+
+  #hover(plot) {
+    const { left } = plot.cursor;
+    this.#cursorS = left >= 0 ? plot.posToVal(left, "x") : null;
+    this.#tellValues();
+  }
+
+  #select(plot) {
+    const { left, width } = plot.select;
+    if (width < 4) return;
+    const [fromS, toS] = [left, left + width].map((at) => plot.posToVal(at, "x"));
+    plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+    this.#look({ live: false, spanS: Math.max(LEAST_SPAN_S, toS - fromS), endS: toS });
+  }
+
+  #tellValues() {
+    const { ring } = this;
+    if (ring.end === 0) return;
+    const at = this.#cursorS === null ? ring.end - 1 : Math.min(ring.indexAt(this.#cursorS), ring.end - 1);
+    write(byId("at"), this.#cursorS === null ? "" : `t = ${ring.time(at).toFixed(3)} s`);
+    for (const { names, readings } of this.#panels) {
+      names.forEach((name, k) => write(readings[k], this.units.shown(name, ring.value(name, at))));
+    }
+  }
+
+  // Without a mouse: arrows move the cursor, with Shift the span; plus and minus zoom.
+  #key(event) {
+    const direction = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (direction === undefined) return;
+    event.preventDefault();
+    const { spanS, endS } = this.#view;
+    if (event.shiftKey) {
+      this.#look({ live: false, endS: endS + (direction * spanS) / 4 });
+      return;
+    }
+    const { plot } = this.#panels[0];
+    const wanted = (plot.cursor.left >= 0 ? plot.cursor.left : plot.over.clientWidth) + 4 * direction;
+    plot.setCursor({ left: Math.max(0, Math.min(wanted, plot.over.clientWidth - 1)), top: 10 });
+  }
+}
+
+/** Range of an axis around a signal: a tenth of room on either side, and never less than `least`. */
+function roomy(low, high, least) {
+  if (low === null || high === null) return [-least, least];
+  const half = Math.max((high - low) * 0.6, least / 2);
+  const middle = (low + high) / 2;
+  return [middle - half, middle + half];
+}
+
+const seconds = (_, splits) => splits.map((split) => `${Number(split.toFixed(3))} s`);

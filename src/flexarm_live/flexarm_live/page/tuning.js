@@ -1,0 +1,229 @@
+// Tuning on models, its margins, the new law on the arm, and its step beside the former one.
+
+import { attempt, byId, element, fillMenu, fillTable, tell } from "./dom.js";
+import { chart } from "./charts.js";
+import { showCommand, showStage } from "./chain.js";
+import { figure, stepFigures } from "./numbers.js";
+import { VoltageField } from "./units.js";
+
+const gainsText = (gains) => Object.entries(gains).map(([name, value]) => `${name}=${Number(value.toPrecision(6))}`).join(" ");
+
+/** Stage Tune. */
+export class TuneStage {
+  #chosen = new Set();
+
+  constructor(hello, link, jobs, parameters, step) {
+    Object.assign(this, { link, jobs, parameters, step });
+    const laws = hello.tunable_laws ?? hello.laws;
+    fillMenu(byId("tuned_law"), laws.map((law) => [law, law]));
+    for (const id of ["tuned_law", "gain_margin", "phase_margin"]) byId(id).onchange = () => this.#tellCommand();
+    byId("tune").onclick = () => attempt(() => this.#tune());
+    byId("apply").onclick = () => attempt(() => this.#apply());
+    this.offer([]);
+  }
+
+  /** Offer models; the newest one is chosen. */
+  offer(models) {
+    this.#chosen = new Set(models.slice(0, 1));
+    byId("models").replaceChildren(...models.map((model) => this.#toggle(model)));
+    this.#tellCommand();
+  }
+
+  #toggle(model) {
+    const button = element("button", { "aria-pressed": `${this.#chosen.has(model)}` }, model);
+    button.onclick = () => {
+      if (!this.#chosen.delete(model)) this.#chosen.add(model);
+      button.setAttribute("aria-pressed", `${this.#chosen.has(model)}`);
+      this.#tellCommand();
+    };
+    return button;
+  }
+
+  get #wanted() {
+    return {
+      law: byId("tuned_law").value,
+      models: [...this.#chosen],
+      gain_margin_db: Number(byId("gain_margin").value),
+      phase_margin_deg: Number(byId("phase_margin").value),
+    };
+  }
+
+  #tellCommand() {
+    const { law, models, gain_margin_db: gain, phase_margin_deg: phase } = this.#wanted;
+    const names = models.join(" ") || "MODEL";
+    showCommand("tune", `./flexarm tune ${names} --law ${law} --gain-margin ${gain} --phase-margin ${phase}`);
+  }
+
+  async #tune() {
+    if (this.#chosen.size === 0) throw new Error("tune: choose a model, or identify one first");
+    this.result = await this.jobs.run("tune", this.#wanted);
+    this.#show(this.result);
+  }
+
+  #show({ gains, margins, required, step, command }) {
+    byId("tuned").hidden = false;
+    showCommand("tune", command);
+    fillTable(
+      byId("tuned_gains"),
+      Object.entries(gains).map(([name, value]) => [name, figure(this.parameters.value(name), 4), figure(value, 4)]),
+    );
+    fillTable(
+      byId("margins"),
+      margins.map((each) => [each.model, `${figure(each.gain_margin_db, 1)} dB`, `${figure(each.phase_margin_deg, 1)}°`]),
+    );
+    const x = { label: "Hz", log: true };
+    const drawn = margins.filter(({ response }) => response);
+    chart(byId("loop_gain"), {
+      label: "Magnitude of the loop, with the gain margin",
+      x,
+      y: { label: "dB" },
+      curves: drawn.map(({ response }) => ({ kind: "now", x: response.hz, y: response.db })),
+      marks: [
+        { y: 0, kind: "zero" },
+        { y: -required.gain_margin_db, kind: "required", text: `−${required.gain_margin_db} dB` },
+        ...drawn.filter(({ gain_hz: hz }) => hz > 0).map((each) => ({
+          x: each.gain_hz,
+          between: [0, -each.gain_margin_db],
+          kind: "margin",
+          text: `${figure(each.gain_margin_db, 1)} dB`,
+        })),
+      ],
+    });
+    chart(byId("loop_phase"), {
+      label: "Phase of the loop, with the phase margin",
+      x,
+      y: { label: "°" },
+      curves: drawn.map(({ response }) => ({ kind: "now", x: response.hz, y: response.phase_deg })),
+      marks: [
+        { y: -180, kind: "zero" },
+        { y: required.phase_margin_deg - 180, kind: "required", text: `${required.phase_margin_deg}°` },
+        ...drawn.filter(({ phase_hz: hz }) => hz > 0).map((each) => ({
+          x: each.phase_hz,
+          between: [each.phase_margin_deg - 180, -180],
+          kind: "margin",
+          text: `${figure(each.phase_margin_deg, 1)}°`,
+        })),
+      ],
+    });
+    const curves = [{ kind: "now", x: step.t_s, y: step.after }];
+    if (step.before) curves.unshift({ kind: "former", x: step.t_s, y: step.before });
+    chart(byId("predicted"), { label: "Predicted step", x: { label: "s" }, y: { label: "V" }, curves });
+  }
+
+  async #apply() {
+    const { gains, law } = this.result;
+    await this.link.request("apply", { gains, law });
+    tell(`The arm is held by ${law} with ${gainsText(gains)}.`);
+    showCommand("step", `./flexarm set controller law=${law} ${gainsText(gains)}`);
+    showStage("step");
+  }
+}
+
+// Times what a wait takes when nothing is late.
+const LONGEST_WAIT = 4;
+
+/** Stage Step: a step of the set-point, out and back, each beside the one before it. */
+export class StepStage {
+  #former = null;
+  #latest = null;
+  #homeV = null;
+
+  constructor(hello, ring, units, setpoint, parameters) {
+    Object.assign(this, { ring, units, setpoint, parameters });
+    const { low_v: lowV, high_v: highV } = hello.reference;
+    this.size = new VoltageField(byId("step_size"), units, "reference_v", { lowV, highV, valueV: 1 });
+    byId("step").onclick = () => attempt(() => this.#step());
+    units.addEventListener("change", () => this.#show());
+    showCommand("step", "./flexarm reference 1");
+  }
+
+  async #step() {
+    const fromV = this.setpoint.valueV;
+    const isOut = this.#homeV !== null && Math.abs(fromV - this.#homeV - this.size.valueV) < 1e-3;
+    const toV = isOut ? this.#homeV : fromV + this.size.valueV;
+    if (Math.abs(toV) > this.setpoint.highV) throw new Error("step: it ends beyond the stops; choose a smaller one");
+    this.#homeV = isOut ? this.#homeV : fromV;
+    const button = byId("step");
+    button.disabled = true;
+    try {
+      const begun = await this.#sent(toV);
+      const seenS = Number(byId("step_seen").value);
+      await this.#until(() => this.ring.end && this.#newestS() >= this.ring.time(begun) + seenS, seenS);
+      [this.#former, this.#latest] = [this.#latest, this.#cut(begun, seenS, fromV, toV)];
+      this.#show();
+    } finally {
+      button.disabled = false;
+    }
+  }
+
+  /** Send the set-point and return the index of the first sample that has it. */
+  async #sent(toV) {
+    let next = this.ring.end;
+    this.setpoint.set(toV);
+    const hasIt = () => {
+      for (; next < this.ring.end; next += 1) {
+        if (Math.abs(this.ring.value("reference_v", next) - toV) < 1e-3) return true;
+      }
+      return false;
+    };
+    await this.#until(hasIt, 1);
+    return next;
+  }
+
+  #newestS() {
+    return this.ring.time(this.ring.end - 1);
+  }
+
+  async #until(isReached, usualS) {
+    const deadline = performance.now() + 1000 * (LONGEST_WAIT * usualS + 2);
+    while (!isReached()) {
+      if (performance.now() > deadline) throw new Error("step: the arm did not get there; does the law drive it?");
+      await new Promise((resolve) => setTimeout(resolve, 30));
+    }
+  }
+
+  #cut(begun, seenS, fromV, toV) {
+    const indices = [];
+    const startS = this.ring.time(begun);
+    for (let k = begun; k < this.ring.end && this.ring.time(k) <= startS + seenS; k += 1) indices.push(k);
+    const sign = Math.sign(toV - fromV);
+    return {
+      law: this.parameters.law,
+      gains: this.parameters.gainsText(),
+      sizeV: Math.abs(toV - fromV),
+      timesS: indices.map((k) => this.ring.time(k) - startS),
+      positionV: indices.map((k) => sign * (this.ring.value("position_v", k) - fromV)),
+      strainV: indices.map((k) => this.ring.value("base_strain_v", k)),
+    };
+  }
+
+  #show() {
+    const kept = [["former", this.#former], ["now", this.#latest]].filter(([, step]) => step !== null);
+    if (kept.length === 0) return;
+    const factor = this.units.factor("position_v");
+    chart(byId("steps"), {
+      label: "Step of the arm, beside the one before it",
+      x: { label: "s" },
+      y: { label: this.units.unit("position_v") },
+      curves: kept.map(([kind, step]) => ({ kind, x: step.timesS, y: step.positionV.map((volts) => volts * factor) })),
+      marks: [{ y: this.#latest.sizeV * factor, kind: "zero", text: "set-point" }],
+    });
+    const columns = [this.#former, this.#latest].map((step) => (step === null ? {} : worded(step)));
+    fillTable(
+      byId("step_figures"),
+      ["Law", "Gains", "Overshoot", "Settled to 5 %", "Error at the end", "Swing at the end"].map((name) => [name, ...columns.map((column) => column[name] ?? "–")]),
+    );
+  }
+}
+
+function worded(step) {
+  const { overshoot, settledS, errorV, swingV } = stepFigures(step);
+  return {
+    Law: step.law,
+    Gains: step.gains,
+    Overshoot: `${figure(100 * overshoot, 1)} %`,
+    "Settled to 5 %": settledS === null ? "not yet" : `${figure(settledS, 2)} s`,
+    "Error at the end": `${figure(errorV, 3)} V`,
+    "Swing at the end": `${figure(swingV, 3)} V rms`,
+  };
+}
