@@ -36,7 +36,7 @@ from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
-from flexarm_node.waiting import RawTopicsWaiter
+from flexarm_node.topics.waiting import RawTopicsWaiter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
