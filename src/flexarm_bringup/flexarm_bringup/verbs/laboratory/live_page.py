@@ -17,7 +17,6 @@ from flexarm_live.terminal_socket import connect
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.graph.processes import NodeProcesses
 
 PAGE_NODE = "live"
@@ -57,25 +56,25 @@ def page_options(function: Callable[..., None]) -> Callable[..., None]:
     return verb
 
 
-def show_address(operator: Operator, processes: NodeProcesses) -> None:
-    """Print the address of the page alone on a line, as soon as it is served.
+class PageAddress:
+    """Address of the page of an arm, shown alone on a line as soon as the page is served.
 
-    Raises
-    ------
-    LaunchError
-        When the node has ended, such as for a port that is taken.
+    The end of its node is that of the laboratory before, such as for a port that is taken, and not
+    afterwards.
     """
-    found: list[str] = []
 
-    def is_served() -> bool:
-        if address := _address(operator.namespace):
-            found.append(address)
-        return bool(found)
+    def __init__(self, namespace: str, processes: NodeProcesses) -> None:
+        self._namespace = namespace
+        self._processes = processes
+        self._is_shown = False
 
-    operator.wait(is_served, "the page")
-    # The laboratory goes on without it.
-    processes.let_be_replaced(_EXECUTABLE)
-    terminal.CONSOLE.print(found[0], markup=False, highlight=False, soft_wrap=True)
+    def look(self) -> None:
+        """Show the address when it is there and was not shown."""
+        if self._is_shown or not (address := _address(self._namespace)):
+            return
+        self._is_shown = True
+        self._processes.let_be_replaced(_EXECUTABLE)
+        terminal.CONSOLE.print(address, markup=False, highlight=False, soft_wrap=True)
 
 
 def _address(namespace: str) -> str:

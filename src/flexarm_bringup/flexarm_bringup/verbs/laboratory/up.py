@@ -16,9 +16,9 @@ from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.laboratory.live_page import (
     PAGE_NODE,
+    PageAddress,
     PageSettings,
     page_options,
-    show_address,
 )
 from flexarm_bringup.verbs.laboratory.options import (
     ARM,
@@ -133,9 +133,8 @@ def _run_graph(settings: _Settings) -> None:
                 namespace=settings.namespace,
             ) as (operator, processes):
                 _start(operator, settings)
-                if settings.page is not None:
-                    show_address(operator, processes)
-                _stay(operator, processes, complaints)
+                page = PageAddress(settings.namespace, processes) if settings.page else None
+                _stay(operator, processes, complaints, page)
         finally:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
@@ -159,7 +158,12 @@ def _start(operator: Operator, settings: _Settings) -> None:
     )
 
 
-def _stay(operator: Operator, processes: NodeProcesses, complaints: _Complaints) -> None:
+def _stay(
+    operator: Operator,
+    processes: NodeProcesses,
+    complaints: _Complaints,
+    page: PageAddress | None,
+) -> None:
     """Show complaints of the nodes until Ctrl-C; a controller that ends is not the end."""
     processes.let_be_replaced(_CONTROLLER)
     loss = ""
@@ -168,6 +172,8 @@ def _stay(operator: Operator, processes: NodeProcesses, complaints: _Complaints)
         """Show the news; never done."""
         nonlocal loss
         complaints.show(_COMPLAINTS)
+        if page is not None:
+            page.look()
         if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
             replace = _REPLACE.format(operator.namespace)
             terminal.CONSOLE.print(f"{loss}: {replace}", markup=False)
