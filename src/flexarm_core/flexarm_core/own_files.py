@@ -1,4 +1,4 @@
-"""Files of this user alone: a private folder for what processes share, and who wrote a file."""
+"""Files of a user: a private folder for what processes share, who wrote a file, and its path."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import stat
 from pathlib import Path
 from tempfile import gettempdir
 
-from flexarm_core.errors import FlexarmError
+from flexarm_core.errors import FlexarmError, SettingError
 
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -46,6 +46,25 @@ def is_own_file(path: Path) -> bool:
     """Return whether a plain file, no link, was written by this user and by nobody else."""
     status = path.lstat()
     return stat.S_ISREG(status.st_mode) and _is_mine(status, _OTHERS_WRITE)
+
+
+def user_path(text: str) -> Path:
+    """Return the path that a text names, with ``~`` and ``~user`` spelt out.
+
+    Raises
+    ------
+    SettingError
+        If there is no such user, or no file can have such a name.
+    """
+    if "\0" in text:
+        raise SettingError(f"{text!r}: no file has a name with a zero byte: correct the path")
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        user = Path(text).parts[0]
+        raise SettingError(
+            f"{text}: no home folder of {user} is known: write the folder out"
+        ) from None
 
 
 def _is_mine(status: os.stat_result, closed: int) -> bool:

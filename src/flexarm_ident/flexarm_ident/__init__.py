@@ -1,30 +1,37 @@
 """Subspace identification, modal reduction, model updating and validation."""
 
-from flexarm_core.errors import BagError, DataError, IdentificationError
-from flexarm_ident.estimation.identification import Identification
-from flexarm_ident.estimation.pipeline import identify
-from flexarm_ident.fitting.refinement import Refinement, refine_model
-from flexarm_ident.fitting.validation import (
-    Dmv,
-    Gains,
-    Sfv,
-    recover_gains,
-    validate_dmv,
-    validate_sfv,
-)
-from flexarm_ident.friction.arm_fit import ArmFit, fit_arm
-from flexarm_ident.friction.dry_friction import load_friction, simulate_with_friction
-from flexarm_ident.friction.layout import Drive
-from flexarm_ident.friction.levels import estimate_coulomb
-from flexarm_ident.models.files import load_model, save_model
-from flexarm_ident.models.modes import RankTable, rank_table
-from flexarm_ident.reading.channels import Selection, selection
-from flexarm_ident.reading.read import read_bag, read_bag_report, read_channels
-from flexarm_ident.records.iodata import IoData
-from flexarm_ident.records.preprocess import preprocess
-from flexarm_ident.reduction.balanced import BalancedTruncation, balanced_truncation
-from flexarm_ident.reduction.modal import Reduction, reduce_model
-from flexarm_ident.reduction.realisation import thesis_realisation
+from typing import TYPE_CHECKING
+
+from flexarm_core.fronts import late
+
+if TYPE_CHECKING:
+    from flexarm_core.errors import BagError, DataError, IdentificationError
+    from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.estimation.pipeline import identify
+    from flexarm_ident.fitting.refinement import Refinement, refine_model
+    from flexarm_ident.fitting.validation import (
+        Dmv,
+        Gains,
+        Sfv,
+        recover_gains,
+        validate_dmv,
+        validate_sfv,
+    )
+    from flexarm_ident.friction.arm_fit import ArmFit, fit_arm
+    from flexarm_ident.friction.dry_friction import load_friction, simulate_with_friction
+    from flexarm_ident.friction.layout import Drive
+    from flexarm_ident.friction.levels import estimate_coulomb
+    from flexarm_ident.models.files import load_model, save_model
+    from flexarm_ident.models.modes import RankTable, rank_table
+    from flexarm_ident.reading.channels import Selection, selection
+    from flexarm_ident.reading.read import read_bag, read_bag_report, read_channels
+    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.preprocess import preprocess
+    from flexarm_ident.reduction.balanced import BalancedTruncation, balanced_truncation
+    from flexarm_ident.reduction.modal import Reduction, reduce_model
+    from flexarm_ident.reduction.realisation import thesis_realisation
+else:
+    __getattr__, __dir__ = late(__name__, __file__)
 
 __all__ = [
     "ArmFit",

@@ -24,7 +24,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from flexarm_core.errors import FlexarmError, IdentificationError, one_line
-from flexarm_core.paths import user_path
+from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_ident.background import Background, Cancelled
 from flexarm_ident.fitting.validation import mean_error

@@ -31,6 +31,19 @@ def test_help___lists_every_verb_without_importing_what_they_need() -> None:
     assert not [words for words in listed.values() if words.endswith("...")]
 
 
+def test_verbs___that_compute_nothing___load_no_mathematics_and_no_ros() -> None:
+    verbs = ("bag", "catalogue", "doctor", "exec", "import", "play", "record", "run", "test")
+    program = (
+        "import sys; from flexarm_bringup.cli import main\n"
+        "for each in sys.argv[1:]: main.load(each)\n"
+        "print({'matplotlib', 'numpy', 'rclpy', 'rosbags'} & set(sys.modules))"
+    )
+    done = subprocess.run(  # noqa: S603 - our own command
+        [sys.executable, "-c", program, *verbs], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "set()\n"
+
+
 @pytest.mark.parametrize("verb", VERBS)
 def test_verb___help___is_that_of_the_list_and_has_examples(verb: str) -> None:
     assert isinstance(main, LazyVerbGroup)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from flexarm_core.errors import SettingError
-from flexarm_core.paths import user_path
+from flexarm_core.own_files import user_path
 
 
 def test_path___with_a_home___is_spelt_out(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from flexarm_core.errors import FlexarmError
-from flexarm_node.process import DIE_WITH_PARENT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -89,6 +88,8 @@ class NodeProcesses:
         self._processes: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> NodeProcesses:  # noqa: PYI034 - Self needs Python 3.11
+        from flexarm_node.process import DIE_WITH_PARENT  # noqa: PLC0415 - it loads rclpy
+
         self.log.parent.mkdir(parents=True, exist_ok=True)
         with self.log.open("ab") as output:
             self._log_start = output.tell()

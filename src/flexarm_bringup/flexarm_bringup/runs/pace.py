@@ -6,9 +6,6 @@ import os
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from flexarm_daq.nodes.rig_choice import is_virtual
-from flexarm_node.process import PRIORITY
-
 if TYPE_CHECKING:
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.graph.run_watch import Run
@@ -26,6 +23,8 @@ class Pace(Enum):
 
     def prepare(self) -> None:
         """Set up this process for the nodes that it will start."""
+        from flexarm_node.process import PRIORITY  # noqa: PLC0415 - it loads rclpy
+
         if self is Pace.FAST:
             # Virtual time that never rests would starve the recorder at real-time priority.
             os.environ[PRIORITY] = "0"
@@ -39,6 +38,8 @@ class Pace(Enum):
 
 def in_lockstep(operator: Operator) -> bool:
     """Return whether the DAQ node of a graph samples in virtual time."""
+    from flexarm_daq.nodes.rig_choice import is_virtual  # noqa: PLC0415 - it loads rclpy
+
     return is_virtual(operator.values("daq", ("rig", "time")))
 
 

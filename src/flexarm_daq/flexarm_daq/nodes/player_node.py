@@ -21,7 +21,7 @@ from std_srvs.srv import SetBool
 
 from flexarm_bags.playback import PlaybackError, PlaybackPlan, PlayedTopic
 from flexarm_core.errors import SettingError
-from flexarm_core.paths import user_path
+from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_daq.nodes.play_clock import Pacer, StandIn
 from flexarm_daq.nodes.recorded_topics import OF_ALL_NODES

@@ -25,7 +25,7 @@ from std_srvs.srv import SetBool, Trigger
 from flexarm_bags.records.storage_file import CHUNK_BYTES
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_core.errors import SettingError
-from flexarm_core.paths import user_path
+from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_daq.nodes.last_messages import LastMessages
 from flexarm_daq.nodes.recorded_topics import IN_FORCE, KEPT, TOPICS, offered_qos, recorded_topics

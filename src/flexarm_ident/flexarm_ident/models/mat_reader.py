@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.io import loadmat
+import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,7 +33,7 @@ class VariableError(Exception):
 def tree(content: bytes) -> dict[str, object]:
     """Return the nested parameters of the one model in a MAT-file; whatever scipy raises."""
     stream: Any = io.BytesIO(content)
-    variables = loadmat(stream)
+    variables = scipy.io.loadmat(stream)
     for variable in VARIABLES:
         if variable not in variables:
             raise VariableError(f"variable {variable} is missing")

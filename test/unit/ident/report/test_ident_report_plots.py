@@ -5,20 +5,25 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
+import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.report.plots.frequency_plot import frequency_grid, frequency_plot
 from flexarm_ident.report.plots.order_plots import cost_plot, singular_value_plot
 from flexarm_ident.report.plots.pole_plots import damping_plot, pole_plot
+from flexarm_ident.report.plots.style import STYLE, figure_of, inline_svg
 from flexarm_ident.report.plots.time_plots import input_plot, match_plot
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 from support.step_plots import a_step, times
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from matplotlib.backend_bases import RendererBase
 
     from flexarm_ident.models.modes import Mode
 
@@ -40,6 +45,34 @@ def test_pole_plot___mode_that_grows___counts_it() -> None:
     outside = replace(mode_list()[0], eigenvalue=1.3 + 0.2j)
     assert "0 not inside the unit circle" in pole_plot(mode_list(), DT_S)
     assert "1 not inside the unit circle" in pole_plot([outside, *mode_list()[1:]], DT_S)
+
+
+def test_plot___any___is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[str] = []
+    draw = Axes.draw
+
+    def counted(axes: Axes, renderer: RendererBase) -> None:
+        drawn.append(axes.get_ylabel())
+        draw(axes, renderer)
+
+    monkeypatch.setattr(Axes, "draw", counted)
+    input_plot(times(300), np.sin(times(300)), "current_a")
+    assert drawn == ["current, A"]
+
+
+def test_plot___ticks_wider_than_measured___is_not_cut() -> None:
+    with mpl.rc_context(STYLE):
+        figure = figure_of(3.0)
+        axes = figure.subplots()
+        axes.set_ylabel("words")
+        higher = axes.get_window_extent().height
+        # The layout makes the axes lower for the label below.
+        axes.set_xlabel("three\nlines of\nwords")
+        axes.yaxis.set_major_formatter(
+            lambda value, _: f"{value:.{1 if axes.get_window_extent().height >= higher else 15}f}"
+        )
+        inline_svg(figure, "words")
+    assert axes.yaxis.label.get_window_extent().x0 >= 0.0
 
 
 def texts(svg: str) -> Sequence[str]:

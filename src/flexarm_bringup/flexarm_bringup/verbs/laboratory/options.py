@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rclpy.exceptions import InvalidNamespaceException
-from rclpy.validate_namespace import validate_namespace
 
 from flexarm_bringup.console.quantity import MASS_KG, Quantity
 from flexarm_bringup.graph.processes import NAMESPACE
@@ -17,13 +16,15 @@ from flexarm_bringup.runs.pace import Pace
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+# What rclpy.validate_namespace takes, which would be loaded for every verb.
+_NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_LONGEST_NAMESPACE = 245
+
 
 def _absolute(_: click.Context, __: click.Parameter, value: str) -> str:
     namespace = f"/{value.strip('/')}"
-    try:
-        validate_namespace(namespace)
-    except InvalidNamespaceException:
-        raise click.BadParameter(f"{value!r} is no namespace, such as arm2 or lab/arm2") from None
+    if len(namespace) > _LONGEST_NAMESPACE or not _NAMESPACE.fullmatch(namespace):
+        raise click.BadParameter(f"{value!r} is no namespace, such as arm2 or lab/arm2")
     return namespace
 
 

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from ament_index_python.packages import get_package_share_directory
 
-from flexarm_bags.check import check_bag
-from flexarm_bags.metadata import BAG_FILES
-from flexarm_bags.repair import RepairSummary, repair_bag
-from flexarm_bags.schema import load_typestore
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import load_csv_map
-from flexarm_node.shares import share_of
+
+if TYPE_CHECKING:
+    from flexarm_bags.repair import RepairSummary
 
 _NEW_BAG = click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Bag to create."
@@ -36,6 +33,12 @@ _NEW_BAG = click.option(
 @examples("import run.csv --map columns.yaml -o bags/run")
 def import_(csv: Path, map_file: Path, output: Path) -> None:
     """Turn a CSV file with named columns into a bag."""
+    # These, and those below, load numpy and rosbags: not for the help.
+    from flexarm_bags.schema import load_typestore  # noqa: PLC0415
+    from flexarm_daq.importing.csv_import import import_csv  # noqa: PLC0415
+    from flexarm_daq.importing.csv_map import load_csv_map  # noqa: PLC0415
+    from flexarm_node.shares import share_of  # noqa: PLC0415
+
     share = Path(get_package_share_directory("flexarm_msgs"))
     typestore = load_typestore({"flexarm_msgs": share})
     made = import_csv(csv, load_csv_map(map_file), output, typestore=typestore, folder_of=share_of)
@@ -55,6 +58,8 @@ def bag() -> None:
 @examples("bag repair out/run1 -o out/run1_repaired")
 def repair(damaged: Path, output: Path) -> None:
     """Copy every whole message of a damaged bag into a new one."""
+    from flexarm_bags.repair import repair_bag  # noqa: PLC0415
+
     made = repair_bag(damaged, output)
     lines = (
         f"{made.bag}: {made.messages} messages, {_loss(made)}",
@@ -85,6 +90,8 @@ def check(bags: tuple[Path, ...]) -> None:
 
 def _is_good(bag: Path) -> bool:
     """Print what is wrong with a bag and what could not be checked; return whether it is good."""
+    from flexarm_bags.check import check_bag  # noqa: PLC0415
+
     found = check_bag(bag)
     count = len(found.problems)
     verdict = f"{count} problem{'s' * (count > 1)}" if count else "good"
@@ -109,4 +116,6 @@ def _bags_of(path: Path) -> list[Path]:
 
 def _has_bag_files(folder: Path) -> bool:
     """Return whether this is a bag, whole or not."""
+    from flexarm_bags.metadata import BAG_FILES  # noqa: PLC0415
+
     return any(any(folder.glob(pattern)) for pattern in BAG_FILES)

@@ -14,8 +14,6 @@ from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
-from flexarm_bringup.verbs.offline.series import model_each
-from flexarm_core.workers import Workers
 from flexarm_ident import job
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import parse_exports
@@ -186,6 +184,10 @@ def identify(
     """Identify a model from bags; write parameters and report."""
     exports, channels = parse_exports(export), taken_channels(options)
     if each:
+        # They load matplotlib and joblib.
+        from flexarm_bringup.verbs.offline.series import model_each  # noqa: PLC0415
+        from flexarm_core.workers import Workers  # noqa: PLC0415
+
         workers = Workers(jobs or -1, dask)
         model_each(
             bags,

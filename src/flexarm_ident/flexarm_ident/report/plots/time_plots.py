@@ -154,12 +154,16 @@ def _extremes(values: FloatArray, points: int) -> NDArray[np.intp]:
     """Return the rows of the extremes of equal parts, so that no peak is lost."""
     if len(values) <= points:
         return np.arange(len(values))
-    rows: list[int] = []
-    for part in np.array_split(np.arange(len(values)), points // 2):
-        inside = values[part]
-        found = {int(inside.argmin()), int(inside.argmax())}
-        if np.isnan(inside).any() and not np.isnan(inside).all():
-            # One row of the hole breaks the curve off.
-            found |= {int(np.nanargmin(inside)), int(np.nanargmax(inside))}
-        rows.extend(part[sorted(found)])
-    return np.array(rows)
+    edges = np.linspace(0, len(values), points // 2 + 1).astype(np.intp)
+    longest = int(np.diff(edges).max())
+    # Shorter parts are filled up with their last row.
+    rows = np.minimum(edges[:-1, None] + np.arange(longest), edges[1:, None] - 1)
+    inside = values[rows]
+    missing = np.isnan(inside)
+    lowest = np.where(missing, np.inf, inside).argmin(axis=1)
+    highest = np.where(missing, -np.inf, inside).argmax(axis=1)
+    # One row of each hole breaks the curve off.
+    broken = np.flatnonzero(missing.any(axis=1))
+    part = np.arange(len(rows))
+    found = rows[part, lowest], rows[part, highest], rows[broken, missing.argmax(axis=1)[broken]]
+    return np.unique(np.concatenate(found))

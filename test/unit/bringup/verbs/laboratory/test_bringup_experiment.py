@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.verbs.laboratory.experiment import _make_room
+from flexarm_bringup.verbs.laboratory.experiment_runs import _make_room
 from flexarm_daq.experiments.catalogue import experiment
 
 if TYPE_CHECKING:
