@@ -25,8 +25,18 @@ settings.register_profile("flexarm", settings.get_profile("explore"), derandomiz
 settings.load_profile("flexarm")
 
 
+# Part of the run in which the files of system tests begin: none of them ends it alone.
+_SYSTEM_PART = 0.7
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that hold slow tests, so that no worker ends with one alone."""
+    """Begin with the files that hold slow tests, and spread those that wait for nodes over them."""
     slow: set[Path] = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    waiting: set[Path] = {item.path for item in items if item.get_closest_marker("system")}
+    place: dict[Path, float] = {}
+    for of_kind, part in ((waiting, _SYSTEM_PART), ({item.path for item in items} - waiting, 1.0)):
+        files = dict.fromkeys(item.path for item in items if item.path in of_kind)
+        in_order = sorted(files, key=lambda path: path not in slow)
+        place |= {path: part * number / len(files) for number, path in enumerate(in_order)}
+    items.sort(key=lambda item: place[item.path])

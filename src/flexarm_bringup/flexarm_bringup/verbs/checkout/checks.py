@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -32,13 +33,10 @@ _QUICK = (
     *_READ,
     ("unit tests", ("pytest", "-n", "auto", *BY_FILE, "-m", "not slow", *_QUICK_FOLDERS)),
 )
-_ALL = (
-    *_READ,
-    # What the tests of a file share is computed once: a file stays with one worker.
-    ("unit tests", ("pytest", "-n", "auto", *BY_FILE, "--ignore", "test/system")),
-    # Their nodes wait more than they work, and some keep the time: three at once, on any machine.
-    ("system tests", ("pytest", "--numprocesses", "3", "--dist", "worksteal", "test/system")),
-)
+# What the tests of a file share is computed once: a file stays with one worker. System tests wait
+# more than they work: between the others, and with one worker more, they leave no core idle.
+_WORKERS = str((os.cpu_count() or 1) + 1)
+_ALL = (*_READ, ("tests", ("pytest", "-n", _WORKERS, *BY_FILE)))
 
 
 @click.command(context_settings=RUN_ON)
