@@ -22,7 +22,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from flexarm_core.errors import SettingError
-from flexarm_core.paths import user_path
+from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_live.graph.bridge import Bridge
 from flexarm_live.graph.loop_nodes import LOOP_NODES
