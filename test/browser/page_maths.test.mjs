@@ -50,8 +50,10 @@ test("a ring keeps the newest samples under their indices", () => {
 test("time that steps back begins a new run", () => {
   const ring = new Ring(["a"], 10);
   ring.push(frame(100, ramp(0, 5)));
-  ring.push(frame(2, ramp(50, 3)));
-  assert.deepEqual([ring.begin, ring.end, ring.time(0), ring.newest("a")], [0, 3, 2, 52]);
+  assert.equal(ring.originS, 100);
+  ring.push(frame(2.5, ramp(50, 3)));
+  assert.deepEqual([ring.begin, ring.end, ring.time(0), ring.newest("a")], [0, 3, 2.5, 52]);
+  assert.equal(ring.originS, 2);
 });
 
 test("a frame of other channels is refused", () => {

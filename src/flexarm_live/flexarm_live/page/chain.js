@@ -74,8 +74,8 @@ export class Jobs {
 export class Chain {
   #recording = null;
 
-  constructor(hello, link, jobs, shown) {
-    Object.assign(this, { hello, link, jobs, shown });
+  constructor(hello, link, jobs, { identified, found }) {
+    Object.assign(this, { hello, link, jobs, identified, found });
     wireTabs();
     this.#wireRecord();
     for (const id of ["bag", "method", "order_wanted"]) byId(id).onchange = () => this.#tellIdentify();
@@ -95,7 +95,8 @@ export class Chain {
 
   /** Fill the menu of records, with the newest one chosen. */
   async refreshBags(chosen) {
-    const { bags } = (await attempt(() => this.link.request("bags"))) ?? { bags: [] };
+    const { bags, models } = (await attempt(() => this.link.request("bags"))) ?? { bags: [], models: [] };
+    this.found(models);
     fillMenu(byId("bag"), bags.map((bag) => [bag, bag]), chosen ?? byId("bag").value);
     this.#tellIdentify();
   }
@@ -113,7 +114,7 @@ export class Chain {
     if (fields.bag === "") throw new Error("identify: there is no record; make one in the stage Record");
     const data = await this.jobs.run("identify", fields);
     showCommand("identify", data.command);
-    this.shown(data);
+    this.identified(data);
     showStage("model");
   }
 

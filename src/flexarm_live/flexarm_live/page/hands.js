@@ -51,7 +51,8 @@ export class Setpoint {
     this.#holding = holder;
     write(byId("hold"), holder ? "Let go" : "Take the hand");
     write(byId("holder"), holder ? "in your hand" : name ? `in the hand of ${name}` : "");
-    if (performance.now() - this.#movedMs > OWN_WORD_MS) this.#show(referenceV);
+    const isOld = performance.now() - this.#movedMs > OWN_WORD_MS;
+    if (isOld && Number.isFinite(referenceV)) this.#show(referenceV);
   }
 
   #show(valueV) {

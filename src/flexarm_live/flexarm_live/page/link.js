@@ -45,13 +45,11 @@ export class Link extends EventTarget {
       const reply = this.request(verb, fields);
       const id = this.#number;
       this.#jobs.set(id, { verb, news, resolve, reject });
-      reply.then(
-        () => began(id),
-        (refusal) => {
-          this.#jobs.delete(id);
-          reject(refusal);
-        },
-      );
+      began(id);
+      reply.catch((refusal) => {
+        this.#jobs.delete(id);
+        reject(refusal);
+      });
     });
   }
 

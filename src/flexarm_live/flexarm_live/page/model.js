@@ -25,6 +25,7 @@ export class ModelStage {
     byId("order").value = data.order;
     byId("verdict").dataset.verdict = data.verdict;
     byId("verdict").replaceChildren(element("b", {}, data.verdict), ` ${data.verdict_line}`);
+    byId("warnings").replaceChildren(...data.warnings.map((words) => element("li", {}, words)));
     this.#showModes();
     this.#showStabilisation();
     const outputs = [...data.outputs.map(title), "mean"];
@@ -67,7 +68,7 @@ export class ModelStage {
   #showStabilisation() {
     const { stabilisation, spectrum, modes, order } = this.data;
     const highest = Math.max(...stabilisation.orders);
-    const hz = spectrum.hz.at(-1);
+    const hz = spectrum.hz.at(-1) ?? Math.max(...stabilisation.points.map((point) => point[1]));
     const pick = (_, at) => {
       const nearest = stabilisation.orders.reduce((best, each) => (Math.abs(each - at) < Math.abs(best - at) ? each : best));
       this.#wish(nearest);

@@ -27,6 +27,8 @@ export class Ring {
     this.columns = new Map(names.map((name) => [name, new Float32Array(capacity)]));
     this.lost = 0;
     this.end = 0;
+    // Times are those of a clock, with ten digits: people read them from here on.
+    this.originS = 0;
   }
 
   get begin() {
@@ -42,6 +44,7 @@ export class Ring {
       const timeS = startS + values[at];
       // Time that steps back is a new run of the rig.
       if (this.end > this.begin && timeS <= this.time(this.end - 1)) this.end = 0;
+      if (this.end === 0) this.originS = Math.floor(timeS);
       const slot = this.end % this.capacity;
       this.times[slot] = timeS;
       this.names.forEach((name, k) => {

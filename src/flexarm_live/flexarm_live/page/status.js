@@ -27,8 +27,8 @@ export function showLoop(state, lost) {
     "Late, p50 / p99 / max": percentiles(state.late_ms),
     "Reply, p50 / p99 / max": percentiles(state.reply_ms),
     "Factor of real time": figure(state.factor, 2),
-    Missed: `${state.missed}`,
-    Unanswered: `${state.unanswered}`,
+    Missed: figure(state.missed, 0),
+    Unanswered: figure(state.unanswered, 0),
     "Lost on the way here": `${lost}`,
   };
   byId("loop").replaceChildren(
@@ -36,7 +36,8 @@ export function showLoop(state, lost) {
       element("div", {}, element("dt", {}, name), element("dd", {}, value)),
     ),
   );
-  if (state.histogram) showHistogram(state.histogram);
+  byId("histogram").hidden = state.histogram === undefined;
+  if (state.histogram !== undefined) showHistogram(state.histogram);
 }
 
 const ROW = { height: 44, foot: 15 };

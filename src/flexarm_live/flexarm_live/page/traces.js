@@ -134,7 +134,7 @@ export class Traces {
         y: { range: (_, low, high) => roomy(low, high, least) },
       },
       axes: [
-        { ...axis, size: last ? FOOT_PX : 4, gap: 3, values: last ? seconds : (_, at) => at.map(() => "") },
+        { ...axis, size: last ? FOOT_PX : 4, gap: 3, values: last ? (_, at) => seconds(at, this.ring.originS) : (_, at) => at.map(() => "") },
         { ...axis, size: 46, gap: 4, space: 26, label: undefined },
       ],
       series: [
@@ -182,7 +182,7 @@ export class Traces {
     const { ring } = this;
     if (ring.end === 0) return;
     const at = this.#cursorS === null ? ring.end - 1 : Math.min(ring.indexAt(this.#cursorS), ring.end - 1);
-    write(byId("at"), this.#cursorS === null ? "" : `t = ${ring.time(at).toFixed(3)} s`);
+    write(byId("at"), this.#cursorS === null ? "" : `t = ${(ring.time(at) - ring.originS).toFixed(3)} s`);
     for (const { names, readings } of this.#panels) {
       names.forEach((name, k) => write(readings[k], this.units.shown(name, ring.value(name, at))));
     }
@@ -212,4 +212,4 @@ function roomy(low, high, least) {
   return [middle - half, middle + half];
 }
 
-const seconds = (_, splits) => splits.map((split) => `${Number(split.toFixed(3))} s`);
+const seconds = (splits, originS) => splits.map((split) => `${Number((split - originS).toFixed(3))} s`);

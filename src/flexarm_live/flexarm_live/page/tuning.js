@@ -6,7 +6,15 @@ import { showCommand, showStage } from "./chain.js";
 import { figure, stepFigures } from "./numbers.js";
 import { VoltageField } from "./units.js";
 
-const gainsText = (gains) => Object.entries(gains).map(([name, value]) => `${name}=${Number(value.toPrecision(6))}`).join(" ");
+const NOMINAL = ["nominal:0", "nominal:0.2", "nominal:0.4"];
+const USUAL_LAW = "pdpc";
+
+// A law that is designed on a model comes with that model, which no person reads.
+const numbersOf = (gains) => Object.entries(gains).filter(([, value]) => typeof value === "number");
+const gainsText = (gains) =>
+  numbersOf(gains)
+    .map(([name, value]) => `${name}=${Number(value.toPrecision(6))}`)
+    .join(" ");
 
 /** Stage Tune. */
 export class TuneStage {
@@ -15,17 +23,18 @@ export class TuneStage {
   constructor(hello, link, jobs, parameters, step) {
     Object.assign(this, { link, jobs, parameters, step });
     const laws = hello.tunable_laws ?? hello.laws;
-    fillMenu(byId("tuned_law"), laws.map((law) => [law, law]));
+    fillMenu(byId("tuned_law"), laws.map((law) => [law, law]), USUAL_LAW);
     for (const id of ["tuned_law", "gain_margin", "phase_margin"]) byId(id).onchange = () => this.#tellCommand();
     byId("tune").onclick = () => attempt(() => this.#tune());
     byId("apply").onclick = () => attempt(() => this.#apply());
     this.offer([]);
   }
 
-  /** Offer models; the newest one is chosen. */
-  offer(models) {
-    this.#chosen = new Set(models.slice(0, 1));
-    byId("models").replaceChildren(...models.map((model) => this.#toggle(model)));
+  /** Offer identified models beside the packaged ones. */
+  offer(models, chosen = [...this.#chosen]) {
+    const offered = [...models, ...NOMINAL];
+    this.#chosen = new Set(chosen.filter((model) => offered.includes(model)));
+    byId("models").replaceChildren(...offered.map((model) => this.#toggle(model)));
     this.#tellCommand();
   }
 
@@ -62,26 +71,32 @@ export class TuneStage {
 
   #show({ gains, margins, required, step, command }) {
     byId("tuned").hidden = false;
+    byId("loop_charts").hidden = margins.length === 0;
+    byId("step_chart").hidden = step === null;
     showCommand("tune", command);
     fillTable(
       byId("tuned_gains"),
-      Object.entries(gains).map(([name, value]) => [name, figure(this.parameters.value(name), 4), figure(value, 4)]),
+      numbersOf(gains).map(([name, value]) => [name, figure(this.parameters.value(name), 4), figure(value, 4)]),
     );
     fillTable(
       byId("margins"),
       margins.map((each) => [each.model, `${figure(each.gain_margin_db, 1)} dB`, `${figure(each.phase_margin_deg, 1)}°`]),
     );
+    if (margins.length > 0) this.#showLoop(margins, required);
+    if (step !== null) this.#showStep(step);
+  }
+
+  #showLoop(margins, required) {
     const x = { label: "Hz", log: true };
-    const drawn = margins.filter(({ response }) => response);
     chart(byId("loop_gain"), {
       label: "Magnitude of the loop, with the gain margin",
       x,
       y: { label: "dB" },
-      curves: drawn.map(({ response }) => ({ kind: "now", x: response.hz, y: response.db })),
+      curves: margins.map(({ response }) => ({ kind: "now", x: response.hz, y: response.db })),
       marks: [
         { y: 0, kind: "zero" },
         { y: -required.gain_margin_db, kind: "required", text: `−${required.gain_margin_db} dB` },
-        ...drawn.filter(({ gain_hz: hz }) => hz > 0).map((each) => ({
+        ...margins.filter(({ gain_hz: hz }) => hz > 0).map((each) => ({
           x: each.gain_hz,
           between: [0, -each.gain_margin_db],
           kind: "margin",
@@ -93,11 +108,11 @@ export class TuneStage {
       label: "Phase of the loop, with the phase margin",
       x,
       y: { label: "°" },
-      curves: drawn.map(({ response }) => ({ kind: "now", x: response.hz, y: response.phase_deg })),
+      curves: margins.map(({ response }) => ({ kind: "now", x: response.hz, y: response.phase_deg })),
       marks: [
         { y: -180, kind: "zero" },
         { y: required.phase_margin_deg - 180, kind: "required", text: `${required.phase_margin_deg}°` },
-        ...drawn.filter(({ phase_hz: hz }) => hz > 0).map((each) => ({
+        ...margins.filter(({ phase_hz: hz }) => hz > 0).map((each) => ({
           x: each.phase_hz,
           between: [each.phase_margin_deg - 180, -180],
           kind: "margin",
@@ -105,8 +120,11 @@ export class TuneStage {
         })),
       ],
     });
-    const curves = [{ kind: "now", x: step.t_s, y: step.after }];
-    if (step.before) curves.unshift({ kind: "former", x: step.t_s, y: step.before });
+  }
+
+  #showStep({ t_s: x, before, after }) {
+    const curves = [{ kind: "now", x, y: after }];
+    if (before !== null) curves.unshift({ kind: "former", x, y: before });
     chart(byId("predicted"), { label: "Predicted step", x: { label: "s" }, y: { label: "V" }, curves });
   }
 
