@@ -33,6 +33,7 @@ _NODES = {
     "controller": ("flexarm_control", "controller_node"),
     "experiment": ("flexarm_daq", "experiment_node"),
     "daq": ("flexarm_daq", "daq_node"),
+    "live": ("flexarm_live", "live_node"),
 }
 LABORATORY = ("recorder", "ident", "controller", "daq")
 """The nodes of a running laboratory, in the order in which they start."""
