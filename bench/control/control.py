@@ -25,7 +25,6 @@ from scipy.signal import dlsim
 from bench.tools import count_option, json_option, run_trials, write_json
 from flexarm_control import (
     LAWS,
-    Compensation,
     PdpGains,
     build_law,
     nominal_model,
@@ -36,6 +35,7 @@ from flexarm_control import (
 from flexarm_control.design.criteria import position_itae, strain_itae
 from flexarm_control.design.margins import LoopResponse
 from flexarm_control.design.tuning import PDP_BOUNDS, PDP_STARTS
+from flexarm_control.laws.gains import TunedCompensation
 from flexarm_control.laws.pdpc import Pdp, Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus
 from flexarm_control.models.arm_model import BASE_STRAIN, MIDDLE_STRAIN, POSITION
@@ -51,8 +51,7 @@ if TYPE_CHECKING:
 
 LENGTH_S, SETTLED_S, RESIDUAL_FROM_S = 10.0, 3.0, 8.0
 CASES = ((0.0, 1.0), (0.2, 3.0), (0.3, 4.0), (0.4, 5.0))
-# Five and four times the noise of the rig.
-THRESHOLDS = Compensation(error_threshold_v=0.025, speed_threshold_v=0.08)
+THRESHOLDS = TunedCompensation()
 ILQR_PAYLOAD_KG, ILQR_LENGTH_S, ILQR_LATE_S = 0.3, 20.0, 10.0
 _STEPS = 20_000
 # Acceptance lines, as the table words them.

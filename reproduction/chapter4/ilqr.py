@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.ilqr import Ilqr
-from flexarm_control.laws.registry import build_law
+from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
 from reproduction.chapter4.ilqr_designs import (
@@ -94,7 +94,7 @@ def ilqr_trial(design: str, setpoint_v: float, seed: int) -> IlqrTrial:
             seed=seed,
             length_s=LENGTH_S,
         )
-        for law in (Ilqr(ilqr_design(design)), build_law("pdpc"))
+        for law in (Ilqr(ilqr_design(design)), Pdpc())
     )
     position_v, true_v = run.y[:, 0], run.true_y[:, 0]
     figures = step_figures(run.time_s, position_v, setpoint_v)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
 from flexarm_daq import RigParameters
@@ -72,7 +73,9 @@ def pdpc_trials(seed: int) -> Trials:
 
 def pdpc_step(name: str, payload_kg: float, setpoint_v: float, seed: int) -> LoopRun:
     """Step one payload under one law."""
-    return step_to(build_law(name), setpoint_v, arm=RigParameters(payload_kg=payload_kg), seed=seed)
+    # The thesis's gains and thresholds are the defaults of the class.
+    law = Pdpc() if name == "pdpc" else build_law(name)
+    return step_to(law, setpoint_v, arm=RigParameters(payload_kg=payload_kg), seed=seed)
 
 
 def pdpc_square(seed: int) -> SquareRun:
@@ -81,7 +84,7 @@ def pdpc_square(seed: int) -> SquareRun:
     samples = round(_PERIODS * _PERIOD_S * RATE_HZ)
     reference_v = np.array([reference(k / RATE_HZ) for k in range(samples)])
     arm = RigParameters(payload_kg=_WORST_KG)
-    run = run_law(build_law("pdpc"), reference_v, arm=arm, seed=seed)
+    run = run_law(Pdpc(), reference_v, arm=arm, seed=seed)
     since_s = run.time_s % (0.5 * _PERIOD_S)
     gauge_v = run.true_y[:, _BASE]
     moving, resting = since_s < 0.1 * _PERIOD_S, since_s >= 0.4 * _PERIOD_S

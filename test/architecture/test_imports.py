@@ -31,8 +31,12 @@ STOREYS = (
     {"reproduction"},
 )
 STOREY = {package: number for number, row in enumerate(STOREYS) for package in row}
-# The loop in memory takes any rig by its Protocol.
-USERS_OF_THE_RIG = {"flexarm_control.simulation"}
+# The loop in memory takes any rig by its Protocol; the page draws the arm and runs the catalogue.
+USERS_OF_THE_RIG = {
+    "flexarm_control.simulation",
+    "flexarm_live.graph.about",
+    "flexarm_live.graph.chain",
+}
 MOST_FLOORS = 8
 
 

@@ -40,8 +40,9 @@ ROSDEP = {
     "sphinx": "python3-sphinx",
     "yaml": "python3-yaml",
 }
-# Without a key: `setup.py` names them, with the bounds of requirements/base.in.
-FROM_PIP = {"control", "lz4", "mcap", "zstandard"}
+# Without a key, or with one that is too old on Ubuntu 24.04 (websockets 10): `setup.py` names them,
+# with the bounds of requirements/base.in.
+FROM_PIP = {"control", "lz4", "mcap", "websockets", "zstandard"}
 DEPENDS = {"depend", "exec_depend", "build_depend", "build_export_depend"}
 PACKAGES = sorted(setup.parent for setup in SOURCES.glob("flexarm_*/setup.py"))
 EVERY_PACKAGE = sorted(manifest.parent for manifest in SOURCES.glob("flexarm_*/package.xml"))

@@ -33,6 +33,7 @@ CONNECTING = {
             "transport",
         )
     ),
+    *(f"flexarm_live.graph.{name}" for name in ("bridge", "loop_nodes", "node_parameters")),
     "flexarm_daq.nodes.recorded_topics",
     "flexarm_daq.nodes.rig_choice",
     "flexarm_daq.nodes.topic_link",

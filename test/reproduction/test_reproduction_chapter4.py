@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flexarm_control.laws.registry import build_law
+from flexarm_control.laws.pdpc import Pdpc
 from flexarm_daq import RigParameters
 from reproduction.chapter4 import ilqr, ilqr_claims, ilqr_designs, pdp, pdpc, pi
 from reproduction.framework.findings import (
@@ -306,7 +306,7 @@ def test_reversals___count_turns_beyond_the_noise() -> None:
 
 
 def test_step___of_a_law___tells_what_the_sensors_would_read_without_noise() -> None:
-    run = step_to(build_law("pdpc"), 3.0, arm=RigParameters(payload_kg=0.2), seed=1)
+    run = step_to(Pdpc(), 3.0, arm=RigParameters(payload_kg=0.2), seed=1)
     noise_v = run.y - run.true_y
     assert np.std(noise_v, axis=0) == pytest.approx(RigParameters().noise_v, rel=0.1)
     found = step_trial(run)

@@ -130,7 +130,7 @@ def test_namespace_that_is_none___is_refused(graph: Graph, name: str) -> None:
 
 def test_second_up___with_a_namespace_of_its_own___runs_beside_the_first(graph: Graph) -> None:
     for namespace in ("flexarm", "lab/arm2"):
-        process = graph.run([str(ROOT / "flexarm"), "up", "--namespace", namespace])
+        process = graph.run([str(ROOT / "flexarm"), "up", "--no-page", "--namespace", namespace])
         process.wait_for(f"/{namespace} is up: pdpc at 300 Hz")
     again = graph.run([str(ROOT / "flexarm"), "up", "--namespace", "lab/arm2"])
     assert again.exit_code() == 1

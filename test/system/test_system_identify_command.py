@@ -34,7 +34,7 @@ def names_in(folder: Path) -> set[str]:
 
 def test_command___has_an_option_for_every_field_of_a_request() -> None:
     options = {option.name for option in identify.params}
-    of_files = {"bags", "out", "export", "force", *OF_CHANNELS, *OF_SEVERAL}
+    of_files = {"bags", "out", "map_file", "export", "force", *OF_CHANNELS, *OF_SEVERAL}
     assert {field.name for field in fields(Request)} == options - of_files
     defaults = {option.name: option.default for option in identify.params}
     for field in fields(Request):

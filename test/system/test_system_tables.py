@@ -102,7 +102,7 @@ def written(content: dict[str, Any], group: str = "") -> Iterator[tuple[str, dic
     """Yield name and row of each parameter of a table, read without our reader."""
     for key, row in content.items():
         if key == "__map_designed_laws":
-            for law in ("ilqr", "lqg"):
+            for law in ("ilqr", "lqg", "planned"):
                 yield from written(row, f"{law}.")
         elif "type" in row:
             yield group + key, row

@@ -35,7 +35,7 @@ def test_up___samples_and_records_until_ctrl_c(graph: Graph, tmp_path: Path) -> 
     write_parameter_file(others, {"fps": 30.0}, node="/flexarm/camera")
     options = ("--rate", "100", "--payload", "0.2", "--reference", "square", "--bag", str(bag))
     control = ("--law", "pdp", "--params-file", str(gains), "--params-file", str(others))
-    process = graph.run([str(ROOT / "flexarm"), "up", *options, *control])
+    process = graph.run([str(ROOT / "flexarm"), "up", "--no-page", *options, *control])
     process.wait_for("/flexarm is up: pdp at 100 Hz, reference: square. Ctrl-C ends it.")
     note = f"note: {others} is also for /flexarm/camera, no node here"
     assert note in process.printed.splitlines()
@@ -43,7 +43,7 @@ def test_up___samples_and_records_until_ctrl_c(graph: Graph, tmp_path: Path) -> 
     response = graph.call(GetParameters, "controller/get_parameters", request)
     assert response.values[0].double_value == 0.75
     graph.wait(lambda: any(state.command_v for state in heard), "a driven sample")
-    second = graph.run([str(ROOT / "flexarm"), "up"])
+    second = graph.run([str(ROOT / "flexarm"), "up", "--no-page"])
     assert second.exit_code() == 1
     assert f"a graph runs already in ROS domain {graph.domain}: stop it" in second.printed
     again = graph.run([str(ROOT / "flexarm"), "up", "--bag", str(bag)])
@@ -69,7 +69,7 @@ def test_up___samples_and_records_until_ctrl_c(graph: Graph, tmp_path: Path) -> 
 
 def test_up___set_point_out_of_travel___is_refused_on_the_terminal(graph: Graph) -> None:
     publisher = graph.node.create_publisher(Float64, "/flexarm/reference", qos.SENT)
-    process = graph.run([str(ROOT / "flexarm"), "up"])
+    process = graph.run([str(ROOT / "flexarm"), "up", "--no-page"])
     process.wait_for("/flexarm is up")
     refusal = "[flexarm.controller]: reference 9.5 V refused: the travel is"
 
@@ -90,7 +90,9 @@ def test_up___law_unknown___is_refused_without_a_bag_in_the_way(
     graph: Graph, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
-    process = graph.run([str(ROOT / "flexarm"), "up", "--law", "pid", "--bag", str(bag)])
+    process = graph.run(
+        [str(ROOT / "flexarm"), "up", "--no-page", "--law", "pid", "--bag", str(bag)]
+    )
     assert process.exit_code() == 1
     assert "pid" in process.printed
     assert not bag.exists()
@@ -103,7 +105,17 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
     heard: list[ArmState] = []
     graph.node.create_subscription(ArmState, "/flexarm/state", heard.append, qos.EVERY)
     process = graph.run(
-        [str(ROOT / "flexarm"), "up", "--reference", "square", "--law", "pd", "--bag", str(bag)]
+        [
+            str(ROOT / "flexarm"),
+            "up",
+            "--no-page",
+            "--reference",
+            "square",
+            "--law",
+            "pd",
+            "--bag",
+            str(bag),
+        ]
     )
     graph.wait(lambda: sum(bool(state.command_v) for state in heard) > 100, "a driven arm")
     (controller,) = graph.survivors("controller_node")

@@ -11,42 +11,55 @@ from flexarm_bringup.console.verb_group import LazyVerbGroup
 # The matrices here are small: more threads of BLAS would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-VERBS = {
-    "demo": "laboratory.demo:demo",
-    "design": "laboratory.design:design",
-    "up": "laboratory.up:up",
-    "status": "laboratory.remote:status",
-    "reference": "laboratory.remote:reference",
-    "set": "laboratory.remote:set_",
-    "stop": "laboratory.remote:stop",
-    "deactivate": "laboratory.remote:deactivate",
-    "activate": "laboratory.remote:activate",
-    "run": "laboratory.programs:run",
-    "exec": "checkout.execute:execute",
-    "ros2": "checkout.ros2:ros2",
-    "import": "offline.bags:import_",
-    "experiment": "laboratory.experiment:experiment",
-    "catalogue": "laboratory.experiment:catalogue",
-    "identify": "offline.identify:identify",
-    "report": "offline.identify:report",
-    "tune": "offline.tune:tune",
-    "replay": "offline.replay:replay",
-    "reproduce": "checkout.reproduce:reproduce",
-    "play": "laboratory.programs:play",
-    "record": "laboratory.programs:record",
-    "bag": "offline.bags:bag",
-    "test": "checkout.checks:test",
-    "docs": "checkout.docs:docs",
-    "bench": "checkout.bench:bench",
-    "doctor": "health.doctor:doctor",
+GROUPS = {
+    "Start": {
+        "demo": "laboratory.demo:demo",
+        "doctor": "health.doctor:doctor",
+        "completion": "health.completion:completion",
+    },
+    "Measure": {
+        "experiment": "laboratory.experiment:experiment",
+        "catalogue": "laboratory.experiment:catalogue",
+        "import": "offline.bags:import_",
+        "bag": "offline.bags:bag",
+    },
+    "Model": {
+        "identify": "offline.identify:identify",
+        "report": "offline.identify:report",
+    },
+    "Control": {
+        "tune": "offline.tune:tune",
+        "design": "laboratory.design:design",
+        "replay": "offline.replay:replay",
+    },
+    "Run the laboratory": {
+        "up": "laboratory.up:up",
+        "status": "laboratory.remote:status",
+        "reference": "laboratory.remote:reference",
+        "set": "laboratory.remote:set_",
+        "stop": "laboratory.remote:stop",
+        "deactivate": "laboratory.remote:deactivate",
+        "activate": "laboratory.remote:activate",
+        "record": "laboratory.programs:record",
+        "play": "laboratory.programs:play",
+        "run": "laboratory.programs:run",
+        "exec": "checkout.execute:execute",
+        "ros2": "checkout.ros2:ros2",
+    },
+    "Work on the checkout": {
+        "reproduce": "checkout.reproduce:reproduce",
+        "bench": "checkout.bench:bench",
+        "docs": "checkout.docs:docs",
+        "test": "checkout.checks:test",
+    },
 }
-"""Verbs in the order of the help, and the function that each is."""
+"""Verbs in the order of the help, by groups, and the function that each is."""
+
+# Up to that many columns, help is as wide as the terminal.
+_NAMES = {"help_option_names": ["-h", "--help"], "max_content_width": 120}
 
 
-_NAMES = {"help_option_names": ["-h", "--help"]}
-
-
-@click.group(cls=LazyVerbGroup, places=VERBS, context_settings=_NAMES)
+@click.group(cls=LazyVerbGroup, groups=GROUPS, context_settings=_NAMES)
 @click.version_option("0.1.0", prog_name="flexarm")
 def main() -> None:
     """Measure, model and control a flexible arm.

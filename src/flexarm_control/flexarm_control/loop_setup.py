@@ -46,7 +46,7 @@ PARAMETERS = (
             "topic": TOPIC,
             "laws": tuple(LAWS),
             "references": (TOPIC, *REFERENCES),
-            "designed_laws": tuple(row.name for row in LAWS.values() if row.design),
+            "designed_laws": tuple(row.name for row in LAWS.values() if row.takes_model),
         },
     ),
     *(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 # Sample instants k * dt have rounding errors; a switch within this time counts as past.
 _ROUNDING_S = 1e-9
 _HALF_PERIODS = 1024
+_HALF = 0.5
 
 _AMPLITUDE = (-TRAVEL_V, TRAVEL_V, "V", f"position to go to; the travel is +-{TRAVEL_DEG:g} deg")
 
@@ -61,16 +63,59 @@ class Step(Bounded):
 
 
 @dataclass(frozen=True)
-class Square(Bounded):
-    """Square wave between plus and minus the amplitude (Figure 2-14)."""
+class _Wave(Bounded):
+    """Wave of one amplitude around an offset.
+
+    Raises
+    ------
+    SettingError
+        When a value is outside its range or the wave leaves the travel.
+    """
 
     amplitude_v: float = setting(3.0, *_AMPLITUDE)
     period_s: float = setting(10.0, 0.1, 3600.0, "s", "full period")
+    offset_v: float = setting(0.0, -TRAVEL_V, TRAVEL_V, "V", "middle of the wave")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if abs(self.amplitude_v) + abs(self.offset_v) > TRAVEL_V:
+            raise SettingError(
+                f"{type(self).__name__}: amplitude_v = {self.amplitude_v:g} around offset_v = "
+                f"{self.offset_v:g} leaves the travel of +-{TRAVEL_V:.3f} V; make one smaller"
+            )
+
+    def _phase(self, time_s: float) -> float:
+        """Return the part of the period that has passed, 0 to 1."""
+        return (time_s + _ROUNDING_S) % self.period_s / self.period_s
+
+
+@dataclass(frozen=True)
+class Square(_Wave):
+    """Square wave between plus and minus the amplitude (Figure 2-14)."""
 
     def __call__(self, time_s: float) -> float:
         """Return the reference in V at a time since the start in s."""
-        first_half = (time_s + _ROUNDING_S) % self.period_s < 0.5 * self.period_s
-        return self.amplitude_v if first_half else -self.amplitude_v
+        sign = 1.0 if self._phase(time_s) < _HALF else -1.0
+        return self.offset_v + sign * self.amplitude_v
+
+
+@dataclass(frozen=True)
+class Sine(_Wave):
+    """Sine wave, which begins in its middle and rises."""
+
+    def __call__(self, time_s: float) -> float:
+        """Return the reference in V at a time since the start in s."""
+        return self.offset_v + self.amplitude_v * math.sin(math.tau * self._phase(time_s))
+
+
+@dataclass(frozen=True)
+class Triangle(_Wave):
+    """Triangle wave, which begins in its middle and rises."""
+
+    def __call__(self, time_s: float) -> float:
+        """Return the reference in V at a time since the start in s."""
+        turned = (self._phase(time_s) + 0.25) % 1.0
+        return self.offset_v + self.amplitude_v * (1.0 - 4.0 * abs(turned - _HALF))
 
 
 @dataclass(frozen=True)
@@ -114,7 +159,7 @@ class ReferenceSpec:
     """Row of one reference: a sentence for a user, the parameters and the class."""
 
     description: str
-    kind: type[Constant | Step | Square | VaryingSquare]
+    kind: type[Constant | Step | Square | Sine | Triangle | VaryingSquare]
 
     @property
     def parameters(self) -> tuple[ParameterSpec, ...]:
@@ -128,6 +173,8 @@ REFERENCES: Mapping[str, ReferenceSpec] = MappingProxyType(
         "constant": ReferenceSpec("constant position", Constant),
         "step": ReferenceSpec("zero, then a constant position", Step),
         "square": ReferenceSpec("square wave between plus and minus the amplitude", Square),
+        "sine": ReferenceSpec("sine wave", Sine),
+        "triangle": ReferenceSpec("triangle wave", Triangle),
         "varying_square": ReferenceSpec(
             "square wave with random half-periods (C_dat3)", VaryingSquare
         ),

@@ -20,6 +20,14 @@ SENT = _reliable(10000)
 NEWEST = _reliable(1)
 """For a reader that only ever wants the newest message: the loop's two ends."""
 
+SEEN = QoSProfile(
+    depth=1000,
+    history=HistoryPolicy.KEEP_LAST,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""For a viewer of samples: its writer neither waits for it nor repeats anything."""
+
 EVERY = _reliable(10000)
 """For a reader that must see every message although its process pauses: the recorder."""
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from flexarm_control import REFERENCES, ControlError, build_reference
-from flexarm_control.references import Constant, Square, Step, VaryingSquare
+from flexarm_control.references import Constant, Sine, Square, Step, Triangle, VaryingSquare
 from flexarm_core.channels import TRAVEL_V
 
 RATE_HZ = 300
@@ -131,10 +131,28 @@ def test_build_reference___every_value___reaches_the_reference() -> None:
 
 
 def test_build_reference___unknown_name___lists_the_known() -> None:
-    with pytest.raises(ControlError, match="no reference 'sine'; choose one of constant, step"):
-        build_reference("sine")
+    with pytest.raises(ControlError, match="no reference 'ramp'; choose one of constant, step"):
+        build_reference("ramp")
 
 
 def test_build_reference___unknown_parameter___lists_the_known() -> None:
     with pytest.raises(ControlError, match="constant has no parameter 'period_s'"):
         build_reference("constant", {"period_s": 1.0})
+
+
+def test_waves___of_a_quarter_each___go_through_their_corners() -> None:
+    times_s = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
+    for kind in (Sine, Triangle):
+        wave = kind(2.0, period_s=4.0, offset_v=0.5)
+        assert [wave(t) for t in times_s] == pytest.approx(
+            [0.5, 2.5, 0.5, -1.5, 0.5, 2.5], abs=1e-6
+        )
+    assert Triangle(2.0, period_s=4.0)(0.5) == pytest.approx(1.0)
+    assert Sine(2.0, period_s=4.0)(0.5) == pytest.approx(math.sqrt(2.0))
+    assert Square(2.0, period_s=4.0, offset_v=-1.0)(3.0) == pytest.approx(-3.0)
+
+
+@pytest.mark.parametrize("name", ["sine", "square", "triangle"])
+def test_wave___out_of_the_travel___is_refused(name: str) -> None:
+    with pytest.raises(ControlError, match="leaves the travel"):
+        build_reference(name, {"amplitude_v": -5.0, "offset_v": 2.0})

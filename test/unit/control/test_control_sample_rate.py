@@ -55,7 +55,7 @@ def test_suits___bounds() -> None:
 
 def test_law_rate___laws_with_dynamics_have_one___the_others_suit_any() -> None:
     any_rate = {"pd", "pdp", "pdpc", "pdpc_unconditional"}
-    with_dynamics = {"pi", "ilqr", "lqg", "pdpc_plus", "pdpc_scheduled"}
+    with_dynamics = {"pi", "ilqr", "lqg", "pdpc_plus", "pdpc_scheduled", "planned"}
     assert all(LAWS[name].rate_hz({}) is None for name in any_rate)
     assert all(LAWS[name].rate_hz({}) == pytest.approx(300.0) for name in with_dynamics)
     assert LAWS["pdpc_plus"].rate_hz({"rate_hz": 500.0}) == 500.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import textwrap
 from contextlib import contextmanager
 from math import isnan
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 CONSOLE = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110)
 _PLAIN_STEPS = 10
 _LEVEL = ".friction_level"
+_GRADES = {"do not use": "bold red", "caution": "yellow"}
+"""Colours of notes, by their first words."""
 
 
 class ShownModel(NamedTuple):
@@ -56,7 +59,28 @@ def show_model(model: ShownModel) -> None:
     if friction.row_count:
         CONSOLE.print(friction)
     for warning in model.warnings:
-        CONSOLE.print(f"  {warning}", markup=False)
+        note(warning)
+
+
+def note(text: str) -> None:
+    """Print a note below what it belongs to, in a colour by its grade."""
+    style = next((style for grade, style in _GRADES.items() if text.startswith(grade)), None)
+    if CONSOLE.is_terminal:
+        text = textwrap.fill(
+            text,
+            CONSOLE.width,
+            initial_indent="  ",
+            subsequent_indent="    ",
+            break_long_words=False,
+        )
+    else:
+        text = f"  {text}"
+    CONSOLE.print(text, markup=False, style=style)
+
+
+def next_step(text: str) -> None:
+    """Print what a user may do next."""
+    CONSOLE.print(f"Then: {text}", markup=False)
 
 
 @contextmanager
@@ -80,7 +104,7 @@ def _shown_progress() -> Iterator[Callable[[str, float], None]]:
         yield _plain_progress()
         return
     columns = (TextColumn("  {task.description:12}"), BarColumn(), TaskProgressColumn())
-    with Progress(*columns, TimeElapsedColumn(), console=CONSOLE) as bar:
+    with Progress(*columns, TimeElapsedColumn(), console=CONSOLE, transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda text, done: bar.update(task, description=text, completed=done)
 

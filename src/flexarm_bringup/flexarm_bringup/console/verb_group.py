@@ -14,15 +14,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import ShellComplete
 
+from flexarm_bringup.console.completion import completed
 from flexarm_bringup.console.interruption import interruptible
 from flexarm_core.errors import FlexarmError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from click.shell_completion import CompletionItem
+
 _VERBS = "flexarm_bringup.verbs"
 _FOLDER = Path(__file__).parents[1] / "verbs"
+_WORDS = f"{__name__}.words"
+"""Words of a line that is being completed, in the context of click."""
 
 RUN_ON = {"ignore_unknown_options": True, "allow_interspersed_args": False}
 """Settings of a verb that hands its arguments on."""
@@ -58,13 +64,34 @@ class LazyVerbGroup(VerbGroup):
 
     Parameters
     ----------
-    places : mapping of str to str
-        Verb and its place, as `room.module:function` below the folder `verbs`.
+    groups : mapping of str to mapping of str to str
+        Title of each group of verbs, and for each verb its place, as `room.module:function` below
+        the folder `verbs`.
     """
 
-    def __init__(self, *args: Any, places: Mapping[str, str], **settings: Any) -> None:  # noqa: ANN401 - click's own
+    def __init__(
+        self,
+        *args: Any,  # noqa: ANN401 - click's own
+        groups: Mapping[str, Mapping[str, str]],
+        **settings: Any,  # noqa: ANN401 - click's own
+    ) -> None:
         super().__init__(*args, **settings)
-        self.places = places
+        self.groups = groups
+        self.places = {verb: place for verbs in groups.values() for verb, place in verbs.items()}
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the verbs below the titles of their groups."""
+        longest = max(map(len, self.places))
+        for title, verbs in self.groups.items():
+            commands = {verb: self.get_command(ctx, verb) for verb in verbs}
+            with formatter.section(title):
+                formatter.write_dl(
+                    [
+                        (verb.ljust(longest), command.get_short_help_str(formatter.width))
+                        for verb, command in commands.items()
+                        if command
+                    ]
+                )
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """Return the verbs in the order of their places."""
@@ -78,7 +105,13 @@ class LazyVerbGroup(VerbGroup):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Import the verb that is called; a misspelt one is told with the nearest."""
+        """Import the verb that is called; a misspelt one is told with the nearest.
+
+        A line that is being completed needs no import: `shell_complete` gets its words.
+        """
+        if ctx.resilient_parsing:
+            ctx.meta[_WORDS] = args
+            return None, None, args
         try:
             name, stand_in, rest = super().resolve_command(ctx, args)
         except click.UsageError as error:
@@ -86,6 +119,17 @@ class LazyVerbGroup(VerbGroup):
                 raise click.UsageError(f"{error.message} Did you mean {near}?", ctx) from None
             raise
         return name, stand_in and self.load(str(stand_in.name)), rest
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Return verbs, or what may stand behind one."""
+        verb, *given = ctx.meta.get(_WORDS, ("",))
+        if verb not in self.places:
+            return super().shell_complete(ctx, incomplete)
+        found = completed(verb, given, incomplete)
+        if found is None:
+            asked = ShellComplete(self.load(verb), {}, verb, "")
+            found = asked.get_completions(given, incomplete)
+        return found
 
     def load(self, verb: str) -> click.Command:
         """Import a verb."""

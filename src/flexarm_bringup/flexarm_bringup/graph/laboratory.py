@@ -27,6 +27,7 @@ _NODES = {
     "controller": ("flexarm_control", "controller_node"),
     "experiment": ("flexarm_daq", "experiment_node"),
     "daq": ("flexarm_daq", "daq_node"),
+    "live": ("flexarm_live", "live_node"),
 }
 MANAGED = ("daq", "controller", "experiment")
 """The nodes with a lifecycle."""

@@ -32,6 +32,18 @@ class PdpGains(Bounded):
 
 
 @dataclass(frozen=True)
+class TunedPdpGains(PdpGains):
+    """Gains of the PDP law that keep 10 dB and 55 deg on every printed model.
+
+    They are the result of `tune_pdp` for all nominal models together; those of Table 4-2 keep less.
+    """
+
+    kp: float = setting(0.4903, *KP)
+    kd: float = setting(4.3328, *KD)
+    ksg: float = setting(0.005, *KSG)
+
+
+@dataclass(frozen=True)
 class PiGains(Bounded):
     """Gains of the PI law that evaluates models (4-1); the defaults are those of Table 4-1."""
 
@@ -62,7 +74,7 @@ class CompensationLevel(Bounded):
 
 @dataclass(frozen=True)
 class Compensation(CompensationLevel):
-    """Conditional Coulomb friction compensation (4-8).
+    """Conditional Coulomb friction compensation (4-8), with the thesis's thresholds.
 
     The compensation is off while both the position error and the speed are below their thresholds.
     """
@@ -75,6 +87,18 @@ class Compensation(CompensationLevel):
         if abs(error_v) < self.error_threshold_v and abs(speed_v) < self.speed_threshold_v:
             return 0.0
         return self.compensation_v if effort_v >= 0.0 else -self.compensation_v
+
+
+@dataclass(frozen=True)
+class TunedCompensation(Compensation):
+    """Conditional Coulomb friction compensation (4-8) with thresholds above the noise.
+
+    They are five and four times the noise of the simulated rig. The thesis's error threshold is the
+    whole 5 % of a step of 1 V, and its speed threshold is passed by the noise.
+    """
+
+    error_threshold_v: float = setting(0.025, 0.0, 1.0, "V", "position error from which it acts")
+    speed_threshold_v: float = setting(0.08, 0.0, 1.0, "V", "speed signal from which it acts")
 
 
 @dataclass(frozen=True)

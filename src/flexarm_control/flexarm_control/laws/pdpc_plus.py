@@ -77,6 +77,11 @@ class PdpcPlus:
         self._error_v = self._speed_v = self._strain_v = 0.0
         self._started = self._resting = False
 
+    @property
+    def resting(self) -> bool:
+        """Whether the set-point counts as reached."""
+        return self._resting
+
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
         gains, rest = self._gains, self._rest

@@ -15,6 +15,8 @@ from flexarm_control.laws.gains import (
     PdpGains,
     PiGains,
     Sampling,
+    TunedCompensation,
+    TunedPdpGains,
 )
 from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, IlqrWeights, design_ilqr
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
@@ -24,8 +26,13 @@ from flexarm_control.laws.pdpc import Pdp, Pdpc
 from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest
 from flexarm_control.laws.pdpc_scheduled import ScheduledPdpc, ScheduleGains
 from flexarm_control.laws.pi import Pi
+from flexarm_control.laws.planned import Planned
 from flexarm_control.laws.regulator_loop import stabilising_design
 from flexarm_control.models.nominal_models import identified_model
+from flexarm_control.planning.fitted_arm import fitted_arm
+from flexarm_control.planning.flat_arm import ArmFigures
+from flexarm_control.planning.friction_observer import FrictionSensing
+from flexarm_control.planning.move import MoveSettings
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import (
     Bounded,
@@ -55,10 +62,13 @@ class LawSpec:
         Constructor of the law from one instance of each of `settings`; `build_law` calls it. With a
         `design`, the first argument is the result of that in place of the weights.
     settings : tuple of Bounded classes
-        Tables of the gains and other parameters, with the thesis's values as defaults.
+        Tables of the gains and other parameters, with their defaults.
     design : callable or None
         Design of the law from a model and an instance of the first of `settings`, its weights; the
         rate of the law is that of the model.
+    fit : callable or None
+        Function from an identified model to what the constructor takes in place of the first of
+        `settings`; without a model the law has these.
     tuning : str
         Name of the tuning of its gains, a key of `design.tuning_job.TUNINGS`; empty for none.
     payload : callable or None
@@ -72,14 +82,21 @@ class LawSpec:
     build: Callable[..., LawWithMemory]
     settings: tuple[type[Bounded], ...]
     design: Callable[[control.StateSpace, Any], IlqrDesign] | None = None
+    fit: Callable[[control.StateSpace], object] | None = None
     tuning: str = ""
     payload: Callable[[Any], PayloadEstimate] | None = None
     uses_outputs: tuple[int, ...] = (0, 1, 2, 3)
 
     @property
     def parameters(self) -> tuple[ParameterSpec, ...]:
-        """Table of all parameters."""
-        return tuple(spec for kind in self.settings for spec in parameter_specs(kind))
+        """Table of all parameters; one that several `settings` have is in it once."""
+        specs = (spec for kind in self.settings for spec in parameter_specs(kind))
+        return tuple({spec.name: spec for spec in specs}.values())
+
+    @property
+    def takes_model(self) -> bool:
+        """Whether the law can be built on an identified model."""
+        return self.design is not None or self.fit is not None
 
     def rate_hz(
         self, values: Mapping[str, float], model: control.StateSpace | None = None
@@ -127,7 +144,7 @@ _ROWS = (
         "pdpc",
         "PDP with conditional Coulomb friction compensation (4-6 to 4-8)",
         Pdpc,
-        (PdpGains, Compensation),
+        (TunedPdpGains, TunedCompensation),
         tuning="pdp",
         uses_outputs=_PDP_OUTPUTS,
     ),
@@ -160,15 +177,32 @@ _ROWS = (
         "pdpc_plus",
         "PDPC that comes to rest without gear hitting and lets no swing live on (chapter 5)",
         lambda gains, level, rest: PdpcPlus(gains, level.compensation_v, rest),
-        (PdpGains, CompensationLevel, Rest),
+        (TunedPdpGains, CompensationLevel, Rest),
         tuning="pdp",
     ),
     LawSpec(
         "pdpc_scheduled",
         "PDPC whose gains follow the payload that it detects (chapter 5)",
         ScheduledPdpc,
-        (ScheduleGains, Compensation, PayloadDetection),
+        (ScheduleGains, TunedCompensation, PayloadDetection),
         tuning="pdpc_scheduled",
+        payload=lambda law: law.payload,
+    ),
+    LawSpec(
+        "planned",
+        "planned moves with a PDP loop on the differences and the rest of pdpc_plus (chapter 5)",
+        Planned,
+        (
+            ArmFigures,
+            MoveSettings,
+            TunedPdpGains,
+            CompensationLevel,
+            Rest,
+            FrictionSensing,
+            PayloadDetection,
+        ),
+        fit=fitted_arm,
+        tuning="pdp",
         payload=lambda law: law.payload,
     ),
 )
@@ -191,8 +225,8 @@ def build_law(
     values : mapping of str to float, optional
         Parameters that differ from their defaults.
     model : control.StateSpace, optional
-        Identified model that a law with a design is designed on; by default the packaged model of
-        the arm with 300 g. Other laws have none.
+        Identified model that a law with a design is designed on, by default the packaged model of
+        the arm with 300 g; or that a law with a fit takes its figures from. Other laws have none.
 
     Returns
     -------
@@ -210,6 +244,8 @@ def build_law(
     spec, values = LAWS[name], values or {}
     refuse_unknown(name, spec.parameters, values)
     first, *others = (select(kind, values) for kind in spec.settings)
+    if spec.fit is not None and model is not None:
+        return spec.build(spec.fit(model), *others)
     if spec.design is None:
         return spec.build(first, *others)
     return spec.build(_designed(spec.design, first, model), *others)

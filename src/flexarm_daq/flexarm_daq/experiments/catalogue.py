@@ -86,6 +86,20 @@ class Experiment:
         law = f"{self.law} ({gains})" if gains else self.law
         return f"{law}, {self.reference.replace('_', ' ')} ({profile})"
 
+    def commander_parameters(self, seed: int) -> dict[str, Any]:
+        """Return the parameters of the node that commands, controller or experiment."""
+        if not self.closed_loop:
+            return {"waveform": self.waveform, "magnitude_v": self.magnitude_v, "seed": seed}
+        parameters: dict[str, Any] = {"law": self.law, "reference": self.reference}
+        parameters |= _below(self.law, self.gains) | _below(self.reference, self.profile)
+        if self.reference == "varying_square":
+            parameters["varying_square.seed"] = seed
+        return parameters
+
+
+def _below(prefix: str, values: Mapping[str, float]) -> dict[str, float]:
+    return {f"{prefix}.{name}": float(value) for name, value in values.items()}
+
 
 @cache
 def catalogue() -> Mapping[str, Experiment]:

@@ -189,6 +189,12 @@ def _lines(file: TextIO, path: Path) -> Iterator[str]:
 
 
 def _indices(header: Sequence[str], columns: Sequence[str], path: Path) -> list[int]:
+    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and separator in header[0]:
+            raise CsvImportError(
+                f"{path}: its columns are separated by {name}, not by commas: save it with commas, "
+                "and with points in its numbers"
+            )
     for column in columns:
         if header.count(column) != 1:
             problem = "no column" if column not in header else "more than one column"

@@ -24,7 +24,8 @@ export class ModelStage {
     this.#order = data.order;
     byId("order").value = data.order;
     byId("verdict").dataset.verdict = data.verdict;
-    byId("verdict").replaceChildren(element("b", {}, data.verdict), ` ${data.verdict_line}`);
+    const words = data.verdict_line.replace(`${data.verdict}: `, "");
+    byId("verdict").replaceChildren(element("b", {}, data.verdict), ` ${words}`);
     byId("warnings").replaceChildren(...data.warnings.map((words) => element("li", {}, words)));
     this.#showModes();
     this.#showStabilisation();

@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+import io
 from math import nan
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Console
+
+from flexarm_bringup.console import terminal
 from flexarm_bringup.console.terminal import (
     error_table,
     friction_table,
@@ -78,3 +82,16 @@ def test_progress_bar___without_a_terminal___prints_a_line_for_each_tenth(
         "   20 % recording",
         "   30 % recording",
     ]
+
+
+def test_note___on_a_narrow_terminal___hangs_below_its_first_words(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    page = io.StringIO()
+    narrow = Console(file=page, width=30, force_terminal=True, color_system=None)
+    monkeypatch.setattr(terminal, "CONSOLE", narrow)
+    terminal.note("caution: run1: speed_v stands still in the last tenth")
+    lines = page.getvalue().splitlines()
+    assert [line[:4].isspace() for line in lines] == [False, *(True for _ in lines[1:])]
+    assert all(len(line) <= 30 for line in lines)
+    assert " ".join(page.getvalue().split()).startswith("caution: run1: speed_v stands still")

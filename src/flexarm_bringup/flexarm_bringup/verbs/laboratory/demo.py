@@ -43,7 +43,7 @@ def _run_demo(settings: RunSettings) -> None:
     true_modes_hz = natural_frequencies_hz(RigParameters(payload_kg=settings.payload_kg)).tolist()
     with simulated_run(settings) as run:
         experiment = run.excite()
-        terminal.step("Identifying, reducing and validating a model")
+        terminal.step("Identifying a model from the first half of the record, validating it on all")
         response = run.identify(_request(true_modes_hz))
         terminal.step(f"Controlling the arm: PDPC, step to {SET_POINT_V:g} V")
         step = run.step("step", {"law": "pdpc"})

@@ -42,12 +42,13 @@ def write_results(settings: RunSettings, results: DemoResults) -> None:
     """Write `summary.json` and `report.html`, and print the figures of the step."""
     out, step = settings.out, results.step
     report = Path(results.response.report_path, REPORT_FILE).read_text(encoding="utf-8")
-    blocks = step.blocks("PDPC (4-6 to 4-8) with the thesis's gains")
+    blocks = step.blocks("PDPC (4-6 to 4-8) with the packaged gains")
     (out / REPORT_FILE).write_text(append_section(report, "Controlled step", blocks), "utf-8")
     summary = _summary(settings, results)
     (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     terminal.CONSOLE.print(f"  {step.text}")
     terminal.step(told_results(settings))
+    terminal.next_step("flexarm experiment C_dat3, for a record of your own (docs/tutorial.md)")
 
 
 def _summary(settings: RunSettings, results: DemoResults) -> dict[str, Any]:

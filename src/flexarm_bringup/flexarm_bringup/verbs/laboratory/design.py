@@ -83,7 +83,7 @@ class Designed(NamedTuple):
 def design(**settings: Any) -> None:  # noqa: ANN401
     """Identify, design and run a law for any payload.
 
-    The packaged law makes a step beside it: ilqr and lqg for 300 g, pdpc with the thesis's gains.
+    The packaged law makes a step beside it: ilqr and lqg for 300 g, pdpc with its own gains.
     """
     _run_design(DesignSettings(**settings))
 

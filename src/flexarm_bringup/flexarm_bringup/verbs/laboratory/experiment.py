@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from flexarm_daq.experiments.catalogue import Experiment
 
 
+_WIDTH = 80
+
+
 def _run_options(function: Callable[..., None]) -> Callable[..., None]:
     """Add the options of a run: pace, seed, folder and parameter files."""
     options = (
@@ -76,16 +79,27 @@ def experiment(names: tuple[str, ...], **settings: Any) -> None:  # noqa: ANN401
 
 
 @click.command()
-@click.option("--all", "everything", is_flag=True, help="Run all of them; else list them.")
+@click.argument("words", nargs=-1)
+@click.option("--all", "everything", is_flag=True, help="Run all that are listed.")
 @_run_options
-@examples("catalogue", "catalogue --all --fast -o out/experiments")
-def catalogue(*, everything: bool, **settings: Any) -> None:  # noqa: ANN401
-    """List the experiments of the thesis, or run all of them."""
+@examples(
+    "catalogue",
+    "catalogue closed 400",
+    "catalogue --all --fast -o out/experiments",
+)
+def catalogue(words: tuple[str, ...], *, everything: bool, **settings: Any) -> None:  # noqa: ANN401
+    """List the experiments of the thesis, or run all of them.
+
+    Words choose those that have all of them: a name, a kind, a payload, a rate, a law, a waveform.
+    """
+    entries = [each for each in experiments.catalogue().values() if _has(each, words)]
+    if not entries:
+        raise click.UsageError(f"no experiment has {' and '.join(words)}: leave a word out")
     if everything:
-        entries = list(experiments.catalogue().values())
         _run(entries, settings)
     else:
-        _show_catalogue()
+        _show_catalogue(entries)
+        terminal.next_step(f"flexarm experiment {entries[0].name}")
 
 
 def _run(entries: Sequence[Experiment], settings: dict[str, Any]) -> None:
@@ -95,19 +109,36 @@ def _run(entries: Sequence[Experiment], settings: dict[str, Any]) -> None:
         run_experiments,
     )
 
-    run_experiments(entries, ExperimentSettings(**settings))
+    made = ExperimentSettings(**settings)
+    run_experiments(entries, made)
+    terminal.next_step(f"flexarm identify {made.folder / entries[-1].name}")
 
 
-def _show_catalogue() -> None:
-    """Print the experiments as one table."""
-    table = Table("name", "kind", "length", "rate", "payload", "input", box=None, header_style="")
-    for entry in experiments.catalogue().values():
-        table.add_row(
-            entry.name,
-            experiments.KINDS[entry.kind],
-            f"{entry.samples}",
-            f"{entry.rate_hz:g} Hz",
-            f"{1e3 * entry.payload_kg:.0f} g",
-            entry.input_text,
-        )
-    terminal.CONSOLE.print(table)
+def _has(entry: Experiment, words: Sequence[str]) -> bool:
+    """Return whether each of the words is in the line of an experiment."""
+    line = " ".join((experiments.KINDS[entry.kind], *_cells(entry))).lower()
+    return all(word.lower() in line for word in words)
+
+
+def _cells(entry: Experiment) -> tuple[str, ...]:
+    return (
+        entry.name,
+        f"{entry.samples}",
+        f"{entry.rate_hz:g} Hz",
+        f"{1e3 * entry.payload_kg:.0f} g",
+        entry.input_text,
+    )
+
+
+def _show_catalogue(entries: Sequence[Experiment]) -> None:
+    """Print experiments, a table for each kind, in the width of any terminal."""
+    for kind in dict.fromkeys(entry.kind for entry in entries):
+        terminal.step(experiments.KINDS[kind])
+        table = Table(box=None, header_style="")
+        for title, least in (("name", 8), ("length", 6), ("rate", 6), ("payload", 7)):
+            table.add_column(title, min_width=least, no_wrap=True)
+        table.add_column("input")
+        for entry in entries:
+            if entry.kind == kind:
+                table.add_row(*_cells(entry))
+        terminal.CONSOLE.print(table, soft_wrap=False, width=min(_WIDTH, terminal.CONSOLE.width))

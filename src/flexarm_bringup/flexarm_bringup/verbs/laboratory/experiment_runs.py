@@ -19,7 +19,7 @@ from flexarm_daq.loop.limiter import LimiterSettings
 from flexarm_ident.provenance import samples_hash
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from flexarm_bringup.graph.operator import Operator
@@ -140,28 +140,12 @@ def _prepare(operator: Operator, entry: Experiment, settings: ExperimentSettings
     rig = {"rate_hz": float(entry.rate_hz), "payload_kg": _payload_kg(entry, settings)}
     operator.set_parameters("daq", rig)
     commander = "controller" if entry.closed_loop else "experiment"
-    operator.set_parameters(commander, commander_parameters(entry, settings.seed))
+    operator.set_parameters(commander, entry.commander_parameters(settings.seed))
     return commander
 
 
 def _payload_kg(entry: Experiment, settings: ExperimentSettings) -> float:
     return entry.payload_kg if settings.payload_kg is None else settings.payload_kg
-
-
-def commander_parameters(entry: Experiment, seed: int) -> dict[str, Any]:
-    """Return the parameters of the node that commands in an experiment."""
-    if not entry.closed_loop:
-        return {"waveform": entry.waveform, "magnitude_v": entry.magnitude_v, "seed": seed}
-    profile = dict(entry.profile)
-    parameters: dict[str, Any] = {"law": entry.law, "reference": entry.reference}
-    parameters |= _below(entry.law, entry.gains) | _below(entry.reference, profile)
-    if entry.reference == "varying_square":
-        parameters["varying_square.seed"] = seed
-    return parameters
-
-
-def _below(prefix: str, values: Mapping[str, float]) -> dict[str, float]:
-    return {f"{prefix}.{name}": float(value) for name, value in values.items()}
 
 
 def _described(folder: Path) -> dict[str, Any]:

@@ -18,7 +18,6 @@ from flexarm_bringup.console.verb_group import FORCE
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.runs.recorded_run import record_run
-from flexarm_bringup.verbs.laboratory.experiment_runs import commander_parameters
 from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
 from flexarm_bringup.verbs.laboratory.step_results import SET_POINT_V, ControlledStep, show_model
 from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
@@ -196,7 +195,7 @@ def _start_parameters(settings: RunSettings) -> dict[str, dict[str, Any]]:
             "reply_delay_s": REPLY_DELAY_S,
             **settings.pace.parameters(),
         },
-        "controller": commander_parameters(entry, settings.seed),
+        "controller": entry.commander_parameters(settings.seed),
         "ident": {
             "output_folder": str((settings.out / MODELS_FOLDER).absolute()),
             "force": settings.force,

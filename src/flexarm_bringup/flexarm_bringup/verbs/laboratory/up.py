@@ -12,8 +12,14 @@ import click
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.verbs.laboratory.live_page import (
+    PAGE_NODE,
+    PageAddress,
+    PageSettings,
+    page_options,
+)
 from flexarm_bringup.verbs.laboratory.options import (
     ARM,
     PARAMETER_FILES,
@@ -49,6 +55,11 @@ class _Settings:
     pace: Pace
     parameter_files: tuple[Path, ...]
     namespace: str
+    page: PageSettings | None
+
+
+# What is changed in a run is in its record: `law` tells the law, this the payload and the limits.
+_RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_events"]
 
 
 @click.command()
@@ -74,14 +85,18 @@ class _Settings:
 @REAL_TIME
 @PARAMETER_FILES
 @ARM
+@page_options
 @examples(
     "up",
     "up --rate 500 --payload 0.2 --reference square",
     "up --bag out/run1 --law pdpc_plus --params-file out/gains.yaml",
     "up --namespace arm2",
+    "up --no-page",
 )
 def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
-    """Run daq, controller, recorder and ident until Ctrl-C.
+    """Run daq, controller, recorder and ident, and a page in the browser, until Ctrl-C.
+
+    The page's address stands on a line of its own: who opens it may command the arm.
 
     The simulated arm's time follows the wall clock and waits for a machine that is late. A board
     runs in real time.
@@ -100,7 +115,12 @@ def _run_graph(settings: _Settings) -> None:
     parameters = {
         "daq": daq | settings.pace.parameters(),
         "controller": {"law": settings.law, "reference": settings.reference},
+        "recorder": {"topics": _RECORDED},
     }
+    nodes: tuple[str, ...] = LABORATORY
+    if settings.page is not None:
+        nodes = (*nodes, PAGE_NODE)
+        parameters[PAGE_NODE] = settings.page.parameters()
     with TemporaryDirectory(prefix="flexarm_") as folder:
         log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
         complaints = _Complaints(log)
@@ -108,11 +128,13 @@ def _run_graph(settings: _Settings) -> None:
             with running_graph(
                 parameters,
                 log.absolute(),
+                nodes=nodes,
                 files=settings.parameter_files,
                 namespace=settings.namespace,
             ) as (operator, processes):
                 _start(operator, settings)
-                _stay(operator, processes, complaints)
+                page = PageAddress(settings.namespace, processes) if settings.page else None
+                _stay(operator, processes, complaints, page)
         finally:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
@@ -136,7 +158,12 @@ def _start(operator: Operator, settings: _Settings) -> None:
     )
 
 
-def _stay(operator: Operator, processes: NodeProcesses, complaints: _Complaints) -> None:
+def _stay(
+    operator: Operator,
+    processes: NodeProcesses,
+    complaints: _Complaints,
+    page: PageAddress | None,
+) -> None:
     """Show complaints of the nodes until Ctrl-C; a controller that ends is not the end."""
     processes.let_be_replaced(_CONTROLLER)
     loss = ""
@@ -145,6 +172,8 @@ def _stay(operator: Operator, processes: NodeProcesses, complaints: _Complaints)
         """Show the news; never done."""
         nonlocal loss
         complaints.show(_COMPLAINTS)
+        if page is not None:
+            page.look()
         if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
             replace = _REPLACE.format(operator.namespace)
             terminal.CONSOLE.print(f"{loss}: {replace}", markup=False)

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from ament_index_python.packages import get_package_share_directory
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.verbs.offline.csv_bags import imported
 
 if TYPE_CHECKING:
     from flexarm_bags.repair import RepairSummary
@@ -33,18 +33,11 @@ _NEW_BAG = click.option(
 @examples("import run.csv --map columns.yaml -o bags/run")
 def import_(csv: Path, map_file: Path, output: Path) -> None:
     """Turn a CSV file with named columns into a bag."""
-    # These, and those below, load numpy and rosbags: not for the help.
-    from flexarm_bags.schema import load_typestore  # noqa: PLC0415
-    from flexarm_daq.importing.csv_import import import_csv  # noqa: PLC0415
-    from flexarm_daq.importing.csv_map import load_csv_map  # noqa: PLC0415
-    from flexarm_node.shares import share_of  # noqa: PLC0415
-
-    share = Path(get_package_share_directory("flexarm_msgs"))
-    typestore = load_typestore({"flexarm_msgs": share})
-    made = import_csv(csv, load_csv_map(map_file), output, typestore=typestore, folder_of=share_of)
+    made = imported(csv, map_file, output)
     click.echo(
         f"{made.bag}: {made.samples} samples at {made.rate_hz:g} Hz, {made.duration_s:.2f} s"
     )
+    terminal.next_step(f"flexarm identify {output}")
 
 
 @click.group()

@@ -14,6 +14,8 @@ from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
+from flexarm_bringup.verbs.offline.csv_bags import as_bags
+from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_ident import job
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import parse_exports
@@ -144,11 +146,20 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
+_MAP = click.option(
+    "--map",
+    "map_file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="YAML file that says which column of a CSV file is what.",
+)
+
+
 @click.command()
 @click.argument("bags", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), default=Path("out/identify"), show_default=True
 )
+@_MAP
 @channel_options
 @_request_options
 @click.option(
@@ -167,12 +178,14 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
     "identify bags/c_dat3_0g --export json,mat,h",
     "identify bags/quanser_2dsfl --refine",
     "identify run1 --input /command.data --output '/joint_states.position[0]'",
+    "identify run.csv --map columns.yaml",
     "identify --each runs/* -o out/months",
 )
 def identify(
     bags: tuple[Path, ...],
     out: Path,
     *,
+    map_file: Path | None,
     export: str,
     each: bool,
     jobs: int | None,
@@ -181,38 +194,42 @@ def identify(
     force: bool,
     **options: Any,  # noqa: ANN401
 ) -> None:
-    """Identify a model from bags; write parameters and report."""
-    exports, channels = parse_exports(export), taken_channels(options)
-    if each:
-        # They load matplotlib and joblib.
-        from flexarm_bringup.verbs.offline.series import model_each  # noqa: PLC0415
-        from flexarm_core.workers import Workers  # noqa: PLC0415
+    """Identify a model from bags; write parameters and report.
 
-        workers = Workers(jobs or -1, dask)
-        model_each(
-            bags,
-            out,
-            Request(**options),
-            channels=channels,
-            exports=exports,
-            force=force,
-            parquet=parquet,
-            workers=workers,
-        )
-        return
-    if jobs is not None or dask or parquet:
+    A CSV file is a bag too, with a map of its columns.
+    """
+    exports, channels = parse_exports(export), taken_channels(options)
+    if not each and (jobs is not None or dask or parquet):
         raise click.UsageError("--jobs, --dask and --parquet belong to --each")
-    with terminal.progress() as show:
-        results = job.identify_bags(
-            bags,
-            out,
-            Request(**options),
-            channels=channels,
-            exports=exports,
-            force=force,
-            progress=show,
-        )
+    with as_bags(bags, map_file) as records:
+        if each:
+            # They load matplotlib and joblib.
+            from flexarm_bringup.verbs.offline.series import model_each  # noqa: PLC0415
+            from flexarm_core.workers import Workers  # noqa: PLC0415
+
+            model_each(
+                records,
+                out,
+                Request(**options),
+                channels=channels,
+                exports=exports,
+                force=force,
+                parquet=parquet,
+                workers=Workers(jobs or -1, dask),
+            )
+            return
+        with terminal.progress() as show:
+            results = job.identify_bags(
+                records,
+                out,
+                Request(**options),
+                channels=channels,
+                exports=exports,
+                force=force,
+                progress=show,
+            )
     _show(results, f"results in {out}")
+    terminal.next_step(_after(results, out))
 
 
 @click.command(context_settings={"default_map": {"reduction": "mrm", "update": "b"}})
@@ -225,6 +242,7 @@ def identify(
     show_default=True,
     help="HTML file.",
 )
+@_MAP
 @channel_options
 @_request_options
 @FORCE
@@ -234,15 +252,22 @@ def identify(
     "report bags/c_dat3_0g --reduction mrmc --known-mode 9.4 --known-mode 24 --known-mode 45",
     "report bags/quanser_2dsfl --reduction none",
 )
-def report(bags: tuple[Path, ...], out: Path, *, force: bool, **options: Any) -> None:  # noqa: ANN401
+def report(
+    bags: tuple[Path, ...],
+    out: Path,
+    *,
+    map_file: Path | None,
+    force: bool,
+    **options: Any,  # noqa: ANN401
+) -> None:
     """Identify, reduce by MRM, refit B; write one HTML file."""
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
     channels = taken_channels(options)
-    with terminal.progress() as show:
+    with as_bags(bags, map_file) as records, terminal.progress() as show:
         results = job.report_bags(
-            bags, out, Request(**options), channels=channels, force=force, progress=show
+            records, out, Request(**options), channels=channels, force=force, progress=show
         )
     _show(results, f"report in {out}")
 
@@ -264,8 +289,15 @@ def _show(results: job.Results, written: str) -> None:
         )
     )
     if outcome.identification.choice:
-        terminal.CONSOLE.print(f"  method: {outcome.identification.choice}")
+        terminal.note(f"method: {outcome.identification.choice}")
     terminal.CONSOLE.print(f"order {outcome.model.nstates}, {written}")
+
+
+def _after(results: job.Results, out: Path) -> str:
+    """Return what follows on a model: a law for that of the arm, else a look at the report."""
+    model = f"{out / job.MODEL_FILE}"
+    is_arm = tuple(results.outcome.records[0].outputs) == CHANNEL_NAMES
+    return f"flexarm tune {model}" if is_arm else f"open {out / job.REPORT_FILE} in a browser"
 
 
 def _with_mean(errors: FloatArray) -> tuple[float, ...]:

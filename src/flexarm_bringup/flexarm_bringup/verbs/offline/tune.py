@@ -72,6 +72,8 @@ def tune(models: tuple[str, ...], out: Path, *, force: bool, **options: Any) -> 
     source = click.get_current_context().get_parameter_source
     given = {k: v for k, v in options.items() if source(k) is not ParameterSource.DEFAULT}
     tune_models(models, out, force=force, **given)
+    law = "pdpc" if options["law"] == "pdp" else options["law"]
+    terminal.next_step(f"flexarm up --law {law} --params-file {out} --reference square")
 
 
 def tune_models(

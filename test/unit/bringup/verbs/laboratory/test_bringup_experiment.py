@@ -2,16 +2,43 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import pytest
+from click.testing import CliRunner
 
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.verbs.laboratory.experiment import catalogue
 from flexarm_bringup.verbs.laboratory.experiment_runs import _make_room
+from flexarm_daq.experiments.catalogue import catalogue as experiments
 from flexarm_daq.experiments.catalogue import experiment
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ((), list(experiments())),
+        (("C_dat3",), ["C_dat3"]),
+        (("O_dat1", "square", "1 V", "300"), ["O_dat1"]),
+    ],
+)
+def test_catalogue___words___choose_lines_that_fit_80_columns(
+    words: tuple[str, ...], expected: list[str]
+) -> None:
+    done = CliRunner().invoke(catalogue, list(words))
+    listed = re.findall(r"^ (\w+_dat\d+) ", done.output, re.MULTILINE)
+    assert listed == expected
+    assert max(map(len, done.output.splitlines())) <= 80
+
+
+def test_catalogue___words_that_nothing_has___are_refused() -> None:
+    done = CliRunner().invoke(catalogue, ["open", "sawtooth"])
+    assert done.exit_code == 2
+    assert "no experiment has open and sawtooth" in done.output
 
 
 def a_folder(folder: Path, *names: str) -> None:

@@ -1,0 +1,90 @@
+"""Page of a running laboratory: its options, and its address on the terminal."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_live.terminal_socket import connect
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flexarm_bringup.graph.processes import NodeProcesses
+
+PAGE_NODE = "live"
+_EXECUTABLE = "live_node"
+_FOLDER = Path("out/live")
+_ADDRESS = '{"do": "address"}\n'
+
+
+@dataclass(frozen=True)
+class PageSettings:
+    """Choices of the user about the page."""
+
+    port: int
+    view_only: bool
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters of the node that serves it."""
+        return {**asdict(self), "folder": _FOLDER.absolute()}
+
+
+def page_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of the page to a verb, which gets them as one `page`; None for no page."""
+
+    @click.option("--no-page", is_flag=True, help="Serve no page in the browser.")
+    @click.option(
+        "--port",
+        type=click.IntRange(0, 65535),
+        default=0,
+        help="Port of the page; by default 8117, or a free one when that is taken.",
+    )
+    @click.option("--view-only", is_flag=True, help="The page shows the arm and commands nothing.")
+    @wraps(function)
+    def verb(*, no_page: bool, port: int, view_only: bool, **settings: Any) -> None:  # noqa: ANN401
+        page = None if no_page else PageSettings(port, view_only)
+        function(page=page, **settings)
+
+    return verb
+
+
+class PageAddress:
+    """Address of the page of an arm, shown alone on a line as soon as the page is served.
+
+    The end of its node is that of the laboratory before, such as for a port that is taken, and not
+    afterwards.
+    """
+
+    def __init__(self, namespace: str, processes: NodeProcesses) -> None:
+        self._namespace = namespace
+        self._processes = processes
+        self._is_shown = False
+
+    def look(self) -> None:
+        """Show the address when it is there and was not shown."""
+        if self._is_shown or not (address := _address(self._namespace)):
+            return
+        self._is_shown = True
+        self._processes.let_be_replaced(_EXECUTABLE)
+        terminal.CONSOLE.print(address, markup=False, highlight=False, soft_wrap=True)
+
+
+def _address(namespace: str) -> str:
+    """Return the address of the page of an arm; empty while it is not served."""
+    try:
+        with connect(namespace) as laboratory, laboratory.makefile("rw") as lines:
+            lines.write(_ADDRESS)
+            lines.flush()
+            return str(json.loads(lines.readline())["data"]["url"])
+    except OSError:
+        return ""
+    except (ValueError, KeyError) as error:
+        raise LaunchError(f"the page gave no address: {error}") from error

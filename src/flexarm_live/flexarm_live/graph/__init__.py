@@ -1,0 +1,1 @@
+"""Bridge to the graph: samples, parameters, services and long work."""

@@ -1,0 +1,237 @@
+"""Bridge between the graph and the server: what a page asks for becomes calls of the nodes."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from std_srvs.srv import SetBool, Trigger
+
+from flexarm_control.loop_setup import TOPIC
+from flexarm_core.errors import FlexarmError
+from flexarm_core.nearest import nearest
+from flexarm_live.graph.about import about_arm
+from flexarm_live.graph.calls import Calls
+from flexarm_live.graph.chain import Chain
+from flexarm_live.graph.jobs import Jobs
+from flexarm_live.graph.loop_nodes import LOOP_NODES, LoopNodes
+from flexarm_live.graph.node_parameters import NodeParameters
+from flexarm_live.graph.samples import SampleReader
+from flexarm_live.graph.situation import Situation
+from flexarm_live.graph.store import Store
+from flexarm_live.serving.laboratory import Answer
+from flexarm_msgs.srv import SetReference
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rclpy.node import Node
+
+    from flexarm_live.serving.laboratory import Outlet
+    from flexarm_live.serving.requests import Request
+
+_NODES = (*LOOP_NODES, "recorder", "ident")
+_STOP_S = 5.0
+_RECORD_S = 30.0
+
+
+class Bridge:
+    """Laboratory of one arm; all methods run in the thread of the server's event loop.
+
+    Parameters
+    ----------
+    node : Node
+        Node for the clients; an executor spins it in another thread.
+    folder : Path
+        Folder of the records and models.
+
+    Attributes
+    ----------
+    outlet : Outlet
+        What the pages are told through; set before the server starts.
+    samples : SampleReader
+        Reader of the samples; its caller hands it the messages.
+    situation : Situation
+        What the nodes report.
+    loop : LoopNodes
+        The nodes of the loop.
+    """
+
+    outlet: Outlet
+
+    def __init__(self, node: Node, folder: Path) -> None:
+        self._calls = Calls(node)
+        self.samples = SampleReader()
+        self.situation = Situation()
+        self.loop = LoopNodes(node, self._calls, self.situation)
+        self._others = {
+            name: NodeParameters(self._calls, name) for name in _NODES if name not in LOOP_NODES
+        }
+        self._store = Store(folder)
+        self._jobs = Jobs(self._tell)
+        self._chain = Chain(self._store, self.loop)
+        self._recording: str | None = None
+        self._waveform: Mapping[str, Any] = {"kind": "none"}
+        # Discovered before they are needed.
+        self._calls.client(Trigger, "emergency_stop")
+        self._calls.client(SetReference, "set_reference")
+        self._calls.client(SetBool, "recorder/record")
+
+    async def hello(self) -> dict[str, Any]:
+        """Return what does not change: channels, laws, experiments, parameters."""
+        for parameters in self.loop.parameters.values():
+            await parameters.load()
+        nodes = {name: each.shown() for name, each in self.loop.parameters.items()}
+        simulated = self.loop.simulated
+        return {
+            "rate_hz": self.loop.parameters["daq"].values.get("rate_hz"),
+            "simulated": simulated,
+            "nodes": nodes,
+            **about_arm(simulated=simulated),
+        }
+
+    def state(self) -> dict[str, Any]:
+        """Return the state of now."""
+        daq, controller = (self.loop.parameters[name].values for name in LOOP_NODES)
+        return {
+            **self.situation.state(time.monotonic()),
+            "law": controller.get("law"),
+            "reference_v": self.samples.reference_v,
+            "payload_kg": daq.get("payload_kg") if self.loop.simulated else None,
+            "fault": daq.get("fault"),
+            "recording": self._recording or self.situation.recording(),
+            "waveform": self._waveform,
+        }
+
+    async def carry_out(self, request: Request) -> Answer:
+        """Carry out a request; a `FlexarmError` refuses it with a reason."""
+        answer: Answer = await getattr(self, f"_on_{request.verb}")(**request.fields)
+        self.outlet.tell_state()
+        return answer
+
+    def report(self, name: str) -> bytes | None:
+        """Return the report of an identified model; None when there is none of that name."""
+        return self._store.report(name)
+
+    async def _on_stop(self) -> Answer:
+        answer = await self._calls.call(Trigger, "emergency_stop", Trigger.Request(), _STOP_S)
+        self.situation.stopped(time.monotonic())
+        return Answer(answer.message)
+
+    async def _on_release(self) -> Answer:
+        """Begin a new run with the set-point where the arm is: it shall not jump."""
+        await self._end_waveform()
+        # A run of the simulated arm begins at rest in the middle.
+        here_v = 0.0 if self.loop.simulated else self.samples.position_v
+        await self.loop.deactivate("daq")
+        await self._on_reference(here_v)
+        await self.loop.restart_sampling()
+        return Answer(f"sampling again, the set-point is {here_v:.3g} V")
+
+    async def _on_activate(self, node: str = "") -> Answer:
+        # The controller first: the DAQ node waits for it.
+        for name in [node] if node else reversed(LOOP_NODES):
+            await self.loop.activate(name)
+        return Answer(f"{node or ' and '.join(LOOP_NODES)} active")
+
+    async def _on_deactivate(self, node: str = "") -> Answer:
+        for name in [node] if node else LOOP_NODES:
+            await self.loop.deactivate(name)
+        return Answer(f"{node or ' and '.join(LOOP_NODES)} not active: the drive is at zero")
+
+    async def _on_reference(self, value_v: float) -> Answer:
+        request = SetReference.Request(reference_v=float(value_v))
+        answer = await self._calls.call(SetReference, "set_reference", request)
+        if not answer.success:
+            raise FlexarmError(answer.message)
+        return Answer(f"set-point {answer.reference_v:.3f} V", {"value_v": answer.reference_v})
+
+    async def _end_waveform(self) -> None:
+        await self.loop.parameters["controller"].set({"reference": TOPIC})
+        self._waveform = {"kind": "none"}
+
+    async def _on_waveform(self, kind: str, **values: float) -> Answer:
+        if kind == "none":
+            await self._end_waveform()
+            return Answer("the set-point stays where it is")
+        wanted: dict[str, Any] = {f"{kind}.{name}": value for name, value in values.items()}
+        await self.loop.parameters["controller"].set(wanted | {"reference": kind})
+        self._waveform = {"kind": kind, **values}
+        return Answer(f"{kind} wave")
+
+    async def _on_set(self, node: str, name: str, value: Any) -> Answer:  # noqa: ANN401 - of JSON
+        parameters = self._parameters(node)
+        await parameters.load()
+        before = parameters.values.get(name)
+        await parameters.set({name: value})
+        return Answer(f"{node} {name}: {before} -> {value}", {"before": before})
+
+    async def _on_law(self, name: str) -> Answer:
+        await self.loop.parameters["controller"].set({"law": name})
+        return Answer(f"law {name}")
+
+    async def _on_payload(self, kg: float) -> Answer:
+        self._require_simulated("payload")
+        await self.loop.parameters["daq"].set({"payload_kg": float(kg)})
+        return Answer(f"payload {kg:g} kg")
+
+    async def _on_fault(self, name: str) -> Answer:
+        self._require_simulated("fault")
+        await self.loop.restart_sampling({"fault": name})
+        return Answer(f"fault {name}: the run began anew")
+
+    async def _on_record(self, on: bool) -> Answer:  # noqa: FBT001 - a field of the request
+        bag = self._store.new_bag("live") if on else Path(self._recording or "")
+        if on:
+            await self._others["recorder"].set({"bag": str(bag)})
+        request = SetBool.Request(data=on)
+        answer = await self._calls.call(SetBool, "recorder/record", request, _RECORD_S)
+        if not (answer.success or (on and answer.message == f"already recording to {bag}")):
+            raise FlexarmError(answer.message)
+        self._recording = str(bag) if on else None
+        return Answer(answer.message, {"bag": bag.name, "folder": str(bag)})
+
+    async def _on_bags(self) -> Answer:
+        return Answer(data={"bags": self._store.bags(), "models": self._store.models()})
+
+    async def _on_get(self, node: str = "") -> Answer:
+        names = [node] if node else LOOP_NODES
+        for name in names:
+            await self._parameters(name).load()
+        shown = {name: self._parameters(name).shown() for name in names}
+        return Answer(data={"params": shown[node]} if node else {"nodes": shown})
+
+    async def _on_experiment(self, name: str) -> Answer:
+        work = self._chain.experiment(name, self._on_record, lambda: self.samples.newest)
+        number = self._jobs.start("experiment", work)
+        return Answer(f"experiment {name} runs", {"job": number})
+
+    async def _on_identify(self, **asked: Any) -> Answer:  # noqa: ANN401 - checked fields
+        number = self._jobs.start("identify", self._chain.identification(**asked))
+        return Answer(f"identifying {asked['bag']}", {"job": number})
+
+    async def _on_tune(self, law: str, models: list[str], **margins: float) -> Answer:
+        number = self._jobs.start("tune", self._chain.tuning(law, models, margins))
+        return Answer(f"tuning {law}", {"job": number})
+
+    async def _on_cancel(self, job: int) -> Answer:
+        return Answer(f"{self._jobs.cancel(job)} is being cancelled")
+
+    async def _on_apply(self, gains: Mapping[str, Any], law: str = "") -> Answer:
+        # All at once between two samples: the law takes over from the state of the former one.
+        await self.loop.parameters["controller"].set({**gains, **({"law": law} if law else {})})
+        return Answer("the new gains are in force")
+
+    def _tell(self, message: Mapping[str, Any]) -> None:
+        self.outlet.tell(message)
+
+    def _parameters(self, node: str) -> NodeParameters:
+        every = {**self.loop.parameters, **self._others}
+        if node not in every:
+            raise FlexarmError(f"no node {node!r}{nearest(node, every)}")
+        return every[node]
+
+    def _require_simulated(self, what: str) -> None:
+        if not self.loop.simulated:
+            raise FlexarmError(f"{what}: only the simulated arm's can be set")

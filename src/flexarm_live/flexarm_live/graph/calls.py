@@ -1,0 +1,103 @@
+"""Calls of services from the server's event loop, answered in the executor's thread."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import TYPE_CHECKING, Any
+
+from flexarm_core.errors import FlexarmError
+
+if TYPE_CHECKING:
+    from rclpy.client import Client
+    from rclpy.node import Node
+    from rclpy.task import Future
+
+_POLL_S = 0.02
+_UNHEARD_S = 3.0
+CALL_S = 15.0
+"""Patience with what usually takes a moment."""
+
+
+class CallError(FlexarmError):
+    """A service that does not answer, or refuses."""
+
+
+class Calls:
+    """Clients of the services of one arm.
+
+    Parameters
+    ----------
+    node : Node
+        Node for the clients, in the namespace of the arm; an executor spins it.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._clients: dict[tuple[type, str], Client] = {}
+
+    def client(self, kind: type, name: str) -> Client:
+        """Return the client of a service below the namespace: only the first is discovered."""
+        key = (kind, name)
+        if key not in self._clients:
+            self._clients[key] = self._node.create_client(kind, name)
+        return self._clients[key]
+
+    async def call(
+        self,
+        kind: type,
+        name: str,
+        request: object,
+        timeout_s: float = CALL_S,
+        *,
+        repeat: bool = True,
+    ) -> Any:  # noqa: ANN401 - the service's own response type
+        """Call a service and return its response.
+
+        A server that has not yet discovered the client's reader drops its answer, so the question
+        is put again when no answer comes for a while, unless it must be put once.
+
+        Raises
+        ------
+        CallError
+            When the service or its answer does not come in time.
+        """
+        client = self.client(kind, name)
+        deadline_s = time.monotonic() + timeout_s
+        while not client.service_is_ready():
+            if time.monotonic() > deadline_s:
+                raise CallError(f"{client.service_name} does not answer: is its node there?")
+            await asyncio.sleep(_POLL_S)
+        answers: list[asyncio.Future[Any]] = []
+        while (left_s := deadline_s - time.monotonic()) > 0.0:
+            if repeat or not answers:
+                answers.append(settled(client.call_async(request)))
+            patience_s = min(_UNHEARD_S, left_s)
+            done, _ = await asyncio.wait(
+                answers, timeout=patience_s, return_when=asyncio.FIRST_COMPLETED
+            )
+            if done:
+                return done.pop().result()
+        raise CallError(f"{client.service_name} did not answer within {timeout_s:.0f} s")
+
+
+def settled(future: Future[Any]) -> asyncio.Future[Any]:
+    """Return a future of this event loop that ends with one of rclpy."""
+    loop = asyncio.get_running_loop()
+    here: asyncio.Future[Any] = loop.create_future()
+
+    def settle() -> None:
+        if here.done():
+            return
+        error = future.exception()
+        if error is None:
+            here.set_result(future.result())
+        else:
+            here.set_exception(CallError(str(error)))
+
+    def on_done(_: Future[Any]) -> None:
+        if not loop.is_closed():
+            loop.call_soon_threadsafe(settle)
+
+    future.add_done_callback(on_done)
+    return here

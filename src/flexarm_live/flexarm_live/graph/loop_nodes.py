@@ -1,0 +1,105 @@
+"""The two nodes of the loop: their parameters, their transitions, and a run begun anew."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+
+from flexarm_live.graph.calls import CallError
+from flexarm_live.graph.node_parameters import NodeParameters
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rclpy.node import Node
+
+    from flexarm_live.graph.calls import Calls
+    from flexarm_live.graph.situation import Situation
+
+LOOP_NODES = ("daq", "controller")
+_SENDS = {"daq": "state", "controller": "command"}
+"""The first message of each goes to this topic."""
+_TRANSITION_S = 60.0
+"""Activating waits for readers, and for a commander."""
+
+
+class LoopNodes:
+    """Nodes of the loop, operated from the server's event loop.
+
+    Parameters
+    ----------
+    node : Node
+        Node whose graph knows the readers.
+    calls : Calls
+        Their services.
+    situation : Situation
+        Is told of transitions.
+
+    Attributes
+    ----------
+    parameters : dict of str to NodeParameters
+        Parameters by node.
+    """
+
+    def __init__(self, node: Node, calls: Calls, situation: Situation) -> None:
+        self._node = node
+        self._calls = calls
+        self._situation = situation
+        self.parameters = {name: NodeParameters(calls, name) for name in LOOP_NODES}
+        for name in LOOP_NODES:
+            # Discovered before they are needed.
+            calls.client(ChangeState, f"{name}/change_state")
+            calls.client(GetState, f"{name}/get_state")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the arm is the simulated one."""
+        return bool(self.parameters["daq"].values.get("rig") == "simulated")
+
+    async def state(self, name: str) -> int:
+        """Return the lifecycle state of a node."""
+        answer = await self._calls.call(GetState, f"{name}/get_state", GetState.Request())
+        return int(answer.current_state.id)
+
+    async def is_active(self, name: str) -> bool:
+        """Return whether a node is active."""
+        return bool(await self.state(name) == State.PRIMARY_STATE_ACTIVE)
+
+    async def activate(self, name: str) -> None:
+        """Take a node to active; it waits for all readers that are known here."""
+        state = await self.state(name)
+        if state == State.PRIMARY_STATE_ACTIVE:
+            return
+        if state == State.PRIMARY_STATE_UNCONFIGURED:
+            await self._change(name, Transition.TRANSITION_CONFIGURE)
+        wanted: dict[str, Any] = {"listeners": self._node.count_subscribers(_SENDS[name])}
+        if name == "daq":
+            wanted |= {"await_commander": True}
+        await self.parameters[name].set(wanted)
+        await self._change(name, Transition.TRANSITION_ACTIVATE)
+        self._situation.moved(name, active=True, now_s=time.monotonic())
+
+    async def deactivate(self, name: str) -> None:
+        """Take a node out of the loop, when it is in it; the drive goes to zero."""
+        if await self.is_active(name):
+            await self._change(name, Transition.TRANSITION_DEACTIVATE)
+        self._situation.moved(name, active=False, now_s=time.monotonic())
+
+    async def restart_sampling(
+        self, changes: Mapping[str, Any] | None = None, *, samples: int = 0
+    ) -> None:
+        """Begin the run of the DAQ node anew, with changes that it takes only between two runs."""
+        await self.deactivate("daq")
+        await self.parameters["daq"].set({"samples": samples, **(changes or {})})
+        await self.activate("daq")
+
+    async def _change(self, name: str, transition: int) -> None:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        answer = await self._calls.call(
+            ChangeState, f"{name}/change_state", request, _TRANSITION_S, repeat=False
+        )
+        if not answer.success:
+            raise CallError(f"{name} refused the transition: its log tells why")

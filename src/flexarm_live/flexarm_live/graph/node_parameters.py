@@ -1,0 +1,129 @@
+"""Parameters of a node, by its own descriptions: unit, range, choices and when a change acts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParametersAtomically,
+)
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from flexarm_core.nearest import nearest
+from flexarm_live.graph.calls import CallError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from flexarm_live.graph.calls import Calls
+
+_KINDS = {
+    ParameterType.PARAMETER_BOOL: "bool",
+    ParameterType.PARAMETER_INTEGER: "integer",
+    ParameterType.PARAMETER_DOUBLE: "double",
+    ParameterType.PARAMETER_STRING: "string",
+}
+# What rclpy declares by itself.
+_OTHERS = ("qos_overrides.", "start_type_description_service", "use_sim_time", "models.")
+
+
+class NodeParameters:
+    """Parameters of one node, read once and kept up to date by its events.
+
+    Attributes
+    ----------
+    values : dict of str to value
+        Values by name; empty until `load`.
+    """
+
+    def __init__(self, calls: Calls, node: str) -> None:
+        self._calls = calls
+        self._node = node
+        self._descriptors: dict[str, ParameterDescriptor] = {}
+        self.values: dict[str, Any] = {}
+
+    async def load(self) -> None:
+        """Read names, descriptions and values, where that was not done yet."""
+        if self.values:
+            return
+        node = self._node
+        listed = await self._calls.call(
+            ListParameters, f"{node}/list_parameters", ListParameters.Request()
+        )
+        names = [name for name in listed.result.names if not name.startswith(_OTHERS)]
+        described = await self._calls.call(
+            DescribeParameters,
+            f"{node}/describe_parameters",
+            DescribeParameters.Request(names=names),
+        )
+        answer = await self._calls.call(
+            GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names)
+        )
+        self._descriptors = {each.name: each for each in described.descriptors}
+        self.values = dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
+
+    def update(self, changed: Iterable[Any]) -> dict[str, Any]:
+        """Take the changes of an event; return those of parameters that are shown."""
+        new = {each.name: parameter_value_to_python(each.value) for each in changed}
+        known = {name: value for name, value in new.items() if name in self.values}
+        self.values = {**self.values, **known}
+        return known
+
+    def shown(self) -> list[dict[str, Any]]:
+        """Return every parameter with its description, in the order of the node."""
+        return [
+            shown(descriptor, self.values[name]) for name, descriptor in self._descriptors.items()
+        ]
+
+    async def set(self, wanted: Mapping[str, Any]) -> None:
+        """Set parameters, all or none; a whole number is taken for a float where one is wanted.
+
+        Raises
+        ------
+        CallError
+            When the node has no such parameter, or refuses.
+        """
+        await self.load()
+        request = SetParametersAtomically.Request(
+            parameters=[
+                Parameter(name, value=self._as_kind(name, value)).to_parameter_msg()
+                for name, value in wanted.items()
+            ]
+        )
+        service = f"{self._node}/set_parameters_atomically"
+        result = (await self._calls.call(SetParametersAtomically, service, request)).result
+        if not result.successful:
+            raise CallError(f"{self._node} refused: {result.reason}")
+
+    def _as_kind(self, name: str, value: object) -> object:
+        if name not in self.values:
+            if name.startswith("models."):
+                return value
+            raise CallError(f"{self._node} has no parameter {name}{nearest(name, self.values)}")
+        wants_float = self._descriptors[name].type == ParameterType.PARAMETER_DOUBLE
+        is_whole = isinstance(value, int) and not isinstance(value, bool)
+        return float(value) if wants_float and is_whole else value  # type: ignore[arg-type]
+
+
+def shown(descriptor: ParameterDescriptor, value: object) -> dict[str, Any]:
+    """Return one parameter as a page is told it; the inverse of `flexarm_node.parameters`."""
+    words = dict(
+        word.partition(": ")[::2] for word in descriptor.additional_constraints.split("; ")
+    )
+    ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+    return {
+        "name": descriptor.name,
+        "value": value,
+        "kind": _KINDS.get(descriptor.type, "array"),
+        "unit": words.get("unit", ""),
+        "low": ranges[0].from_value if ranges else None,
+        "high": ranges[0].to_value if ranges else None,
+        "choices": words["one of"].split(", ") if "one of" in words else [],
+        "read_only": descriptor.read_only,
+        "live": "a change acts at once" in words,
+        "description": descriptor.description,
+    }

@@ -1,0 +1,114 @@
+"""Samples as rows of numbers, from the bytes of `state` and of `reference`."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_core.arrays import FloatArray
+
+STATE, REFERENCE = range(2)
+"""Topics of the messages, in the order in which they are waited for."""
+COLUMNS = (
+    "position_v",
+    "base_strain_v",
+    "middle_strain_v",
+    "speed_v",
+    "command_v",
+    "compensation_v",
+    "reference_v",
+    "sequence_low",
+)
+"""Columns of a frame behind the times."""
+SEQUENCE_SPAN = 2**20
+"""The number of a sample is sent less whole spans of this: float32 has 24 bits."""
+_MEASURED = COLUMNS[:6]
+# An ArmState in CDR ends with these members; the text of its frame before them may have any length.
+_END = np.dtype(
+    [("sequence", "<u8"), *((name, "<f8") for name in _MEASURED), ("command_sequence", "<u8")]
+)
+_STAMP = struct.Struct("<4xiI")
+_DOUBLE = struct.Struct("<4xd")
+_LITTLE_ENDIAN = 1
+
+
+class Message(Protocol):
+    """One serialised message, with its topic and the instant of its publication."""
+
+    @property
+    def topic(self) -> int:
+        """Number of the topic, `STATE` or `REFERENCE`."""
+
+    @property
+    def raw(self) -> bytes:
+        """Serialised message (CDR)."""
+
+    @property
+    def source_ns(self) -> int:
+        """Instant of publication, nanoseconds since the epoch."""
+
+
+class Samples(NamedTuple):
+    """Samples of one look.
+
+    Attributes
+    ----------
+    times_s : ndarray, (samples,)
+        Their stamps, s.
+    rows : ndarray, (samples, 8)
+        Their values, see `COLUMNS`.
+    """
+
+    times_s: FloatArray
+    rows: FloatArray
+
+
+class SampleReader:
+    """Reader of messages in the order of their publication.
+
+    Attributes
+    ----------
+    reference_v : float
+        Set-point in force; NaN until it is known.
+    newest : int
+        Number of the newest sample; 0 before the first.
+    position_v : float
+        Position of the newest sample, V.
+    """
+
+    def __init__(self) -> None:
+        self.reference_v = math.nan
+        self.newest = 0
+        self.position_v = math.nan
+
+    def read(self, messages: Sequence[Message]) -> Samples | None:
+        """Return the samples among messages; None when there is none."""
+        ends, times_s, references_v = [], [], []
+        for message in sorted(messages, key=lambda each: each.source_ns):
+            if message.raw[1] != _LITTLE_ENDIAN:
+                continue
+            if message.topic == REFERENCE:
+                self.reference_v = _DOUBLE.unpack_from(message.raw)[0]
+                continue
+            second, nanosecond = _STAMP.unpack_from(message.raw)
+            times_s.append(second + 1e-9 * nanosecond)
+            ends.append(message.raw[-_END.itemsize :])
+            references_v.append(self.reference_v)
+        if not ends:
+            return None
+        found = np.frombuffer(b"".join(ends), _END)
+        self.newest, self.position_v = int(found["sequence"][-1]), float(found["position_v"][-1])
+        rows = np.column_stack(
+            [
+                *(found[name] for name in _MEASURED),
+                references_v,
+                found["sequence"] % SEQUENCE_SPAN,
+            ]
+        )
+        return Samples(np.array(times_s), rows)

@@ -1,0 +1,140 @@
+"""Situation of the laboratory, from what its nodes report on `/diagnostics`."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_REPORT_S = 4.0
+"""Reports come once a second; older ones tell nothing."""
+_SILENT_S = 1.0
+_STOPPED_S = 2.0
+"""A stop is told at once, and reported within a second."""
+_RECORDING = "recording to "
+_HELD = "the drive is held at zero: "
+_EMERGENCY = "emergency stop"
+_FIGURES = ("p50", "p99", "max")
+_ERROR = 2
+
+
+class _Report(NamedTuple):
+    """Newest report of a node."""
+
+    heard_s: float
+    is_error: bool
+    message: str
+    values: Mapping[str, str]
+
+    @property
+    def active(self) -> bool:
+        """True when the node says that it is."""
+        return self.message.startswith("active")
+
+    @property
+    def reason(self) -> str:
+        """What the node complains of."""
+        return self.message.partition(": ")[2]
+
+    def figure(self, name: str) -> float:
+        """Return a figure; NaN when the report has none."""
+        try:
+            return float(self.values[name])
+        except (KeyError, ValueError):
+            return math.nan
+
+
+class Badge(NamedTuple):
+    """State of the arm in one word, with its reason."""
+
+    word: str
+    reason: str = ""
+
+
+class Situation:
+    """What is known of the nodes; its caller states the time."""
+
+    def __init__(self) -> None:
+        self._reports: dict[str, _Report] = {}
+        self._sampled_s = -math.inf
+        self._stopped_s = -math.inf
+
+    def hear(
+        self, node: str, level: int, message: str, values: Mapping[str, str], now_s: float
+    ) -> None:
+        """Take a report of a node."""
+        self._reports[node] = _Report(now_s, level >= _ERROR, message, values)
+
+    def sampled(self, now_s: float) -> None:
+        """Take note that samples have come."""
+        self._sampled_s = now_s
+
+    def stopped(self, now_s: float) -> None:
+        """Take note that the drive was stopped: the report of it comes later."""
+        self._stopped_s = now_s
+
+    def moved(self, node: str, *, active: bool, now_s: float) -> None:
+        """Take note of a transition: the report of it comes later."""
+        before = self._reports.get(node)
+        values = dict(before.values) if before else {}
+        if node == "daq":
+            self._stopped_s = -math.inf
+            values["drive"] = "ready" if active else "off"
+            self._sampled_s = now_s
+        message = "active" if active else "not active"
+        self._reports[node] = _Report(now_s, is_error=False, message=message, values=values)
+
+    def badge(self, now_s: float) -> Badge:
+        """Return the state of the arm."""
+        daq = self._reports.get("daq")
+        if daq is None or now_s - daq.heard_s > _REPORT_S:
+            return Badge("STALE", "the DAQ node does not report: it hangs, or it has ended")
+        if not daq.active:
+            return Badge("FAULT", daq.reason) if daq.is_error else Badge("OFF", "not sampling")
+        if now_s - self._stopped_s < _STOPPED_S:
+            return Badge("STOPPED", _EMERGENCY)
+        return self._sampling(daq, now_s)
+
+    def _sampling(self, daq: _Report, now_s: float) -> Badge:
+        """Return the state of an arm whose DAQ node is active."""
+        drive = daq.values.get("drive", "off")
+        if drive == "held":
+            cause = daq.reason.partition(_HELD)[2] or daq.reason
+            return Badge("STOPPED" if _EMERGENCY in cause else "FAULT", cause)
+        if now_s - self._sampled_s > _SILENT_S:
+            return Badge("STALE", "no samples come")
+        if drive == "driving":
+            return Badge("DRIVING")
+        return Badge("STALE", daq.reason) if daq.reason else Badge("READY", "no command in force")
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return the figures of the loop and the state, as a page is told them."""
+        daq = self._reports.get("daq") or _Report(now_s, is_error=False, message="", values={})
+        badge = self.badge(now_s)
+        return {
+            "badge": badge.word,
+            "reason": badge.reason,
+            "factor": daq.figure("real-time factor"),
+            "missed": daq.figure("missed periods"),
+            "unanswered": daq.figure("unanswered samples"),
+            "rate_hz": daq.figure("rate Hz"),
+            "late_ms": {name: daq.figure(f"late {name} ms") for name in _FIGURES},
+            "reply_ms": {name: daq.figure(f"reply {name} ms") for name in _FIGURES},
+            "nodes": {name: self.word(name, now_s) for name in ("daq", "controller")},
+        }
+
+    def word(self, node: str, now_s: float) -> str:
+        """Return whether a node is active, or silent."""
+        report = self._reports.get(node)
+        if report is None or now_s - report.heard_s > _REPORT_S:
+            return "silent"
+        return "active" if report.active else "inactive"
+
+    def recording(self) -> str | None:
+        """Return the folder that the recorder writes to; None when it does not."""
+        report = self._reports.get("recorder")
+        if report is None or not report.message.startswith(_RECORDING):
+            return None
+        return report.message.removeprefix(_RECORDING).partition(";")[0]

@@ -1,0 +1,1 @@
+"""Server: access, requests and what is sent."""

@@ -1,0 +1,144 @@
+"""Desk where every request of every client is answered, with its rights checked."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Any
+
+from flexarm_core.errors import FlexarmError, one_line
+from flexarm_live.serving.access import Role
+from flexarm_live.serving.hold import Hold
+from flexarm_live.serving.laboratory import Answer
+from flexarm_live.serving.limits import MOST_AT_WORK
+from flexarm_live.serving.requests import Needs, RequestError, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from flexarm_live.serving.laboratory import Laboratory
+    from flexarm_live.serving.requests import Request
+
+_LOGGER = logging.getLogger("flexarm_live")
+VERSION = 1
+"""Version of what is said between server and page."""
+
+
+class Desk:
+    """Desk of one laboratory.
+
+    Parameters
+    ----------
+    laboratory : Laboratory
+        What carries out the requests.
+    address : str
+        Address of the page with its token, for the owner.
+    on_hold : callable
+        Called when the hand on the set-point has changed.
+
+    Attributes
+    ----------
+    hold : Hold
+        The hand on the set-point.
+    """
+
+    def __init__(
+        self, laboratory: Laboratory, address: str, on_hold: Callable[[], None] = lambda: None
+    ) -> None:
+        self._laboratory = laboratory
+        self._address = address
+        self._on_hold = on_hold
+        self.hold = Hold()
+
+    async def hello(self, role: Role) -> dict[str, Any]:
+        """Return the first message to a client."""
+        may_command = role is not Role.VIEWER
+        about = await self._laboratory.hello()
+        return {"type": "hello", "version": VERSION, "hand": may_command, **about}
+
+    def state(self, client: str) -> dict[str, Any]:
+        """Return the state of now as a client is told it."""
+        holder = self.hold.holder
+        return {
+            "type": "state",
+            **self._laboratory.state(),
+            "holder": holder == client,
+            "holder_name": "" if holder == client else holder,
+        }
+
+    def leave(self, client: str) -> None:
+        """End the hold of a client that has gone; the arm stays where the law holds it."""
+        if self.hold.let_go(client):
+            self._on_hold()
+
+    async def answer(
+        self, text: str | bytes, client: str, role: Role, *, at_work: int = 0
+    ) -> dict[str, Any]:
+        """Carry out a request and return the reply, which says why when it is refused.
+
+        Parameters
+        ----------
+        text : str or bytes
+            The message.
+        client, role : str, Role
+            Name and rights of who sent it.
+        at_work : int
+            Other requests of the client that are being carried out.
+        """
+        number = 0
+        try:
+            request = parse(text)
+            number = request.number
+            _require_few(request, at_work)
+            self._require(request, client, role)
+            message, data = await self._carry_out(request, client)
+        except RequestError as error:
+            return _reply(error.number or number, ok=False, message=str(error))
+        except FlexarmError as error:
+            return _reply(number, ok=False, message=one_line(error))
+        except Exception:
+            _LOGGER.exception("a request failed")
+            return _reply(number, ok=False, message="internal error, see the log of the node live")
+        return _reply(number, ok=True, message=message, data=data)
+
+    def _require(self, request: Request, client: str, role: Role) -> None:
+        """Refuse a client without the right, and give it the hand where it needs that."""
+        if role is Role.OWNER or request.needs is Needs.NOTHING:
+            return
+        if request.needs is Needs.OWNER:
+            raise RequestError(f"{request.verb}: only the terminal that started the page may ask")
+        if role is Role.VIEWER:
+            raise RequestError(
+                f"{request.verb}: this page may only look on; open the address with its token"
+            )
+        if request.needs is Needs.HOLD:
+            self._take(client)
+
+    def _take(self, client: str) -> None:
+        before = self.hold.holder
+        self.hold.take(client)
+        if not before:
+            self._on_hold()
+
+    async def _carry_out(self, request: Request, client: str) -> Answer:
+        if request.verb == "hold":
+            self._take(client)
+            return Answer("you have the hand on the set-point")
+        if request.verb == "let_go":
+            self.leave(client)
+            return Answer("nobody has the hand on the set-point" if not self.hold.holder else "")
+        if request.verb == "address":
+            return Answer(data={"url": self._address})
+        if request.verb == "status":
+            return Answer(data=self.state(client))
+        return await self._laboratory.carry_out(request)
+
+
+def _require_few(request: Request, at_work: int) -> None:
+    if at_work >= MOST_AT_WORK and request.verb != "stop":
+        raise RequestError(f"{at_work} requests of yours are at work: wait for a reply")
+
+
+def _reply(
+    number: int, *, ok: bool, message: str, data: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    return {"type": "reply", "id": number, "ok": ok, "message": message, "data": data or {}}

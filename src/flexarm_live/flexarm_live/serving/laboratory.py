@@ -1,0 +1,50 @@
+"""Laboratory as the server sees it: the graph behind a bridge, or a double in a test."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from flexarm_live.serving.requests import Request
+
+
+class Answer(NamedTuple):
+    """Answer to a request that was carried out."""
+
+    message: str = ""
+    data: Mapping[str, Any] | None = None
+
+
+class Laboratory(Protocol):
+    """What the server asks for; all of it in the server's own thread."""
+
+    async def hello(self) -> Mapping[str, Any]:
+        """Return what does not change: channels, laws, experiments, parameters."""
+
+    def state(self) -> Mapping[str, Any]:
+        """Return the state of now."""
+
+    async def carry_out(self, request: Request) -> Answer:
+        """Carry out a request; a `FlexarmError` refuses it with a reason."""
+
+    def report(self, name: str) -> bytes | None:
+        """Return the report of an identified model; None when there is none of that name."""
+
+
+class Outlet(Protocol):
+    """What the laboratory may call when it has news. Any thread may call."""
+
+    def tell(self, message: Mapping[str, Any]) -> None:
+        """Send a message to every client."""
+
+    def tell_state(self) -> None:
+        """Send the state of now to every client."""
+
+    def send_samples(self, frame: bytes) -> None:
+        """Send a frame of samples to every page."""
+
+    @property
+    def pages(self) -> int:
+        """How many pages are open."""

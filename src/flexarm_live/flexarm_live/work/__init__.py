@@ -1,0 +1,1 @@
+"""Computations of a page in processes of their own, so that the server answers meanwhile."""

@@ -1,0 +1,91 @@
+"""Identification for a page: the model with its files, and the curves that the page draws."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexarm_ident.job import identify_bags
+from flexarm_ident.workflow.request import Request
+from flexarm_live.work.process import serve
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from flexarm_core.arrays import Progress
+    from flexarm_ident.workflow.outcome import Outcome
+
+_POINTS = 4000
+_FREQUENCIES = 1000
+_INSTANTS = 3000
+_SMALLEST = 1e-30
+# A mode is one that recurs when their frequencies differ by no more than this part.
+_SAME_MODE = 0.03
+
+
+def identified(asked: Mapping[str, Any], report: Progress) -> dict[str, Any]:
+    """Identify a record, write model and report, and return what a page shows of it."""
+    known_modes_hz = tuple(asked["request"].get("known_modes_hz", ()))
+    request = Request(**asked["request"] | {"known_modes_hz": known_modes_hz})
+    results = identify_bags([Path(asked["bag"])], Path(asked["folder"]), request, progress=report)
+    return {"name": results.name, **curves(results.outcome)}
+
+
+def curves(outcome: Outcome) -> dict[str, Any]:
+    """Return figures and curves of an identification, thinned to what a screen can show."""
+    found, record = outcome.identification, outcome.records[0]
+    poles = [pole for pole in found.diagram.poles if pole.admissible]
+    physical = [each.mode.frequency_hz for each in found.recurring_modes if each.is_physical]
+    return {
+        "outputs": list(record.outputs),
+        "order": found.order,
+        "modes": [
+            {
+                "frequency_hz": mode.frequency_hz,
+                "damping": mode.damping_ratio,
+                "physical": any(
+                    np.isclose(mode.frequency_hz, each, rtol=_SAME_MODE) for each in physical
+                ),
+            }
+            for mode in outcome.modes
+            if mode.frequency_hz > 0.0 and mode.eigenvalue.imag > 0.0
+        ],
+        "dmv": [*outcome.dmv_errors, float(np.mean(outcome.dmv_errors))],
+        "verdict": str(outcome.verdict.level),
+        "verdict_line": str(outcome.verdict),
+        "stabilisation": {
+            "orders": list(found.diagram.orders),
+            "points": [
+                [pole.order, pole.frequency_hz, bool(pole.stable)] for pole in _thin(poles, _POINTS)
+            ],
+        },
+        "spectrum": _spectrum(outcome),
+        "fit": {
+            "t_s": _thin(record.times_s, _INSTANTS),
+            "measured": _thin(record.y_usable, _INSTANTS).T,
+            "simulated": _thin(outcome.dmv[0].y, _INSTANTS).T,
+        },
+        "warnings": list(outcome.warnings),
+    }
+
+
+def _spectrum(outcome: Outcome) -> dict[str, Any]:
+    """Return the power of the measured outputs over the frequency, in dB of the largest of each."""
+    spectra = outcome.spectra
+    if spectra is None:
+        return {"hz": [], "db": []}
+    power = _thin(spectra.power, _FREQUENCIES)
+    relative = np.maximum(power, _SMALLEST) / np.maximum(power.max(axis=0), _SMALLEST)
+    hz = _thin(spectra.frequencies_hz, _FREQUENCIES)
+    return {"hz": hz, "db": 10.0 * np.log10(np.maximum(relative, _SMALLEST)).T}
+
+
+def _thin(values: Any, most: int) -> Any:  # noqa: ANN401 - a list or an array
+    """Return at most so many of the values, evenly."""
+    return values[:: max(1, -(-len(values) // most))]
+
+
+if __name__ == "__main__":
+    serve(identified)

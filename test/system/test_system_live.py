@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import json
+import signal
+import socket
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from websockets.sync.client import connect
+
+from flexarm_live.graph.samples import COLUMNS
+from flexarm_live.serving.encoding import HEAD
+from flexarm_live.terminal_socket import connect as connect_terminal
+from support.live_server import ask
+from support.system_graph import ROOT
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from websockets.sync.client import ClientConnection
+
+    from flexarm_core.arrays import FloatArray
+    from support.system_graph import Graph
+
+pytestmark = pytest.mark.system
+COLUMN = {name: number for number, name in enumerate(COLUMNS, start=1)}
+
+
+def frame_after(page: ClientConnection, wanted: Any) -> FloatArray:  # noqa: ANN401 - any condition
+    """Return the first frame of samples for which a condition holds."""
+    while True:
+        message = page.recv(60.0)
+        if isinstance(message, bytes):
+            _, rows, columns, _, _ = HEAD.unpack_from(message)
+            frame = np.frombuffer(message, "<f4", offset=HEAD.size).reshape(rows, columns)
+            if wanted(frame):
+                return frame
+
+
+def test_up___its_page___shows_every_sample_and_drives_the_arm(
+    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = tmp_path / "bag"
+    process = graph.run([str(ROOT / "flexarm"), "up", "--bag", str(bag)])
+    process.wait_for("#token=")
+    address = next(line for line in process.printed.splitlines() if line.startswith("http"))
+    url = address.replace("http", "ws", 1).replace("/#", "/live?")
+    with connect(url, compression=None, ping_interval=None) as page:
+        hello = json.loads(page.recv(60.0))
+        assert hello["hand"] is True
+        assert hello["simulated"] is True
+        kp = next(each for each in hello["nodes"]["controller"] if each["name"] == "pdpc.kp")
+        assert (kp["kind"], kp["low"], kp["high"], kp["live"]) == ("double", 0.0, 5.0, True)
+
+        first = frame_after(page, lambda _: True)
+        second = frame_after(page, lambda _: True)
+        numbers = np.concatenate([first, second])[:, COLUMN["sequence_low"]]
+        np.testing.assert_array_equal(np.diff(numbers), 1.0)
+
+        assert ask(page, do="payload", kg=0.2)["ok"] is True
+        assert ask(page, do="reference", value_v=1.0)["ok"] is True
+        arrived = frame_after(page, lambda frame: frame[-1, COLUMN["position_v"]] > 0.7)
+        assert arrived[-1, COLUMN["reference_v"]] == 1.0
+
+        assert ask(page, do="waveform", kind="sine", amplitude_v=2.0, period_s=1.0)["ok"] is True
+        frame_after(page, lambda frame: frame[-1, COLUMN["reference_v"]] < -0.5)
+        refused = ask(page, do="reference", value_v=1.0)
+        assert "the controller follows its own, sine" in refused["message"]
+
+        assert ask(page, do="stop")["ok"] is True
+        frame_after(page, lambda frame: not frame[-1, COLUMN["command_v"]])
+        released = ask(page, do="release")
+        assert released["ok"] is True, released
+        frame_after(page, lambda frame: frame[-1, COLUMN["command_v"]])
+
+        unknown = ask(page, do="law", name="pdpq")
+        assert "must be one of" in unknown["message"]
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(graph.domain))
+    with connect_terminal("/flexarm") as terminal, closing(terminal.makefile("rw")) as lines:
+        lines.write('{"id": 3, "do": "status"}\n')
+        lines.flush()
+        status = json.loads(lines.readline())
+    # A node reports once a second.
+    assert status["data"]["badge"] in {"READY", "DRIVING"}
+    assert status["data"]["payload_kg"] == 0.2
+    process.send(signal.SIGINT)
+    assert process.exit_code() == 0, process.printed
+    with AnyReader([bag]) as reader:
+        events: list[Any] = [
+            reader.deserialize(raw, connection.msgtype)
+            for connection, _, raw in reader.messages()
+            if connection.topic == "/parameter_events"
+        ]
+    changed = [
+        (event.node, each.name, each.value.double_value)
+        for event in events
+        for each in event.changed_parameters
+    ]
+    assert ("/flexarm/daq", "payload_kg", 0.2) in changed
+
+
+def test_up___with_a_port_that_is_taken___says_so(graph: Graph) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        process = graph.run([str(ROOT / "flexarm"), "up", "--port", port])
+        assert process.exit_code() == 1
+    assert f"cannot listen on 127.0.0.1 port {port}" in process.printed

@@ -1,0 +1,100 @@
+"""Jobs from their begin to their end, and the names of records and models."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from flexarm_core.errors import FlexarmError
+from flexarm_live.graph.jobs import Jobs, computed
+from flexarm_live.graph.store import Store
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from flexarm_live.graph.jobs import Report
+
+PATIENCE_S = 120.0
+
+
+async def told_by(jobs_of: Any, told: list[Mapping[str, Any]]) -> None:  # noqa: ANN401
+    """Run jobs and wait until the last has told its end."""
+    ended = asyncio.Event()
+
+    def tell(message: Mapping[str, Any]) -> None:
+        told.append(message)
+        if message["done"]:
+            ended.set()
+
+    await jobs_of(Jobs(tell))
+    await asyncio.wait_for(ended.wait(), PATIENCE_S)
+
+
+def test_job___done_failed_or_cancelled___tells_its_end_once() -> None:
+    async def good(report: Report) -> Mapping[str, Any]:
+        report("half", 0.5)
+        return {"x": 1}
+
+    async def bad(report: Report) -> Mapping[str, Any]:  # noqa: ARG001
+        raise FlexarmError("no model\nfits")
+
+    async def endless(report: Report) -> Mapping[str, Any]:  # noqa: ARG001
+        await asyncio.Event().wait()
+        return {}
+
+    ends = []
+    for work in (good, bad, endless):
+        told: list[Mapping[str, Any]] = []
+
+        async def start(jobs: Jobs, work: Any = work) -> None:  # noqa: ANN401
+            number = jobs.start("tune", work)
+            if work is endless:
+                await asyncio.sleep(0.01)
+                with pytest.raises(FlexarmError, match="job 1, tune, is at work"):
+                    jobs.start("tune", work)
+                with pytest.raises(FlexarmError, match="no job 9"):
+                    jobs.cancel(9)
+                assert jobs.cancel(number) == "tune"
+
+        asyncio.run(told_by(start, told))
+        assert [each["done"] for each in told].count(True) == 1
+        ends.append((told[-1]["ok"], told[-1]["message"], told[-1]["data"]))
+    assert ends[0] == (True, "", {"x": 1})
+    assert ends[1] == (False, "no model fits", {})
+    assert ends[2][0] is False
+    assert "cancelled" in ends[2][1]
+
+
+def test_computation___of_a_request_that_cannot_be___is_refused_with_its_line(
+    tmp_path: Path,
+) -> None:
+    asked = {"law": "pd", "models": ["nominal:0"], "margins": {}, "before": {}}
+    with pytest.raises(FlexarmError, match="law 'pd' is not tunable"):
+        asyncio.run(computed("flexarm_live.work.tuning", asked, lambda _stage, _done: None))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_store___knows___its_own_names_only(tmp_path: Path) -> None:
+    store = Store(tmp_path / "live")
+    assert store.bags() == []
+    bag = store.new_bag("live")
+    bag.mkdir()
+    (bag / "metadata.yaml").touch()
+    (tmp_path / "metadata.yaml").touch()
+    assert store.bags() == [bag.name]
+    assert store.bag(bag.name) == bag
+    for name in ("..", ".", "", "/etc", f"../live/{bag.name}", "models"):
+        with pytest.raises(FlexarmError, match="no record"):
+            store.bag(name)
+        assert store.report(name) is None
+    folder = store.model_folder(bag.name)
+    folder.mkdir(parents=True)
+    (folder / "model.yaml").touch()
+    (folder / "report.html").write_bytes(b"<p>")
+    assert store.models() == [bag.name]
+    assert store.report(bag.name) == b"<p>"
+    with pytest.raises(FlexarmError, match=r"no model 'x' \(nearest: live"):
+        store.model_file("x")

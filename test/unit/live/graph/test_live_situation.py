@@ -1,0 +1,72 @@
+"""State of the arm from the reports of its nodes."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from flexarm_live.graph.situation import Situation
+
+OK, WARN, ERROR = 0, 1, 2
+HELD = "active: the drive is held at zero: "
+
+
+def situation(level: int, message: str, drive: str, *, sampled_s: float = 10.0) -> Situation:
+    found = Situation()
+    found.hear("daq", level, message, {"drive": drive, "late p99 ms": "0.5"}, 10.0)
+    found.sampled(sampled_s)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("level", "message", "drive", "badge"),
+    [
+        (OK, "not active", "off", ("OFF", "not sampling")),
+        (OK, "active", "ready", ("READY", "no command in force")),
+        (OK, "active", "driving", ("DRIVING", "")),
+        (WARN, "active: no command in time", "ready", ("STALE", "no command in time")),
+        (ERROR, f"{HELD}emergency stop", "held", ("STOPPED", "emergency stop")),
+        (ERROR, f"{HELD}position_v is stuck", "held", ("FAULT", "position_v is stuck")),
+        (ERROR, "not active: the loop has ended", "off", ("FAULT", "the loop has ended")),
+    ],
+)
+def test_badge___of_a_report___is_its_state_with_the_reason(
+    level: int, message: str, drive: str, badge: tuple[str, str]
+) -> None:
+    assert tuple(situation(level, message, drive).badge(10.5)) == badge
+
+
+def test_badge___without_reports_or_samples___is_stale() -> None:
+    assert Situation().badge(0.0).word == "STALE"
+    found = situation(OK, "active", "driving")
+    assert found.badge(10.9).word == "DRIVING"
+    assert found.badge(11.5) == ("STALE", "no samples come")
+    found.sampled(20.0)
+    assert "does not report" in found.badge(20.0).reason
+
+
+def test_stop___before_it_is_reported___shows() -> None:
+    found = situation(OK, "active", "driving")
+    found.stopped(10.1)
+    assert found.badge(10.2).word == "STOPPED"
+    found.moved("daq", active=False, now_s=10.3)
+    assert found.badge(10.4).word == "OFF"
+    found.moved("daq", active=True, now_s=10.5)
+    assert found.badge(10.6).word == "READY"
+
+
+def test_state___has___the_figures_that_are_known() -> None:
+    state = situation(OK, "active", "driving").state(10.5)
+    assert state["late_ms"]["p99"] == 0.5
+    assert math.isnan(state["reply_ms"]["p50"])
+    assert state["nodes"] == {"daq": "active", "controller": "silent"}
+
+
+def test_recording___is___the_folder_of_the_report() -> None:
+    found = Situation()
+    assert found.recording() is None
+    found.hear("recorder", WARN, "recording to /a/b; state: 3 lost", {}, 1.0)
+    assert found.recording() == "/a/b"
+    found.hear("recorder", OK, "not recording", {}, 2.0)
+    assert found.recording() is None
