@@ -48,6 +48,11 @@ _BENCHES = (
         ("--json out/control.json",),
     ),
     (
+        "laws",
+        "All laws on payloads, set-points and rigs that differ from their design",
+        ("--docs", "--law planned --law pdpc_plus --seeds 2 --variant nominal"),
+    ),
+    (
         "robustness",
         "Tuned gains over a grid of payloads and on rigs drawn at random",
         ("--rigs 500 --spread 0.2",),
