@@ -9,7 +9,13 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.graph.processes import NAMESPACE, LaunchError, NodeProcesses, NodeProgram
+from flexarm_bringup.graph.processes import (
+    MANAGED,
+    NAMESPACE,
+    LaunchError,
+    NodeProcesses,
+    NodeProgram,
+)
 from flexarm_bringup.graph.session import OPERATOR, ros_domain, session
 from flexarm_core.own_files import private_folder
 from flexarm_node.parameter_files import NODE_NAMES, unknown_nodes
@@ -29,8 +35,6 @@ _NODES = {
     "daq": ("flexarm_daq", "daq_node"),
     "live": ("flexarm_live", "live_node"),
 }
-MANAGED = ("daq", "controller", "experiment")
-"""The nodes with a lifecycle."""
 LABORATORY = ("recorder", "ident", "controller", "daq")
 """The nodes of a running laboratory, in the order in which they start."""
 

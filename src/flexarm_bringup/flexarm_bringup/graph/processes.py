@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 NAMESPACE = "/flexarm"
 """Namespace of an arm that is given none."""
+MANAGED = ("daq", "controller", "experiment")
+"""The nodes with a lifecycle."""
 _PATIENCE_S = 8.0
 _AFTER = {"daq_node": ": a board keeps its last voltage, so at a real rig press the emergency stop"}
 """Advice for the user when the process of a node was killed."""

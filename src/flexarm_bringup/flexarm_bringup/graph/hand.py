@@ -1,0 +1,57 @@
+"""Hand on a running arm: what another terminal may ask of it, over the socket of `up` or the graph.
+
+A start of rclpy and a discovery take seconds, a connection to the socket takes a millisecond.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+Result = TypeVar("Result")
+
+
+class Hand(Protocol):
+    """Hand on one arm; a `LaunchError` says what was refused."""
+
+    def stop(self) -> str:
+        """Hold the drive at zero until the DAQ node is deactivated; return what it says."""
+
+    def reports(self) -> Mapping[str, tuple[str, Mapping[str, str]]]:
+        """Return the message and the figures of each node that reports."""
+
+    def reference(self, volts: float) -> float:
+        """Give the controller a set-point, V; return the one in force."""
+
+    def set(self, node: str, values: Mapping[str, Any]) -> Mapping[str, tuple[Any, Any]]:
+        """Set parameters of a node, all or none; return the former and the new values."""
+
+    def activate(self, node: str) -> str:
+        """Activate a managed node and return its state."""
+
+    def deactivate(self, node: str) -> str:
+        """Deactivate a managed node and return its state."""
+
+
+def through(namespace: str, do: Callable[[Hand], Result]) -> Result:
+    """Do something over the socket of `up`; over the graph where that is not there or not enough.
+
+    Parameters
+    ----------
+    namespace : str
+        Namespace of the arm.
+    do : callable
+        Called with the hand, perhaps twice: what it asks for may be asked for again.
+    """
+    try:
+        with live_hand(namespace) as hand:
+            return do(hand)
+    except NoAnswerError:
+        from flexarm_bringup.graph.graph_hand import graph_hand  # noqa: PLC0415 - it loads rclpy
+
+        with graph_hand(namespace) as slow_hand:
+            return do(slow_hand)

@@ -1,0 +1,131 @@
+"""Hand on a running arm over the Unix socket of its `up`: one JSON object a line, and its reply."""
+
+from __future__ import annotations
+
+import json
+from contextlib import contextmanager
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from flexarm_bringup.graph.assignments import assigned
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_core.errors import one_line
+from flexarm_core.own_files import OwnFileError
+from flexarm_live.terminal_socket import connect
+
+if TYPE_CHECKING:
+    import socket
+    from collections.abc import Collection, Iterator, Mapping
+
+_STOP_S = 1.0
+"""Patience with a stop: the graph is asked then."""
+_TRANSITION_S = 60.0
+_USUAL_S = 5.0
+_LONGEST = 4 << 20
+_LOOP = ("daq", "controller")
+_NODES = (*_LOOP, "recorder", "ident")
+"""Nodes whose parameters `up` knows."""
+_MODELS = "models."
+
+
+class NoAnswerError(LaunchError):
+    """No `up` of the arm answers, or what is asked for is none of its nodes'."""
+
+
+class Answer(NamedTuple):
+    """Answer to a request that was carried out."""
+
+    message: str
+    data: Mapping[str, Any]
+
+
+@contextmanager
+def live_hand(namespace: str) -> Iterator[LiveHand]:
+    """Connect to the `up` of an arm; a `NoAnswerError` when there is none."""
+    try:
+        connection = connect(namespace)
+    except (OSError, OwnFileError) as error:
+        raise NoAnswerError(f"no `flexarm up` of {namespace} runs here") from error
+    with connection:
+        yield LiveHand(connection)
+
+
+class LiveHand:
+    """Hand on the arm at the other end of a connection; see `graph.hand.Hand`."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+        self._replies = connection.makefile("rb")
+
+    def ask(self, verb: str, patience_s: float = _USUAL_S, **fields: object) -> Answer:
+        """Send a request and return its answer.
+
+        Raises
+        ------
+        NoAnswerError
+            When none comes in time.
+        LaunchError
+            When the request is refused.
+        """
+        request = json.dumps({"id": 0, "do": verb, **fields}).encode()
+        try:
+            self._connection.settimeout(patience_s)
+            self._connection.sendall(request + b"\n")
+            reply = json.loads(self._replies.readline(_LONGEST))
+            carried_out, answer = reply["ok"], Answer(reply["message"], reply["data"])
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            raise NoAnswerError(f"no answer to {verb}: {one_line(error)}") from error
+        if not carried_out:
+            raise LaunchError(answer.message)
+        return answer
+
+    def stop(self) -> str:
+        """Hold the drive at zero; whatever hinders that here, the graph has to be tried."""
+        try:
+            return self.ask("stop", _STOP_S).message
+        except LaunchError as error:
+            raise NoAnswerError(one_line(error)) from error
+
+    def reports(self) -> Mapping[str, tuple[str, Mapping[str, str]]]:
+        """Return the message and the figures of each node that reports."""
+        reports = self.ask("status").data.get("reports")
+        if not reports:
+            raise NoAnswerError("no node has reported to `up`")
+        return {name: (each["message"], each["values"]) for name, each in reports.items()}
+
+    def reference(self, volts: float) -> float:
+        """Give the controller a set-point, V; return the one in force."""
+        return float(self.ask("reference", value_v=volts).data["value_v"])
+
+    def set(self, node: str, values: Mapping[str, Any]) -> Mapping[str, tuple[Any, Any]]:
+        """Set parameters of a node, all or none; return the former and the new values."""
+        _require(node, _NODES)
+        if len(values) > 1 or any(name.startswith(_MODELS) for name in values):
+            raise NoAnswerError("`up` sets one parameter, and none of a model")
+        params = self.ask("get", node=node).data["params"]
+        before = {each["name"]: each["value"] for each in params}
+        changes = assigned(node, values, before)
+        for name, value in changes.items():
+            self.ask("set", node=node, name=name, value=value)
+        return {name: (before[name], value) for name, value in changes.items()}
+
+    def activate(self, node: str) -> str:
+        """Activate a node of the loop and return its state."""
+        _require(node, _LOOP)
+        self.ask("activate", _TRANSITION_S, node=node)
+        return "active"
+
+    def deactivate(self, node: str) -> str:
+        """Deactivate a node of the loop and return its state."""
+        _require(node, _LOOP)
+        self.ask("deactivate", _TRANSITION_S, node=node)
+        return "inactive"
+
+
+def _require(node: str, known: Collection[str]) -> None:
+    """Refuse a misspelt node, and leave others to the graph."""
+    if node in known:
+        return
+    for near in get_close_matches(node, known, n=1):
+        raise LaunchError(f"no node {node} (nearest: {near})")
+    raise NoAnswerError(f"{node} is no node of `up`")

@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from click.testing import CliRunner
+
+from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.verbs.laboratory import remote
+from flexarm_live.terminal_socket import listen
+
+if TYPE_CHECKING:
+    import socket
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import click
+
+ARM = "/arm_of_a_test"
+PARAMS = [{"name": "pd.kp", "value": 1.0}, {"name": "law", "value": "pd"}]
+
+
+class Up:
+    """An `up` that notes what is asked of it."""
+
+    def __init__(self, listening: socket.socket) -> None:
+        self.asked: list[dict[str, Any]] = []
+        self.refusal = ""
+        self.silent = False
+        self._listening = listening
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                connection, _ = self._listening.accept()
+            except OSError:
+                return
+            with connection, connection.makefile("rb") as lines:
+                for line in lines:
+                    self.asked.append(json.loads(line))
+                    if self.silent:
+                        break
+                    connection.sendall(json.dumps(self._reply(self.asked[-1])).encode() + b"\n")
+
+    def _reply(self, request: dict[str, Any]) -> dict[str, Any]:
+        data = {
+            "get": {"params": PARAMS},
+            "reference": {"value_v": request.get("value_v")},
+            "status": {"reports": {"daq": {"message": "active", "values": {"drive": "driving"}}}},
+        }.get(request["do"], {})
+        return {"id": 0, "ok": not self.refusal, "message": self.refusal or "held", "data": data}
+
+
+@pytest.fixture
+def up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Up]:
+    monkeypatch.setattr("flexarm_core.own_files.gettempdir", lambda: str(tmp_path))
+    with listen(ARM) as listening:
+        yield Up(listening)
+
+
+def told(verb: click.Command, *arguments: str) -> str:
+    """Return what a verb prints; raise what it raises."""
+    done = CliRunner().invoke(verb, [*arguments, "--namespace", ARM], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+@pytest.mark.parametrize(
+    ("verb", "arguments", "asked", "printed"),
+    [
+        (remote.stop, [], {"do": "stop"}, "held\n"),
+        (remote.reference, ["-1.5"], {"do": "reference", "value_v": -1.5}, "set-point -1.5 V\n"),
+        (remote.activate, ["daq"], {"do": "activate", "node": "daq"}, "daq is active\n"),
+        (remote.deactivate, ["daq"], {"do": "deactivate", "node": "daq"}, "daq is inactive\n"),
+        (
+            remote.status,
+            [],
+            {"do": "status"},
+            f"daq: active\n    {'drive':36s} driving\n",
+        ),
+        (
+            remote.set_,
+            ["controller", "pd.kp=2"],
+            {"do": "set", "node": "controller", "name": "pd.kp", "value": 2.0},
+            "controller pd.kp: 1.0 -> 2.0\n",
+        ),
+    ],
+)
+def test_verb___with_an_up___asks_it(
+    up: Up, verb: click.Command, arguments: list[str], asked: dict[str, Any], printed: str
+) -> None:
+    assert told(verb, *arguments) == printed
+    assert up.asked[-1] == {"id": 0, **asked}
+
+
+def test_verb___that_is_refused___says_why(up: Up) -> None:
+    up.refusal = "reference 7 V refused: the travel is +-6.857 V"
+    with pytest.raises(LaunchError, match=r"reference 7 V refused: the travel is \+-6.857 V"):
+        told(remote.reference, "7")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["controller", "pd.kq=2"], r"controller has no parameter pd.kq \(nearest: pd.kp\)"),
+        (["contoller", "pd.kp=2"], r"no node contoller \(nearest: controller\)"),
+    ],
+)
+def test_set___misspelt_name___is_told_with_the_nearest(
+    up: Up, arguments: list[str], complaint: str
+) -> None:
+    with pytest.raises(LaunchError, match=complaint):
+        told(remote.set_, *arguments)
+    assert not [each for each in up.asked if each["do"] == "set"]
+
+
+@pytest.mark.parametrize(("refusal", "silent"), [("daq does not answer", False), ("", True)])
+def test_stop___that_up_does_not_carry_out___is_left_to_the_graph(
+    up: Up, refusal: str, *, silent: bool
+) -> None:
+    up.refusal, up.silent = refusal, silent
+    with live_hand(ARM) as hand, pytest.raises(NoAnswerError):
+        hand.stop()
+
+
+def test_arm___without_an_up___is_left_to_the_graph(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexarm_core.own_files.gettempdir", lambda: str(tmp_path))
+    with pytest.raises(NoAnswerError, match=f"no `flexarm up` of {ARM} runs here"), live_hand(ARM):
+        pytest.fail("there is none")
+
+
+def test_verbs___with_an_up___load_neither_ros_nor_mathematics() -> None:
+    program = (
+        "import sys, flexarm_bringup.verbs.laboratory.remote;"
+        "print({'numpy', 'rclpy', 'rich', 'scipy'} & set(sys.modules))"
+    )
+    done = subprocess.run(  # noqa: S603 - ours
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
+    assert done.stdout == "set()\n"
