@@ -45,6 +45,10 @@ class MemoryLaboratory:
         """Return a state with a figure that is none."""
         return {"badge": "READY", "late_ms": {"p50": float("nan")}}
 
+    def reports(self) -> Mapping[str, Any]:
+        """Return the report of one node."""
+        return {"daq": {"message": "active", "values": {"drive": "ready"}}}
+
     async def carry_out(self, request: Request) -> Answer:
         """Note a request; the law of the name `none` is refused."""
         if request.verb in self.slow:

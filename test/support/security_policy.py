@@ -170,6 +170,7 @@ def has_all(graph: Graph) -> bool:
         "player": (REPLY, full_name("player/play")),
         "ident": (EXECUTE, full_name("identify_bags")),
         "tuner": (REPLY, full_name("tune")),
+        "live": (SUBSCRIBE, full_name("reference")),
     }
     return {full_name(name) for name in last} <= graph.operator.nodes() and all(
         what in uses_of(graph.node, full_name(name))[rule] for name, (rule, what) in last.items()

@@ -50,6 +50,7 @@ PACKAGES = {
     "ident": "flexarm_ident",
     "controller": "flexarm_control",
     "tuner": "flexarm_control",
+    "live": "flexarm_live",
 }
 """Nodes by name, and the package that each belongs to."""
 

@@ -133,11 +133,12 @@ def test_verb___listens_on_loopback_alone(graph: Graph, verb: str) -> None:
 def test_up___listens_on_loopback_alone_and_so_do_its_nodes(graph: Graph) -> None:
     process = graph.run([str(ROOT / "flexarm"), "up"])
 
-    seen = addresses_until(graph, lambda: "/flexarm is up" in process.printed)
+    # The page's address comes last.
+    seen = addresses_until(graph, lambda: "/#token=" in process.printed)
 
     with_sockets = [addresses for addresses in seen.values() if addresses]
-    assert with_sockets == [{_LOOPBACK}] * 5
-    assert all(graph.survivors(executable(name).name) for name in ("recorder", "ident"))
+    assert with_sockets == [{_LOOPBACK}] * 6
+    assert all(graph.survivors(executable(name).name) for name in ("recorder", "ident", "live"))
 
 
 @pytest.mark.skipif("_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in os.environ, reason="needs the wheels")

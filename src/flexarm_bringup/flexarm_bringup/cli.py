@@ -36,6 +36,7 @@ GROUPS = {
         "up": "laboratory.up:up",
         "status": "laboratory.remote:status",
         "reference": "laboratory.remote:reference",
+        "get": "laboratory.remote:get",
         "set": "laboratory.remote:set_",
         "stop": "laboratory.remote:stop",
         "deactivate": "laboratory.remote:deactivate",

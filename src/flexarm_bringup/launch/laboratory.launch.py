@@ -34,6 +34,7 @@ _NODES = (
     ("flexarm_control", "controller"),
     ("flexarm_daq", "daq"),
 )
+_PAGE = ("flexarm_live", "live")
 _SETTINGS = {
     "rate_hz": ("daq", float, "sampling rate, Hz"),
     "rig": ("daq", str, "simulated or nidaq"),
@@ -61,6 +62,11 @@ def generate_launch_description() -> LaunchDescription:
                 "; a section for /**/daq is for the node daq in any namespace",
             ),
             DeclareLaunchArgument(
+                "page",
+                default_value="false",
+                description="true: serve the page of the arm; `flexarm status` tells its address",
+            ),
+            DeclareLaunchArgument(
                 "view", default_value="false", description="true: show the arm in RViz"
             ),
             *(
@@ -84,6 +90,7 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
         if LaunchConfiguration(name).perform(context)
     }
     namespace = _namespace(context)
+    programs = (*_NODES, _PAGE) if _is_wanted(context, "page") else _NODES
     laboratory = [
         Node(
             package=package,
@@ -98,10 +105,15 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
                 *({name: given[name]} for name in given if _SETTINGS[name][0] == node),
             ],
         )
-        for package, node in _NODES
+        for package, node in programs
     ]
-    view = LaunchConfiguration("view").perform(context).lower() == "true"
-    return [*laboratory, *_frames(namespace), *(_view(namespace) if view else [])]
+    view = _view(namespace) if _is_wanted(context, "view") else []
+    return [*laboratory, *_frames(namespace), *view]
+
+
+def _is_wanted(context: LaunchContext, name: str) -> bool:
+    """Return whether an argument that is true or false is true."""
+    return LaunchConfiguration(name).perform(context).lower() == "true"
 
 
 def _namespace(context: LaunchContext) -> str:

@@ -17,7 +17,7 @@ from flexarm_core.errors import FlexarmError
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-NODE_NAMES = ("daq", "controller", "experiment", "recorder", "ident", "tuner", "player")
+NODE_NAMES = ("daq", "controller", "experiment", "recorder", "ident", "tuner", "player", "live")
 """The nodes of flexarm, without their namespace."""
 _PARAMETERS = "ros__parameters"
 _FILE = "--params-file"

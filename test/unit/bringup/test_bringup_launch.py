@@ -20,7 +20,7 @@ def files_of(arguments: list[str]) -> list[str]:
 
 def test_arguments___are_described() -> None:
     arguments = declared()
-    assert set(arguments) == {"namespace", "params_file", "view", *SETTINGS}
+    assert set(arguments) == {"namespace", "params_file", "page", "view", *SETTINGS}
     assert all(each.description for each in arguments.values())
 
 
@@ -45,6 +45,12 @@ def test_namespace___given_or_pushed___is_that_of_every_node(
     enclaves = [line[line.index("--enclave") + 1] for line in lines]
     assert enclaves == [f"{namespace}/{node.name}" for node in nodes]
     assert [files_of(line) for line in lines] == [[OWN]] * 4
+
+
+@pytest.mark.parametrize(("page", "served"), [("true", {"live"}), ("false", set())])
+def test_page___wanted___is_served_by_its_node(page: str, served: set[str]) -> None:
+    nodes, _ = launched({"page": page})
+    assert {node.name for node in nodes} - {node.name for node in launched({})[0]} == served
 
 
 def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path: Path) -> None:

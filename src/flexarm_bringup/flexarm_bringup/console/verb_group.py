@@ -49,7 +49,8 @@ class VerbGroup(click.Group):
         except KeyboardInterrupt:
             click.echo("flexarm: interrupted", err=True)
             sys.exit(130)
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
+        # A reader that has read enough is no error: click ends the program without a word.
+        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
         # Libraries raise errors of their own, such as rclpy for a wrong ROS_DOMAIN_ID.
         except (FlexarmError, ValueError, RuntimeError, OSError) as error:

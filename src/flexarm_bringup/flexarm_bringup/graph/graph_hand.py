@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
+from rcl_interfaces.srv import DescribeParameters, ListParameters
 from std_srvs.srv import Trigger
 
 from flexarm_bringup.graph.assignments import assigned
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import REMOTE, ros_domain, session
 from flexarm_core.nearest import nearest
+from flexarm_live.graph.node_parameters import own_names, shown
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from rclpy.task import Future
 
@@ -50,6 +52,10 @@ class GraphHand:
         """Hold the drive at zero until the DAQ node is deactivated; return what it says."""
         self._find("daq")
         return str(self._operator.call(Trigger, _STOP, Trigger.Request()).message)
+
+    def page(self) -> str:
+        """Return nothing: a page tells its address on its socket."""
+        return ""
 
     def reports(self) -> Mapping[str, tuple[str, Mapping[str, str]]]:
         """Return the message and the figures of each node that reports."""
@@ -86,6 +92,34 @@ class GraphHand:
         if not response.success:
             raise LaunchError(response.message)
         return float(response.reference_v)
+
+    def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+        """Return the parameters of a node, or of every one, with values, bounds and units."""
+        if node:
+            self._find(node)
+        return {each: self._described(each) for each in ([node] if node else self._reporting())}
+
+    def _reporting(self) -> list[str]:
+        operator = self._operator
+        ours = {operator.full_name(name): name for name in sorted(_REPORTING | {"ident"})}
+        try:
+            operator.wait(lambda: operator.nodes() >= ours.keys(), "the nodes", _DISCOVERY_S)
+        except LaunchError:
+            if not operator.nodes() & ours.keys():
+                raise LaunchError(_nobody("node with parameters")) from None
+        return [name for full, name in ours.items() if full in operator.nodes()]
+
+    def _described(self, node: str) -> list[dict[str, Any]]:
+        call = self._operator.call
+        listed = call(ListParameters, f"{node}/list_parameters", ListParameters.Request())
+        names = own_names(listed.result.names)
+        described = call(
+            DescribeParameters,
+            f"{node}/describe_parameters",
+            DescribeParameters.Request(names=names),
+        )
+        values = self._operator.values(node, tuple(names))
+        return [shown(each, values[each.name]) for each in described.descriptors]
 
     def set(self, node: str, values: Mapping[str, Any]) -> Mapping[str, tuple[Any, Any]]:
         """Set parameters of a node, all or none; return the former and the new values."""

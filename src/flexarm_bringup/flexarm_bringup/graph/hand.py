@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
 Result = TypeVar("Result")
 
@@ -24,8 +24,18 @@ class Hand(Protocol):
     def reports(self) -> Mapping[str, tuple[str, Mapping[str, str]]]:
         """Return the message and the figures of each node that reports."""
 
+    def page(self) -> str:
+        """Return the address of the arm's page; empty when there is none."""
+
     def reference(self, volts: float) -> float:
         """Give the controller a set-point, V; return the one in force."""
+
+    def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+        """Return the parameters of a node, or of every one, with values, bounds and units.
+
+        Each is a mapping of `name`, `value`, `unit`, `low`, `high`, `choices`, `read_only`, `live`
+        and `description`.
+        """
 
     def set(self, node: str, values: Mapping[str, Any]) -> Mapping[str, tuple[Any, Any]]:
         """Set parameters of a node, all or none; return the former and the new values."""

@@ -15,7 +15,7 @@ from flexarm_live.terminal_socket import connect
 
 if TYPE_CHECKING:
     import socket
-    from collections.abc import Collection, Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
 _STOP_S = 1.0
 """Patience with a stop: the graph is asked then."""
@@ -93,17 +93,26 @@ class LiveHand:
             raise NoAnswerError("no node has reported to `up`")
         return {name: (each["message"], each["values"]) for name, each in reports.items()}
 
+    def page(self) -> str:
+        """Return the address of the arm's page."""
+        return str(self.ask("address").data["url"])
+
     def reference(self, volts: float) -> float:
         """Give the controller a set-point, V; return the one in force."""
         return float(self.ask("reference", value_v=volts).data["value_v"])
 
+    def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+        """Return the parameters of a node, or of every one, with values, bounds and units."""
+        if not node:
+            return self.ask("get").data["nodes"]  # type: ignore[no-any-return]
+        _require(node, _NODES)
+        return {node: self.ask("get", node=node).data["params"]}
+
     def set(self, node: str, values: Mapping[str, Any]) -> Mapping[str, tuple[Any, Any]]:
         """Set parameters of a node, all or none; return the former and the new values."""
-        _require(node, _NODES)
         if len(values) > 1 or any(name.startswith(_MODELS) for name in values):
             raise NoAnswerError("`up` sets one parameter, and none of a model")
-        params = self.ask("get", node=node).data["params"]
-        before = {each["name"]: each["value"] for each in params}
+        before = {each["name"]: each["value"] for each in self.parameters(node)[node]}
         changes = assigned(node, values, before)
         for name, value in changes.items():
             self.ask("set", node=node, name=name, value=value)

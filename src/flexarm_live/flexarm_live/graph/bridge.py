@@ -91,6 +91,10 @@ class Bridge:
             **about_arm(simulated=simulated),
         }
 
+    def reports(self) -> dict[str, dict[str, Any]]:
+        """Return message and figures of each node that reports."""
+        return self.situation.reports(time.monotonic())
+
     def state(self) -> dict[str, Any]:
         """Return the state of now."""
         daq, controller = (self.loop.parameters[name].values for name in LOOP_NODES)

@@ -27,6 +27,13 @@ _KINDS = {
     ParameterType.PARAMETER_DOUBLE: "double",
     ParameterType.PARAMETER_STRING: "string",
 }
+# Discovered before they are needed, and so among what a policy of SROS2 allows.
+_SERVICES = {
+    ListParameters: "list_parameters",
+    DescribeParameters: "describe_parameters",
+    GetParameters: "get_parameters",
+    SetParametersAtomically: "set_parameters_atomically",
+}
 # What rclpy declares by itself.
 _OTHERS = ("qos_overrides.", "start_type_description_service", "use_sim_time", "models.")
 
@@ -45,6 +52,8 @@ class NodeParameters:
         self._node = node
         self._descriptors: dict[str, ParameterDescriptor] = {}
         self.values: dict[str, Any] = {}
+        for kind, service in _SERVICES.items():
+            calls.client(kind, f"{node}/{service}")
 
     async def load(self) -> None:
         """Read names, descriptions and values, where that was not done yet."""
@@ -54,7 +63,7 @@ class NodeParameters:
         listed = await self._calls.call(
             ListParameters, f"{node}/list_parameters", ListParameters.Request()
         )
-        names = [name for name in listed.result.names if not name.startswith(_OTHERS)]
+        names = own_names(listed.result.names)
         described = await self._calls.call(
             DescribeParameters,
             f"{node}/describe_parameters",
@@ -107,6 +116,11 @@ class NodeParameters:
         wants_float = self._descriptors[name].type == ParameterType.PARAMETER_DOUBLE
         is_whole = isinstance(value, int) and not isinstance(value, bool)
         return float(value) if wants_float and is_whole else value  # type: ignore[arg-type]
+
+
+def own_names(listed: Iterable[str]) -> list[str]:
+    """Return the names of a node's own parameters, without those of every node and of models."""
+    return [name for name in listed if not name.startswith(_OTHERS)]
 
 
 def shown(descriptor: ParameterDescriptor, value: object) -> dict[str, Any]:

@@ -125,6 +125,14 @@ class Situation:
             "nodes": {name: self.word(name, now_s) for name in ("daq", "controller")},
         }
 
+    def reports(self, now_s: float) -> dict[str, dict[str, Any]]:
+        """Return message and figures of each node that reports."""
+        return {
+            name: {"message": report.message, "values": dict(report.values)}
+            for name, report in self._reports.items()
+            if now_s - report.heard_s <= _REPORT_S
+        }
+
     def word(self, node: str, now_s: float) -> str:
         """Return whether a node is active, or silent."""
         report = self._reports.get(node)

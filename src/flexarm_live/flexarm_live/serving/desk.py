@@ -129,7 +129,7 @@ class Desk:
         if request.verb == "address":
             return Answer(data={"url": self._address})
         if request.verb == "status":
-            return Answer(data=self.state(client))
+            return Answer(data={**self.state(client), "reports": self._laboratory.reports()})
         return await self._laboratory.carry_out(request)
 
 

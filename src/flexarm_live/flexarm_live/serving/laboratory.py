@@ -26,6 +26,9 @@ class Laboratory(Protocol):
     def state(self) -> Mapping[str, Any]:
         """Return the state of now."""
 
+    def reports(self) -> Mapping[str, Any]:
+        """Return message and figures of each node that reports."""
+
     async def carry_out(self, request: Request) -> Answer:
         """Carry out a request; a `FlexarmError` refuses it with a reason."""
 

@@ -22,7 +22,26 @@ if TYPE_CHECKING:
     import click
 
 ARM = "/arm_of_a_test"
-PARAMS = [{"name": "pd.kp", "value": 1.0}, {"name": "law", "value": "pd"}]
+PARAMS: list[dict[str, Any]] = [
+    {
+        "name": "pd.kp",
+        "value": 1.0,
+        "unit": "V/V",
+        "low": 0.0,
+        "high": 9.5,
+        "choices": [],
+        "read_only": False,
+    },
+    {
+        "name": "law",
+        "value": "pd",
+        "unit": "",
+        "low": None,
+        "high": None,
+        "choices": ["pd", "pdpc"],
+        "read_only": True,
+    },
+]
 
 
 class Up:
@@ -50,7 +69,8 @@ class Up:
 
     def _reply(self, request: dict[str, Any]) -> dict[str, Any]:
         data = {
-            "get": {"params": PARAMS},
+            "get": {"params": PARAMS} if "node" in request else {"nodes": {"controller": PARAMS}},
+            "address": {"url": "http://127.0.0.1:8117/#token=none"},
             "reference": {"value_v": request.get("value_v")},
             "status": {"reports": {"daq": {"message": "active", "values": {"drive": "driving"}}}},
         }.get(request["do"], {})
@@ -81,8 +101,23 @@ def told(verb: click.Command, *arguments: str) -> str:
         (
             remote.status,
             [],
-            {"do": "status"},
-            f"daq: active\n    {'drive':36s} driving\n",
+            {"do": "address"},
+            f"http://127.0.0.1:8117/#token=none\ndaq: active\n    {'drive':36s} driving\n",
+        ),
+        (
+            remote.get,
+            [],
+            {"do": "get"},
+            (
+                f"controller {'pd.kp':32s} 1.0 V/V; 0 to 9.5\n"
+                f"controller {'law':32s} pd; one of pd, pdpc; at start only\n"
+            ),
+        ),
+        (
+            remote.get,
+            ["controller", "pd.kp"],
+            {"do": "get", "node": "controller"},
+            f"controller {'pd.kp':32s} 1.0 V/V; 0 to 9.5\n",
         ),
         (
             remote.set_,

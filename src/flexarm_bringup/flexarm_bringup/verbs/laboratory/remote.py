@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,8 +10,12 @@ from flexarm_bringup.console.quantity import POSITION_V, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.assignments import parsed
 from flexarm_bringup.graph.hand import through
-from flexarm_bringup.graph.processes import MANAGED
+from flexarm_bringup.graph.processes import MANAGED, LaunchError
 from flexarm_bringup.verbs.laboratory.options import ARM
+from flexarm_core.nearest import nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 
 @click.command()
@@ -36,8 +40,11 @@ def stop(*, namespace: str, everything: bool) -> None:
 @ARM
 @examples("status", "status --namespace arm2")
 def status(namespace: str) -> None:
-    """Show state, reasons, rates and counts of every running node."""
-    for name, (message, values) in sorted(through(namespace, lambda hand: hand.reports()).items()):
+    """Show state, reasons, rates and counts of every running node, and the address of the page."""
+    reports, page = through(namespace, lambda hand: (hand.reports(), hand.page()))
+    if page:
+        click.echo(page)
+    for name, (message, values) in sorted(reports.items()):
         click.echo(f"{name}: {message}")
         for key, value in values.items():
             click.echo(f"    {key:36s} {value}")
@@ -54,6 +61,35 @@ def reference(set_point_v: float, namespace: str) -> None:
     """
     in_force_v = through(namespace, lambda hand: hand.reference(set_point_v))
     click.echo(f"set-point {in_force_v:g} V")
+
+
+@click.command()
+@click.argument("node", required=False, default="")
+@click.argument("names", nargs=-1, metavar="[NAME...]")
+@ARM
+@examples("get", "get controller", "get controller law pdpc.kp")
+def get(node: str, names: tuple[str, ...], namespace: str) -> None:
+    """List parameters of the running nodes, or of one, with units and bounds."""
+    tables = through(namespace, lambda hand: hand.parameters(node))
+    for each, params in tables.items():
+        known = {str(param["name"]): param for param in params}
+        for name in names:
+            if name not in known:
+                raise LaunchError(f"{each} has no parameter {name}{nearest(name, known)}")
+        for name in names or known:
+            click.echo(f"{each} {name:32s} {_described(known[name])}")
+
+
+def _described(param: Mapping[str, Any]) -> str:
+    """Return value, unit and what the value may be, for one line."""
+    parts = [f"{param['value']} {param['unit']}".rstrip() or "''"]
+    if param["choices"]:
+        parts.append(f"one of {', '.join(param['choices'])}")
+    elif param["low"] is not None:
+        parts.append(f"{param['low']:g} to {param['high']:g}")
+    if param["read_only"]:
+        parts.append("at start only")
+    return "; ".join(parts)
 
 
 @click.command("set")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 from typing import TYPE_CHECKING
 
@@ -38,10 +39,10 @@ def test_quick___runs_no_slow_and_no_system_test(commands: list[list[str]]) -> N
 
 def test_all___runs_unit_and_system_tests(commands: list[list[str]]) -> None:
     CliRunner().invoke(verb, [])
-    assert [command[-1] for command in commands[-2:]] == ["test/system", "test/system"]
-    assert "--ignore" in commands[-2]
-    # What the tests of a file share is computed once.
-    assert "loadfile" in commands[-2]
+    # What the tests of a file share is computed once; no folder is left out.
+    workers = str((os.cpu_count() or 1) + 1)
+    by_file = ["--dist", "loadfile", "--no-loadscope-reorder"]
+    assert commands[-1] == ["pytest", "-n", workers, *by_file]
 
 
 def test_all___runs_the_examples_of_docstrings_and_pages(commands: list[list[str]]) -> None:
