@@ -40,7 +40,10 @@ def stop(*, namespace: str, everything: bool) -> None:
 @ARM
 @examples("status", "status --namespace arm2")
 def status(namespace: str) -> None:
-    """Show state, reasons, rates and counts of every running node, and the address of the page."""
+    """Show state, reasons, rates and counts of running nodes.
+
+    The address of the page comes first, if there is one.
+    """
     reports, page = through(namespace, lambda hand: (hand.reports(), hand.page()))
     if page:
         click.echo(page)
@@ -69,7 +72,7 @@ def reference(set_point_v: float, namespace: str) -> None:
 @ARM
 @examples("get", "get controller", "get controller law pdpc.kp")
 def get(node: str, names: tuple[str, ...], namespace: str) -> None:
-    """List parameters of the running nodes, or of one, with units and bounds."""
+    """List parameters of running nodes with units and bounds."""
     tables = through(namespace, lambda hand: hand.parameters(node))
     for each, params in tables.items():
         known = {str(param["name"]): param for param in params}

@@ -94,9 +94,10 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
     "up --no-page",
 )
 def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
-    """Run daq, controller, recorder and ident, and a page in the browser, until Ctrl-C.
+    """Run the nodes of an arm and its page, until Ctrl-C.
 
-    The page's address stands on a line of its own: who opens it may command the arm.
+    The nodes are daq, controller, recorder and ident. The address of the page in the browser
+    stands on a line of its own: who opens it may command the arm.
 
     The simulated arm's time follows the wall clock and waits for a machine that is late. A board
     runs in real time.
