@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from hypothesis import given, reject
 from hypothesis import strategies as st
 
@@ -54,7 +55,9 @@ def built(name: str, values: dict[str, float]) -> LawWithMemory:
 
 
 LAW_VALUES = _values(dict(LAWS), st.sampled_from(sorted(LAWS)))
-SIMPLE_REFERENCES = _values(dict(REFERENCES), st.sampled_from(["constant", "step", "square"]))
+SIMPLE_REFERENCES = _values(
+    dict(REFERENCES), st.sampled_from(["constant", "step", "square", "sine", "triangle"])
+)
 
 
 @given(LAW_VALUES, st.tuples(ANY, ANY, ANY, ANY), ANY)
@@ -140,10 +143,20 @@ def test_pdpc___any_measurement___is_4_8_in_words(
 def test_reference___any_time___stays_within_the_travel(
     reference: tuple[str, dict[str, float]], time_s: float
 ) -> None:
-    value_v = build_reference(*reference)(time_s)
+    name, values = reference
+    amplitude_v, offset_v = abs(values["amplitude_v"]), values.get("offset_v", 0.0)
+    if amplitude_v + abs(offset_v) > TRAVEL_V:
+        with pytest.raises(SettingError, match="leaves the travel"):
+            build_reference(name, values)
+        return
 
-    assert abs(value_v) <= TRAVEL_V
-    assert abs(value_v) in (0.0, abs(reference[1]["amplitude_v"]))
+    value_v = build_reference(name, values)(time_s)
+
+    assert abs(value_v) <= TRAVEL_V * (1.0 + 1e-12)
+    distance_v = abs(value_v - offset_v)
+    assert distance_v <= amplitude_v * (1.0 + 1e-12) + 1e-12
+    if name in {"constant", "step", "square"}:
+        assert min(distance_v, abs(distance_v - amplitude_v)) <= 1e-12
 
 
 @given(

@@ -133,7 +133,7 @@ def test_parameters_of_rclpy_and_of_models___are_taken(graph: Graph, tmp_path: P
         ("daq", "rate_hz", 100, "Wrong parameter type"),
         ("daq", "autostart", True, "read.only"),
         ("controller", "step.amplitude_v", 9.0, r"6\.857"),
-        ("controller", "reference", "sine", "must be one of topic, constant"),
+        ("controller", "reference", "sawtooth", "must be one of topic, constant"),
         ("recorder", "topics", ["sound"], "read.only"),
     ],
 )
