@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_node.topics.waiting import RawMessage
 
 STATE, REFERENCE = range(2)
 """Topics of the messages, in the order in which they are waited for."""
@@ -36,22 +37,6 @@ _END = np.dtype(
 _STAMP = struct.Struct("<4xiI")
 _DOUBLE = struct.Struct("<4xd")
 _LITTLE_ENDIAN = 1
-
-
-class Message(Protocol):
-    """One serialised message, with its topic and the instant of its publication."""
-
-    @property
-    def topic(self) -> int:
-        """Number of the topic, `STATE` or `REFERENCE`."""
-
-    @property
-    def raw(self) -> bytes:
-        """Serialised message (CDR)."""
-
-    @property
-    def source_ns(self) -> int:
-        """Instant of publication, nanoseconds since the epoch."""
 
 
 class Samples(NamedTuple):
@@ -87,7 +72,7 @@ class SampleReader:
         self.newest = 0
         self.position_v = math.nan
 
-    def read(self, messages: Sequence[Message]) -> Samples | None:
+    def read(self, messages: Sequence[RawMessage]) -> Samples | None:
         """Return the samples among messages; None when there is none."""
         ends, times_s, references_v = [], [], []
         for message in sorted(messages, key=lambda each: each.source_ns):

@@ -4,30 +4,26 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import NamedTuple
 
 import numpy as np
 
 from flexarm_live.graph.samples import COLUMNS, REFERENCE, SEQUENCE_SPAN, STATE, SampleReader
+from flexarm_node.topics.waiting import RawMessage
 
 
-class Raw(NamedTuple):
-    topic: int
-    raw: bytes
-    source_ns: int
-
-
-def state(sequence: int, source_ns: int, *volts: float, frame: str = "flexarm/base_link") -> Raw:
+def state(
+    sequence: int, source_ns: int, *volts: float, frame: str = "flexarm/base_link"
+) -> RawMessage:
     """Return an ArmState as CDR, packed by hand: stamp, text, then eight members of 8 bytes."""
     text = frame.encode() + b"\0"
     start = struct.pack("<iII", 100, 500_000_000 + sequence % 1000, len(text)) + text
     padded = start + bytes(-len(start) % 8)
     members = struct.pack("<Q6dQ", sequence, *volts, 7)
-    return Raw(STATE, b"\x00\x01\x00\x00" + padded + members, source_ns)
+    return RawMessage(STATE, b"\x00\x01\x00\x00" + padded + members, source_ns)
 
 
-def reference(value_v: float, source_ns: int) -> Raw:
-    return Raw(REFERENCE, b"\x00\x01\x00\x00" + struct.pack("<d", value_v), source_ns)
+def reference(value_v: float, source_ns: int) -> RawMessage:
+    return RawMessage(REFERENCE, b"\x00\x01\x00\x00" + struct.pack("<d", value_v), source_ns)
 
 
 def test_reader___of_samples___has_them_in_their_order_with_the_reference_in_force() -> None:
