@@ -13,6 +13,11 @@ _BIN = math.log(1.01)
 _LONGEST_S = 1e3
 _BINS = math.ceil(math.log(_LONGEST_S / _FINEST_S) / _BIN)
 _SHARES = np.array([0.5, 0.99, 0.999, 1.0])
+HISTOGRAM_EDGES_S = np.geomspace(1e-5, 0.1, 25)
+"""Edges of the bars of a histogram of durations."""
+_MIDDLES_S = _FINEST_S * np.exp(_BIN * (np.arange(_BINS) + 0.5))
+_BARS = len(HISTOGRAM_EDGES_S) - 1
+_BAR_OF_BIN = np.clip(np.searchsorted(HISTOGRAM_EDGES_S, _MIDDLES_S) - 1, 0, _BARS - 1)
 # A number or a stamp that goes back further is that of a new run.
 _LATEST_SAMPLES = 100
 _LATEST_NS = 1_000_000_000
@@ -77,6 +82,14 @@ class Window:
         ranks = np.ceil(_SHARES * up_to[-1])
         middles = np.searchsorted(up_to, ranks) + 0.5
         return Percentiles(*(_FINEST_S * np.exp(_BIN * middles)).tolist())
+
+    def histogram(self) -> list[int]:
+        """Return how many durations lie between two of `HISTOGRAM_EDGES_S` each.
+
+        What is shorter or longer than all edges counts in the first or in the last bar.
+        """
+        counts = np.bincount(_BAR_OF_BIN, np.frombuffer(self._counts, np.int64), _BARS)
+        return counts.astype(int).tolist()
 
 
 class AnswerCount:

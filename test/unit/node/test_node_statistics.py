@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_node.statistics import Rate, Window
+from flexarm_node.statistics import HISTOGRAM_EDGES_S, Rate, Window
 
 TOLERANCE = 0.0051
 """Of bins that are 1 % wide."""
@@ -46,6 +46,20 @@ def test_shorter_than_any_bin___counts_as_the_shortest(duration_s: float) -> Non
 
 def test_longer_than_any_bin___counts_as_the_longest() -> None:
     assert filled(3, [1e9, math.inf]).percentiles().p50 == pytest.approx(1e3, rel=0.01)
+
+
+def test_histogram___of_durations___counts_each_between_its_edges() -> None:
+    # Six bars a decade from 10 us on: 1 ms is the edge behind the twelfth.
+    histogram = filled(9, [0.9e-3, 1.1e-3, 1.2e-3, 1e-6, 5.0]).histogram()
+    assert len(histogram) == len(HISTOGRAM_EDGES_S) - 1 == 24
+    assert {bar: count for bar, count in enumerate(histogram) if count} == {
+        0: 1,
+        11: 1,
+        12: 2,
+        23: 1,
+    }
+    assert sum(filled(3, [0.9e-3] * 5).histogram()) == 3
+    assert not any(Window(3).histogram())
 
 
 def test_two_thousand_durations___have_four_different_percentiles() -> None:

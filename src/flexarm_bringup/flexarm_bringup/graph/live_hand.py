@@ -88,9 +88,7 @@ class LiveHand:
 
     def reports(self) -> Mapping[str, tuple[str, Mapping[str, str]]]:
         """Return the message and the figures of each node that reports."""
-        reports = self.ask("status").data.get("reports")
-        if not reports:
-            raise NoAnswerError("no node has reported to `up`")
+        reports = self.ask("status").data["reports"]
         return {name: (each["message"], each["values"]) for name, each in reports.items()}
 
     def page(self) -> str:

@@ -187,6 +187,7 @@ class DaqNode(LoopNode):
         for name, window in (("late", acquisition.late_s), ("reply", acquisition.reply_s)):
             figures = zip(("p50", "p99", "p999", "max"), astuple(window.percentiles()), strict=True)
             yield {f"{name} {figure} ms": f"{1e3 * value_s:.3f}" for figure, value_s in figures}
+            yield {f"{name} histogram": " ".join(map(str, window.histogram()))}
 
     def _accept(self, values: Mapping[str, Any]) -> None:
         """Refuse values that do not fit together, or cannot change while the loop runs."""

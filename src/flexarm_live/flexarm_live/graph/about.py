@@ -41,6 +41,7 @@ def about_arm(*, simulated: bool) -> dict[str, Any]:
         "channels": [_channel(name) for name in COLUMNS],
         "arm": _arm(),
         "laws": list(LAWS),
+        "tunable_laws": [name for name, law in LAWS.items() if law.tuning],
         "law_titles": {name: law.title for name, law in LAWS.items()},
         "experiments": [
             {"name": each.name, "description": f"{each.input_text}, {each.length_s:g} s"}

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from flexarm_msgs.msg import ArmState
+from flexarm_node.topics.layout import end_of
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -31,10 +34,8 @@ COLUMNS = (
 SEQUENCE_SPAN = 2**20
 """The number of a sample is sent less whole spans of this: float32 has 24 bits."""
 _MEASURED = COLUMNS[:6]
-# An ArmState in CDR ends with these members; the text of its frame before them may have any length.
-_END = np.dtype(
-    [("sequence", "<u8"), *((name, "<f8") for name in _MEASURED), ("command_sequence", "<u8")]
-)
+# The text of its frame may have any length.
+_END = end_of(ArmState)
 _STAMP = struct.Struct("<4xiI")
 _DOUBLE = struct.Struct("<4xd")
 _LITTLE_ENDIAN = 1

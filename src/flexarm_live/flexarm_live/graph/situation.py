@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from flexarm_node.statistics import HISTOGRAM_EDGES_S
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -17,6 +19,7 @@ _RECORDING = "recording to "
 _HELD = "the drive is held at zero: "
 _EMERGENCY = "emergency stop"
 _FIGURES = ("p50", "p99", "max")
+_DURATIONS = ("late", "reply")
 _ERROR = 2
 
 
@@ -44,6 +47,14 @@ class _Report(NamedTuple):
             return float(self.values[name])
         except (KeyError, ValueError):
             return math.nan
+
+    def histogram(self) -> dict[str, Any]:
+        """Return the histogram of the loop as a page is told it; nothing while there is none."""
+        bars = {name: self.values.get(f"{name} histogram", "").split() for name in _DURATIONS}
+        if not all(bars.values()):
+            return {}
+        counts = {name: list(map(int, words)) for name, words in bars.items()}
+        return {"histogram": {"edges_ms": 1e3 * HISTOGRAM_EDGES_S, **counts}}
 
 
 class Badge(NamedTuple):
@@ -120,9 +131,12 @@ class Situation:
             "missed": daq.figure("missed periods"),
             "unanswered": daq.figure("unanswered samples"),
             "rate_hz": daq.figure("rate Hz"),
-            "late_ms": {name: daq.figure(f"late {name} ms") for name in _FIGURES},
-            "reply_ms": {name: daq.figure(f"reply {name} ms") for name in _FIGURES},
+            **{
+                f"{duration}_ms": {name: daq.figure(f"{duration} {name} ms") for name in _FIGURES}
+                for duration in _DURATIONS
+            },
             "nodes": {name: self.word(name, now_s) for name in ("daq", "controller")},
+            **daq.histogram(),
         }
 
     def reports(self, now_s: float) -> dict[str, dict[str, Any]]:

@@ -22,7 +22,7 @@ export class TuneStage {
 
   constructor(hello, link, jobs, parameters, step) {
     Object.assign(this, { link, jobs, parameters, step });
-    const laws = hello.tunable_laws ?? hello.laws;
+    const laws = hello.tunable_laws;
     fillMenu(byId("tuned_law"), laws.map((law) => [law, law]), USUAL_LAW);
     for (const id of ["tuned_law", "gain_margin", "phase_margin"]) byId(id).onchange = () => this.#tellCommand();
     byId("tune").onclick = () => attempt(() => this.#tune());

@@ -50,6 +50,9 @@ class Up:
     def __init__(self, listening: socket.socket) -> None:
         self.asked: list[dict[str, Any]] = []
         self.refusal = ""
+        self.reports: dict[str, Any] = {
+            "daq": {"message": "active", "values": {"drive": "driving"}}
+        }
         self.silent = False
         self._listening = listening
         threading.Thread(target=self._serve, daemon=True).start()
@@ -72,7 +75,7 @@ class Up:
             "get": {"params": PARAMS} if "node" in request else {"nodes": {"controller": PARAMS}},
             "address": {"url": "http://127.0.0.1:8117/#token=none"},
             "reference": {"value_v": request.get("value_v")},
-            "status": {"reports": {"daq": {"message": "active", "values": {"drive": "driving"}}}},
+            "status": {"reports": self.reports},
         }.get(request["do"], {})
         return {"id": 0, "ok": not self.refusal, "message": self.refusal or "held", "data": data}
 
@@ -132,6 +135,13 @@ def test_verb___with_an_up___asks_it(
 ) -> None:
     assert told(verb, *arguments) == printed
     assert up.asked[-1] == {"id": 0, **asked}
+
+
+def test_status___before_the_first_reports___tells_the_page(up: Up) -> None:
+    up.reports = {}
+    assert told(remote.status) == (
+        "http://127.0.0.1:8117/#token=none\nno node has reported yet: each does once a second\n"
+    )
 
 
 def test_verb___that_is_refused___says_why(up: Up) -> None:

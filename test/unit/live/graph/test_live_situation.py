@@ -61,6 +61,17 @@ def test_state___has___the_figures_that_are_known() -> None:
     assert state["late_ms"]["p99"] == 0.5
     assert math.isnan(state["reply_ms"]["p50"])
     assert state["nodes"] == {"daq": "active", "controller": "silent"}
+    assert "histogram" not in state
+
+
+def test_histogram___of_a_report___has_its_bars_between_the_edges() -> None:
+    found = Situation()
+    bars = " ".join(map(str, range(24)))
+    values = {"late histogram": bars, "reply histogram": bars}
+    found.hear("daq", OK, "active", values, 10.0)
+    histogram = found.state(10.5)["histogram"]
+    assert histogram["late"] == histogram["reply"] == list(range(24))
+    assert len(histogram["edges_ms"]) == 25
 
 
 def test_recording___is___the_folder_of_the_report() -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from typing import Any, TypeAlias
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,8 +10,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 
 from flexarm_bags.schema import load_typestore
-from flexarm_msgs.msg import ArmState, CommanderInfo, IoSample, MotorCommand
-from flexarm_node.topics.layout import Layout
+from flexarm_msgs.msg import ArmState, CommanderInfo, IoSample, MotorCommand, PayloadEstimate
+from flexarm_node.topics.layout import Layout, end_of
 from support.project import PROJECT
 
 Message: TypeAlias = Any
@@ -130,3 +131,18 @@ def test_texts_among_the_numbers___keep_their_places() -> None:
 def test_member_without_a_fixed_size___is_refused() -> None:
     with pytest.raises(TypeError, match=r"^IoSample\.inputs: sequence<double> has no fixed layout"):
         layout(IoSample)
+
+
+@pytest.mark.parametrize("frame", ["", "x", "flexarm/base_link", "an arm of a longer name"])
+def test_end___of_a_message_with_any_text___has_its_last_numbers(frame: str) -> None:
+    message = ArmState(sequence=2**40, position_v=1.5, speed_v=-2.5, command_sequence=7)
+    message.header.frame_id = frame
+    end = end_of(ArmState)
+    found = np.frombuffer(serialize_message(message)[-end.itemsize :], end)[0]
+    assert (found["sequence"], found["command_sequence"]) == (2**40, 7)
+    assert (found["position_v"], found["speed_v"]) == (1.5, -2.5)
+
+
+def test_end___of_numbers_of_different_sizes___is_refused() -> None:
+    with pytest.raises(TypeError, match="PayloadEstimate: its last numbers have no fixed places"):
+        end_of(PayloadEstimate)

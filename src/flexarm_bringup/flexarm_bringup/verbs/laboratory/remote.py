@@ -47,6 +47,8 @@ def status(namespace: str) -> None:
     reports, page = through(namespace, lambda hand: (hand.reports(), hand.page()))
     if page:
         click.echo(page)
+    if not reports:
+        click.echo("no node has reported yet: each does once a second")
     for name, (message, values) in sorted(reports.items()):
         click.echo(f"{name}: {message}")
         for key, value in values.items():
