@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from bench.schedules.messages import TOPICS, recorded_topics
 from bench.schedules.processes import Killed, Process
 from flexarm_bags.writer import BagWriter, RecordingError
-from flexarm_daq.nodes.recording import QUIET_S, Recording
+from flexarm_daq.nodes.recording import Recording
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -163,7 +163,6 @@ class Recorder(Process):
         self._recording = Recording(TOPICS, TOPICS[:1])
         self._waiting: list[Raw] = []
         self._drain_until_s = math.inf
-        self._quiet_from_s = 0.0
         self._woken_s = 0.0
 
     def start(self) -> None:
@@ -227,7 +226,6 @@ class Recorder(Process):
             if self._recording.ending:
                 ledger = self.ledgers[-1]
                 ledger.asked_s, ledger.before = self.world.now_s, len(ledger.handed)
-                self._wait_for_quiet()
 
     def _resume(self) -> None:
         if self.stalled:
@@ -240,7 +238,7 @@ class Recorder(Process):
     def _idle(self, disk: Disk) -> None:
         """Wake up without a message."""
         if self.alive and disk is self.disk:
-            if not self.stalled and not self._recording.ending:
+            if not self.stalled:
                 self._work([])
             self.world.at(self.world.now_s + _IDLE_S, self._idle, disk)
 
@@ -251,7 +249,6 @@ class Recorder(Process):
         try:
             if recording.ending:
                 recording.finish(messages, self.world.monotonic_ns())
-                self._wait_for_quiet()
                 self._finish_if_over()
             else:
                 recording.take(messages, self.world.monotonic_ns())
@@ -260,17 +257,6 @@ class Recorder(Process):
             self._note_end("failed", str(error))
         except Killed:
             self._die()
-
-    def _wait_for_quiet(self) -> None:
-        self._quiet_from_s = self.world.now_s + QUIET_S
-        self.world.at(self._quiet_from_s, self._be_quiet, self._quiet_from_s)
-
-    def _be_quiet(self, since_s: float) -> None:
-        if self.alive and self._recording.ending and since_s == self._quiet_from_s:
-            if self.stalled:
-                self.world.at(self.stalled_until_s, self._be_quiet, since_s)
-            else:
-                self._work([])
 
     def _finish_if_over(self) -> None:
         if self._recording.ending and self.world.now_s < self._drain_until_s:

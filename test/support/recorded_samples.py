@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 
 if TYPE_CHECKING:
@@ -62,4 +64,16 @@ def content(bag: Path) -> dict[str, list[bytes]]:
     with AnyReader([bag]) as reader:
         for connection, _, raw in reader.messages():
             found.setdefault(connection.topic, []).append(bytes(raw))
+    return found
+
+
+def salvaged(file: Path) -> list[bytes]:
+    """Return the payloads of all whole chunks of a file that may be cut."""
+    found: list[bytes] = []
+    with file.open("rb") as stream:
+        records = StreamReader(stream, validate_crcs=True).records
+        try:
+            found.extend(record.data for record in records if isinstance(record, Message))
+        except Exception:  # noqa: BLE001 - any error is the end of what is whole
+            return found
     return found

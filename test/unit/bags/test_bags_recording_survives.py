@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pytest
-from mcap.records import Message
-from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader, AnyReaderError
 
 from flexarm_bags.writer import BagWriter, RecordingError
@@ -23,22 +21,11 @@ from support.bag_samples import (
     reference,
     write_bag,
 )
+from support.recorded_samples import salvaged
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-
-def salvaged(file: Path) -> list[bytes]:
-    """Return the payloads of all whole chunks of a file that may be cut."""
-    found: list[bytes] = []
-    with file.open("rb") as stream:
-        records = StreamReader(stream, validate_crcs=True).records
-        try:
-            found.extend(record.data for record in records if isinstance(record, Message))
-        except Exception:  # noqa: BLE001 - any error is the end of what is whole
-            return found
-    return found
 
 
 @contextmanager

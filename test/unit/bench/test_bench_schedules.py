@@ -9,7 +9,17 @@ import distributed
 import numpy as np
 import pytest
 
-from bench.schedules.messages import command_bytes, commander_bytes, state_bytes
+from bench.schedules import bag_content
+from bench.schedules.messages import (
+    STATE,
+    Raw,
+    command_bytes,
+    commander_bytes,
+    recorded_topics,
+    state_bytes,
+)
+from bench.schedules.oracle import Violation
+from bench.schedules.recorder import Ledger
 from bench.schedules.schedule import Event, draw
 from bench.schedules.schedules import Failure, campaign, described, run_seeds, shrunk_schedule
 from bench.schedules.shrink import shrunk
@@ -25,6 +35,7 @@ from support.bag_samples import START_NS, arm_state, header, serialised
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
 PARTS = 4
 SEEDS = 200
@@ -42,6 +53,31 @@ def test_seed___run_again___does_the_same_to_the_bit() -> None:
     first, second, other = (replace(run(draw(seed)), cpu_s=0.0) for seed in (4, 4, 1))
     assert first == second
     assert other.digest != first.digest
+
+
+def test_bag___of_a_time_in_which_nobody_sends___is_empty_and_no_violation() -> None:
+    silence = Event(1.0, "deactivate", "daq", length_s=1.5)
+    bags = [Event(at_s, "record", "recorder", length_s=0.6) for at_s in (1.1, 1.8)]
+    assert run(replace(draw(0), commander="square").of((silence, *bags))).violation == ""
+
+
+def test_bag___that_is_empty_although_messages_came___is_a_violation(tmp_path: Path) -> None:
+    path = tmp_path / "bag"
+    BagWriter(path, recorded_topics()).close()
+    message = Raw(STATE, b"a sample", START_NS, 0.0)
+    ledger = Ledger(path, [(message, 0.1)], "closed", f"0 messages in {path}", before=1)
+    with pytest.raises(Violation, match="lacks messages"):
+        bag_content.check(ledger, every_bit=True)
+
+
+def test_recorder___killed_while_it_ends_a_bag___has_flushed_what_is_due() -> None:
+    # The end waits for samples that are lost, beyond the instant at which a flush is due.
+    events = (
+        Event(2.6, "drop", "daq>recorder", 1.0, 0.5),
+        Event(2.65, "record", "recorder", length_s=0.1),
+        Event(3.1, "kill", "recorder", length_s=0.1),
+    )
+    assert run(draw(0).of(events)).violation == ""
 
 
 def fed_late(self: Watchdog, _: int) -> None:

@@ -29,7 +29,7 @@ from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_daq.nodes.last_messages import LastMessages
 from flexarm_daq.nodes.recorded_topics import IN_FORCE, KEPT, TOPICS, offered_qos, recorded_topics
-from flexarm_daq.nodes.recording import QUIET_S, Recording
+from flexarm_daq.nodes.recording import Recording
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
@@ -116,7 +116,7 @@ class RecorderNode(Node):
         # A busy machine may have left so many unread; the clock would end this before they are.
         waiting = EVERY.depth * len(self._topics)
         while self._recording.ending and waiting > 0:
-            messages = self._waiter.wait(QUIET_S)
+            messages = self._waiter.wait(_WAIT_S)
             self._recording.finish(messages, time.monotonic_ns())
             waiting -= len(messages)
 

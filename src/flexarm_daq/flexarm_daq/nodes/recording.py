@@ -94,13 +94,7 @@ class Recording:
         for message in messages:
             self._sent[message.topic].add(message.source_ns, received_ns)
             self._heard_ns[message.topic] = received_ns
-        try:
-            self._write(messages)
-            if self.writer is not None:
-                self.writer.flush_if_due()
-        except RecordingError as error:
-            self._fail(error)
-            raise
+        self._write_and_flush(messages)
 
     def end(self, now_ns: int) -> None:
         """Begin to end the bag, or to take a snapshot, at an instant of the steady clock."""
@@ -115,7 +109,8 @@ class Recording:
         """Write those that were sent before the end, of messages that were on their way to it.
 
         Each topic has a way of its own. `ending` turns false when every topic that was heard of
-        before the end has brought a later message, or nothing for `QUIET_S`.
+        before the end has brought a later message, or nothing for `QUIET_S`. What waits in memory
+        meanwhile is flushed when that is due, as in `take`.
 
         Raises
         ------
@@ -133,11 +128,7 @@ class Recording:
             if topic in self._awaited:
                 self._awaited[topic] = received_ns
         self.ending = any(received_ns - last < _QUIET_NS for last in self._awaited.values())
-        try:
-            self._write(due)
-        except RecordingError as error:
-            self._fail(error)
-            raise
+        self._write_and_flush(due)
 
     def close(self) -> str:
         """Close the bag, and return in words what is in it.
@@ -186,6 +177,15 @@ class Recording:
             raise
         self._write(self._later)
         return f"snapshot of {counted(len(messages), 'message')} in {self.writer.path}"
+
+    def _write_and_flush(self, messages: Sequence[Message]) -> None:
+        try:
+            self._write(messages)
+            if self.writer is not None:
+                self.writer.flush_if_due()
+        except RecordingError as error:
+            self._fail(error)
+            raise
 
     def _write(self, messages: Sequence[Message]) -> None:
         for message in messages:

@@ -7,8 +7,9 @@ import pytest
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_daq.nodes.last_messages import LastMessages
 from flexarm_daq.nodes.recording import QUIET_S, Recording
-from support.bag_samples import START_NS, arm_state, motor_command, recorded_topics
-from support.recorded_samples import content
+from support.acquisition_bench import Clock
+from support.bag_samples import START_NS, arm_state, mcap_file, motor_command, recorded_topics
+from support.recorded_samples import content, salvaged
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -104,6 +105,22 @@ def test_end___a_topic_without_a_message_for_long___is_not_waited_for(
     assert not recording.ending
 
 
+def test_end___that_waits_for_a_topic___leaves_nothing_in_memory_for_long(bag: Path) -> None:
+    clock = Clock()
+    recording = Recording(NAMES, [])
+    topics = recorded_topics([SAMPLES[0], COMMANDS[0]])
+    recording.open(BagWriter(bag, topics, flush_period_s=0.9, clock=clock), START_NS)
+    recording.take([sample(1), command(1)], MS)
+    recording.end(3 * MS)
+    recording.finish([command(4)], 5 * MS)
+    assert salvaged(mcap_file(bag)) == []
+    clock.sleep(1.0)
+    # What came was sent after the end; what came before it must not wait for the end.
+    recording.finish([command(5)], 6 * MS)
+    assert recording.ending
+    assert salvaged(mcap_file(bag)) == [SAMPLES[0].raw, COMMANDS[0].raw]
+
+
 def test_end___without_a_bag___is_over_at_once(recording: Recording, bag: Path) -> None:
     assert recording.close() == f"2 messages in {bag}"
     recording.end(3 * MS)
@@ -152,3 +169,18 @@ def test_disk___that_refuses_the_data___ends_the_recording_with_its_reason(
     assert recording.writer is None
     with pytest.raises(RecordingError, match=r"recording stopped: .*bag: cannot write"):
         recording.close()
+
+
+def test_disk___that_refuses_the_data_at_the_end___ends_the_recording_with_its_reason(
+    recording: Recording, bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse() -> None:
+        raise RecordingError(f"{bag}: cannot write")
+
+    assert recording.writer is not None
+    recording.end(3 * MS)
+    monkeypatch.setattr(recording.writer, "flush_if_due", refuse)
+    with pytest.raises(RecordingError, match="cannot write"):
+        recording.finish([], 4 * MS)
+    assert not recording.ending
+    assert recording.writer is None
