@@ -313,4 +313,25 @@ def test_job___cancelled___tells_so_and_lets_the_next_one_begin(browser: Browser
         browser.click("#run_experiment")
         browser.click("#cancel")
         wait_until(lambda: asked(mock, "cancel") != [])
-        assert asked(mock, "cancel")[0]["job"] == asked(mock, "experiment")[0]["id"]
+        assert [asked(mock, "cancel")[0]["job"]] == mock.jobs
+
+
+def test_job___over_a_broken_connection___goes_on(browser: Browser) -> None:
+    with LiveMock(job_step_s=0.5) as mock:
+        opened(browser, mock)
+        browser.click("#run_experiment")
+        wait_until(lambda: mock.jobs != [])
+        mock.drop_pages()
+        browser.wait_for("document.getElementById('recording').textContent === 'Recorded C_dat3'")
+        assert len(asked(mock, "experiment")) == 1
+
+
+def test_job___that_ended_without_a_connection___is_no_longer_waited_for(browser: Browser) -> None:
+    with LiveMock(job_step_s=30.0) as mock:
+        opened(browser, mock)
+        browser.click("#run_experiment")
+        browser.wait_for("!document.getElementById('running').hidden")
+        wait_until(lambda: mock.jobs != [])
+        mock.jobs.clear()
+        browser.wait_for("document.getElementById('running').hidden")
+        assert "it has ended" in browser.ask("document.getElementById('message').textContent")

@@ -9,6 +9,7 @@ import json
 import threading
 import time
 from http import HTTPStatus
+from itertools import count
 from typing import TYPE_CHECKING, Any
 
 from websockets.datastructures import Headers
@@ -54,6 +55,9 @@ class LiveMock:
         self.waveform: dict[str, Any] = {"kind": "none"}
         self._holder: ServerConnection | None = None
         self._pages: list[ServerConnection] = []
+        self.jobs: list[int] = []
+        self._job_numbers = count(100)
+        self._due: list[threading.Thread] = []
         self._cancelled: set[int] = set()
         self._ended = threading.Event()
         self._server = serve(self._serve_page, "127.0.0.1", 0, process_request=self._serve_file)
@@ -117,7 +121,15 @@ class LiveMock:
         except Refusal as reason:
             reply |= {"ok": False, "message": str(reason), "data": {}}
         _send(page, json.dumps(reply))
+        # The first news of a job comes behind its number.
+        while self._due:
+            self._due.pop().start()
         self.tell_state()
+
+    def drop_pages(self) -> None:
+        """Break the connection of every page."""
+        for page in list(self._pages):
+            page.close()
 
     def _do(self, page: ServerConnection, request: dict[str, Any]) -> dict[str, Any] | None:
         verb = request["do"]
@@ -127,9 +139,10 @@ class LiveMock:
             "experiment": self._recorded,
         }
         if verb in jobs:
-            work = jobs[verb]
-            threading.Thread(target=self._work, args=(page, request, work), daemon=True).start()
-            return {}
+            self.jobs.append(next(self._job_numbers))
+            arguments = self.jobs[-1], request, jobs[verb]
+            self._due.append(threading.Thread(target=self._work, args=arguments, daemon=True))
+            return {"job": self.jobs[-1]}
         handler = getattr(self, f"_do_{verb}", None)
         if handler is None:
             raise Refusal(f"unknown verb {verb}")
@@ -201,20 +214,27 @@ class LiveMock:
 
     def _work(
         self,
-        page: ServerConnection,
+        number: int,
         request: dict[str, Any],
         work: Callable[[dict[str, Any]], dict[str, Any]],
     ) -> None:
-        news = {"type": "job", "job": request["do"], "id": request["id"], "done": False, "ok": True}
+        news = {"type": "job", "job": request["do"], "id": number, "done": False, "ok": True}
         for k, stage in enumerate(JOB_STEPS):
             if self._ended.wait(self.job_step_s):
                 return
-            if request["id"] in self._cancelled:
-                ended = {"done": True, "ok": False, "message": "cancelled"}
-                _send(page, json.dumps(news | ended))
+            if number in self._cancelled:
+                self._end(number, news | {"done": True, "ok": False, "message": "cancelled"})
                 return
-            _send(page, json.dumps(news | {"stage": stage, "fraction": k / len(JOB_STEPS)}))
-        _send(page, json.dumps(news | {"done": True, "fraction": 1.0, "data": work(request)}))
+            self._tell(news | {"stage": stage, "fraction": k / len(JOB_STEPS)})
+        self._end(number, news | {"done": True, "fraction": 1.0, "data": work(request)})
+
+    def _end(self, number: int, news: dict[str, Any]) -> None:
+        self._tell(news)
+        self.jobs.remove(number)
+
+    def _tell(self, message: dict[str, Any]) -> None:
+        for page in list(self._pages):
+            _send(page, json.dumps(message))
 
     def _sample(self) -> None:
         start_s, done, states = time.monotonic(), 0, 0
@@ -255,6 +275,7 @@ class LiveMock:
             "payload_kg": self.payload_kg,
             "recording": self.recording,
             "waveform": self.waveform,
+            "jobs": list(self.jobs),
             "holder": self._holder is page,
             "holder_name": "another page" if self._holder not in {None, page} else "",
             "nodes": {"daq": active, "controller": active},

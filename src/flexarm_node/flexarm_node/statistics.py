@@ -89,7 +89,7 @@ class Window:
         What is shorter or longer than all edges counts in the first or in the last bar.
         """
         counts = np.bincount(_BAR_OF_BIN, np.frombuffer(self._counts, np.int64), _BARS)
-        return counts.astype(int).tolist()
+        return list(map(int, counts))
 
 
 class AnswerCount:

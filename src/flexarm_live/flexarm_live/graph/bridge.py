@@ -107,6 +107,7 @@ class Bridge:
             "fault": daq.get("fault"),
             "recording": self._recording or self.situation.recording(),
             "waveform": self._waveform,
+            "jobs": self._jobs.at_work,
         }
 
     async def carry_out(self, request: Request) -> Answer:

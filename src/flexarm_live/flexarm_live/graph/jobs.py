@@ -35,6 +35,11 @@ class Jobs:
         self._numbers = count(1)
         self._at_work: dict[int, tuple[str, asyncio.Task[None]]] = {}
 
+    @property
+    def at_work(self) -> list[int]:
+        """Numbers of the jobs that have not ended."""
+        return list(self._at_work)
+
     def start(self, kind: str, work: Work) -> int:
         """Start work and return its number; a `FlexarmError` while one of its kind is at work."""
         for number, (other, _) in self._at_work.items():

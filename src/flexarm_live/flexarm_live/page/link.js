@@ -40,17 +40,10 @@ export class Link extends EventTarget {
   }
 
   /** Begin a job; `began` gets its number, `news` each message, the promise its last one's data. */
-  job(verb, fields, { began, news }) {
-    return new Promise((resolve, reject) => {
-      const reply = this.request(verb, fields);
-      const id = this.#number;
-      this.#jobs.set(id, { verb, news, resolve, reject });
-      began(id);
-      reply.catch((refusal) => {
-        this.#jobs.delete(id);
-        reject(refusal);
-      });
-    });
+  async job(verb, fields, { began, news }) {
+    const { job } = await this.request(verb, fields);
+    began(job);
+    return new Promise((resolve, reject) => this.#jobs.set(job, { verb, news, resolve, reject }));
   }
 
   #connect() {
@@ -74,7 +67,10 @@ export class Link extends EventTarget {
     const message = JSON.parse(data);
     if (message.type === "reply") this.#answer(message);
     else if (message.type === "job") this.#progress(message);
-    else this.#tell(message.type, message);
+    else {
+      if (message.type === "state") this.#missEnds(message.jobs);
+      this.#tell(message.type, message);
+    }
   }
 
   #answer({ id, ok, message, data }) {
@@ -95,12 +91,20 @@ export class Link extends EventTarget {
     else job.reject(new Error(`${job.verb}: ${message.message}`));
   }
 
+  // The end of a job is told once, and to nobody while the connection is broken.
+  #missEnds(atWork) {
+    for (const [number, { verb, reject }] of this.#jobs) {
+      if (atWork.includes(number)) continue;
+      this.#jobs.delete(number);
+      reject(new Error(`${verb}: it has ended while the connection was broken; its records and models are there`));
+    }
+  }
+
   #lose(reason) {
     clearTimeout(this.#watch);
     const lost = new Error("the connection to the server broke");
-    for (const asked of [...this.#open.values(), ...this.#jobs.values()]) asked.reject(lost);
+    for (const asked of this.#open.values()) asked.reject(lost);
     this.#open.clear();
-    this.#jobs.clear();
     this.#tell("closed", reason);
     setTimeout(() => this.#connect(), this.#waitMs);
     this.#waitMs = Math.min(2 * this.#waitMs, LONGEST_WAIT_MS);
