@@ -27,7 +27,6 @@ CONNECTING = {
             "parameters",
             "process",
             "loop_node",
-            "shares",
             "answering_node",
             "reports",
             "transport",

@@ -104,9 +104,11 @@ class LiveServer:
 
 
 @contextmanager
-def live_server(*, view_only: bool = False) -> Iterator[LiveServer]:
+def live_server(
+    laboratory: MemoryLaboratory | None = None, *, view_only: bool = False
+) -> Iterator[LiveServer]:
     """Yield a server with its thread; the caller has set a folder of its own for the socket."""
-    live = LiveServer(MemoryLaboratory(), "/arm", view_only=view_only)
+    live = LiveServer(laboratory or MemoryLaboratory(), "/arm", view_only=view_only)
     thread = threading.Thread(target=live.server.run, daemon=True)
     thread.start()
     try:

@@ -6,7 +6,10 @@ files, in the source tree or in the installed share folder.
 
 from __future__ import annotations
 
+import os
+import sysconfig
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rosbags.interfaces import Nodetype
@@ -16,11 +19,11 @@ from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
-    from pathlib import Path
 
     from rosbags.interfaces.typing import FieldDesc, Typesdict
     from rosbags.typesys.store import Typestore
 
+_OWN = "flexarm_msgs"
 # Between the types of a complete text.
 _RULE = "=" * 80
 
@@ -48,13 +51,25 @@ class MessageDefinition:
     type_hash: str
 
 
+def share_of(package: str) -> Path | None:
+    """Return the share folder of a package, which holds ``msg/*.msg``; None without one.
+
+    It lies below a prefix of ROS 2, or below that of this Python, where `pip install` puts it.
+    """
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    schemes = (sysconfig.get_default_scheme(), sysconfig.get_preferred_scheme("user"))
+    prefixes += [sysconfig.get_path("data", scheme) for scheme in schemes]
+    shares = (Path(prefix, "share", package) for prefix in prefixes if prefix)
+    return next((share for share in shares if share.is_dir()), None)
+
+
 def load_typestore(packages: Mapping[str, Path]) -> Typestore:
     """Return a store of the Jazzy types together with the messages of further packages.
 
     Parameters
     ----------
     packages : mapping of str to Path
-        Package name -> its folder (source or share) that holds ``msg/*.msg``.
+        Package name -> its folder that holds ``msg/*.msg``: the source, or `share_of` it.
 
     Raises
     ------
@@ -71,6 +86,22 @@ def load_typestore(packages: Mapping[str, Path]) -> Typestore:
             types.update(_parse(file, f"{package}/msg/{file.stem}"))
         typestore.register(types)
     return typestore
+
+
+def own_types() -> Typestore:
+    """Return a store of the Jazzy types together with flexarm's own, as they are installed.
+
+    Raises
+    ------
+    DefinitionError
+        If they are not installed.
+    """
+    folder = share_of(_OWN)
+    if folder is None:
+        raise DefinitionError(
+            f"the share folder of {_OWN} is not there: source the workspace, or pip install flexarm"
+        )
+    return load_typestore({_OWN: folder})
 
 
 def _parse(file: Path, type_name: str) -> Typesdict:

@@ -35,6 +35,7 @@ GROUPS = {
     "Run the laboratory": {
         "up": "laboratory.up:up",
         "status": "laboratory.remote:status",
+        "watch": "laboratory.watch:watch",
         "reference": "laboratory.remote:reference",
         "get": "laboratory.remote:get",
         "set": "laboratory.remote:set_",

@@ -45,7 +45,7 @@ PARAMETERS = read_table("flexarm_live", "live")
 _USUAL_PORT = 8117
 _TOKEN_BYTES = 24
 _FRAME_S = 1.0 / 60.0
-_UNSEEN_S = 0.25
+_UNSEEN_S = 0.1
 """Between two looks at the samples while no page is open."""
 _END_S = 5.0
 _NICE = 10

@@ -49,6 +49,16 @@ class VerbGroup(click.Group):
         except KeyboardInterrupt:
             click.echo("flexarm: interrupted", err=True)
             sys.exit(130)
+        except ModuleNotFoundError as error:
+            if not _is_of_ros(error.name or ""):
+                raise
+            click.echo(
+                f"flexarm: this verb works with ROS 2 nodes, and this Python has no {error.name}: "
+                "call ./flexarm of a checkout, which brings it (Linux on x86-64), or source an "
+                "installation of ROS 2",
+                err=True,
+            )
+            sys.exit(1)
         # A reader that has read enough is no error: click ends the program without a word.
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
@@ -150,6 +160,12 @@ def examples(*lines: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         return function
 
     return add
+
+
+def _is_of_ros(module: str) -> bool:
+    """Tell whether ROS 2 brings a module, or the build of our messages for it."""
+    package = module.partition(".")[0]
+    return package in {"rclpy", "ament_index_python"} or package.endswith(("_msgs", "_interfaces"))
 
 
 def _docstring(place: str) -> str:

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ament_index_python.packages import PackageNotFoundError, get_package_prefix
-
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
@@ -57,6 +55,12 @@ class NodeProgram:
 
 def find_executable(package: str, executable: str) -> Path:
     """Return the path of a node's executable; raise a `LaunchError` that lists those there are."""
+    # Not there without ROS 2, where verbs that need no node import this module too.
+    from ament_index_python.packages import (  # noqa: PLC0415
+        PackageNotFoundError,
+        get_package_prefix,
+    )
+
     try:
         folder = Path(get_package_prefix(package), "lib", package)
     except PackageNotFoundError:

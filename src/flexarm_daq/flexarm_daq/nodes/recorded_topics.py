@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Log, ParameterEvent
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -13,7 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from flexarm_bags.metadata import RecordedTopic, TopicQos
-from flexarm_bags.schema import describe, load_typestore
+from flexarm_bags.schema import describe, own_types, share_of
 from flexarm_msgs.msg import (
     ArmState,
     ChannelInfo,
@@ -24,7 +22,6 @@ from flexarm_msgs.msg import (
     PayloadEstimate,
 )
 from flexarm_node import qos
-from flexarm_node.shares import share_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,8 +62,7 @@ _LATCHED = IN_FORCE | {"/rosout"}
 
 def recorded_topics(names: Sequence[str], resolved: Sequence[str]) -> list[RecordedTopic]:
     """Return topics of the table with their full names, and the QoS that flexarm offers."""
-    share = Path(get_package_share_directory("flexarm_msgs"))
-    typestore = load_typestore({"flexarm_msgs": share})
+    typestore = own_types()
     return [
         RecordedTopic(
             topic,

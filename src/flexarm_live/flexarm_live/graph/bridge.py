@@ -21,6 +21,7 @@ from flexarm_live.graph.samples import SampleReader
 from flexarm_live.graph.situation import Situation
 from flexarm_live.graph.store import Store
 from flexarm_live.serving.laboratory import Answer
+from flexarm_live.serving.requests import Needs
 from flexarm_msgs.srv import SetReference
 
 if TYPE_CHECKING:
@@ -111,7 +112,8 @@ class Bridge:
     async def carry_out(self, request: Request) -> Answer:
         """Carry out a request; a `FlexarmError` refuses it with a reason."""
         answer: Answer = await getattr(self, f"_on_{request.verb}")(**request.fields)
-        self.outlet.tell_state()
+        if request.needs in (Needs.TOKEN, Needs.HOLD):
+            self.outlet.tell_state()
         return answer
 
     def report(self, name: str) -> bytes | None:
@@ -195,6 +197,9 @@ class Bridge:
             raise FlexarmError(answer.message)
         self._recording = str(bag) if on else None
         return Answer(answer.message, {"bag": bag.name, "folder": str(bag)})
+
+    async def _on_samples(self, after: int) -> Answer:
+        return Answer(data=self.samples.after(after))
 
     async def _on_bags(self) -> Answer:
         return Answer(data={"bags": self._store.bags(), "models": self._store.models()})

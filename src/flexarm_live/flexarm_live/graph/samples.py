@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import TYPE_CHECKING, NamedTuple
+from collections import deque
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -37,6 +38,7 @@ _END = np.dtype(
 _STAMP = struct.Struct("<4xiI")
 _DOUBLE = struct.Struct("<4xd")
 _LITTLE_ENDIAN = 1
+_KEPT_LOOKS = 128
 
 
 class Samples(NamedTuple):
@@ -68,6 +70,8 @@ class SampleReader:
     """
 
     def __init__(self) -> None:
+        self._taken = 0
+        self._looks: deque[tuple[int, Samples]] = deque(maxlen=_KEPT_LOOKS)
         self.reference_v = math.nan
         self.newest = 0
         self.position_v = math.nan
@@ -96,4 +100,28 @@ class SampleReader:
                 found["sequence"] % SEQUENCE_SPAN,
             ]
         )
-        return Samples(np.array(times_s), rows)
+        samples = Samples(np.array(times_s), rows)
+        self._taken += len(rows)
+        self._looks.append((self._taken, samples))
+        return samples
+
+    def after(self, taken: int) -> dict[str, Any]:
+        """Return the samples of the last looks, but for those up to a count of all samples taken.
+
+        Any thread may call. The count begins anew with this process: a larger one is of another.
+        """
+        looks = tuple(self._looks)
+        newest = looks[-1][0] if looks else 0
+        known = taken if taken <= newest else 0
+        parts = [
+            (samples.times_s[skipped:], samples.rows[skipped:])
+            for end, samples in looks
+            if end > known
+            for skipped in [max(0, known - (end - len(samples.rows)))]
+        ]
+        rows = np.vstack([np.empty((0, len(COLUMNS))), *(each for _, each in parts)])
+        return {
+            "taken": newest,
+            "t_s": np.concatenate([np.empty(0), *(each for each, _ in parts)]),
+            "values": dict(zip(COLUMNS, rows.T, strict=True)),
+        }

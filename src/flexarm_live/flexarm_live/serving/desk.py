@@ -128,6 +128,8 @@ class Desk:
             return Answer("nobody has the hand on the set-point" if not self.hold.holder else "")
         if request.verb == "address":
             return Answer(data={"url": self._address})
+        if request.verb == "hello":
+            return Answer(data=await self.hello(Role.OWNER))
         if request.verb == "status":
             return Answer(data={**self.state(client), "reports": self._laboratory.reports()})
         return await self._laboratory.carry_out(request)

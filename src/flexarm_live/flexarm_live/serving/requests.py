@@ -196,6 +196,8 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
         "experiment": Verb(Needs.HOLD, {"name": Field("text")}),
         "apply": Verb(Needs.HOLD, {"gains": Field("values"), "law": Field("text", required=False)}),
         "address": Verb(Needs.OWNER),
+        "hello": Verb(Needs.OWNER),
+        "samples": Verb(Needs.OWNER, {"after": Field("integer", least=0, most=_LARGEST_ID)}),
     }
 )
 """Every verb, by its name."""

@@ -231,8 +231,9 @@ class Server:
         self._terminals.add(task)
         name = f"terminal {next(self._numbers)}"
         try:
-            # A line that is too long is a ValueError, and ends the connection.
-            with suppress(ValueError, OSError):
+            # A line that is too long is a ValueError, and ends the connection. One that waits ends
+            # with the server, which is no news for the log.
+            with suppress(ValueError, OSError, asyncio.CancelledError):
                 while line := await reader.readline():
                     reply = await self._desk.answer(line, name, Role.OWNER)
                     writer.write(f"{as_json(reply)}\n".encode())

@@ -63,3 +63,20 @@ def test_sequence___of_a_long_run___is_exact_in_float32() -> None:
     found = SampleReader().read([state(sequence, 1, *range(6))])
     assert found is not None
     assert int(np.float32(found.rows[0, -1])) == sequence % SEQUENCE_SPAN
+
+
+def test_samples___after_a_count___are_those_that_came_since() -> None:
+    reader = SampleReader()
+    for first in (1, 4):
+        reader.read(
+            [state(first + k, 10 * first + k, float(first + k), *range(5)) for k in range(3)]
+        )
+    assert reader.after(0)["values"]["position_v"].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    found = reader.after(2)
+    assert found["taken"] == 6
+    assert found["values"]["position_v"].tolist() == [3.0, 4.0, 5.0, 6.0]
+    np.testing.assert_allclose(found["t_s"], 100.5 + 1e-9 * np.arange(3, 7), rtol=1e-14)
+    assert reader.after(6)["t_s"].size == 0
+    # Of a process before this one.
+    assert reader.after(1000)["t_s"].size == 6
+    assert SampleReader().after(0)["taken"] == 0

@@ -16,6 +16,7 @@ from support.live_server import PATIENCE_S, TOKEN, LiveServer, ask, live_server,
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +96,30 @@ def test_terminal___asks_and_commands___without_a_token_or_the_hand(live: LiveSe
     assert reference["ok"] is True
     assert status["data"]["badge"] == "READY"
     assert status["data"]["holder_name"].startswith("page ")
+
+
+def test_terminal___asks_for_hello_and_samples___which_no_page_may(live: LiveServer) -> None:
+    with live.page() as page, connect(live.namespace) as terminal:
+        lines = terminal.makefile("rw")
+        lines.write('{"do": "hello"}\n{"do": "samples", "after": 7}\n')
+        lines.flush()
+        hello, samples = (json.loads(lines.readline()) for _ in range(2))
+        refused = ask(page, do="samples", after=7)
+    assert hello["data"]["rate_hz"] == 300.0
+    assert samples["data"] == {"verb": "samples"}
+    assert "only the terminal" in refused["message"]
+
+
+def test_terminal___that_waits_when_the_server_ends___is_no_news_for_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with live_server() as server, connect(server.namespace) as terminal:
+        terminal.sendall(b'{"do": "status"}\n')
+        terminal.makefile().readline()
+        server.server.stop()
+        assert terminal.recv(1) == b""
+    assert caplog.records == []
 
 
 def test_terminal___with_an_endless_line___is_cut_off(live: LiveServer) -> None:

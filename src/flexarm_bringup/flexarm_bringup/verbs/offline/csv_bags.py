@@ -18,16 +18,11 @@ if TYPE_CHECKING:
 def imported(csv: Path, map_file: Path, bag: Path) -> ImportSummary:
     """Turn a CSV file into a new bag, by the map of its columns."""
     # They load numpy and rosbags: not for the help.
-    from ament_index_python.packages import get_package_share_directory  # noqa: PLC0415
-
-    from flexarm_bags.schema import load_typestore  # noqa: PLC0415
+    from flexarm_bags.schema import own_types, share_of  # noqa: PLC0415
     from flexarm_daq.importing.csv_import import import_csv  # noqa: PLC0415
     from flexarm_daq.importing.csv_map import load_csv_map  # noqa: PLC0415
-    from flexarm_node.shares import share_of  # noqa: PLC0415
 
-    share = Path(get_package_share_directory("flexarm_msgs"))
-    typestore = load_typestore({"flexarm_msgs": share})
-    return import_csv(csv, load_csv_map(map_file), bag, typestore=typestore, folder_of=share_of)
+    return import_csv(csv, load_csv_map(map_file), bag, typestore=own_types(), folder_of=share_of)
 
 
 @contextmanager

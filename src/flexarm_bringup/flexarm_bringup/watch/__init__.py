@@ -1,0 +1,1 @@
+"""Laboratory on the terminal: one screen of a running arm, and its keys."""

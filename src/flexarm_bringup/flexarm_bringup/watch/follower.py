@@ -1,0 +1,167 @@
+"""Follower of a running arm: its state and samples, asked for in a thread, and its set-point."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from flexarm_bringup.graph.hand import through
+from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.watch.history import History
+from flexarm_bringup.watch.screen import GONE, Units
+from flexarm_core.errors import FlexarmError, one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from types import TracebackType
+
+    from flexarm_bringup.graph.live_hand import LiveHand
+
+_ASK_S = 0.1
+_RETRY_S = 1.0
+_RELEASE_S = 60.0
+# The server's word on the set-point is older than the user's while one is on its way.
+_OWN_WORD_S = 0.8
+
+
+class Follower:
+    """Follower of one arm, as long as its context.
+
+    What takes long, or never comes back, waits in threads that do not outlive the process: the keys
+    are heard all the while.
+
+    Parameters
+    ----------
+    namespace : str
+        Namespace of the arm.
+
+    Attributes
+    ----------
+    state : mapping
+        Newest state.
+    history : History
+        Samples.
+    units : Units
+        Units of the channels.
+    note : str
+        What the last command has led to.
+    """
+
+    def __init__(self, namespace: str) -> None:
+        self.state: Mapping[str, Any] = {}
+        self.history = History()
+        self.note = ""
+        self._namespace = namespace
+        self._taken = 0
+        self._moved_v, self._moved_s = 0.0, -math.inf
+        self._news = threading.Event()
+        self._ending = threading.Event()
+
+    def __enter__(self) -> Follower:  # noqa: PYI034 - Self needs Python 3.11
+        """Ask for what does not change, and follow.
+
+        Raises
+        ------
+        LaunchError
+            When no `up` of the arm runs.
+        """
+        try:
+            with live_hand(self._namespace) as hand:
+                hello = hand.ask("hello").data
+                self._ask(hand)
+        except NoAnswerError as error:
+            raise LaunchError(
+                f"{one_line(error)}: start it with ./flexarm up, or name its --namespace or "
+                "ROS_DOMAIN_ID"
+            ) from error
+        self.units = Units(hello["channels"])
+        reference = hello["reference"]
+        self._low_v, self._high_v = reference["low_v"], reference["high_v"]
+        _start(self._follow)
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc_value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._ending.set()
+
+    def stop(self) -> None:
+        """Hold the drive at zero, at once; over the graph when `up` does not answer."""
+        self.note = "STOP ..."
+        self._command(lambda: through(self._namespace, lambda hand: hand.stop()))
+
+    def release(self) -> None:
+        """Begin a new run after a stop."""
+        self.note = "releasing ..."
+
+        def released() -> str:
+            with live_hand(self._namespace) as hand:
+                return hand.ask("release", _RELEASE_S).message
+
+        self._command(released)
+
+    def move_by(self, degrees: float) -> None:
+        """Move the set-point, degrees."""
+        is_ours = time.monotonic() - self._moved_s < _OWN_WORD_S
+        here_v = self._moved_v if is_ours else self.state.get("reference_v") or 0.0
+        self.move_to(here_v + degrees / self.units.per_v("reference_v"))
+
+    def move_to(self, wanted_v: float) -> None:
+        """Move the set-point, V, within the travel."""
+        self._moved_v = min(self._high_v, max(self._low_v, wanted_v))
+        self._moved_s = time.monotonic()
+        self._news.set()
+
+    def _command(self, command: Callable[[], str]) -> None:
+        def carry_out() -> None:
+            try:
+                self.note = command()
+            # Libraries raise errors of their own.
+            except (FlexarmError, OSError, RuntimeError, ValueError) as error:
+                self.note = f"refused: {one_line(error)}"
+
+        _start(carry_out)
+
+    def _follow(self) -> None:
+        while not self._ending.is_set():
+            self._attend()
+            self._ending.wait(_RETRY_S)
+
+    def _attend(self) -> None:
+        """Follow as long as `up` answers."""
+        try:
+            with live_hand(self._namespace) as hand:
+                # What was wanted while nobody answered is no news any more.
+                self._news.clear()
+                while not self._ending.is_set():
+                    self._ask(hand)
+                    if self._news.wait(_ASK_S):
+                        self._news.clear()
+                        self._send(hand, self._moved_v)
+        except LaunchError as error:
+            self.state = {"badge": GONE, "reason": one_line(error)}
+
+    def _send(self, hand: LiveHand, wanted_v: float) -> None:
+        try:
+            in_force_v = hand.reference(wanted_v)
+            self.note = f"set-point {self.units.shown('reference_v', in_force_v)}"
+        except NoAnswerError:
+            raise
+        except LaunchError as error:
+            self.note = f"refused: {one_line(error)}"
+
+    def _ask(self, hand: LiveHand) -> None:
+        self.state = hand.ask("status").data
+        found = hand.ask("samples", after=self._taken).data
+        self._taken = found["taken"]
+        self.history.add(found["t_s"], found["values"])
+
+
+def _start(work: Callable[[], None]) -> None:
+    threading.Thread(target=work, daemon=True).start()

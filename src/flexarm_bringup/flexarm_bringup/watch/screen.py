@@ -1,0 +1,144 @@
+"""Screen of a running arm as pieces of text: state, loop and traces."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from flexarm_bringup.watch.sparkline import COLUMNS_A_CHARACTER, span, sparkline
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from flexarm_bringup.watch.history import History
+
+KEYS = "space STOP   r release   arrows set-point 1 deg, Shift 5, PgUp PgDn 10   q quit"
+GONE = "GONE"
+"""Badge of an arm that does not answer."""
+_TRACES = {
+    "position_v": "position",
+    "base_strain_v": "base",
+    "middle_strain_v": "middle",
+    "speed_v": "speed",
+    "command_v": "command",
+}
+_BESIDE = {
+    "position_v": ("reference_v", "set-point"),
+    "command_v": ("compensation_v", "of it comp."),
+}
+_HEAD_ROWS = 4
+_FOOT_ROWS = 2
+_LABEL_WIDTH = 26
+_SCALE_WIDTH = 8
+_LEAST_SPAN_V = 0.1
+"""Sensor noise shall not fill a trace."""
+
+
+class Piece(NamedTuple):
+    """Text at a place of the screen; its style is a badge's word, "strong", "weak" or empty."""
+
+    row: int
+    column: int
+    text: str
+    style: str = ""
+
+
+class Units:
+    """Units of the channels, as the server tells them."""
+
+    def __init__(self, channels: list[Mapping[str, Any]]) -> None:
+        self._channels = {channel["name"]: channel for channel in channels}
+
+    def per_v(self, name: str) -> float:
+        """Return how much of its unit a volt of a channel is."""
+        return float(self._channels[name]["si_per_v"])
+
+    def shown(self, name: str, volts: float) -> str:
+        """Return a value with its unit."""
+        return f"{number(volts * self.per_v(name), '+.2f')} {self._channels[name]['si_unit']}"
+
+
+def number(value: float | None, form: str) -> str:
+    """Return a figure; a dash for one that is none."""
+    return "-" if value is None or math.isnan(value) else format(value, form)
+
+
+def loop_words(state: Mapping[str, Any]) -> str:
+    """Return law, payload and how well the loop keeps its time, for one line."""
+    words = [f"law {state.get('law') or '-'}"]
+    if state.get("payload_kg") is not None:
+        words.append(f"payload {state['payload_kg']:g} kg")
+    words += [
+        f"{number(state.get('rate_hz'), 'g')} Hz",
+        f"factor {number(state.get('factor'), '.2f')}",
+        f"missed {number(state.get('missed'), '.0f')}",
+        f"unanswered {number(state.get('unanswered'), '.0f')}",
+    ]
+    return "  ".join(words)
+
+
+def plain_line(state: Mapping[str, Any], history: History, units: Units) -> str:
+    """Return state and newest sample for one line of a file."""
+    names = {**_TRACES, "reference_v": "set-point"}
+    newest = [
+        f"{title} {units.shown(name, history.newest[name])}"
+        for name, title in names.items()
+        if name in history.newest
+    ]
+    badge = f"{state.get('badge', '')} {state.get('reason', '')}".strip()
+    return "; ".join([badge, *newest, loop_words(state)])
+
+
+def screen(
+    state: Mapping[str, Any], history: History, units: Units, note: str, size: tuple[int, int]
+) -> Iterator[Piece]:
+    """Yield the pieces of a screen of so many rows and columns, each within its row."""
+    rows, columns = size
+    for piece in (
+        *_head(state),
+        *_traces(history, units, rows - _HEAD_ROWS - _FOOT_ROWS, columns),
+        Piece(rows - 2, 0, note, "strong"),
+        Piece(rows - 1, 0, KEYS, "weak"),
+    ):
+        # The last place of a screen cannot be written.
+        text = piece.text[: max(0, columns - 1 - piece.column)]
+        if text and 0 <= piece.row < rows:
+            yield piece._replace(text=text)
+
+
+def _head(state: Mapping[str, Any]) -> Iterator[Piece]:
+    badge = f" {state.get('badge') or '-'} "
+    yield Piece(0, 0, badge, state.get("badge", ""))
+    yield Piece(0, len(badge) + 1, state.get("reason") or "")
+    yield Piece(1, 0, loop_words(state))
+    times = [f"{kind} {_percentiles(state.get(f'{kind}_ms') or {})}" for kind in ("late", "reply")]
+    if state.get("recording"):
+        times.append(f"recording {state['recording']}")
+    yield Piece(2, 0, "  ".join(times))
+
+
+def _percentiles(times_ms: Mapping[str, float | None]) -> str:
+    shown = (number(times_ms.get(name), ".2f") for name in ("p50", "p99", "max"))
+    return f"{' / '.join(shown)} ms"
+
+
+def _traces(history: History, units: Units, rows: int, columns: int) -> Iterator[Piece]:
+    height = rows // len(_TRACES)
+    width = columns - _LABEL_WIDTH - _SCALE_WIDTH
+    if height < 1 or width < 1:
+        yield Piece(_HEAD_ROWS, 0, "the window is too small for traces")
+        return
+    for place, (name, title) in enumerate(_TRACES.items()):
+        top = _HEAD_ROWS + place * height
+        labels = [(name, title), *([_BESIDE[name]] if name in _BESIDE else [])]
+        for row, (each, words) in enumerate(labels[:height]):
+            value = units.shown(each, history.newest.get(each, math.nan))
+            yield Piece(top + row, 0, f"{words:11s} {value:>13s}", "" if row else "strong")
+        bands = history.bands(name, COLUMNS_A_CHARACTER * width)
+        scale = span(bands, _LEAST_SPAN_V)
+        for row, line in enumerate(sparkline(bands, scale, height)):
+            yield Piece(top + row, _LABEL_WIDTH + width - len(line), line, name)
+        ends = {0: scale.high, height - 1: scale.low} if height > 1 else {}
+        for row, volts in ends.items():
+            end = f" {volts * units.per_v(name):+.2f}"
+            yield Piece(top + row, _LABEL_WIDTH + width, end, "weak")
