@@ -1,9 +1,13 @@
-"""Benchmark of the loop: daq and controller as processes over DDS, beside a bare Python loop.
+"""Benchmark of the loop: daq and controller over DDS, beside peers in C and a bare Python loop.
 
 The simulated rig in real time. Lateness of the ticks, time from a sample to its command, missed
 periods and unanswered samples are what the DAQ node reports of itself on `/diagnostics`. The floor
 is a Python loop that only sleeps until its next deadline, in a process of its own at the same time
 and priority: what it misses, this machine makes every Python program miss.
+
+The peers are C programs that exchange as many bytes: on rcl, and as bare datagrams. All take turns
+in rounds, since a shared machine drifts. A figure is the median of the rounds, a maximum that of
+all, and a ratio is formed within each round.
 """
 
 from __future__ import annotations
@@ -11,9 +15,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import time
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from statistics import fmean, median
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,6 +27,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from bench.loop import peers
 from bench.tools import json_option, write_json
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
@@ -30,16 +36,21 @@ from flexarm_node.process import prefer_realtime
 from flexarm_node.statistics import Percentiles, Window
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
     from multiprocessing.connection import Connection
 
 _SETTLE_S = 2.0
+_ROUND_S = 20.0
 _PERCENTILES = {"p50": "p50", "p99": "p99", "p999": "p999", "max": "maximum"}
 
 
 @dataclass(frozen=True)
 class Row:
-    """Figures of one run; times in ms, CPU as a share of one core per node."""
+    """Figures of a run or of its rounds; times in ms, CPU as a share of one core per process.
+
+    `peer_reply_ms` and `udp_reply_ms` are those of the peers, empty where they cannot be built, and
+    `ratio_to_peer` is that of the reply.
+    """
 
     asked_hz: float
     rate_hz: float
@@ -54,6 +65,9 @@ class Row:
     cpu: dict[str, float]
     realtime: bool
     load: bool
+    peer_reply_ms: dict[str, float] = field(default_factory=dict)
+    udp_reply_ms: dict[str, float] = field(default_factory=dict)
+    ratio_to_peer: dict[str, float] = field(default_factory=dict)
 
 
 @click.command()
@@ -65,20 +79,69 @@ class Row:
 @click.option("--load", is_flag=True, help="Keep one core busy beside it.")
 @json_option
 def main(
-    *, rates_hz: tuple[float, ...], minutes: float, load: bool, json_file: Path | None
+    *,
+    rates_hz: tuple[float, ...],
+    minutes: float,
+    load: bool,
+    json_file: Path | None,
 ) -> None:
     """Measure each rate, print one table, and write its rows to a file on request."""
     console = Console()
+    programs, missing = peers.built(Path("out/bench/peer"))
     try:
-        rows = [measure(rate_hz, 60.0 * minutes, load=load) for rate_hz in rates_hz]
+        rows = [compared(rate_hz, 60.0 * minutes, programs, load=load) for rate_hz in rates_hz]
     except LaunchError as error:
         raise click.ClickException(str(error)) from None
     console.print(table(rows))
+    for line in missing:
+        console.print(line, markup=False)
     if not all(row.realtime for row in rows):
         console.print(
             "Without real-time priority, which this account may not take: a busy machine shows."
         )
     write_json(json_file, rows)
+
+
+def compared(rate_hz: float, length_s: float, programs: Mapping[str, Path], *, load: bool) -> Row:
+    """Measure the loop and its peers in turns, and return their figures together."""
+    rounds = max(1, round(length_s / _ROUND_S))
+    rows = []
+    for _ in range(rounds):
+        with beside(_burn) if load else nullcontext():
+            replies = {
+                name: peers.measured(program, rate_hz, length_s / rounds)
+                for name, program in programs.items()
+            }
+        rows.append(_beside_peers(measure(rate_hz, length_s / rounds, load=load), replies))
+    return joined(rows)
+
+
+def _beside_peers(row: Row, replies: Mapping[str, Mapping[str, float]]) -> Row:
+    """Return a row with the replies of the peers in the same round."""
+    rcl, udp = (
+        {name: replies[peer][name] for name in _PERCENTILES} if peer in replies else {}
+        for peer in (peers.RCL, peers.UDP)
+    )
+    ratio = {name: row.reply_ms[name] / rcl[name] for name in rcl}
+    return replace(row, peer_reply_ms=rcl, udp_reply_ms=udp, ratio_to_peer=ratio)
+
+
+def joined(rows: Sequence[Row]) -> Row:
+    """Return one row for all rounds: sums of counts, medians of times, means of the rest."""
+    first = asdict(rows[0])
+    every = {name: [getattr(row, name) for row in rows] for name in first}
+    together: dict[str, Any] = {}
+    for name, values in every.items():
+        if isinstance(first[name], dict):
+            together[name] = {
+                key: (max if key == "max" else median)([value[key] for value in values])
+                for key in first[name]
+            }
+        elif isinstance(first[name], bool):
+            together[name] = all(values)
+        else:
+            together[name] = sum(values) if isinstance(first[name], int) else fmean(values)
+    return Row(**together)
 
 
 def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:
@@ -138,11 +201,19 @@ def table(rows: list[Row]) -> Table:
         "unanswered": [f"{row.unanswered / row.samples:.2%}" for row in rows],
         "falls to safe state": [str(row.fell_safe) for row in rows],
     }
-    for title, field in (("reply", "reply_ms"), ("late", "late_ms"), ("floor", "floor_late_ms")):
+    for title, kind in (("reply", "reply_ms"), ("late", "late_ms"), ("floor", "floor_late_ms")):
         for name in _PERCENTILES:
-            lines[f"{title} {name}, ms"] = [f"{getattr(row, field)[name]:.3f}" for row in rows]
-    for name in rows[0].cpu:
-        lines[f"{name}, share of a core"] = [f"{row.cpu[name]:.1%}" for row in rows]
+            lines[f"{title} {name}, ms"] = [f"{getattr(row, kind)[name]:.3f}" for row in rows]
+    for title, kind in (("C on rcl", "peer_reply_ms"), ("datagrams in C", "udp_reply_ms")):
+        for name in ("p50", "p99"):
+            found = [getattr(row, kind).get(name) for row in rows]
+            lines[f"{title} {name}, ms"] = ["-" if ms is None else f"{ms:.3f}" for ms in found]
+    for name in ("p50", "p99"):
+        ratios = [row.ratio_to_peer.get(name) for row in rows]
+        lines[f"reply to that on rcl, {name}"] = ["-" if r is None else f"{r:.2f}" for r in ratios]
+    for name in sorted({name for row in rows for name in row.cpu}):
+        shares = [row.cpu.get(name) for row in rows]
+        lines[f"{name}, share of a core"] = ["-" if s is None else f"{s:.1%}" for s in shares]
     for title, values in lines.items():
         result.add_row(title, *values)
     return result

@@ -21,6 +21,9 @@ LOW_NOISE_V: Final = (0.005, 0.05, 0.03, 0.02)
 THESIS_NOISE_V: Final = (0.01, 0.4, 0.2, 0.03)
 """Sensor noise that makes the gauge errors of an identified model as large as in Table 2-4."""
 
+NO_HUM_V: Final = (0.0, 0.0, 0.0, 0.0)
+"""Mains hum of a rig whose cables take none."""
+
 _MAY_BE_ZERO: Final = frozenset(
     {
         "tip_mass_kg",
@@ -88,6 +91,10 @@ class RigParameters:
         filter reduces the phase margin of the thesis's PDP loop, which was stable.
     noise_v : tuple of float
         Standard deviation of the noise of the four channels; chosen.
+    hum_v : tuple of float
+        Amplitude of the mains hum of the four channels, all in phase; none by default.
+    hum_hz : float
+        Frequency of the mains.
     adc_bits, dac_bits : int
         Resolution of the converters (section 2.3): inputs over -10 to 10 V, output magnitude over 0
         to 10 V with a separate direction.
@@ -133,14 +140,16 @@ class RigParameters:
     tacho_cutoff_hz: float = 80.0
     tacho_damping_ratio: float = 0.7
     noise_v: tuple[float, float, float, float] = LOW_NOISE_V
+    hum_v: tuple[float, float, float, float] = NO_HUM_V
+    hum_hz: float = 60.0
     adc_bits: int = 12
     dac_bits: int = 12
     loop_delay_s: float = 5e-4
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            if field.name == "noise_v":
-                _check_noise(self.noise_v)
+            if field.name in {"noise_v", "hum_v"}:
+                _check_volts(field.name, getattr(self, field.name))
             elif field.name in {"adc_bits", "dac_bits"}:
                 _check_bits(field.name, getattr(self, field.name))
             else:
@@ -179,11 +188,11 @@ def _check_scalar(name: str, value: float) -> None:
         raise SettingError(f"{name} must be positive, got {value}")
 
 
-def _check_noise(noise_v: tuple[float, ...]) -> None:
-    if len(noise_v) != len(LOW_NOISE_V):
-        raise SettingError(f"noise_v must have 4 entries, position to speed, got {len(noise_v)}")
-    if not all(math.isfinite(sigma) and sigma >= 0.0 for sigma in noise_v):
-        raise SettingError(f"noise_v must be finite and not negative, got {noise_v}")
+def _check_volts(name: str, volts: tuple[float, ...]) -> None:
+    if len(volts) != len(LOW_NOISE_V):
+        raise SettingError(f"{name} must have 4 entries, position to speed, got {len(volts)}")
+    if not all(math.isfinite(each) and each >= 0.0 for each in volts):
+        raise SettingError(f"{name} must be finite and not negative, got {volts}")
 
 
 def _check_bits(name: str, bits: int) -> None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 MAX_CATCH_UP_S: Final = 1.0
 """Longest gap of real time that is integrated, s; the rest of a longer gap is left out."""
+_HUM_STREAM: Final = 1
 
 
 class SimulatedRig:
@@ -40,7 +41,7 @@ class SimulatedRig:
     rate_hz : float
         Sampling rate of virtual time, Hz.
     seed : int
-        Seed of the sensor noise.
+        Seed of the sensor noise, and of the phase of the hum.
     clock : callable, optional
         Monotonic time in seconds, such as `time.monotonic`; without it, time is virtual.
 
@@ -89,6 +90,7 @@ class SimulatedRig:
 
         self._plant = Plant(self.parameters)
         self._noise_v = np.array(self.parameters.noise_v)
+        self._hum_v = np.array(self.parameters.hum_v)
         self._adc_step_v: float = 2.0 * INPUT_RANGE_V / 2**self.parameters.adc_bits
         self._dac_step_v: float = MAX_COMMAND_V / 2**self.parameters.dac_bits
         self._is_open = False
@@ -99,6 +101,9 @@ class SimulatedRig:
         # Compiles the equations of motion before the first deadline.
         self._plant.advance(0.0, 0.0)
         self._random = np.random.default_rng(self._seed)
+        # A stream of its own: the noise of a seed is the same with and without hum.
+        hum_random = np.random.default_rng((self._seed, _HUM_STREAM))
+        self._hum_phase_rad = 2.0 * math.pi * hum_random.random()
         self._command_v = 0.0
         self._time_s = 0.0
         self._samples = 0
@@ -113,7 +118,9 @@ class SimulatedRig:
             self._plant.change_payload(self.parameters.payload_kg)
         self._samples += 1
         noise_v = self._noise_v * self._random.standard_normal(len(CHANNELS))
-        return RigSample(self._time_s, self._converted(self._plant.outputs_v() + noise_v))
+        return RigSample(
+            self._time_s, self._converted(self._plant.outputs_v() + noise_v + self._present_hum_v())
+        )
 
     def outputs_v(self) -> NDArray[np.float64]:
         """Return the present sensor voltages without noise and quantisation, V."""
@@ -157,6 +164,11 @@ class SimulatedRig:
     def _require_open(self) -> None:
         if not self._is_open:
             raise RigError("the simulated rig is not open: call open() first")
+
+    def _present_hum_v(self) -> NDArray[np.float64]:
+        turned_rad = 2.0 * math.pi * self.parameters.hum_hz * self._time_s
+        hum_v: NDArray[np.float64] = self._hum_v * math.sin(turned_rad + self._hum_phase_rad)
+        return hum_v
 
     def _advance_to(self, virtual_s: float) -> None:
         now_s = virtual_s if self._clock is None else self._clock() - self._epoch_s

@@ -12,7 +12,7 @@ from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, RigParameters
 SCALARS = [
     field.name
     for field in fields(RigParameters)
-    if field.name not in {"noise_v", "adc_bits", "dac_bits"}
+    if field.name not in {"noise_v", "hum_v", "adc_bits", "dac_bits"}
 ]
 
 
@@ -44,6 +44,7 @@ def test_scalar___not_a_magnitude___is_refused_by_name(name: str, value: float) 
         ("noise_v", (0.0, 0.0, 0.0)),
         ("noise_v", (0.0, 0.0, 0.0, -0.1)),
         ("noise_v", (0.0, 0.0, 0.0, math.nan)),
+        ("hum_v", (0.0, 0.0, -0.1, 0.0)),
         ("adc_bits", 0),
         ("dac_bits", 33),
         ("adc_bits", 12.5),

@@ -158,6 +158,23 @@ def test_noise___at_rest___has_the_stated_spread() -> None:
     np.testing.assert_allclose(volts.mean(axis=0), 0.0, atol=0.004)
 
 
+def test_hum___at_rest___is_a_sine_of_the_mains_in_its_channels() -> None:
+    rig = opened(parameters=replace(SILENT, hum_v=(0.0, 0.5, 0.2, 0.0)), seed=3)
+    volts = np.array([rig.read().volts for _ in range(300)])
+    lines_v = np.abs(np.fft.rfft(volts, axis=0)) * 2.0 / 300.0
+    np.testing.assert_allclose(lines_v[60], (0.0, 0.5, 0.2, 0.0), atol=1e-6)
+    assert np.delete(lines_v, 60, axis=0).max() < 1e-6
+
+
+def test_hum___beside_noise___leaves_the_noise_of_a_seed_as_it_is() -> None:
+    quiet, humming = (
+        record(opened(parameters=replace(SILENT, noise_v=LOW_NOISE_V, hum_v=hum_v)), 300)
+        for hum_v in ((0.0,) * 4, (0.0, 0.5, 0.0, 0.0))
+    )
+    np.testing.assert_allclose(humming[:, [1, 3, 4]], quiet[:, [1, 3, 4]], atol=1e-12)
+    assert np.std(humming[:, 2] - quiet[:, 2]) == pytest.approx(0.5 / math.sqrt(2.0), rel=0.01)
+
+
 def test_converter___twelve_bit___reads_whole_steps() -> None:
     rows = record(opened(), 300)[:, 1:]
     codes = rows / (20.0 / 4096.0)

@@ -38,7 +38,7 @@ _BENCHES = (
     ("bags", "Speed of reading bags beside rosbags", ("--seconds 600",)),
     (
         "loop",
-        "The control loop over DDS beside a bare Python loop",
+        "The control loop over DDS beside C and a bare Python loop",
         ("--rate 300 --rate 500", "--minutes 10 --load"),
     ),
     ("payload", "Payload detection, and gains that follow it", ("--seeds 20",)),
