@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import runpy
+import shutil
 import sys
 from configparser import ConfigParser
 from typing import TYPE_CHECKING, Any
@@ -158,6 +159,24 @@ def test_setup___installs___every_data_file_beside_the_modules(
         if file.is_file() and file.suffix != ".py" and file.parent.name != "__pycache__"
     }
     assert beside - installed == set()
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_setup___with_bytecode_beside_its_data___installs_files_alone(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy = shutil.copytree(package, tmp_path / package.name)
+    folders = [folder for folder in copy.rglob("*") if folder.is_dir()]
+    for folder in folders:
+        if folder.name != "__pycache__":
+            (folder / "__pycache__").mkdir(exist_ok=True)
+    arguments: dict[str, Any] = {}
+    monkeypatch.chdir(copy)
+    monkeypatch.setattr("setuptools.setup", arguments.update)
+    runpy.run_path("setup.py")
+    named = [file for _, files in arguments["data_files"] for file in files]
+    assert named
+    assert [file for file in named if not (copy / file).is_file()] == []
 
 
 def test_messages___declare___the_packages_of_their_fields() -> None:

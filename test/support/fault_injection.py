@@ -23,6 +23,7 @@ from flexarm_daq.loop.watchdog import Watchdog
 from flexarm_daq.rigs.faulty import SENSOR_FAULTS, Fault, FaultyRig
 from flexarm_daq.rigs.rig_protocol import RigError
 from flexarm_daq.rigs.simulated import SimulatedRig
+from support.acquisition_bench import Clock
 
 if TYPE_CHECKING:
     from flexarm_daq.loop.exchange import Record
@@ -89,7 +90,8 @@ class Witness:
 class RestlessController:
     """Controller of every sample: PD with friction compensation and a hasty square."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
         self._answer: Command | None = None
 
     def publish(self, record: Record) -> None:
@@ -98,8 +100,11 @@ class RestlessController:
         compensation_v = math.copysign(0.7, effort_v)
         self._answer = Command(record.sequence, record.sequence, float(effort_v), compensation_v)
 
-    def wait(self, _: float) -> Command | None:
+    def wait(self, timeout_s: float) -> Command | None:
         answer, self._answer = self._answer, None
+        if answer is None:
+            # As on a machine, a wait takes a little longer than it was asked to.
+            self._clock.sleep(timeout_s + 1e-6)
         return answer
 
     def spare_time(self) -> None:
@@ -110,15 +115,17 @@ def inject(fault: Fault, channel: str, seed: int) -> Injection:
     """Let one fault set in at a random moment of a run."""
     after = int(np.random.default_rng(seed).integers(30, 400))
     witness = Witness(SimulatedRig(rate_hz=RATE_HZ, seed=seed))
+    clock = Clock()
     acquisition = Acquisition(
         FaultyRig(witness, fault, after_samples=after, channel=channel),
         Limiter(),
         Watchdog(1.0 / RATE_HZ),
         SensorCheck(RATE_HZ),
-        RestlessController(),
+        RestlessController(clock),
         rate_hz=RATE_HZ,
         samples=after + SAMPLES_AFTER,
         lockstep=LockStep(0.0, 0.001, is_answered=True),
+        clock=clock,
     )
     with suppress(RigError, ArithmeticError):
         acquisition.run(threading.Event())

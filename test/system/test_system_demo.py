@@ -62,7 +62,7 @@ def test_demo___meets_its_figures_and_leaves_only_results(graph: Graph, tmp_path
     assert graph.survivors() == []
 
 
-@pytest.mark.parametrize("moment", ["Starting the nodes", "% exciting the arm", "Identifying"])
+@pytest.mark.parametrize("moment", ["Starting the nodes", "Identifying"])
 def test_demo___interrupted___leaves_no_process_and_no_bag(
     graph: Graph, tmp_path: Path, moment: str
 ) -> None:

@@ -39,3 +39,20 @@ def test_kept_paths___set___what_the_script_of_colcon_sets() -> None:
     )
     for name in ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH"):
         assert ours[name] == theirs[name]
+
+
+def test_sources_of_a_build___are_not_the_bytecode_beside_them(tmp_path: Path) -> None:
+    launch = tmp_path / "src" / "one" / "launch"
+    (launch / "__pycache__").mkdir(parents=True)
+    (launch / "one.launch.py").touch()
+    (launch / "__pycache__" / "one.pyc").touch()
+    lines = (PROJECT / "flexarm").read_text("utf-8")
+    found = lines[lines.index("sources=$(") : lines.index("mapfile -t sources")]
+    done = subprocess.run(  # noqa: S603 - our own script
+        ["/bin/bash", "-c", f'{found}printf %s "$sources"'],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "src/one/launch/one.launch.py"

@@ -76,10 +76,11 @@ def exact_response(rig: RigParameters, command_v: NDArray[np.float64]) -> NDArra
     augmented = np.zeros((19, 19))
     augmented[:18, :18], augmented[:18, 18] = system, entry
     step = expm(augmented / RATE_HZ)
+    output = output_matrix(rig)
     state = np.zeros(19)
     outputs = np.empty((len(command_v), 4))
     for k, volts in enumerate(command_v):
-        outputs[k] = output_matrix(rig) @ state[:18]
+        outputs[k] = output @ state[:18]
         state[18] = volts
         state = step @ state
     return outputs
@@ -119,10 +120,11 @@ def smoothed_response(rig: RigParameters, command_v: NDArray[np.float64]) -> NDA
 
         return evaluate
 
+    output = output_matrix(rig)
     state = np.zeros(18)
     outputs = np.empty((len(command_v), 4))
     for k, volts in enumerate(command_v):
-        outputs[k] = output_matrix(rig) @ state
+        outputs[k] = output @ state
         solution = solve_ivp(
             derivative(volts), (0.0, 1.0 / RATE_HZ), state, "LSODA", rtol=1e-7, atol=1e-9
         )

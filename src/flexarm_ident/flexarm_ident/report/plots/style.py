@@ -55,8 +55,9 @@ STYLE: Any = {
 
 def figure_of(height_in: float) -> Figure:
     """Return an empty figure of the common width."""
-    # It measures everything once; the constrained layout does so twice.
-    return Figure(figsize=(WIDTH_IN, height_in), layout=TightLayoutEngine(pad=0.4, h_pad=0.6))
+    # It measures everything once; with its own rectangle, and in the constrained layout, twice.
+    layout = TightLayoutEngine(pad=0.4, h_pad=0.6, rect=None)  # type: ignore[arg-type]
+    return Figure(figsize=(WIDTH_IN, height_in), layout=layout)
 
 
 def legend_above(axes: Axes, columns: int = 3) -> None:
