@@ -22,6 +22,7 @@ from flexarm_live.graph.situation import Situation
 from flexarm_live.graph.store import Store
 from flexarm_live.serving.laboratory import Answer
 from flexarm_live.serving.requests import Needs
+from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import SetReference
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class Bridge:
 
     def __init__(self, node: Node, folder: Path) -> None:
         self._calls = Calls(node)
-        self.samples = SampleReader()
+        self.samples = SampleReader(ArmState)
         self.situation = Situation()
         self.loop = LoopNodes(node, self._calls, self.situation)
         self._others = {

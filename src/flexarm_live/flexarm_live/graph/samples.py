@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexarm_msgs.msg import ArmState
 from flexarm_node.topics.layout import end_of
 
 if TYPE_CHECKING:
@@ -34,8 +33,6 @@ COLUMNS = (
 SEQUENCE_SPAN = 2**20
 """The number of a sample is sent less whole spans of this: float32 has 24 bits."""
 _MEASURED = COLUMNS[:6]
-# The text of its frame may have any length.
-_END = end_of(ArmState)
 _STAMP = struct.Struct("<4xiI")
 _DOUBLE = struct.Struct("<4xd")
 _LITTLE_ENDIAN = 1
@@ -60,6 +57,11 @@ class Samples(NamedTuple):
 class SampleReader:
     """Reader of messages in the order of their publication.
 
+    Parameters
+    ----------
+    state_type : type
+        Class of the messages with the samples, ArmState.
+
     Attributes
     ----------
     reference_v : float
@@ -70,7 +72,9 @@ class SampleReader:
         Position of the newest sample, V.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, state_type: type) -> None:
+        # The text of its frame may have any length.
+        self._end = end_of(state_type)
         self._taken = 0
         self._looks: deque[tuple[int, Samples]] = deque(maxlen=_KEPT_LOOKS)
         self.reference_v = math.nan
@@ -88,11 +92,11 @@ class SampleReader:
                 continue
             second, nanosecond = _STAMP.unpack_from(message.raw)
             times_s.append(second + 1e-9 * nanosecond)
-            ends.append(message.raw[-_END.itemsize :])
+            ends.append(message.raw[-self._end.itemsize :])
             references_v.append(self.reference_v)
         if not ends:
             return None
-        found = np.frombuffer(b"".join(ends), _END)
+        found = np.frombuffer(b"".join(ends), self._end)
         self.newest, self.position_v = int(found["sequence"][-1]), float(found["position_v"][-1])
         rows = np.column_stack(
             [

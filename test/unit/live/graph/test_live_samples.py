@@ -8,6 +8,7 @@ import struct
 import numpy as np
 
 from flexarm_live.graph.samples import COLUMNS, REFERENCE, SEQUENCE_SPAN, STATE, SampleReader
+from flexarm_msgs.msg import ArmState
 from flexarm_node.topics.waiting import RawMessage
 
 
@@ -27,7 +28,7 @@ def reference(value_v: float, source_ns: int) -> RawMessage:
 
 
 def test_reader___of_samples___has_them_in_their_order_with_the_reference_in_force() -> None:
-    reader = SampleReader()
+    reader = SampleReader(ArmState)
     messages = [
         state(1, 10, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
         state(2, 30, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, frame="arm2/base_link/x"),
@@ -46,7 +47,7 @@ def test_reader___of_samples___has_them_in_their_order_with_the_reference_in_for
 
 
 def test_reader___without_a_sample___has_none() -> None:
-    reader = SampleReader()
+    reader = SampleReader(ArmState)
     assert reader.read([]) is None
     assert reader.read([reference(1.0, 1)]) is None
     assert reader.reference_v == 1.0
@@ -55,18 +56,18 @@ def test_reader___without_a_sample___has_none() -> None:
 def test_reader___of_another_byte_order___passes_over_it() -> None:
     message = state(1, 1, *range(6))
     swapped = message._replace(raw=b"\x00\x00" + message.raw[2:])
-    assert SampleReader().read([swapped]) is None
+    assert SampleReader(ArmState).read([swapped]) is None
 
 
 def test_sequence___of_a_long_run___is_exact_in_float32() -> None:
     sequence = 2**32 + 12345
-    found = SampleReader().read([state(sequence, 1, *range(6))])
+    found = SampleReader(ArmState).read([state(sequence, 1, *range(6))])
     assert found is not None
     assert int(np.float32(found.rows[0, -1])) == sequence % SEQUENCE_SPAN
 
 
 def test_samples___after_a_count___are_those_that_came_since() -> None:
-    reader = SampleReader()
+    reader = SampleReader(ArmState)
     for first in (1, 4):
         reader.read(
             [state(first + k, 10 * first + k, float(first + k), *range(5)) for k in range(3)]
@@ -79,4 +80,4 @@ def test_samples___after_a_count___are_those_that_came_since() -> None:
     assert reader.after(6)["t_s"].size == 0
     # Of a process before this one.
     assert reader.after(1000)["t_s"].size == 6
-    assert SampleReader().after(0)["taken"] == 0
+    assert SampleReader(ArmState).after(0)["taken"] == 0
