@@ -25,42 +25,7 @@ if TYPE_CHECKING:
 
 _PROCESSES = 2
 FAULTS_PAGE = Path(__file__).parents[1] / "docs" / "faults.md"
-SCHEDULES_HEADING = """
-## Schedules
-
-`flexarm bench schedules --docs` runs the whole graph by seeds: the loop on the simulated rig, a
-controller or an experiment, at times a rival of it, and the recorder, with the code that the nodes
-run, in one process and in virtual time. By its seed a schedule delays, reorders, drops and doubles
-messages, stalls and kills processes, deactivates, stops, changes limits and laws, breaks sensors
-and the rig, fills the disk and sets the wall clock. These invariants are checked at every sample,
-command and write:
-
-- The drive has a command that came, for a sample that is not older than `max_age_periods`, and is
-  at zero otherwise; after an emergency stop, in HELD, and after the end it is at zero.
-- A broken sensor is found within the time that [safety.md](safety.md#sensors) states.
-- Magnitude, slew and position bound hold, whenever they are changed.
-- Never two commanders: two that can be told apart never drive in turn, and no single one is taken
-  for two.
-- A sample says the command that the drive had; numbers, counts and the recorder's words are true.
-- A closed bag has everything that came before its end was asked for, and what was on its way. A
-  killed one has all but the last flush period, and one that failed what the recorder says;
-  `bag repair` reads both.
-- When the faults are over, the arm is driven again.
-
-A seed that fails is run again, which gives the same to the bit, and is shrunk to the fewest events
-that still fail: `flexarm bench schedules --seed 42` shows one seed, `--dask` spreads them.
-
-"""
-"""Head of the section of the page of faults that has the seeded schedules."""
-MUTANTS_HEADING = """
-## Mutants
-
-`flexarm bench mutants --docs` plants small defects, one at a time, in the modules that guard the
-drive and the records: an operator, a number or a word is another one. A mutant is killed when a
-unit test fails on it. Of those that live, some do the same as the original.
-
-"""
-"""Head of the last section of the page of faults, which has a benchmark of its own."""
+"""Page with the tables of three benchmarks."""
 
 
 def json_option(command: Command) -> Command:
@@ -106,11 +71,19 @@ def make_table(*heads: str, title: str | None = None, words: int = 1) -> Table:
 
 
 def write_table(page: Path, name: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Write the table of a benchmark into a page, between the two comments with its name."""
+    """Write the table of a benchmark into a page, between the two comments with its name.
+
+    Raises
+    ------
+    ValueError
+        If the page does not have both comments.
+    """
     lines = [heads, ["---"] * len(heads), *rows]
     table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     before, begin, rest = page.read_text("utf-8").partition(f"<!-- bench {name} -->\n")
     _, end, after = rest.partition(f"<!-- end of bench {name} -->")
+    if not end:
+        raise ValueError(f"{page}: no place for the table of bench {name} is marked in it")
     page.write_text(f"{before}{begin}{table}\n{end}{after}", "utf-8")
 
 

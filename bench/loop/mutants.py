@@ -23,11 +23,11 @@ from rich.console import Console
 
 from bench.tools import (
     FAULTS_PAGE,
-    MUTANTS_HEADING,
     count_option,
     json_option,
     make_table,
     write_json,
+    write_table,
 )
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ MODULES = (
     "flexarm_core/channels.py",
 )
 """Files of these functions."""
+_HEADS = ("subject", "mutants", "killed", "score")
 _TESTS = (
     *(f"test/unit/daq/loop/test_daq_{name}.py" for name in ("limiter", "commander", "watchdog")),
     *(f"test/unit/daq/loop/test_daq_{name}.py" for name in ("safety", "command_age")),
@@ -111,14 +112,13 @@ def main(*, jobs: int, json_file: Path | None, docs: bool) -> None:
         scores = list(_scores(_states(folder)))
         for name in (name for score in scores for name in score.lived):
             console.print(_mutmut(folder, "show", name, capture=True), markup=False)
-    table = make_table("subject", "mutants", "killed", "score")
-    for row in _rows(scores):
+    table, rows = make_table(*_HEADS), list(_rows(scores))
+    for row in rows:
         table.add_row(*row)
     console.print(table)
     write_json(json_file, scores)
     if docs:
-        before, *_ = FAULTS_PAGE.read_text("utf-8").partition(MUTANTS_HEADING)
-        FAULTS_PAGE.write_text(before + MUTANTS_HEADING + _markdown(scores), "utf-8")
+        write_table(FAULTS_PAGE, "mutants", _HEADS, rows)
     killed = sum(score.killed for score in scores)
     sys.exit(0 if killed >= LEAST_SCORE * sum(score.mutants for score in scores) else 1)
 
@@ -173,12 +173,6 @@ def _rows(scores: Sequence[Score]) -> Iterator[tuple[str, ...]]:
 
 def _cells(mutants: int, killed: int) -> tuple[str, str, str]:
     return str(mutants), str(killed), f"{100.0 * killed / mutants:.1f} %" if mutants else ""
-
-
-def _markdown(scores: Sequence[Score]) -> str:
-    """Return the section of the page."""
-    lines = ["| subject | mutants | killed | score |", "| --- | ---: | ---: | ---: |"]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in _rows(scores)), ""])
 
 
 if __name__ == "__main__":

@@ -20,13 +20,12 @@ from bench.schedules.shrink import shrunk
 from bench.schedules.simulation import Outcome, run
 from bench.tools import (
     FAULTS_PAGE,
-    MUTANTS_HEADING,
-    SCHEDULES_HEADING,
     count_option,
     first_seed_option,
     json_option,
     make_table,
     write_json,
+    write_table,
 )
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import VerbGroup
@@ -84,7 +83,7 @@ def main() -> None:
 @click.option("--jobs", type=click.IntRange(1), help="Processes; by default one per core.")
 @click.option("--dask", default="", metavar="ADDRESS", help="Scheduler of a Dask cluster.")
 @json_option
-@click.option("--docs", is_flag=True, help="Write the section of docs/faults.md.")
+@click.option("--docs", is_flag=True, help="Write the table of docs/faults.md.")
 def command(
     *,
     seeds: int,
@@ -107,17 +106,8 @@ def command(
     terminal.CONSOLE.print(table)
     write_json(json_file, asdict(figures))
     if docs:
-        FAULTS_PAGE.write_text(page(FAULTS_PAGE.read_text("utf-8"), figures), "utf-8")
+        write_table(FAULTS_PAGE, "schedules", _HEADS, [_cells(figures)])
     sys.exit(1 if figures.failures else 0)
-
-
-def page(text: str, figures: Figures) -> str:
-    """Return the page of faults with new figures in its section."""
-    before, _, after = text.partition(SCHEDULES_HEADING)
-    _, *mutants = after.partition(MUTANTS_HEADING)
-    lines = [_HEADS, ("---:",) * len(_HEADS), _cells(figures)]
-    rows = "".join(f"| {' | '.join(line)} |\n" for line in lines)
-    return before + SCHEDULES_HEADING + rows + "".join(mutants)
 
 
 def _cells(figures: Figures) -> tuple[str, ...]:

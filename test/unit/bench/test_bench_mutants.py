@@ -27,12 +27,11 @@ def test_scores___by_subject___count_what_lived() -> None:
     assert found["watchdog"].mutants == 0
 
 
-def test_section___rows___end_with_all_of_them() -> None:
-    lines = mutants._markdown([Score("a", 4, ("x", "y")), Score("b", 4, ())]).splitlines()
-    assert lines[-3:] == [
-        "| a | 4 | 2 | 50.0 % |",
-        "| b | 4 | 4 | 100.0 % |",
-        "| all | 8 | 6 | 75.0 % |",
+def test_rows___end_with_all_of_them() -> None:
+    assert list(mutants._rows([Score("a", 4, ("x", "y")), Score("b", 4, ())])) == [
+        ("a", "4", "2", "50.0 %"),
+        ("b", "4", "4", "100.0 %"),
+        ("all", "8", "6", "75.0 %"),
     ]
 
 

@@ -8,7 +8,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from bench.tools import json_option, make_table, run_trials, write_json
+from bench.tools import FAULTS_PAGE, json_option, make_table, run_trials, write_json, write_table
 from flexarm_bringup.verbs.checkout.bench import bench
 from support.project import PROJECT
 
@@ -27,6 +27,30 @@ def test_write_json___rows___are_objects_in_a_new_folder(tmp_path: Path) -> None
     write_json(file, [Row("orse", 0.5)])
     (row,) = json.loads(file.read_text("utf-8"))
     assert (row["name"], row["error"]) == ("orse", pytest.approx(0.5))
+
+
+def test_write_table___of_one_benchmark___leaves_the_others(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(FAULTS_PAGE.read_text("utf-8"), "utf-8")
+    before = page.read_text("utf-8").splitlines()
+    names = ("faults", "schedules", "mutants")
+    for name in names:
+        write_table(page, name, ["what"], [[f"row of {name}"]])
+    lines = page.read_text("utf-8").splitlines()
+    assert [line for line in lines if line.startswith("| row")] == [
+        f"| row of {name} |" for name in names
+    ]
+    assert [line for line in lines if line[:1] != "|"] == [
+        line for line in before if line[:1] != "|"
+    ]
+
+
+def test_write_table___page_without_its_place___is_refused_and_stays(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("Text.\n", "utf-8")
+    with pytest.raises(ValueError, match="no place for the table of bench laws"):
+        write_table(page, "laws", ["what"], [["a"]])
+    assert page.read_text("utf-8") == "Text.\n"
 
 
 @click.command()
