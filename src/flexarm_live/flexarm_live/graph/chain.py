@@ -6,13 +6,14 @@ import asyncio
 import time
 from typing import TYPE_CHECKING, Any
 
+from flexarm_control.laws.registry import LAWS
 from flexarm_control.loop_setup import TOPIC
 from flexarm_core.errors import FlexarmError
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_live.graph.jobs import computed
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Mapping
+    from collections.abc import Awaitable, Callable, Mapping, Sequence
 
     from flexarm_live.graph.jobs import Report, Work
     from flexarm_live.graph.loop_nodes import LoopNodes
@@ -150,12 +151,19 @@ class Chain:
         ]
         values = self._loop.parameters["controller"].values
         before = {name: value for name, value in values.items() if name.startswith(f"{law}.")}
-        words = ["./flexarm", "tune", law, *files]
-        words += [f"--{name.replace('_', '-')} {value:g}" for name, value in margins.items()]
+        command = tune_line(law, files, margins)
 
         async def work(report: Report) -> Mapping[str, Any]:
             asked = {"law": law, "models": files, "margins": dict(margins), "before": before}
             found = await computed("flexarm_live.work.tuning", asked, report)
-            return {**found, "command": " ".join(words)}
+            return {**found, "command": command}
 
         return work
+
+
+def tune_line(law: str, files: Sequence[str], margins: Mapping[str, float]) -> str:
+    """Return the command line of a tuning, whose options have their margins without the unit."""
+    words = ["./flexarm", "tune", "--law", LAWS[law].tuning, *files]
+    for name, value in margins.items():
+        words += [f"--{name.rpartition('_')[0].replace('_', '-')}", f"{value:g}"]
+    return " ".join(words)
