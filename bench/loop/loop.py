@@ -79,11 +79,7 @@ class Row:
 @click.option("--load", is_flag=True, help="Keep one core busy beside it.")
 @json_option
 def main(
-    *,
-    rates_hz: tuple[float, ...],
-    minutes: float,
-    load: bool,
-    json_file: Path | None,
+    *, rates_hz: tuple[float, ...], minutes: float, load: bool, json_file: Path | None
 ) -> None:
     """Measure each rate, print one table, and write its rows to a file on request."""
     console = Console()

@@ -11,7 +11,7 @@ from functools import cache
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 from click.shell_completion import ShellComplete
@@ -52,22 +52,18 @@ class VerbGroup(click.Group):
         except ModuleNotFoundError as error:
             if not _is_of_ros(error.name or ""):
                 raise
-            click.echo(
-                f"flexarm: this verb works with ROS 2 nodes, and this Python has no {error.name}: "
-                "call ./flexarm of a checkout, which brings it (Linux on x86-64), or source an "
+            _end(
+                error,
+                f"this verb works with ROS 2 nodes, and this Python has no {error.name}: call "
+                "./flexarm of a checkout, which brings it (Linux on x86-64), or source an "
                 "installation of ROS 2",
-                err=True,
             )
-            sys.exit(1)
         # A reader that has read enough is no error: click ends the program without a word.
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
         # Libraries raise errors of their own, such as rclpy for a wrong ROS_DOMAIN_ID.
         except (FlexarmError, ValueError, RuntimeError, OSError) as error:
-            if os.environ.get("FLEXARM_DEBUG"):
-                raise
-            click.echo(f"flexarm: {one_line(error)}", err=True)
-            sys.exit(1)
+            _end(error, one_line(error))
 
 
 class LazyVerbGroup(VerbGroup):
@@ -160,6 +156,14 @@ def examples(*lines: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
         return function
 
     return add
+
+
+def _end(error: Exception, words: str) -> NoReturn:
+    """End the program with one line, or with the error where its place is wanted."""
+    if os.environ.get("FLEXARM_DEBUG"):
+        raise error
+    click.echo(f"flexarm: {words}", err=True)
+    sys.exit(1)
 
 
 def _is_of_ros(module: str) -> bool:
