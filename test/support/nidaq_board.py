@@ -40,16 +40,13 @@ class VirtualClock:
         self.now_s += max(0.0, seconds)
 
 
-class RealClock:
-    """Clock of the machine."""
-
-    def __call__(self) -> float:
-        """Return the time."""
-        return time.monotonic()
+class PatientClock(VirtualClock):
+    """Such a clock that is no faster than the machine's: the arm waits while the machine stalls."""
 
     def sleep(self, seconds: float) -> None:
         """Let time pass."""
         time.sleep(max(0.0, seconds))
+        super().sleep(seconds)
 
 
 class Board:
@@ -62,7 +59,7 @@ class Board:
         self,
         name: str = "Dev1",
         *,
-        clock: VirtualClock | RealClock | None = None,
+        clock: VirtualClock | None = None,
         parameters: RigParameters | None = None,
         seed: int = 0,
         low_is_positive: bool = False,

@@ -26,12 +26,12 @@ RESTLESS = {"law": "pd", "reference": "square", "square.period_s": 0.4, "pd.comp
 PACKAGE = """
 import sys
 from pathlib import Path
-from support.nidaq_board import Board, RealClock
+from support.nidaq_board import Board, PatientClock
 from support.nidaqmx_double import NidaqmxDouble
 
 here = Path({folder!r})
 log = (here / "writes").open("a", buffering=1)
-board = Board(clock=RealClock())
+board = Board(clock=PatientClock())
 board.on_write = lambda write: print(write.channel, write.volts, file=log)
 wiring = here / "wiring"
 if wiring.exists():

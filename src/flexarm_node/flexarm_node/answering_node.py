@@ -13,7 +13,7 @@ from flexarm_node.loop_node import LoopNode
 from flexarm_node.stamps import joined_ns, set_stamp, stamp_members
 from flexarm_node.statistics import AnswerCount, Window
 from flexarm_node.topics.layout import Layout
-from flexarm_node.topics.waiting import TopicWaiter
+from flexarm_node.topics.waiting import TopicWaiter, await_acknowledged
 
 if TYPE_CHECKING:
     import threading
@@ -129,7 +129,7 @@ class AnsweringNode(LoopNode):
             self.answered(taken_ns)
             self._answer_s.add(time.monotonic() - received_s)
             self.spare_time()
-        self.await_acknowledged(*self.publishers())
+        await_acknowledged(*self.publishers())
 
     def warning(self) -> str:
         """Return that the samples have stopped, when they have."""

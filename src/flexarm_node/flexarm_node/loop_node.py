@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from flexarm_core.errors import one_line
@@ -36,8 +35,6 @@ PARAMETERS = read_table("flexarm_node", "loop_node")
 """Parameters of every node with a loop, beside its own."""
 _REPORT_S = 1.0
 _STEP_S = 0.05
-# Under settings of the user's own the middleware may ask its readers only every 3 s.
-_ACKNOWLEDGED_S = 5.0
 
 
 class LoopNode(LifecycleNode):
@@ -161,16 +158,6 @@ class LoopNode(LifecycleNode):
             self.get_logger().warning(
                 f"not every reader of {names} is there: it may miss the first messages"
             )
-
-    def await_acknowledged(self, *publishers: Publisher) -> None:
-        """Wait until every reader has every message, for some seconds in all: a reader may be dead.
-
-        A reader may have paused, or may discover the topic late: then it gets all messages at once.
-        """
-        deadline_s = time.monotonic() + _ACKNOWLEDGED_S
-        for publisher in publishers:
-            left_s = max(0.0, deadline_s - time.monotonic())
-            publisher.wait_for_all_acked(Duration(nanoseconds=round(left_s * 1e9)))
 
     def start_if_asked(self) -> None:
         """Configure and activate when the parameter `autostart` says so."""

@@ -7,10 +7,30 @@ import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rclpy.node import Node
 
 # Longer than discovery takes.
 _PATIENCE_S = 5.0
+_READINGS = 5
+
+
+def beside_steady_clock(now_ns: Callable[[], int]) -> tuple[int, float]:
+    """Return a clock (ns) and the steady clock (s) at one instant.
+
+    A process may be interrupted between two clocks: of several readings the quickest counts.
+    """
+    width_s = math.inf
+    instant = (0, 0.0)
+    for _ in range(_READINGS):
+        before_s = time.monotonic()
+        time_ns = now_ns()
+        after_s = time.monotonic()
+        if after_s - before_s < width_s:
+            width_s = after_s - before_s
+            instant = (time_ns, 0.5 * (before_s + after_s))
+    return instant
 
 
 class NodeTime:

@@ -45,17 +45,30 @@ class LastMessages:
         messages = self._messages
         messages.append(Timed(topic, raw, time_ns))
         while time_ns - messages[0].time_ns > self._duration_ns:
-            oldest = messages.popleft()
-            if oldest.topic in self._latched:
-                self._in_force[oldest.topic] = oldest.raw
+            self._forget(messages.popleft())
 
     def take(self) -> list[Timed]:
         """Return what is kept, in the order of arrival, and keep what is in force only."""
-        taken = list(self._messages)
-        if not taken:
+        if not self._messages:
             return []
+        # Each topic has a way of its own: an old message may have come behind a younger one. Where
+        # the clock was set back, nothing counts as older than what came before it.
+        taken: list[Timed] = []
+        too_old: list[Timed] = []
+        newest_ns = self._messages[-1].time_ns
+        for message in reversed(self._messages):
+            newest_ns = max(newest_ns, message.time_ns)
+            is_kept = newest_ns - message.time_ns <= self._duration_ns
+            (taken if is_kept else too_old).append(message)
+        taken.reverse()
+        for message in reversed(too_old):
+            self._forget(message)
         begin_ns = min(message.time_ns for message in taken)
         first = [Timed(topic, raw, begin_ns) for topic, raw in self._in_force.items()]
         self._messages.clear()
         self._in_force |= {each.topic: each.raw for each in taken if each.topic in self._latched}
         return [*first, *taken]
+
+    def _forget(self, message: Timed) -> None:
+        if message.topic in self._latched:
+            self._in_force[message.topic] = message.raw

@@ -29,7 +29,7 @@ from flexarm_node import qos
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import request_stop, run
 from flexarm_node.stamps import set_stamp
-from flexarm_node.topics.waiting import has_every_reader, wait_until
+from flexarm_node.topics.waiting import await_acknowledged, has_every_reader, wait_until
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
@@ -124,6 +124,7 @@ class PlayerNode(Node):
                 count += 1
         except (PlaybackError, struct.error) as error:
             self.get_logger().error(str(error))
+        await_acknowledged(*publishers)
         self.get_logger().info(f"played {count} message{'s' * (count != 1)}")
         request_stop()
 
@@ -178,10 +179,16 @@ def _message_type(topic: PlayedTopic) -> type:
 
 
 def _qos(topic: PlayedTopic) -> QoSProfile:
+    """Return the QoS as recorded; a reader whose process pauses must lose nothing of a stream.
+
+    A latched topic keeps its depth: that is what a latecomer gets.
+    """
+    durability = DurabilityPolicy[topic.qos.durability.upper()]
+    is_stream = durability is DurabilityPolicy.VOLATILE
     return QoSProfile(
-        depth=topic.qos.depth,
+        depth=max(topic.qos.depth, qos.SENT.depth) if is_stream else topic.qos.depth,
         reliability=ReliabilityPolicy[topic.qos.reliability.upper()],
-        durability=DurabilityPolicy[topic.qos.durability.upper()],
+        durability=durability,
     )
 
 

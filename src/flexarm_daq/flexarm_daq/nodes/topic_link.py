@@ -15,9 +15,10 @@ from flexarm_daq.rigs.arm_shape import BEND_JOINTS, HUB, bend_angles
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
+from flexarm_node.node_time import beside_steady_clock
 from flexarm_node.stamps import joined_ns, set_stamp, stamp_members, stamp_text
 from flexarm_node.topics.layout import Layout
-from flexarm_node.topics.waiting import TopicWaiter, node_names, wait_until
+from flexarm_node.topics.waiting import TopicWaiter, await_acknowledged, node_names, wait_until
 
 if TYPE_CHECKING:
     from rclpy.publisher import Publisher
@@ -80,8 +81,8 @@ class TopicLink:
         if record.sequence == 1:
             # The rig's clock began when it was opened, and the first sample comes later. The node
             # that makes the time of `/clock` cannot follow it.
-            now_ns = self._node.time.now_ns() if self._clock is None else time.time_ns()
-            self._start_ns = record.start_ns(now_ns, time.monotonic())
+            clock = self._node.time.now_ns if self._clock is None else time.time_ns
+            self._start_ns = record.start_ns(*beside_steady_clock(clock))
         self._newest_ns = self._start_ns + round(record.time_s * 1e9)
         state = self._layout.pack(
             *stamp_members(self._newest_ns),
@@ -139,7 +140,7 @@ class TopicLink:
 
     def await_readers(self) -> None:
         """Wait until every reader has every sample."""
-        self._node.await_acknowledged(self._publisher)
+        await_acknowledged(self._publisher)
 
     def close(self) -> None:
         """Release the topics."""

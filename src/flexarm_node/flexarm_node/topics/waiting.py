@@ -11,6 +11,7 @@ import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.serialization import deserialize_message
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 # A discovery that misses the first announcements hears the next ones after 3 s.
 _MATCH_TIMEOUT_S = 7.0
 _MATCH_POLL_S = 0.01
+# Under settings of the user's own the middleware may ask its readers only every 3 s.
+_ACKNOWLEDGED_S = 5.0
 _RAW = True
 
 
@@ -60,6 +63,17 @@ def wait_until(condition: Callable[[], bool]) -> bool:
             return False
         time.sleep(_MATCH_POLL_S)
     return True
+
+
+def await_acknowledged(*publishers: Publisher) -> None:
+    """Wait until every reader has every message, for some seconds in all: a reader may be dead.
+
+    A reader may have paused, or may discover the topic late: then it gets all messages at once.
+    """
+    deadline_s = time.monotonic() + _ACKNOWLEDGED_S
+    for publisher in publishers:
+        left_s = max(0.0, deadline_s - time.monotonic())
+        publisher.wait_for_all_acked(Duration(nanoseconds=round(left_s * 1e9)))
 
 
 class _OutsideExecutor(CallbackGroup):

@@ -48,3 +48,16 @@ def test_add___clock_that_was_set_back___keeps_what_came() -> None:
     kept = kept_of(10)
     kept.add("state", b"back", -1000 * SECOND_NS)
     assert len(kept.take()) == 12
+
+
+def test_take___old_message_behind_a_younger_one___leaves_it_out() -> None:
+    kept = LastMessages(60.0, {"reference"})
+    kept.add("state", b"young", 50 * SECOND_NS)
+    kept.add("reference", b"r", 10 * SECOND_NS)
+    kept.add("reference", b"later", 20 * SECOND_NS)
+    kept.add("state", b"newest", 100 * SECOND_NS)
+    assert kept.take() == [
+        Timed("reference", b"later", 50 * SECOND_NS),
+        Timed("state", b"young", 50 * SECOND_NS),
+        Timed("state", b"newest", 100 * SECOND_NS),
+    ]
