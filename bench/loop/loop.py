@@ -158,7 +158,7 @@ def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:
         operator.activate("controller")
         operator.activate("daq")
         operator.wait(lambda: int(heard.get("samples", 0)) > _SETTLE_S * rate_hz, "samples")
-        floor = stack.enter_context(beside(_floor, rate_hz, length_s))
+        floor = stack.enter_context(beside(sleep_floor, rate_hz, length_s))
         first, first_s = int(heard["samples"]), float(heard["time_s"])
         cpu_s = processes.cpu_s()
         for _ in track(range(round(length_s)), f"{rate_hz:g} Hz"):
@@ -230,7 +230,8 @@ def beside(work: Any, *arguments: object) -> Iterator[Connection]:  # noqa: ANN4
         process.join()
 
 
-def _floor(result: Connection, rate_hz: float, length_s: float) -> None:
+def sleep_floor(result: Connection, rate_hz: float, length_s: float) -> None:
+    """Sleep until each deadline, and send how late that was and how many periods were missed."""
     prefer_realtime()
     period_s = 1.0 / rate_hz
     late = Window(round(rate_hz * length_s))

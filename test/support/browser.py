@@ -66,7 +66,7 @@ class Browser:
             target = next(each for each in json.load(listed) if each["type"] == "page")
         address = target["webSocketDebuggerUrl"]
         self._socket = self._closing.enter_context(
-            connect(address, max_size=None, proxy=None, ping_interval=None)
+            connect(address, max_size=None, proxy=None, ping_interval=None, open_timeout=DEADLINE_S)
         )
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")

@@ -161,7 +161,7 @@ class NodeProcesses:
 
     def cpu_s(self) -> dict[str, float]:
         """Return the CPU time that each has used, by the name of its executable."""
-        return {_name(each): _cpu_s(each.pid) for each in self._processes}
+        return {_name(each): process_cpu_s(each.pid) for each in self._processes}
 
     def _printed(self) -> list[str]:
         """Return what these processes have printed: the log may have older lines before."""
@@ -190,7 +190,8 @@ def _signal_name(number: int) -> str:
         return f"signal {number}"
 
 
-def _cpu_s(pid: int) -> float:
+def process_cpu_s(pid: int) -> float:
+    """Return the CPU time that a process has used, s."""
     # The second field, the name, may contain blanks.
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     user, system = fields[11:13]

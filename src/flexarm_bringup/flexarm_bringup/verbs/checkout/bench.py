@@ -41,6 +41,11 @@ _BENCHES = (
         "The control loop over DDS beside C and a bare Python loop",
         ("--rate 300 --rate 500", "--minutes 10 --load"),
     ),
+    (
+        "live",
+        "The live page: its cost to the loop, its drawing, STOP, verbs of another terminal",
+        ("--quick", "--part stop --part verbs"),
+    ),
     ("payload", "Payload detection, and gains that follow it", ("--seeds 20",)),
     (
         "control",
