@@ -257,7 +257,7 @@ def test_page_without_the_token___shows___and_commands_nothing(
     assert browser.ask("document.getElementById('stop').disabled")
     browser.press("Space")
     browser.wait_for("document.getElementById('message').textContent.includes('without the token')")
-    assert [request["do"] for request in mock.requests if request["do"] != "bags"] == []
+    assert {request["do"] for request in mock.requests} == {"bags", "identify_line", "tune_line"}
 
 
 def test_traces___paused_and_in_volts___stand_still(browser: Browser, mock: LiveMock) -> None:
@@ -305,6 +305,26 @@ def test_chain___by_clicks_alone___ends_in_a_step_with_the_tuned_law(
     assert mock.arm.law == "pdpc"
     assert mock.arm.gains["pdpc.kp"] == pytest.approx(0.8)
     assert browser.console == []
+
+
+def test_stage_tune___before_a_tuning___shows_the_line_of_the_server(
+    browser: Browser, mock: LiveMock
+) -> None:
+    opened(browser, mock)
+    line = "document.getElementById('command_tune').textContent"
+    browser.click("#tab_tune")
+    models = "nominal:0 nominal:0.2 nominal:0.4"
+    browser.wait_for(f"{line}.startsWith('./flexarm tune --law pdpc {models} gain_margin_db 10')")
+    # That law is tuned without margins, and no line is for no model.
+    browser.ask(
+        """(() => { const menu = document.getElementById("tuned_law");
+        menu.value = "pi"; menu.dispatchEvent(new Event("change")); })()"""
+    )
+    browser.wait_for(f"{line} === './flexarm tune --law pi {models}'")
+    assert browser.ask("document.getElementById('gain_margin').disabled")
+    for _ in range(3):
+        browser.click("#models [aria-pressed=true]")
+    browser.wait_for("!document.getElementById('command_tune').checkVisibility()")
 
 
 def test_job___cancelled___tells_so_and_lets_the_next_one_begin(browser: Browser) -> None:
