@@ -151,7 +151,14 @@ class NodeProcesses:
 
     def complaint(self, node: str) -> str:
         """Return the last error that a node has logged, or nothing."""
-        marks = "[ERROR]", f".{node}]: "
+        return self._logged("[ERROR]", node)
+
+    def announcement(self, node: str) -> str:
+        """Return the last information that a node has logged, or nothing."""
+        return self._logged("[INFO]", node)
+
+    def _logged(self, level: str, node: str) -> str:
+        marks = level, f".{node}]: "
         logged = (line for line in reversed(self._printed()) if all(mark in line for mark in marks))
         return next(logged, "").rpartition(marks[1])[2]
 
