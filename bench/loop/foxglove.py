@@ -14,7 +14,7 @@ import threading
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -81,7 +81,7 @@ def main(*, rate_hz: float, seconds: float, json_file: Path | None) -> None:
 def measured(rate_hz: float, seconds: float, log: Path) -> Figures:
     """Sample for some time with a viewer connected."""
     port = _free_port()
-    parameters = {
+    parameters: dict[str, dict[str, Any]] = {
         "daq": {"rate_hz": rate_hz},
         "controller": {"law": "pdpc", "reference": "varying_square"},
         "foxglove": {"port": port},
