@@ -96,6 +96,7 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
         if LaunchConfiguration(name).perform(context)
     }
     namespace = _namespace(context)
+    urdf = PathJoinSubstitution([FindPackageShare("flexarm_bringup"), "urdf", "flexarm.urdf"])
     wanted = [node for name, node in _ON_REQUEST.items() if _is_wanted(context, name)]
     laboratory = [
         Node(
@@ -109,6 +110,7 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
             parameters=[
                 *files,
                 *({name: given[name]} for name in given if _SETTINGS[name][0] == node),
+                *([{"urdf": ParameterValue(urdf, value_type=str)}] if node == "foxglove" else []),
             ],
         )
         for package, node in (*_NODES, *wanted)

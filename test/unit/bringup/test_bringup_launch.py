@@ -55,6 +55,14 @@ def test_node_on_request___starts___when_it_is_wanted(argument: str, name: str, 
     assert started == ({name} if value == "true" else set())
 
 
+def test_viewers___get_the_description_of_the_arm(tmp_path: Path) -> None:
+    nodes, context = launched({"foxglove": "true"})
+    (node,) = [each for each in nodes if each.name == "foxglove"]
+    *_, file = files_of(node.command_line(context, tmp_path))
+    values = yaml.safe_load((tmp_path / file).read_text())["/flexarm/foxglove"]["ros__parameters"]
+    assert values == {"urdf": str(SHARE / "urdf" / "flexarm.urdf")}
+
+
 def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path: Path) -> None:
     given = {"rate_hz": "500", "law": "pd", "bag": "2026", "params_file": "mine.yaml"}
     nodes, context = launched(given | {"namespace": "arm2"})

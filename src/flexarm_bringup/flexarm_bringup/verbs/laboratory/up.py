@@ -27,7 +27,12 @@ from flexarm_bringup.verbs.laboratory.options import (
     REAL_TIME,
     chosen_pace,
 )
-from flexarm_bringup.verbs.laboratory.viewers import FOXGLOVE, FOXGLOVE_NODE, FoxgloveAddress
+from flexarm_bringup.verbs.laboratory.viewers import (
+    FOXGLOVE,
+    FOXGLOVE_NODE,
+    FoxgloveAddress,
+    foxglove_parameters,
+)
 from flexarm_control.laws.registry import LAWS
 from flexarm_live.serving.foxglove_server import require_foxglove
 
@@ -132,7 +137,7 @@ def _run_graph(settings: _Settings) -> None:
         parameters[PAGE_NODE] = settings.page.parameters()
     if settings.foxglove_port is not None:
         nodes = (*nodes, FOXGLOVE_NODE)
-        parameters[FOXGLOVE_NODE] = {"port": settings.foxglove_port}
+        parameters[FOXGLOVE_NODE] = foxglove_parameters(settings.foxglove_port)
     with TemporaryDirectory(prefix="flexarm_") as folder:
         log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
         complaints = _Complaints(log)

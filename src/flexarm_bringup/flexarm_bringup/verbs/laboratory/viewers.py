@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from flexarm_bags.schema import share_of
 from flexarm_bringup.console import terminal
 from flexarm_live.serving.foxglove_server import USUAL_PORT
 
@@ -23,6 +24,12 @@ FOXGLOVE = click.option(
     metavar="[PORT]",
     help=f"Serve the topics to Foxglove, Lichtblick and PlotJuggler; port {USUAL_PORT} by default.",
 )
+
+
+def foxglove_parameters(port: int) -> dict[str, Any]:
+    """Return the parameters of the node, with the arm's description where the package has it."""
+    share = share_of("flexarm_bringup")
+    return {"port": port} | ({} if share is None else {"urdf": share / "urdf" / "flexarm.urdf"})
 
 
 class FoxgloveAddress:
