@@ -25,6 +25,7 @@ from flexarm_bags.sequence import sequence_of
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.verbs.laboratory.viewers import FOXGLOVE_NODE, foxglove_parameters
 from flexarm_core.errors import SettingError
 from flexarm_live.serving.foxglove_server import ADDRESS, require_foxglove
 
@@ -67,6 +68,8 @@ def main(*, rate_hz: float, seconds: float, json_file: Path | None) -> None:
             figures = measured(rate_hz, seconds, Path(folder, "nodes.log"))
     except (LaunchError, SettingError) as error:
         raise click.ClickException(str(error)) from None
+    except TimeoutError:
+        raise click.ClickException(f"no message came to the viewer for {_PATIENCE_S:g} s") from None
     order = "in order" if figures.in_order else "not in order"
     Console().print(
         f"A Foxglove-protocol client got {figures.received} of {figures.sampled} samples in"
@@ -84,11 +87,11 @@ def measured(rate_hz: float, seconds: float, log: Path) -> Figures:
     parameters: dict[str, dict[str, Any]] = {
         "daq": {"rate_hz": rate_hz},
         "controller": {"law": "pdpc", "reference": "varying_square"},
-        "foxglove": {"port": port},
+        FOXGLOVE_NODE: foxglove_parameters(port),
     }
-    nodes = (*LABORATORY, "foxglove")
+    nodes = (*LABORATORY, FOXGLOVE_NODE)
     with running_graph(parameters, log, nodes=nodes) as (operator, processes):
-        operator.wait(lambda: bool(processes.announcement("foxglove")), "the node foxglove")
+        operator.wait(lambda: bool(processes.announcement(FOXGLOVE_NODE)), "the node foxglove")
         with closing(FoxgloveClient(port, _PATIENCE_S)) as viewer:
             return _watched(operator, processes, viewer, rate_hz, seconds)
 
