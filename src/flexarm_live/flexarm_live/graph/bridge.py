@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 _NODES = (*LOOP_NODES, "recorder", "ident")
 _STOP_S = 5.0
+_STOP_AGAIN_S = 0.2
+"""A stop does no harm twice, and its answer may be lost while the nodes discover each other."""
 _RECORD_S = 30.0
 
 
@@ -124,7 +126,9 @@ class Bridge:
         return self._store.report(name)
 
     async def _on_stop(self) -> Answer:
-        answer = await self._calls.call(Trigger, "emergency_stop", Trigger.Request(), _STOP_S)
+        answer = await self._calls.call(
+            Trigger, "emergency_stop", Trigger.Request(), _STOP_S, again_s=_STOP_AGAIN_S
+        )
         self.situation.stopped(time.monotonic())
         return Answer(answer.message)
 

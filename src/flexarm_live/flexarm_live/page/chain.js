@@ -63,9 +63,13 @@ export class Jobs {
     byId("running").hidden = false;
     write(byId("running_stage"), verb);
     byId("running_part").removeAttribute("value");
+    byId("cancel").disabled = true;
     try {
       return await this.link.job(verb, fields, {
-        began: (id) => (this.#number = id),
+        began: (id) => {
+          this.#number = id;
+          byId("cancel").disabled = false;
+        },
         news: (message) => this.#show(message),
       });
     } finally {

@@ -41,6 +41,11 @@ _BENCHES = (
         "The control loop over DDS beside C and a bare Python loop",
         ("--rate 300 --rate 500", "--minutes 10 --load"),
     ),
+    (
+        "foxglove",
+        "Samples of a running arm that reach a viewer of the Foxglove protocol",
+        ("--seconds 300 --rate 500",),
+    ),
     ("payload", "Payload detection, and gains that follow it", ("--seeds 20",)),
     (
         "control",
