@@ -6,7 +6,7 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(),
-    package_data={PACKAGE: ["live.yaml", "page/*"]},
+    package_data={PACKAGE: ["foxglove.yaml", "live.yaml", "page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -18,5 +18,10 @@ setup(
     maintainer_email="flexarm@example.org",
     description="Bridge from the graph to a page in the browser and to the terminal.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["live_node = flexarm_live.live_node:main"]},
+    entry_points={
+        "console_scripts": [
+            "foxglove_node = flexarm_live.foxglove_node:main",
+            "live_node = flexarm_live.live_node:main",
+        ]
+    },
 )

@@ -31,11 +31,13 @@ STOREYS = (
     {"reproduction"},
 )
 STOREY = {package: number for number, row in enumerate(STOREYS) for package in row}
-# The loop in memory takes any rig by its Protocol; the page draws the arm and runs the catalogue.
+# The loop in memory takes any rig by its Protocol; the page draws the arm and runs the catalogue;
+# viewers get what the recorder can record.
 USERS_OF_THE_RIG = {
     "flexarm_control.simulation",
     "flexarm_live.graph.about",
     "flexarm_live.graph.chain",
+    "flexarm_live.foxglove_node",
 }
 MOST_FLOORS = 8
 

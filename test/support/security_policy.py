@@ -37,7 +37,9 @@ _HEAD = """\
      Made of a running graph by test/support/security_policy.py. -->
 """
 _VERSION = "0.2.0"
+_DOUBLES = PROJECT / "test/support/doubles"
 _CLOCK = "/clock"
+_LAST_SERVED = list(TOPICS)[-1]
 _HIDDEN = "/_action/"
 
 
@@ -80,6 +82,8 @@ def start_every_node(graph: Graph, folder: Path) -> dict[str, Process]:
         # Its clock is there while it is active.
         "daq": {"autostart": True},
     }
+    # The policy is the same without the optional package.
+    graph.environment["PYTHONPATH"] = f"{_DOUBLES}:{graph.environment['PYTHONPATH']}"
     nodes = {
         name: graph.start(name, parameters.get(name), "--enclave", graph.operator.full_name(name))
         for name in NODE_NAMES
@@ -171,6 +175,7 @@ def has_all(graph: Graph) -> bool:
         "ident": (EXECUTE, full_name("identify_bags")),
         "tuner": (REPLY, full_name("tune")),
         "live": (SUBSCRIBE, full_name("reference")),
+        "foxglove": (SUBSCRIBE, _LAST_SERVED),
     }
     return {full_name(name) for name in last} <= graph.operator.nodes() and all(
         what in uses_of(graph.node, full_name(name))[rule] for name, (rule, what) in last.items()

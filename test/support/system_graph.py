@@ -51,6 +51,7 @@ PACKAGES = {
     "controller": "flexarm_control",
     "tuner": "flexarm_control",
     "live": "flexarm_live",
+    "foxglove": "flexarm_live",
 }
 """Nodes by name, and the package that each belongs to."""
 

@@ -34,7 +34,8 @@ _NODES = (
     ("flexarm_control", "controller"),
     ("flexarm_daq", "daq"),
 )
-_PAGE = ("flexarm_live", "live")
+_ON_REQUEST = {"page": ("flexarm_live", "live"), "foxglove": ("flexarm_live", "foxglove")}
+"""Nodes by the argument that starts them when it is true."""
 _SETTINGS = {
     "rate_hz": ("daq", float, "sampling rate, Hz"),
     "rig": ("daq", str, "simulated or nidaq"),
@@ -67,6 +68,11 @@ def generate_launch_description() -> LaunchDescription:
                 description="true: serve the page of the arm; `flexarm status` tells its address",
             ),
             DeclareLaunchArgument(
+                "foxglove",
+                default_value="false",
+                description="true: serve the topics to Foxglove, Lichtblick, PlotJuggler",
+            ),
+            DeclareLaunchArgument(
                 "view", default_value="false", description="true: show the arm in RViz"
             ),
             *(
@@ -90,7 +96,8 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
         if LaunchConfiguration(name).perform(context)
     }
     namespace = _namespace(context)
-    programs = (*_NODES, _PAGE) if _is_wanted(context, "page") else _NODES
+    urdf = PathJoinSubstitution([FindPackageShare("flexarm_bringup"), "urdf", "flexarm.urdf"])
+    wanted = [node for name, node in _ON_REQUEST.items() if _is_wanted(context, name)]
     laboratory = [
         Node(
             package=package,
@@ -103,9 +110,10 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
             parameters=[
                 *files,
                 *({name: given[name]} for name in given if _SETTINGS[name][0] == node),
+                *([{"urdf": ParameterValue(urdf, value_type=str)}] if node == "foxglove" else []),
             ],
         )
-        for package, node in programs
+        for package, node in (*_NODES, *wanted)
     ]
     view = _view(namespace) if _is_wanted(context, "view") else []
     return [*laboratory, *_frames(namespace), *view]

@@ -7,13 +7,11 @@ process gives way to every other one.
 
 from __future__ import annotations
 
-import os
 import secrets
 import socket
 import threading
 import time
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -35,7 +33,7 @@ from flexarm_live.terminal_socket import listen, socket_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
-from flexarm_node.process import run
+from flexarm_node.process import give_way, run
 from flexarm_node.topics.waiting import RawTopicsWaiter
 
 if TYPE_CHECKING:
@@ -48,7 +46,6 @@ _FRAME_S = 1.0 / 60.0
 _UNSEEN_S = 0.1
 """Between two looks at the samples while no page is open."""
 _END_S = 5.0
-_NICE = 10
 
 
 class LiveNode(Node):
@@ -140,14 +137,7 @@ def _listening(address: str, port: int) -> socket.socket:
     return socket.create_server((address, port))
 
 
-def _give_way() -> None:
-    """Leave the processor to the loop: by the scheduler's groups, too, where it has them."""
-    os.nice(_NICE)
-    with suppress(OSError):
-        Path("/proc/self/autogroup").write_text(f"{_NICE}")
-
-
 def main() -> int:
     """Run the node."""
-    _give_way()
+    give_way()
     return run(LiveNode)

@@ -17,7 +17,17 @@ from flexarm_core.errors import FlexarmError
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-NODE_NAMES = ("daq", "controller", "experiment", "recorder", "ident", "tuner", "player", "live")
+NODE_NAMES = (
+    "daq",
+    "controller",
+    "experiment",
+    "recorder",
+    "ident",
+    "tuner",
+    "player",
+    "live",
+    "foxglove",
+)
 """The nodes of flexarm, without their namespace."""
 _PARAMETERS = "ros__parameters"
 _FILE = "--params-file"

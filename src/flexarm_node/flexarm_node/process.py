@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import rclpy
@@ -29,6 +30,7 @@ _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SHUTDOWN_S = 1.0
 _PR_SET_PDEATHSIG = 1
 _MCL_CURRENT_AND_FUTURE = 3
+_NICE = 10
 PRIORITY = "FLEXARM_PRIORITY"
 """Environment variable: SCHED_FIFO priority of the nodes with a loop; 0 asks for none.
 
@@ -169,6 +171,13 @@ def prefer_realtime() -> None:
             f"no real-time priority, so a busy machine makes samples late: permit it with "
             f"`ulimit -r {_priority()}`, or set {PRIORITY}=0\n"
         )
+
+
+def give_way() -> None:
+    """Leave the processor to the loop: by the scheduler's groups, too, where it has them."""
+    os.nice(_NICE)
+    with suppress(OSError):
+        Path("/proc/self/autogroup").write_text(f"{_NICE}")
 
 
 def _priority() -> int:

@@ -20,7 +20,7 @@ def files_of(arguments: list[str]) -> list[str]:
 
 def test_arguments___are_described() -> None:
     arguments = declared()
-    assert set(arguments) == {"namespace", "params_file", "page", "view", *SETTINGS}
+    assert set(arguments) == {"namespace", "params_file", "page", "foxglove", "view", *SETTINGS}
     assert all(each.description for each in arguments.values())
 
 
@@ -47,10 +47,20 @@ def test_namespace___given_or_pushed___is_that_of_every_node(
     assert [files_of(line) for line in lines] == [[OWN]] * 4
 
 
-@pytest.mark.parametrize(("page", "served"), [("true", {"live"}), ("false", set())])
-def test_page___wanted___is_served_by_its_node(page: str, served: set[str]) -> None:
-    nodes, _ = launched({"page": page})
-    assert {node.name for node in nodes} - {node.name for node in launched({})[0]} == served
+@pytest.mark.parametrize(("argument", "name"), [("page", "live"), ("foxglove", "foxglove")])
+@pytest.mark.parametrize("value", ["true", "false"])
+def test_node_on_request___starts___when_it_is_wanted(argument: str, name: str, value: str) -> None:
+    nodes, _ = launched({argument: value})
+    started = {node.name for node in nodes} - {node.name for node in launched({})[0]}
+    assert started == ({name} if value == "true" else set())
+
+
+def test_viewers___get_the_description_of_the_arm(tmp_path: Path) -> None:
+    nodes, context = launched({"foxglove": "true"})
+    (node,) = [each for each in nodes if each.name == "foxglove"]
+    *_, file = files_of(node.command_line(context, tmp_path))
+    values = yaml.safe_load((tmp_path / file).read_text())["/flexarm/foxglove"]["ros__parameters"]
+    assert values == {"urdf": str(SHARE / "urdf" / "flexarm.urdf")}
 
 
 def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path: Path) -> None:

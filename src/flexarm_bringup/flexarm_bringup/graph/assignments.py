@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_core.bounds import YamlError, shown, yaml_content
 from flexarm_core.nearest import nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
 
 def parsed(assignment: str) -> tuple[str, Any]:
@@ -37,17 +36,45 @@ def assigned(node: str, values: Mapping[str, Any], present: Mapping[str, Any]) -
     Raises
     ------
     LaunchError
-        For a parameter that the node does not have.
+        For a parameter that the node does not have, or a value of another kind.
     """
     unknown = [f"{name}{nearest(name, present)}" for name in values if name not in present]
     if unknown:
         raise LaunchError(f"{node} has no parameter {', '.join(unknown)}")
-    return {name: _as_kind(value, present[name]) for name, value in values.items()}
+    for name, value in values.items():
+        kind = _KINDS.get(type(present[name]))
+        if kind is not None and not kind.holds(value):
+            raise LaunchError(f"{node} {name} = {shown(value)}: must be {kind.words}")
+    return {
+        name: float(value) if isinstance(present[name], float) else value
+        for name, value in values.items()
+    }
 
 
-def _as_kind(value: object, present: object) -> object:
-    """Take a number for a float where a float is wanted: 2 and 2e0, a text in YAML, for 2.0."""
-    if isinstance(present, float) and isinstance(value, (int, str)) and not isinstance(value, bool):
-        with suppress(ValueError):
-            return float(value)
-    return value
+class _Kind(NamedTuple):
+    """Kind of a parameter, in words, and whether a value of YAML can be its value."""
+
+    words: str
+    holds: Callable[[Any], bool]
+
+
+def _is_number(value: object) -> bool:
+    """Return whether a value is a number: 2 is one for 2.0, and 2e0, a text in YAML."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        return False
+    try:
+        float(value)
+    except (ValueError, OverflowError):
+        return False
+    return True
+
+
+_KINDS = {
+    bool: _Kind("true or false", lambda value: isinstance(value, bool)),
+    int: _Kind(
+        "a whole number", lambda value: isinstance(value, int) and not isinstance(value, bool)
+    ),
+    float: _Kind("a number", _is_number),
+    str: _Kind("a text", lambda value: isinstance(value, str)),
+}
+"""Kinds that one word can be; a node judges lists itself."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from lifecycle_msgs.srv import GetState
 from rcl_interfaces.srv import GetParameters
+from std_srvs.srv import Trigger
 
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.srv import Identify, Tune
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
 SERVICE_S = 30.0
 """Deadline of operations that usually take a moment."""
 _UNHEARD_S = 3.0
-_READ_UNHEARD_S = 0.5
-"""Patience with questions that change nothing: they may soon be put again."""
-_READS = (GetState, GetParameters)
+_SOON_S = 0.5
+"""Patience with questions that do no harm twice: they may soon be put again."""
+_HARMLESS = (GetState, GetParameters, Trigger)
 _ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
 """Long work and its node: a second question would be refused while the first is at work."""
 _POLL_S = 0.1
@@ -95,7 +96,7 @@ class GraphClient:
         """
         client = self.node.create_client(GetParameters, f"{name}/get_parameters")
         try:
-            self._ask(client, GetParameters.Request(), timeout_s, patience_s=_READ_UNHEARD_S)
+            self._ask(client, GetParameters.Request(), timeout_s, patience_s=_SOON_S)
         finally:
             self.node.destroy_client(client)
 
@@ -121,7 +122,7 @@ class GraphClient:
         if service in _ASKED_ONCE:
             self.acquaint(_ASKED_ONCE[service], max(timeout_s, SERVICE_S))
             return self._ask(client, request, timeout_s, patience_s=timeout_s)
-        patience_s = _READ_UNHEARD_S if service in _READS else _UNHEARD_S
+        patience_s = _SOON_S if service in _HARMLESS else _UNHEARD_S
         return self._ask(client, request, timeout_s, patience_s=patience_s, unheard=unheard)
 
     def client(self, service: type, name: str) -> Client:

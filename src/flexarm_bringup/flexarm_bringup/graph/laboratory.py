@@ -34,6 +34,7 @@ _NODES = {
     "experiment": ("flexarm_daq", "experiment_node"),
     "daq": ("flexarm_daq", "daq_node"),
     "live": ("flexarm_live", "live_node"),
+    "foxglove": ("flexarm_live", "foxglove_node"),
 }
 LABORATORY = ("recorder", "ident", "controller", "daq")
 """The nodes of a running laboratory, in the order in which they start."""

@@ -32,18 +32,24 @@ class LaunchError(FlexarmError):
 
 @dataclass(frozen=True)
 class NodeProgram:
-    """Node to start, named as for `ros2 run`; its parameters come after those of its files."""
+    """Node to start, named as for `ros2 run`; its parameters come after those of its files.
+
+    It has the name of its executable, or one of its own beside another one of that executable.
+    """
 
     package: str
     executable: str
     parameters: Mapping[str, Any]
     files: tuple[Path, ...] = ()
     namespace: str = NAMESPACE
+    name: str = ""
 
     def command(self) -> list[str]:
         """Return the command line that starts it."""
         line = [str(find_executable(self.package, self.executable))]
         line += ["--ros-args", "-r", f"__ns:={self.namespace}"]
+        if self.name:
+            line += ["-r", f"__node:={self.name}"]
         name = self.executable.removesuffix("_node")
         line += ["--enclave", f"{self.namespace.rstrip('/')}/{name}"]
         for file in self.files:
@@ -151,7 +157,14 @@ class NodeProcesses:
 
     def complaint(self, node: str) -> str:
         """Return the last error that a node has logged, or nothing."""
-        marks = "[ERROR]", f".{node}]: "
+        return self._logged("[ERROR]", node)
+
+    def announcement(self, node: str) -> str:
+        """Return the last information that a node has logged, or nothing."""
+        return self._logged("[INFO]", node)
+
+    def _logged(self, level: str, node: str) -> str:
+        marks = level, f".{node}]: "
         logged = (line for line in reversed(self._printed()) if all(mark in line for mark in marks))
         return next(logged, "").rpartition(marks[1])[2]
 

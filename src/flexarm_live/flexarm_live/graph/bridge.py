@@ -14,6 +14,7 @@ from flexarm_core.nearest import nearest
 from flexarm_live.graph.about import about_arm
 from flexarm_live.graph.calls import Calls
 from flexarm_live.graph.chain import Chain
+from flexarm_live.graph.command_lines import record_line
 from flexarm_live.graph.jobs import Jobs
 from flexarm_live.graph.loop_nodes import LOOP_NODES, LoopNodes
 from flexarm_live.graph.node_parameters import NodeParameters
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 _NODES = (*LOOP_NODES, "recorder", "ident")
 _STOP_S = 5.0
+_STOP_AGAIN_S = 0.2
+"""A stop does no harm twice, and its answer may be lost while the nodes discover each other."""
 _RECORD_S = 30.0
 
 
@@ -123,7 +126,9 @@ class Bridge:
         return self._store.report(name)
 
     async def _on_stop(self) -> Answer:
-        answer = await self._calls.call(Trigger, "emergency_stop", Trigger.Request(), _STOP_S)
+        answer = await self._calls.call(
+            Trigger, "emergency_stop", Trigger.Request(), _STOP_S, again_s=_STOP_AGAIN_S
+        )
         self.situation.stopped(time.monotonic())
         return Answer(answer.message)
 
@@ -198,7 +203,8 @@ class Bridge:
         if not (answer.success or (on and answer.message == f"already recording to {bag}")):
             raise FlexarmError(answer.message)
         self._recording = str(bag) if on else None
-        return Answer(answer.message, {"bag": bag.name, "folder": str(bag)})
+        data = {"bag": bag.name, "folder": str(bag), "command": record_line(bag)}
+        return Answer(answer.message, data)
 
     async def _on_samples(self, after: int) -> Answer:
         return Answer(data=self.samples.after(after))
@@ -225,6 +231,12 @@ class Bridge:
     async def _on_tune(self, law: str, models: list[str], **margins: float) -> Answer:
         number = self._jobs.start("tune", self._chain.tuning(law, models, margins))
         return Answer(f"tuning {law}", {"job": number})
+
+    async def _on_identify_line(self, **asked: Any) -> Answer:  # noqa: ANN401 - checked fields
+        return Answer(data={"command": self._chain.identification_line(**asked)})
+
+    async def _on_tune_line(self, law: str, models: list[str], **margins: float) -> Answer:
+        return Answer(data={"command": self._chain.tuning_line(law, models, margins)})
 
     async def _on_cancel(self, job: int) -> Answer:
         return Answer(f"{self._jobs.cancel(job)} is being cancelled")

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
 _POLL_S = 0.02
-_UNHEARD_S = 3.0
+_UNHEARD_S = 0.5
+"""Patience with one question before it is put again."""
 CALL_S = 15.0
 """Patience with what usually takes a moment."""
 
@@ -50,12 +51,12 @@ class Calls:
         request: object,
         timeout_s: float = CALL_S,
         *,
-        repeat: bool = True,
+        again_s: float = _UNHEARD_S,
     ) -> Any:  # noqa: ANN401 - the service's own response type
         """Call a service and return its response.
 
         A server that has not yet discovered the client's reader drops its answer, so the question
-        is put again when no answer comes for a while, unless it must be put once.
+        is put again when no answer comes for `again_s`; infinity puts it once.
 
         Raises
         ------
@@ -70,11 +71,9 @@ class Calls:
             await asyncio.sleep(_POLL_S)
         answers: list[asyncio.Future[Any]] = []
         while (left_s := deadline_s - time.monotonic()) > 0.0:
-            if repeat or not answers:
-                answers.append(settled(client.call_async(request)))
-            patience_s = min(_UNHEARD_S, left_s)
+            answers.append(settled(client.call_async(request)))
             done, _ = await asyncio.wait(
-                answers, timeout=patience_s, return_when=asyncio.FIRST_COMPLETED
+                answers, timeout=min(again_s, left_s), return_when=asyncio.FIRST_COMPLETED
             )
             if done:
                 return done.pop().result()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -99,7 +100,7 @@ class LoopNodes:
     async def _change(self, name: str, transition: int) -> None:
         request = ChangeState.Request(transition=Transition(id=transition))
         answer = await self._calls.call(
-            ChangeState, f"{name}/change_state", request, _TRANSITION_S, repeat=False
+            ChangeState, f"{name}/change_state", request, _TRANSITION_S, again_s=math.inf
         )
         if not answer.success:
             raise CallError(f"{name} refused the transition: its log tells why")

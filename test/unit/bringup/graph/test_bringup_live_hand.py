@@ -137,6 +137,21 @@ def test_verb___with_an_up___asks_it(
     assert up.asked[-1] == {"id": 0, **asked}
 
 
+def test_full_name_of_a_node___names_the_arm_too(up: Up) -> None:
+    done = CliRunner().invoke(remote.get, [f"{ARM}/controller", "law"], catch_exceptions=False)
+    assert done.output.startswith("controller law")
+    done = CliRunner().invoke(
+        remote.set_, [f"{ARM}/controller", "law=pdpc"], catch_exceptions=False
+    )
+    assert done.output == "controller law: pd -> pdpc\n"
+    assert {each["node"] for each in up.asked} == {"controller"}
+
+
+def test_get___node_and_parameter_in_one_word___shows_how_to_write_it() -> None:
+    with pytest.raises(LaunchError, match=r"daq.payload_kg is no node: write daq payload_kg"):
+        told(remote.get, "daq.payload_kg")
+
+
 def test_status___before_the_first_reports___tells_the_page(up: Up) -> None:
     up.reports = {}
     assert told(remote.status) == (

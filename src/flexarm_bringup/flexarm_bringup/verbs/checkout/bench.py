@@ -46,6 +46,11 @@ _BENCHES = (
         "The live page: its cost to the loop, its drawing, STOP, verbs of another terminal",
         ("--quick", "--part stop --part verbs"),
     ),
+    (
+        "foxglove",
+        "Samples of a running arm that reach a viewer of the Foxglove protocol",
+        ("--seconds 300 --rate 500",),
+    ),
     ("payload", "Payload detection, and gains that follow it", ("--seeds 20",)),
     (
         "control",

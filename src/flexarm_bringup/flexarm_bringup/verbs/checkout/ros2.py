@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 
 import click
@@ -35,5 +36,5 @@ def _way_out() -> str:
         return "source a ROS 2 installation that has it (ros-DISTRO-ros-base)"
     return (
         "source a ROS 2 installation, or install its sources: ./flexarm exec python -m pip install "
-        f"--no-deps --no-build-isolation -r {root}/{_REQUIREMENTS}"
+        f"--no-deps --no-build-isolation -r {shlex.quote(f'{root}/{_REQUIREMENTS}')}"
     )

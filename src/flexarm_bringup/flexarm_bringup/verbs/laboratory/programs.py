@@ -11,7 +11,8 @@ import click
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.quantity import TIME_S, Quantity
 from flexarm_bringup.console.verb_group import RUN_ON, examples
-from flexarm_bringup.graph.processes import NodeProgram, find_executable
+from flexarm_bringup.graph.live_hand import live_hand
+from flexarm_bringup.graph.processes import LaunchError, NodeProgram, find_executable
 from flexarm_bringup.verbs.laboratory.options import ARM
 
 
@@ -67,7 +68,8 @@ def record(
     """Record the running graph until Ctrl-C.
 
     The bag holds state, command, reference and who commands, or the topics that are named. The
-    options are those of `ros2 bag record`.
+    options are those of `ros2 bag record`. Beside `up`, whose recorder it leaves alone, the node
+    has a name of its own.
     """
     wanted = {
         "topics": list(topics),
@@ -76,8 +78,20 @@ def record(
         "snapshot_mode": snapshot_mode,
     }
     parameters = {"bag": bag.absolute(), **{name: each for name, each in wanted.items() if each}}
-    program = NodeProgram("flexarm_daq", "recorder_node", parameters, namespace=namespace)
+    # Two nodes of one name would both answer its services.
+    name = f"recorder_{os.getpid()}" if _is_up(namespace) else ""
+    program = NodeProgram(
+        "flexarm_daq", "recorder_node", parameters, namespace=namespace, name=name
+    )
     _become(program.command())
+
+
+def _is_up(namespace: str) -> bool:
+    try:
+        with live_hand(namespace):
+            return True
+    except LaunchError:
+        return False
 
 
 @click.command()

@@ -72,9 +72,10 @@ def reference(set_point_v: float, namespace: str) -> None:
 @click.argument("node", required=False, default="")
 @click.argument("names", nargs=-1, metavar="[NAME...]")
 @ARM
-@examples("get", "get controller", "get controller law pdpc.kp")
+@examples("get", "get controller", "get controller law pdpc.kp", "get /arm2/daq rate_hz")
 def get(node: str, names: tuple[str, ...], namespace: str) -> None:
     """List parameters of running nodes with units and bounds."""
+    namespace, node = _addressed(node, namespace)
     tables = through(namespace, lambda hand: hand.parameters(node))
     for each, params in tables.items():
         known = {str(param["name"]): param for param in params}
@@ -97,6 +98,15 @@ def _described(param: Mapping[str, Any]) -> str:
     return "; ".join(parts)
 
 
+def _addressed(node: str, namespace: str) -> tuple[str, str]:
+    """Return namespace and name of a node; its full name says both, as in the tools of ROS 2."""
+    space, _, name = node.rpartition("/")
+    if "." in name:
+        name, _, parameter = name.partition(".")
+        raise LaunchError(f"{node} is no node: write {name} {parameter}")
+    return (space or namespace, name) if node.startswith("/") else (namespace, node)
+
+
 @click.command("set")
 @click.argument("node")
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE...")
@@ -104,6 +114,7 @@ def _described(param: Mapping[str, Any]) -> str:
 @examples("set controller law=pdpc_plus", "set daq max_command_v=2 payload_kg=0.2")
 def set_(node: str, assignments: tuple[str, ...], namespace: str) -> None:
     """Set parameters of a running node, all or none."""
+    namespace, node = _addressed(node, namespace)
     wanted: dict[str, Any] = dict(parsed(each) for each in assignments)
     changes = through(namespace, lambda hand: hand.set(node, wanted))
     for name, (before, after) in changes.items():

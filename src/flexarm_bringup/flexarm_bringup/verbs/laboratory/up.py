@@ -27,9 +27,18 @@ from flexarm_bringup.verbs.laboratory.options import (
     REAL_TIME,
     chosen_pace,
 )
+from flexarm_bringup.verbs.laboratory.viewers import (
+    FOXGLOVE,
+    FOXGLOVE_NODE,
+    FoxgloveAddress,
+    foxglove_parameters,
+)
 from flexarm_control.laws.registry import LAWS
+from flexarm_live.serving.foxglove_server import require_foxglove
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.graph.processes import NodeProcesses
     from flexarm_bringup.runs.pace import Pace
@@ -56,6 +65,7 @@ class _Settings:
     parameter_files: tuple[Path, ...]
     namespace: str
     page: PageSettings | None
+    foxglove_port: int | None
 
 
 # What is changed in a run is in its record: `law` tells the law, this the payload and the limits.
@@ -86,12 +96,13 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
 @PARAMETER_FILES
 @ARM
 @page_options
+@FOXGLOVE
 @examples(
     "up",
     "up --rate 500 --payload 0.2 --reference square",
     "up --bag out/run1 --law pdpc_plus --params-file out/gains.yaml",
     "up --namespace arm2",
-    "up --no-page",
+    "up --no-page --foxglove",
 )
 def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
     """Run the nodes of an arm and its page, until Ctrl-C.
@@ -109,6 +120,8 @@ def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
 
 
 def _run_graph(settings: _Settings) -> None:
+    if settings.foxglove_port is not None:
+        require_foxglove()
     bag = settings.bag
     if bag and bag.exists():
         raise LaunchError(f"{bag} is there already and is not overwritten: choose another name")
@@ -122,6 +135,9 @@ def _run_graph(settings: _Settings) -> None:
     if settings.page is not None:
         nodes = (*nodes, PAGE_NODE)
         parameters[PAGE_NODE] = settings.page.parameters()
+    if settings.foxglove_port is not None:
+        nodes = (*nodes, FOXGLOVE_NODE)
+        parameters[FOXGLOVE_NODE] = foxglove_parameters(settings.foxglove_port)
     with TemporaryDirectory(prefix="flexarm_") as folder:
         log = bag.with_name(f"{bag.name}.log") if bag else Path(folder, "nodes.log")
         complaints = _Complaints(log)
@@ -134,8 +150,12 @@ def _run_graph(settings: _Settings) -> None:
                 namespace=settings.namespace,
             ) as (operator, processes):
                 _start(operator, settings)
-                page = PageAddress(settings.namespace, processes) if settings.page else None
-                _stay(operator, processes, complaints, page)
+                addresses: list[PageAddress | FoxgloveAddress] = []
+                if settings.page is not None:
+                    addresses.append(PageAddress(settings.namespace, processes))
+                if settings.foxglove_port is not None:
+                    addresses.append(FoxgloveAddress(processes))
+                _stay(operator, processes, complaints, addresses)
         finally:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
@@ -163,7 +183,7 @@ def _stay(
     operator: Operator,
     processes: NodeProcesses,
     complaints: _Complaints,
-    page: PageAddress | None,
+    addresses: Sequence[PageAddress | FoxgloveAddress],
 ) -> None:
     """Show complaints of the nodes until Ctrl-C; a controller that ends is not the end."""
     processes.let_be_replaced(_CONTROLLER)
@@ -173,8 +193,8 @@ def _stay(
         """Show the news; never done."""
         nonlocal loss
         complaints.show(_COMPLAINTS)
-        if page is not None:
-            page.look()
+        for address in addresses:
+            address.look()
         if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
             replace = _REPLACE.format(operator.namespace)
             terminal.CONSOLE.print(f"{loss}: {replace}", markup=False)

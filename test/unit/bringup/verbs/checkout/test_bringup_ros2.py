@@ -53,6 +53,7 @@ def test_ros2___where_it_is_installed___takes_arguments_and_loopback_and_the_exi
     ("root", "distribution", "way_out"),
     [
         ("/checkout", "jazzy", "--no-deps --no-build-isolation -r /checkout/requirements/ros2cli"),
+        ("/my arm", "jazzy", "-r '/my arm/requirements/ros2cli.in'"),
         ("/checkout", "kilted", "source a ROS 2 installation that has it"),
         (None, "jazzy", "source a ROS 2 installation that has it"),
     ],

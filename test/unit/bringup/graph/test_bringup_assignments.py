@@ -1,0 +1,59 @@
+"""Values that a user types, as the kinds of a node's parameters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from flexarm_bringup.graph.assignments import assigned, parsed
+from flexarm_bringup.graph.processes import LaunchError
+
+PRESENT = {"pdpc.kp": 1.5, "law": "pd", "samples": 0, "autostart": False, "topics": ["state"]}
+
+
+@pytest.mark.parametrize(
+    ("assignment", "value"),
+    [
+        ("pdpc.kp=2", 2.0),
+        ("pdpc.kp=2e0", 2.0),
+        ("pdpc.kp=.inf", float("inf")),
+        ("law=pdpc", "pdpc"),
+        ("samples=300", 300),
+        ("autostart=true", True),
+        ("topics=[state, io]", ["state", "io"]),
+    ],
+)
+def test_assigned___value_of_the_kind___is_taken(assignment: str, value: object) -> None:
+    name, typed = parsed(assignment)
+    found = assigned("controller", {name: typed}, PRESENT)
+    assert found == {name: value}
+    assert type(found[name]) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "kind"),
+    [
+        ("pdpc.kp=abc", "a number"),
+        ("pdpc.kp=true", "a number"),
+        ("pdpc.kp=[1, 2]", "a number"),
+        ("pdpc.kp=", "a number"),
+        ("law=3", "a text"),
+        ("samples=3.5", "a whole number"),
+        ("samples=true", "a whole number"),
+        ("autostart=1", "true or false"),
+    ],
+)
+def test_assigned___value_of_another_kind___is_named_with_what_it_must_be(
+    assignment: str, kind: str
+) -> None:
+    name, typed = parsed(assignment)
+    values: dict[str, Any] = {name: typed}
+    with pytest.raises(LaunchError, match=rf"^controller {name} = .*: must be {kind}$") as refusal:
+        assigned("controller", values, PRESENT)
+    assert len(str(refusal.value)) < 200
+
+
+def test_assigned___unknown_name___comes_with_the_nearest() -> None:
+    with pytest.raises(LaunchError, match=r"no parameter pdpc.kq \(nearest: pdpc.kp\)"):
+        assigned("controller", {"pdpc.kq": 1.0}, PRESENT)
