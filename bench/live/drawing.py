@@ -49,11 +49,15 @@ def drawing_part(lab: Laboratory, browser: Browser, length_s: float) -> list[Row
             least=_LEAST_FRAMES_PER_S,
         ),
         *percentile_rows(
-            DRAWING, "drawn angle against the sample's", "°", errors_deg, {100.0: _MOST_DEG}
+            DRAWING,
+            "drawn angle against the sample's",
+            "°",
+            errors_deg.tolist(),
+            {100.0: _MOST_DEG},
         ),
     ]
     for what, name in (("arm", "armS"), ("traces", "tracesS")):
-        ages_ms = 1e3 * np.array(seen[name])
+        ages_ms = [1e3 * age_s for age_s in seen[name]]
         lines = {50.0: None, 99.0: _MOST_AGE_MS}
         rows += percentile_rows(DRAWING, f"sample to {what}", "ms", ages_ms, lines)
     return rows
