@@ -204,6 +204,11 @@ class Bridge:
         self._recording = str(bag) if on else None
         return Answer(answer.message, {"bag": bag.name, "folder": str(bag)})
 
+    async def _on_task(self, text: str) -> Answer:
+        self.situation.task = text
+        self.outlet.tell_state()
+        return Answer()
+
     async def _on_samples(self, after: int) -> Answer:
         return Answer(data=self.samples.after(after))
 
