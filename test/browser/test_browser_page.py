@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_live.page_files import page_files
-from support.browser import CHROMIUM, Browser, wait_until
-from support.live_mock import LiveMock
+from support.browser import wait_until
+from support.live_page import asked, opened
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from support.browser import Browser
+    from support.live_mock import LiveMock
 
 DEG_PER_V = 11.6667
 MOST_BYTES = 200_000
@@ -46,30 +47,6 @@ LOWEST_CONTRAST = """(() => {
 # Controls that a person sees and may use; of tabs the chosen one, since arrows lead to the others.
 CONTROLS = """[...document.querySelectorAll("button, select, input, summary, a[href], [tabindex]")]
   .filter((node) => !node.matches(":disabled") && node.tabIndex >= 0 && node.checkVisibility())"""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if CHROMIUM is None:
-        pytest.skip("the page is tried in Chromium, which is not here")
-    with Browser() as started:
-        yield started
-
-
-@pytest.fixture
-def mock() -> Iterator[LiveMock]:
-    with LiveMock(rate_hz=500.0) as served:
-        yield served
-
-
-def opened(browser: Browser, mock: LiveMock, *, width: int = 1400, dark: bool = False) -> None:
-    """Open the page and wait for the first sample that it draws."""
-    browser.open(mock.address, width=width, dark=dark)
-    browser.wait_for("document.getElementById('arm').dataset.angleDeg !== undefined")
-
-
-def asked(mock: LiveMock, verb: str) -> list[dict[str, object]]:
-    return [request for request in mock.requests if request["do"] == verb]
 
 
 def drawn_angle_deg(browser: Browser) -> float:
@@ -268,7 +245,7 @@ def test_page_without_the_token___shows___and_commands_nothing(
     assert browser.ask("document.getElementById('stop').disabled")
     browser.press("Space")
     browser.wait_for("document.getElementById('message').textContent.includes('without the token')")
-    assert [request["do"] for request in mock.requests if request["do"] != "bags"] == []
+    assert {request["do"] for request in mock.requests} == {"bags", "identify_line", "tune_line"}
 
 
 def test_traces___paused_and_in_volts___stand_still(browser: Browser, mock: LiveMock) -> None:
@@ -282,67 +259,3 @@ def test_traces___paused_and_in_volts___stand_still(browser: Browser, mock: Live
     x, y, width = browser.ask(f"(({{ x, y, width }}) => [x, y, width])({box})")
     browser.mouse("mouseMoved", x + width - 2, y + 20)
     browser.wait_for("document.getElementById('at').textContent.startsWith('t = ')")
-
-
-def test_chain___by_clicks_alone___ends_in_a_step_with_the_tuned_law(
-    browser: Browser, mock: LiveMock
-) -> None:
-    opened(browser, mock)
-    browser.ask("document.getElementById('step_seen').value = '0.5'")
-    browser.click("#run_experiment")
-    browser.click("#identify")
-    browser.wait_for("document.querySelector('#stabilisation svg') !== null")
-    assert asked(mock, "identify")[0]["bag"] == "C_dat3"
-    x, y = browser.ask(
-        """(({ x, y, width }) => [x + width / 2, y + 25])(
-        document.querySelector("#stabilisation svg").getBoundingClientRect())"""
-    )
-    browser.click_at(x, y)
-    browser.wait_for("document.getElementById('order').value === '40'")
-    browser.click("#modes button")
-    browser.wait_for("document.querySelector('#modes button').ariaPressed === 'true'")
-    assert asked(mock, "identify")[-1]["known_modes_hz"] == [pytest.approx(9.02)]
-    assert browser.ask("document.getElementById('command_model').textContent").endswith(
-        "--order 40"
-    )
-    assert browser.ask("document.getElementById('report').pathname") == "/report/C_dat3"
-    browser.click("#tab_tune")
-    browser.click("#tune")
-    browser.click("#apply")
-    browser.click("#step")
-    browser.wait_for("!document.getElementById('step').disabled")
-    browser.click("#step")
-    browser.wait_for("document.querySelectorAll('#steps .curve').length === 2")
-    assert mock.arm.law == "pdpc"
-    assert mock.arm.gains["pdpc.kp"] == pytest.approx(0.8)
-    assert browser.console == []
-
-
-def test_job___cancelled___tells_so_and_lets_the_next_one_begin(browser: Browser) -> None:
-    with LiveMock(job_step_s=30.0) as mock:
-        opened(browser, mock)
-        browser.click("#run_experiment")
-        browser.click("#cancel")
-        wait_until(lambda: asked(mock, "cancel") != [])
-        assert [asked(mock, "cancel")[0]["job"]] == mock.jobs
-
-
-def test_job___over_a_broken_connection___goes_on(browser: Browser) -> None:
-    with LiveMock(job_step_s=0.5) as mock:
-        opened(browser, mock)
-        browser.click("#run_experiment")
-        wait_until(lambda: mock.jobs != [])
-        mock.drop_pages()
-        browser.wait_for("document.getElementById('recording').textContent === 'Recorded C_dat3'")
-        assert len(asked(mock, "experiment")) == 1
-
-
-def test_job___that_ended_without_a_connection___is_no_longer_waited_for(browser: Browser) -> None:
-    with LiveMock(job_step_s=30.0) as mock:
-        opened(browser, mock)
-        browser.click("#run_experiment")
-        browser.wait_for("!document.getElementById('running').hidden")
-        wait_until(lambda: mock.jobs != [])
-        mock.jobs.clear()
-        browser.wait_for("document.getElementById('running').hidden")
-        assert "it has ended" in browser.ask("document.getElementById('message').textContent")

@@ -18,7 +18,7 @@ from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
 from flexarm_live.page_files import INDEX, page_files
-from support.live_mock_lab import MockArm, frame, greeting, identified, tuned
+from support.live_mock_lab import MockArm, frame, greeting, identified, tuned, tuned_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -200,10 +200,16 @@ class LiveMock:
         if not request["on"]:
             self.bags.append(bag)
         self.recording = bag if request["on"] else None
-        return {"bag": bag}
+        return {"bag": bag, "command": f"./flexarm record out/live/{bag}"}
 
     def _do_bags(self, _: dict[str, Any]) -> dict[str, Any]:
         return {"bags": self.bags, "models": []}
+
+    def _do_identify_line(self, request: dict[str, Any]) -> dict[str, Any]:
+        return {"command": identified(request)["command"]}
+
+    def _do_tune_line(self, request: dict[str, Any]) -> dict[str, Any]:
+        return {"command": tuned_line(request)}
 
     def _do_cancel(self, request: dict[str, Any]) -> None:
         self._cancelled.add(request["job"])

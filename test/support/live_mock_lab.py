@@ -99,7 +99,8 @@ def greeting(rate_hz: float, *, hand: bool) -> dict[str, Any]:
         },
         "reference": {"low_v": -6.857, "high_v": 6.857},
         "laws": ["pd", "pdpc"],
-        "tunable_laws": ["pdpc"],
+        "tunable_laws": ["pdpc", "pi"],
+        "laws_with_margins": ["pdpc"],
         "law_titles": {"pd": "PD", "pdpc": "PDP with conditional friction compensation"},
         "experiments": [
             {"name": "C_dat3", "description": "closed loop, varying square wave of 3 V"},
@@ -176,7 +177,7 @@ def identified(request: dict[str, Any]) -> dict[str, Any]:
     waves = [np.sin(t_s * (1.0 + k)) * np.exp(-0.1 * t_s) for k in range(4)]
     return {
         "modes": [
-            {"frequency_hz": f, "damping": d, "physical": d < 0.1}
+            {"frequency_hz": f, "damping": d, "kind": "physical" if d < 0.1 else "rare"}
             for f, d in zip(frequencies, damping, strict=True)
         ],
         "outputs": list(SENSORS),
@@ -221,5 +222,11 @@ def tuned(request: dict[str, Any]) -> dict[str, Any]:
             "before": (1.0 - np.exp(-2.0 * t_s)).tolist(),
             "after": (1.0 - np.exp(-4.0 * t_s)).tolist(),
         },
-        "command": f"./flexarm tune {' '.join(request['models'])} --law {law}",
+        "command": tuned_line(request),
     }
+
+
+def tuned_line(request: dict[str, Any]) -> str:
+    """Return the command line of a tuning."""
+    margins = "".join(f" {key} {request[key]:g}" for key in sorted(request) if "margin" in key)
+    return f"./flexarm tune --law {request['law']} {' '.join(request['models'])}{margins}"

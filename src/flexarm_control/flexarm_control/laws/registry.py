@@ -98,6 +98,11 @@ class LawSpec:
         """Whether the law can be built on an identified model."""
         return self.design is not None or self.fit is not None
 
+    @property
+    def is_tuned_to_margins(self) -> bool:
+        """Whether its tuning meets least margins; that of the PI law is for models (4-1)."""
+        return self.tuning not in {"", "pi"}
+
     def rate_hz(
         self, values: Mapping[str, float], model: control.StateSpace | None = None
     ) -> float | None:

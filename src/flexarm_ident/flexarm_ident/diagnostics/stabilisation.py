@@ -96,6 +96,8 @@ class RecurringMode:
         Their share of all orders.
     orders : tuple of int
         The orders.
+    frequencies_hz : tuple of float
+        Frequency at each of them.
     shape : ndarray, (outputs,)
         Mode shape of the pole next to the median.
     """
@@ -107,6 +109,7 @@ class RecurringMode:
     count: int
     share: float
     orders: tuple[int, ...]
+    frequencies_hz: tuple[float, ...]
     shape: ComplexArray
 
 
@@ -247,5 +250,6 @@ def _mode(cluster: list[Pole], orders: tuple[int, ...]) -> RecurringMode:
         count=len(found),
         share=len(found) / len(orders),
         orders=tuple(pole.order for pole in found),
+        frequencies_hz=tuple(frequency.tolist()),
         shape=found[int(np.argmin(np.abs(frequency - median_hz)))].shape,
     )

@@ -12,6 +12,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from flexarm_core.errors import IdentificationError
+from flexarm_ident.diagnostics.stabilisation import Criteria
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.models.modes import ranked_modes
 from flexarm_ident.models.state_space import WAYS, state_space
@@ -93,6 +94,34 @@ def judged_modes(
         stays = mode.frequency_std_hz <= _SCATTER * mode.frequency_hz
         judged.append(JudgedMode(mode, weight, weight >= _HEARD and stays))
     return tuple(judged)
+
+
+def recurring(
+    mode: Mode, judged: Sequence[JudgedMode], criteria: Criteria | None = None
+) -> JudgedMode | None:
+    """Return which of the recurring modes a mode of one model is; None for one that does not recur.
+
+    The frequency of a mode drifts over the orders, so it is compared with those of all of them and
+    not with their median.
+
+    Parameters
+    ----------
+    mode : Mode
+        Mode of a model of any order.
+    judged : sequence of JudgedMode
+        Modes that recur, as `judged_modes` returns them.
+    criteria : Criteria, optional
+        Largest damping ratio of a vibration, and relative change of its frequency.
+    """
+    limits = criteria or Criteria()
+
+    def apart(each: JudgedMode) -> float:
+        return min(abs(hz - mode.frequency_hz) for hz in each.mode.frequencies_hz)
+
+    if not (judged and mode.is_pair and 0.0 < mode.damping_ratio <= limits.largest_damping):
+        return None
+    nearest = min(judged, key=apart)
+    return nearest if apart(nearest) <= limits.frequency * mode.frequency_hz else None
 
 
 def _nearest(modes: Sequence[Mode], frequency_hz: float) -> Mode:

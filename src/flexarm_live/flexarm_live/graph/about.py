@@ -42,6 +42,7 @@ def about_arm(*, simulated: bool) -> dict[str, Any]:
         "arm": _arm(),
         "laws": list(LAWS),
         "tunable_laws": [name for name, law in LAWS.items() if law.tuning],
+        "laws_with_margins": [name for name, law in LAWS.items() if law.is_tuned_to_margins],
         "law_titles": {name: law.title for name, law in LAWS.items()},
         "experiments": [
             {"name": each.name, "description": f"{each.input_text}, {each.length_s:g} s"}

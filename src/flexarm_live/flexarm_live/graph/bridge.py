@@ -14,6 +14,7 @@ from flexarm_core.nearest import nearest
 from flexarm_live.graph.about import about_arm
 from flexarm_live.graph.calls import Calls
 from flexarm_live.graph.chain import Chain
+from flexarm_live.graph.command_lines import record_line
 from flexarm_live.graph.jobs import Jobs
 from flexarm_live.graph.loop_nodes import LOOP_NODES, LoopNodes
 from flexarm_live.graph.node_parameters import NodeParameters
@@ -202,7 +203,8 @@ class Bridge:
         if not (answer.success or (on and answer.message == f"already recording to {bag}")):
             raise FlexarmError(answer.message)
         self._recording = str(bag) if on else None
-        return Answer(answer.message, {"bag": bag.name, "folder": str(bag)})
+        data = {"bag": bag.name, "folder": str(bag), "command": record_line(bag)}
+        return Answer(answer.message, data)
 
     async def _on_task(self, text: str) -> Answer:
         self.situation.task = text
@@ -234,6 +236,12 @@ class Bridge:
     async def _on_tune(self, law: str, models: list[str], **margins: float) -> Answer:
         number = self._jobs.start("tune", self._chain.tuning(law, models, margins))
         return Answer(f"tuning {law}", {"job": number})
+
+    async def _on_identify_line(self, **asked: Any) -> Answer:  # noqa: ANN401 - checked fields
+        return Answer(data={"command": self._chain.identification_line(**asked)})
+
+    async def _on_tune_line(self, law: str, models: list[str], **margins: float) -> Answer:
+        return Answer(data={"command": self._chain.tuning_line(law, models, margins)})
 
     async def _on_cancel(self, job: int) -> Answer:
         return Answer(f"{self._jobs.cancel(job)} is being cancelled")

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.loop_setup import TOPIC
 from flexarm_core.errors import FlexarmError
+from flexarm_core.nearest import nearest
 from flexarm_daq.experiments.catalogue import experiment
+from flexarm_live.graph.command_lines import identify_line, shown, tune_line
 from flexarm_live.graph.jobs import computed
 
 if TYPE_CHECKING:
@@ -102,56 +104,36 @@ class Chain:
                     raise FlexarmError(f"the run ended after {newest()} of {samples} samples")
                 return
 
-    def identification(
-        self,
-        bag: str,
-        order: int = 0,
-        method: str = "auto",
-        reduced_order: int = 0,
-        known_modes_hz: tuple[float, ...] | list[float] = (),
-    ) -> Work:
+    def identification(self, bag: str, **asked: Any) -> Work:  # noqa: ANN401 - checked fields
         """Return the work of an identification of a record, with its files."""
-        path = self._store.bag(bag)
-        request: dict[str, Any] = {"method": method, "order": order or None}
-        words = ["./flexarm", "identify", str(path), "--method", method]
-        if order:
-            words += ["--order", str(order)]
-        if reduced_order or known_modes_hz:
-            reduction = "mrmc" if known_modes_hz else "mrm"
-            request |= {
-                "reduction": reduction,
-                "reduced_order": reduced_order or None,
-                "update": "b",
-                "known_modes_hz": list(known_modes_hz),
-            }
-            words += ["--reduction", reduction, "--update", "b"]
-            words += ["--reduced-order", str(reduced_order)] if reduced_order else []
-            for mode_hz in known_modes_hz:
-                words += ["--known-mode", f"{mode_hz:g}"]
+        path, folder = self._store.bag(bag), self._store.model_folder(bag)
+        request = _identify_request(**asked)
+        command = identify_line(path, folder, request)
 
         async def work(report: Report) -> Mapping[str, Any]:
-            folder = self._store.model_folder(bag)
-            asked = {"bag": str(path), "folder": str(folder), "request": request}
-            found = await computed("flexarm_live.work.identification", asked, report)
+            job = {"bag": str(path), "folder": str(folder), "request": request}
+            found = await computed("flexarm_live.work.identification", job, report)
             return {
                 **found,
                 "bag": bag,
                 "report": f"/report/{bag}",
                 "models": self._store.models(),
-                "command": " ".join(words),
+                "command": command,
             }
 
         return work
 
+    def identification_line(self, bag: str, **asked: Any) -> str:  # noqa: ANN401 - checked fields
+        """Return the command line of an identification."""
+        path, folder = self._store.bag(bag), self._store.model_folder(bag)
+        return identify_line(path, folder, _identify_request(**asked))
+
     def tuning(self, law: str, models: list[str], margins: Mapping[str, float]) -> Work:
         """Return the work of a tuning on models by their names."""
-        files = [
-            each if each.startswith(_NOMINAL) else str(self._store.model_file(each))
-            for each in models
-        ]
+        files = self._model_files(models)
         values = self._loop.parameters["controller"].values
         before = {name: value for name, value in values.items() if name.startswith(f"{law}.")}
-        command = tune_line(law, files, margins)
+        command = self.tuning_line(law, models, margins)
 
         async def work(report: Report) -> Mapping[str, Any]:
             asked = {"law": law, "models": files, "margins": dict(margins), "before": before}
@@ -160,10 +142,33 @@ class Chain:
 
         return work
 
+    def tuning_line(self, law: str, models: list[str], margins: Mapping[str, float]) -> str:
+        """Return the command line of a tuning; a `FlexarmError` for a law that has none."""
+        if law not in LAWS or not LAWS[law].tuning:
+            raise FlexarmError(f"law {law!r} is not tunable{nearest(law, LAWS)}")
+        return tune_line(law, self._model_files(models), margins)
 
-def tune_line(law: str, files: Sequence[str], margins: Mapping[str, float]) -> str:
-    """Return the command line of a tuning, whose options have their margins without the unit."""
-    words = ["./flexarm", "tune", "--law", LAWS[law].tuning, *files]
-    for name, value in margins.items():
-        words += [f"--{name.rpartition('_')[0].replace('_', '-')}", f"{value:g}"]
-    return " ".join(words)
+    def _model_files(self, models: list[str]) -> list[str]:
+        """Return what a tuning calls the models that a page names."""
+        return [
+            each if each.startswith(_NOMINAL) else shown(self._store.model_file(each))
+            for each in models
+        ]
+
+
+def _identify_request(
+    order: int = 0,
+    method: str = "auto",
+    reduced_order: int = 0,
+    known_modes_hz: Sequence[float] = (),
+) -> dict[str, Any]:
+    """Return the fields of a `Request` that a page asks for; None leaves one open."""
+    request: dict[str, Any] = {"method": method, "order": order or None}
+    if not (reduced_order or known_modes_hz):
+        return request
+    return request | {
+        "reduction": "mrmc" if known_modes_hz else "mrm",
+        "reduced_order": reduced_order or None,
+        "update": "b",
+        "known_modes_hz": list(known_modes_hz),
+    }

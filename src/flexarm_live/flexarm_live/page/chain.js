@@ -28,14 +28,24 @@ function wireTabs() {
   showStage("record");
 }
 
-/** Write the command line that does the same as a stage. */
+/** Write the command line that does the same as a stage; an empty one is not shown. */
 export function showCommand(stage, command) {
   const code = byId(`command_${stage}`);
   write(code, command);
+  code.parentElement.hidden = command === "";
   if (code.nextElementSibling === null) {
     const copy = () => navigator.clipboard.writeText(code.textContent).then(() => tell("Copied."));
     code.after(element("button", { class: "quiet", onclick: () => attempt(copy), "aria-label": "Copy the command" }, "Copy"));
   }
+}
+
+const asked = {};
+
+/** Show the command line that the server has for a stage with these fields; none without fields. */
+export async function askCommand(link, stage, verb, fields) {
+  asked[stage] = fields;
+  const { command } = fields === null ? { command: "" } : await link.request(`${verb}_line`, fields);
+  if (asked[stage] === fields) showCommand(stage, command);
 }
 
 /** Long work: one at a time, with its stage, its part done and its way out. */
@@ -53,9 +63,13 @@ export class Jobs {
     byId("running").hidden = false;
     write(byId("running_stage"), verb);
     byId("running_part").removeAttribute("value");
+    byId("cancel").disabled = true;
     try {
       return await this.link.job(verb, fields, {
-        began: (id) => (this.#number = id),
+        began: (id) => {
+          this.#number = id;
+          byId("cancel").disabled = false;
+        },
         news: (message) => this.#show(message),
       });
     } finally {
@@ -103,14 +117,7 @@ export class Chain {
 
   /** Identify the chosen record; `wish` has the order and modes that were clicked. */
   async identify(wish) {
-    const fields = {
-      bag: byId("bag").value,
-      method: byId("method").value,
-      order: Number(byId("order_wanted").value),
-      reduced_order: 0,
-      known_modes_hz: [],
-      ...wish,
-    };
+    const fields = { ...this.#wanted, ...wish };
     if (fields.bag === "") throw new Error("identify: there is no record; make one in the stage Record");
     const data = await this.jobs.run("identify", fields);
     showCommand("identify", data.command);
@@ -136,8 +143,8 @@ export class Chain {
     byId("record").onclick = () =>
       attempt(async () => {
         const isOn = this.#recording === null;
-        const { bag } = await this.link.request("record", { on: isOn });
-        showCommand("record", `./flexarm record ${bag ?? ""}`);
+        const { bag, command } = await this.link.request("record", { on: isOn });
+        showCommand("record", command);
         if (!isOn) await this.#take(bag);
       });
   }
@@ -148,9 +155,12 @@ export class Chain {
     showStage("identify");
   }
 
+  get #wanted() {
+    return { bag: byId("bag").value, method: byId("method").value, order: Number(byId("order_wanted").value) };
+  }
+
   #tellIdentify() {
-    const [bag, method] = [byId("bag").value || "BAG", byId("method").value];
-    const order = Number(byId("order_wanted").value);
-    showCommand("identify", `./flexarm identify ${bag} --method ${method}${order > 0 ? ` --order ${order}` : ""}`);
+    const wanted = this.#wanted;
+    attempt(() => askCommand(this.link, "identify", "identify", wanted.bag === "" ? null : wanted));
   }
 }

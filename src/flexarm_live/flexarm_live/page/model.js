@@ -6,6 +6,12 @@ import { showCommand } from "./chain.js";
 import { figure } from "./numbers.js";
 
 const SAME_MODE = 0.02;
+const KINDS = {
+  physical: "physical",
+  noise: "of the noise",
+  rare: "at few orders",
+  damped: "strongly damped",
+};
 const title = (output) => output.replace(/_v$/, "").replace("_", " ");
 
 /** Stage Model; `identify(wish)` is asked for another order or other modes. */
@@ -54,14 +60,14 @@ export class ModelStage {
   #showModes() {
     fillTable(
       byId("modes"),
-      this.data.modes.map(({ frequency_hz: hz, damping, physical }) => [
+      this.data.modes.map(({ frequency_hz: hz, damping, kind }) => [
         element(
           "button",
           { "aria-pressed": `${this.#keeps(hz)}`, onclick: () => this.#toggle(hz) },
           `${figure(hz, 2)} Hz`,
         ),
         `${figure(100 * damping, 1)} %`,
-        physical ? "physical" : "of the noise",
+        KINDS[kind],
       ]),
     );
   }
@@ -85,7 +91,7 @@ export class ModelStage {
       marks: [
         { y: order, kind: "chosen", text: `order ${order}` },
         ...modes
-          .filter(({ physical, frequency_hz: at }) => physical && at > 0.02 * hz && at < hz)
+          .filter(({ kind, frequency_hz: at }) => kind === "physical" && at > 0.02 * hz && at < hz)
           .map(({ frequency_hz: at }) => ({
             x: at,
             kind: this.#keeps(at) ? "kept" : "mode",

@@ -2,7 +2,7 @@
 
 import { attempt, byId, element, fillMenu, fillTable, tell } from "./dom.js";
 import { chart } from "./charts.js";
-import { showCommand, showStage } from "./chain.js";
+import { askCommand, showCommand, showStage } from "./chain.js";
 import { figure, stepFigures } from "./numbers.js";
 import { VoltageField } from "./units.js";
 
@@ -18,11 +18,12 @@ const gainsText = (gains) =>
 
 /** Stage Tune. */
 export class TuneStage {
-  #chosen = new Set();
+  #chosen = new Set(NOMINAL);
 
   constructor(hello, link, jobs, parameters, step) {
     Object.assign(this, { link, jobs, parameters, step });
-    const laws = hello.tunable_laws;
+    const { tunable_laws: laws, laws_with_margins: withMargins } = hello;
+    this.hasMargins = (law) => withMargins.includes(law);
     fillMenu(byId("tuned_law"), laws.map((law) => [law, law]), USUAL_LAW);
     for (const id of ["tuned_law", "gain_margin", "phase_margin"]) byId(id).onchange = () => this.#tellCommand();
     byId("tune").onclick = () => attempt(() => this.#tune());
@@ -49,18 +50,15 @@ export class TuneStage {
   }
 
   get #wanted() {
-    return {
-      law: byId("tuned_law").value,
-      models: [...this.#chosen],
-      gain_margin_db: Number(byId("gain_margin").value),
-      phase_margin_deg: Number(byId("phase_margin").value),
-    };
+    const law = byId("tuned_law").value;
+    const margins = { gain_margin_db: Number(byId("gain_margin").value), phase_margin_deg: Number(byId("phase_margin").value) };
+    return { law, models: [...this.#chosen], ...(this.hasMargins(law) ? margins : {}) };
   }
 
   #tellCommand() {
-    const { law, models, gain_margin_db: gain, phase_margin_deg: phase } = this.#wanted;
-    const names = models.join(" ") || "MODEL";
-    showCommand("tune", `./flexarm tune ${names} --law ${law} --gain-margin ${gain} --phase-margin ${phase}`);
+    const wanted = this.#wanted;
+    for (const id of ["gain_margin", "phase_margin"]) byId(id).disabled = !this.hasMargins(wanted.law);
+    attempt(() => askCommand(this.link, "tune", "tune", wanted.models.length === 0 ? null : wanted));
   }
 
   async #tune() {

@@ -144,6 +144,19 @@ class Verb:
 _VOLTS = Field("number", least=-TRAVEL_V, most=TRAVEL_V)
 _LOOP_NODE = Field("text", required=False, choices=("daq", "controller"))
 _OPTIONAL_COUNT = Field("integer", required=False, least=0, most=400)
+_IDENTIFICATION = {
+    "bag": Field("text"),
+    "order": _OPTIONAL_COUNT,
+    "method": Field("text", required=False),
+    "reduced_order": _OPTIONAL_COUNT,
+    "known_modes_hz": Field("numbers", required=False),
+}
+_TUNING = {
+    "law": Field("text"),
+    "models": Field("texts"),
+    "gain_margin_db": Field("number", required=False, least=0.0, most=60.0),
+    "phase_margin_deg": Field("number", required=False, least=0.0, most=179.0),
+}
 
 VERBS: Mapping[str, Verb] = MappingProxyType(
     {
@@ -154,25 +167,10 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
         "hold": Verb(Needs.TOKEN),
         "let_go": Verb(Needs.TOKEN),
         "record": Verb(Needs.TOKEN, {"on": Field("boolean")}),
-        "identify": Verb(
-            Needs.TOKEN,
-            {
-                "bag": Field("text"),
-                "order": _OPTIONAL_COUNT,
-                "method": Field("text", required=False),
-                "reduced_order": _OPTIONAL_COUNT,
-                "known_modes_hz": Field("numbers", required=False),
-            },
-        ),
-        "tune": Verb(
-            Needs.TOKEN,
-            {
-                "law": Field("text"),
-                "models": Field("texts"),
-                "gain_margin_db": Field("number", required=False, least=0.0, most=60.0),
-                "phase_margin_deg": Field("number", required=False, least=0.0, most=179.0),
-            },
-        ),
+        "identify": Verb(Needs.TOKEN, _IDENTIFICATION),
+        "tune": Verb(Needs.TOKEN, _TUNING),
+        "identify_line": Verb(Needs.NOTHING, _IDENTIFICATION),
+        "tune_line": Verb(Needs.NOTHING, _TUNING),
         "cancel": Verb(Needs.TOKEN, {"job": Field("integer", least=0, most=_LARGEST_ID)}),
         "release": Verb(Needs.HOLD),
         "activate": Verb(Needs.HOLD, {"node": _LOOP_NODE}),

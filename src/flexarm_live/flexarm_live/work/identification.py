@@ -7,22 +7,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexarm_ident.diagnostics.stabilisation import Criteria
+from flexarm_ident.estimation.physical_modes import recurring
 from flexarm_ident.job import identify_bags
 from flexarm_ident.workflow.request import Request
 from flexarm_live.work.process import serve
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from flexarm_core.arrays import Progress
+    from flexarm_ident.estimation.physical_modes import JudgedMode
+    from flexarm_ident.models.modes import Mode
     from flexarm_ident.workflow.outcome import Outcome
 
 _POINTS = 4000
 _FREQUENCIES = 1000
 _INSTANTS = 3000
 _SMALLEST = 1e-30
-# A mode is one that recurs when their frequencies differ by no more than this part.
-_SAME_MODE = 0.03
 
 
 def identified(asked: Mapping[str, Any], report: Progress) -> dict[str, Any]:
@@ -37,7 +39,6 @@ def curves(outcome: Outcome) -> dict[str, Any]:
     """Return figures and curves of an identification, thinned to what a screen can show."""
     found, record = outcome.identification, outcome.records[0]
     poles = [pole for pole in found.diagram.poles if pole.admissible]
-    physical = [each.mode.frequency_hz for each in found.recurring_modes if each.is_physical]
     return {
         "outputs": list(record.outputs),
         "order": found.order,
@@ -45,9 +46,7 @@ def curves(outcome: Outcome) -> dict[str, Any]:
             {
                 "frequency_hz": mode.frequency_hz,
                 "damping": mode.damping_ratio,
-                "physical": any(
-                    np.isclose(mode.frequency_hz, each, rtol=_SAME_MODE) for each in physical
-                ),
+                "kind": _kind(mode, found.recurring_modes),
             }
             for mode in outcome.modes
             if mode.frequency_hz > 0.0 and mode.eigenvalue.imag > 0.0
@@ -69,6 +68,14 @@ def curves(outcome: Outcome) -> dict[str, Any]:
         },
         "warnings": list(outcome.warnings),
     }
+
+
+def _kind(mode: Mode, judged: Sequence[JudgedMode]) -> str:
+    """Return what a mode is by the report's table of the modes that recur over the orders."""
+    found = recurring(mode, judged)
+    if found is not None:
+        return "physical" if found.is_physical else "noise"
+    return "rare" if mode.damping_ratio <= Criteria().largest_damping else "damped"
 
 
 def _spectrum(outcome: Outcome) -> dict[str, Any]:

@@ -67,7 +67,8 @@ def tuned(asked: Mapping[str, Any], report: Progress) -> dict[str, Any]:
         required = request.requirements()
         curves = {
             "margins": [
-                _loop(name, model, found, _pdp_gains(law, gains))
+                # A file's model is called by its file and its name.
+                _loop(name.rpartition(" ")[2], model, found, _pdp_gains(law, gains))
                 for (name, model), found in zip(models.items(), result.margins, strict=True)
             ],
             "step": _step(list(models.values()), law, asked["before"], gains),

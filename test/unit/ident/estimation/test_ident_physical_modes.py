@@ -6,6 +6,7 @@ import pytest
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident import IoData, identify, preprocess, read_bag
+from flexarm_ident.estimation.physical_modes import recurring
 from support.ident_systems import DT_S, arm_model, step_by_step
 from support.project import BAGS
 
@@ -21,6 +22,19 @@ def test_recurring_modes___mains_hum_beside_the_arm___recurs_but_is_not_physical
     assert judged == {9.0: True, 24.0: True, 46.0: True, 100.0: False}
     (hummed,) = (each for each in found if not each.is_physical)
     assert hummed.weight < 0.02
+
+
+def test_recurring___mode_of_a_model_of_low_order___is_the_physical_one_that_drifts() -> None:
+    found = identify(preprocess(read_bag(BAGS / "c_dat3_0g")), method="pbsid", order=12)
+    kinds = {
+        round(mode.frequency_hz): each and each.is_physical
+        for mode in found.modes
+        if mode.eigenvalue.imag > 0.0
+        for each in [recurring(mode, found.recurring_modes)]
+    }
+    # Of the beam, beside two poles whose damping ratio is about 0.7.
+    assert [kinds[hz] for hz in (9, 24, 45)] == [True, True, True]
+    assert [kinds[hz] for hz in kinds.keys() - {9, 24, 45}] == [None, None]
 
 
 @pytest.mark.parametrize(("bag", "payload_kg"), [("c_dat3_0g", 0.0), ("c_dat3_400g", 0.4)])

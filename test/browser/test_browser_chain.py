@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from support.browser import wait_until
+from support.live_mock import LiveMock
+from support.live_page import asked, opened
+
+if TYPE_CHECKING:
+    from support.browser import Browser
+
+
+def test_chain___by_clicks_alone___ends_in_a_step_with_the_tuned_law(
+    browser: Browser, mock: LiveMock
+) -> None:
+    opened(browser, mock)
+    browser.ask("document.getElementById('step_seen').value = '0.5'")
+    browser.click("#run_experiment")
+    browser.click("#identify")
+    browser.wait_for("document.querySelector('#stabilisation svg') !== null")
+    assert asked(mock, "identify")[0]["bag"] == "C_dat3"
+    x, y = browser.ask(
+        """(({ x, y, width }) => [x + width / 2, y + 25])(
+        document.querySelector("#stabilisation svg").getBoundingClientRect())"""
+    )
+    browser.click_at(x, y)
+    browser.wait_for("document.getElementById('order').value === '40'")
+    browser.click("#modes button")
+    browser.wait_for("document.querySelector('#modes button').ariaPressed === 'true'")
+    assert asked(mock, "identify")[-1]["known_modes_hz"] == [pytest.approx(9.02)]
+    assert browser.ask("document.getElementById('command_model').textContent").endswith(
+        "--order 40"
+    )
+    assert browser.ask("document.getElementById('report').pathname") == "/report/C_dat3"
+    browser.click("#tab_tune")
+    browser.click("#tune")
+    browser.click("#apply")
+    browser.click("#step")
+    browser.wait_for("!document.getElementById('step').disabled")
+    browser.click("#step")
+    browser.wait_for("document.querySelectorAll('#steps .curve').length === 2")
+    assert mock.arm.law == "pdpc"
+    assert mock.arm.gains["pdpc.kp"] == pytest.approx(0.8)
+    assert browser.console == []
+
+
+def test_stage_tune___before_a_tuning___shows_the_line_of_the_server(
+    browser: Browser, mock: LiveMock
+) -> None:
+    opened(browser, mock)
+    line = "document.getElementById('command_tune').textContent"
+    browser.click("#tab_tune")
+    models = "nominal:0 nominal:0.2 nominal:0.4"
+    browser.wait_for(f"{line}.startsWith('./flexarm tune --law pdpc {models} gain_margin_db 10')")
+    # That law is tuned without margins, and no line is for no model.
+    browser.ask(
+        """(() => { const menu = document.getElementById("tuned_law");
+        menu.value = "pi"; menu.dispatchEvent(new Event("change")); })()"""
+    )
+    browser.wait_for(f"{line} === './flexarm tune --law pi {models}'")
+    assert browser.ask("document.getElementById('gain_margin').disabled")
+    for _ in range(3):
+        browser.click("#models [aria-pressed=true]")
+    browser.wait_for("!document.getElementById('command_tune').checkVisibility()")
+
+
+def test_job___cancelled___tells_so_and_lets_the_next_one_begin(browser: Browser) -> None:
+    with LiveMock(job_step_s=30.0) as mock:
+        opened(browser, mock)
+        browser.click("#run_experiment")
+        browser.wait_for("!document.getElementById('cancel').disabled")
+        browser.click("#cancel")
+        wait_until(lambda: asked(mock, "cancel") != [])
+        assert [asked(mock, "cancel")[0]["job"]] == mock.jobs
+
+
+def test_job___over_a_broken_connection___goes_on(browser: Browser) -> None:
+    with LiveMock(job_step_s=0.5) as mock:
+        opened(browser, mock)
+        browser.click("#run_experiment")
+        wait_until(lambda: mock.jobs != [])
+        mock.drop_pages()
+        browser.wait_for("document.getElementById('recording').textContent === 'Recorded C_dat3'")
+        assert len(asked(mock, "experiment")) == 1
+
+
+def test_job___that_ended_without_a_connection___is_no_longer_waited_for(browser: Browser) -> None:
+    with LiveMock(job_step_s=30.0) as mock:
+        opened(browser, mock)
+        browser.click("#run_experiment")
+        browser.wait_for("!document.getElementById('running').hidden")
+        wait_until(lambda: mock.jobs != [])
+        mock.jobs.clear()
+        browser.wait_for("document.getElementById('running').hidden")
+        assert "it has ended" in browser.ask("document.getElementById('message').textContent")
