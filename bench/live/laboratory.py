@@ -78,10 +78,13 @@ class Laboratory:
         return found
 
     def swing(self) -> None:
-        """Let the arm swing, after a stop as well."""
-        if self.ask("status")["badge"] == "STOPPED":
-            self.ask("release")
+        """Let the arm swing."""
         self.ask("waveform", kind="sine", amplitude_v=2.0, period_s=2.0)
+
+    def release(self) -> None:
+        """Let the arm swing again after a stop: it is known here before the badge tells it."""
+        self.ask("release")
+        self.swing()
 
 
 @contextmanager

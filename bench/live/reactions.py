@@ -41,7 +41,7 @@ def stop_part(lab: Laboratory, browser: Browser, times: int) -> list[Row]:
                 zero_s = follower.zero_s(since_s)
                 key_ms.append(1e3 * (zero_s - browser.ask("probe.keysS.at(-1)")))
             beside_s, _ = _typed_stops(lab, follower, times)
-        lab.swing()
+        lab.release()
     key_lines = {50.0: _MOST_KEY_MS, 100.0: _MOST_KEY_MS}
     typed_lines = {50.0: _MOST_STOP_S, 95.0: _TAIL * _MOST_STOP_S}
     enter = "`./flexarm stop`, enter to"
@@ -68,7 +68,7 @@ def _typed_stops(
 
 
 def _drive(lab: Laboratory, follower: Follower) -> None:
-    lab.swing()
+    lab.release()
     follower.await_drive()
     time.sleep(_DRIVE_S)
 
