@@ -120,6 +120,12 @@ class Situation:
             return Badge("DRIVING")
         return Badge("STALE", daq.reason) if daq.reason else Badge("READY", "no command in force")
 
+    def held(self, now_s: float) -> str:
+        """Return why the drive is held at zero until it is released; empty when it is not."""
+        badge = self.badge(now_s)
+        is_held = badge.word in {"STOPPED", "FAULT"} and self.word("daq", now_s) == "active"
+        return f"the drive is held at zero: {badge.reason}" if is_held else ""
+
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the figures of the loop and the state, as a page is told them."""
         daq = self._reports.get("daq") or _Report(now_s, is_error=False, message="", values={})

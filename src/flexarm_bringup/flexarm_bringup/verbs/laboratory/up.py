@@ -50,6 +50,8 @@ _REPLACE = (
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
 _CONTROLLER = "controller_node"
+# It commands in open loop, when a page asks for such an experiment.
+_IDLE = ("experiment",)
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def _run_graph(settings: _Settings) -> None:
     }
     nodes: tuple[str, ...] = LABORATORY
     if settings.page is not None:
-        nodes = (*nodes, PAGE_NODE)
+        nodes = (*_IDLE, *nodes, PAGE_NODE)
         parameters[PAGE_NODE] = settings.page.parameters()
     if settings.foxglove_port is not None:
         nodes = (*nodes, FOXGLOVE_NODE)
@@ -146,6 +148,7 @@ def _run_graph(settings: _Settings) -> None:
                 parameters,
                 log.absolute(),
                 nodes=nodes,
+                idle=_IDLE,
                 files=settings.parameter_files,
                 namespace=settings.namespace,
             ) as (operator, processes):
