@@ -13,7 +13,7 @@ from flexarm_core.nearest import nearest
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_live.graph.command_lines import identify_line, shown, tune_line
 from flexarm_live.graph.jobs import computed
-from flexarm_live.graph.loop_nodes import EXPERIMENT
+from flexarm_live.graph.situation import EXPERIMENT
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence

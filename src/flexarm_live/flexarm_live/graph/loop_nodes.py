@@ -11,6 +11,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 
 from flexarm_live.graph.calls import CallError
 from flexarm_live.graph.node_parameters import NodeParameters
+from flexarm_live.graph.situation import EXPERIMENT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from flexarm_live.graph.situation import Situation
 
 LOOP_NODES = ("daq", "controller")
-EXPERIMENT = "experiment"
-"""Takes the controller's place in open loop; not in every graph."""
 _SENDS = {"daq": "state", "controller": "command", EXPERIMENT: "command"}
 """The first message of each goes to this topic."""
 _TRANSITION_S = 60.0

@@ -10,6 +10,8 @@ from flexarm_node.statistics import HISTOGRAM_EDGES_S
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+EXPERIMENT = "experiment"
+"""Node that takes the controller's place in open loop; not in every graph."""
 _REPORT_S = 4.0
 """Reports come once a second; older ones tell nothing."""
 _SILENT_S = 1.0

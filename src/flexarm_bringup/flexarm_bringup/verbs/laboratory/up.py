@@ -109,7 +109,8 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
 def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
     """Run the nodes of an arm and its page, until Ctrl-C.
 
-    The nodes are daq, controller, recorder and ident. The address of the page in the browser
+    The nodes are daq, controller, recorder and ident, and for the page live and experiment, which
+    waits for an experiment in open loop. The address of the page in the browser
     stands on a line of its own: who opens it may command the arm.
 
     The simulated arm's time follows the wall clock and waits for a machine that is late. A board
