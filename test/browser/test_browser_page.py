@@ -108,6 +108,17 @@ def test_arm___moving_at_500_hz___is_drawn_anew_in_nearly_every_frame(
     wait_until(lambda: browser.ask(count) >= 50, "50 of 60 frames with a new arm")
 
 
+def test_arm___pressed_with_the_mouse___has_no_ring_and_has_one_for_keys(
+    browser: Browser, mock: LiveMock
+) -> None:
+    opened(browser, mock)
+    ring = "getComputedStyle(document.querySelector('#arm:focus')).outlineStyle"
+    browser.click("#arm")
+    assert browser.ask(ring) == "none"
+    browser.press("ArrowLeft")
+    assert browser.ask(ring) == "solid"
+
+
 def test_space_bar___wherever_the_focus_is___sends_the_stop_within_the_key_event(
     browser: Browser, mock: LiveMock
 ) -> None:

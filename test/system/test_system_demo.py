@@ -2,14 +2,17 @@ from __future__ import annotations
 
 import json
 import signal
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
 
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from support.system_graph import ROOT, eventually
+from support.system_graph import PATIENCE_S, ROOT, eventually
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,9 +42,17 @@ DEMO = [str(ROOT / "flexarm"), "demo", "--fast"]
 def test_demo___meets_its_figures_and_leaves_only_results(graph: Graph, tmp_path: Path) -> None:
     out = tmp_path / "demo"
 
-    demo = graph.run([*DEMO, "--payload", "0.4", "--seed", "5", "--out", str(out)])
+    demo = graph.run([*DEMO, "--live", "--payload", "0.4", "--seed", "5", "--out", str(out)])
+    demo.wait_for("http://")
+    (address,) = (line for line in demo.printed.splitlines() if line.startswith("http"))
+    hello, shown, samples = looked_on(address)
 
     assert demo.exit_code() == 0, demo.printed
+    assert hello["hand"] is False
+    assert samples > 0
+    told = [each for each in dict.fromkeys(reason for _, reason in shown) if each in demo.printed]
+    assert [each.split()[0] for each in told] == ["Closed-loop", "Identifying", "Controlling"]
+    assert ("OFF", told[1]) in shown
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary) >= KEYS
     assert (summary["samples"], summary["lost"], summary["seed"]) == (12_000, 0, 5)
@@ -60,6 +71,23 @@ def test_demo___meets_its_figures_and_leaves_only_results(graph: Graph, tmp_path
     assert not (out / "bag").exists()
     assert "Traceback" not in (out / "nodes.log").read_text()
     assert graph.survivors() == []
+
+
+def looked_on(address: str) -> tuple[dict[str, Any], list[tuple[str, str]], int]:
+    """Look on until the page is closed; return its greeting, its badges and how many frames."""
+    shown, frames = [], 0
+    with connect(f"{address.replace('http', 'ws', 1)}live", compression=None) as page:
+        hello = json.loads(page.recv(PATIENCE_S))
+        with suppress(ConnectionClosed):
+            while True:
+                message = page.recv(PATIENCE_S)
+                if isinstance(message, bytes):
+                    frames += 1
+                    continue
+                said = json.loads(message)
+                if said["type"] == "state":
+                    shown.append((said["badge"], said["reason"]))
+    return hello, shown, frames
 
 
 @pytest.mark.parametrize("moment", ["Starting the nodes", "Identifying"])

@@ -76,6 +76,18 @@ def test_any_pace___gives_the_samples_of_the_fastest(
     assert check_bag(tmp_path / "paced").problems == ()
 
 
+def test_page_that_looks_on___changes_no_sample(loop: Graph, tmp_path: Path) -> None:
+    _, alone = recorded(loop, tmp_path / "alone", 450, factor=0.0)
+    readers = loop.node.count_subscribers("state")
+    page = loop.start("live", {"view_only": True})
+    try:
+        loop.wait(lambda: loop.node.count_subscribers("state") > readers, "the page's reader")
+        _, watched = recorded(loop, tmp_path / "watched", 450, factor=0.0)
+    finally:
+        loop.stop(page)
+    np.testing.assert_array_equal(watched.volts, alone.volts)
+
+
 def test_nodes_that_are_stopped_at_random___lose_nothing_and_change_no_sample(
     loop: Graph, tmp_path: Path
 ) -> None:

@@ -208,6 +208,11 @@ class Bridge:
         data = {"bag": bag.name, "folder": str(bag), "command": record_line(bag)}
         return Answer(answer.message, data)
 
+    async def _on_task(self, text: str) -> Answer:
+        self.situation.task = text
+        self.outlet.tell_state()
+        return Answer()
+
     async def _on_samples(self, after: int) -> Answer:
         return Answer(data=self.samples.after(after))
 

@@ -67,12 +67,19 @@ class Badge(NamedTuple):
 
 
 class Situation:
-    """What is known of the nodes; its caller states the time."""
+    """What is known of the nodes; its caller states the time.
+
+    Attributes
+    ----------
+    task : str
+        What the laboratory is used for, as its program says; may be empty.
+    """
 
     def __init__(self) -> None:
         self._reports: dict[str, _Report] = {}
         self._sampled_s = -math.inf
         self._stopped_s = -math.inf
+        self.task = ""
 
     def hear(
         self, node: str, level: int, message: str, values: Mapping[str, str], now_s: float
@@ -102,10 +109,13 @@ class Situation:
     def badge(self, now_s: float) -> Badge:
         """Return the state of the arm."""
         daq = self._reports.get("daq")
-        if daq is None or now_s - daq.heard_s > _REPORT_S:
+        if daq is None:
+            return Badge("STALE", "the DAQ node has not reported yet")
+        if now_s - daq.heard_s > _REPORT_S:
             return Badge("STALE", "the DAQ node does not report: it hangs, or it has ended")
         if not daq.active:
-            return Badge("FAULT", daq.reason) if daq.is_error else Badge("OFF", "not sampling")
+            off = Badge("OFF", self.task or "not sampling")
+            return Badge("FAULT", daq.reason) if daq.is_error else off
         if now_s - self._stopped_s < _STOPPED_S:
             return Badge("STOPPED", _EMERGENCY)
         return self._sampling(daq, now_s)
@@ -119,7 +129,7 @@ class Situation:
         if now_s - self._sampled_s > _SILENT_S:
             return Badge("STALE", "no samples come")
         if drive == "driving":
-            return Badge("DRIVING")
+            return Badge("DRIVING", self.task)
         return Badge("STALE", daq.reason) if daq.reason else Badge("READY", "no command in force")
 
     def held(self, now_s: float) -> str:

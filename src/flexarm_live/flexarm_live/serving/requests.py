@@ -195,6 +195,7 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
         "apply": Verb(Needs.HOLD, {"gains": Field("values"), "law": Field("text", required=False)}),
         "address": Verb(Needs.OWNER),
         "hello": Verb(Needs.OWNER),
+        "task": Verb(Needs.OWNER, {"text": Field("text")}),
         "samples": Verb(Needs.OWNER, {"after": Field("integer", least=0, most=_LARGEST_ID)}),
     }
 )

@@ -37,8 +37,26 @@ def test_badge___of_a_report___is_its_state_with_the_reason(
     assert tuple(situation(level, message, drive).badge(10.5)) == badge
 
 
+@pytest.mark.parametrize(
+    ("level", "message", "drive", "reason"),
+    [
+        (OK, "not active", "off", "Identifying a model"),
+        (OK, "active", "driving", "Identifying a model"),
+        (OK, "active", "ready", "no command in force"),
+        (ERROR, f"{HELD}emergency stop", "held", "emergency stop"),
+        (ERROR, "not active: the loop has ended", "off", "the loop has ended"),
+    ],
+)
+def test_badge___with_a_task___tells_it_where_nothing_is_wrong(
+    level: int, message: str, drive: str, reason: str
+) -> None:
+    found = situation(level, message, drive)
+    found.task = "Identifying a model"
+    assert found.badge(10.5).reason == reason
+
+
 def test_badge___without_reports_or_samples___is_stale() -> None:
-    assert Situation().badge(0.0).word == "STALE"
+    assert Situation().badge(0.0) == ("STALE", "the DAQ node has not reported yet")
     found = situation(OK, "active", "driving")
     assert found.badge(10.9).word == "DRIVING"
     assert found.badge(11.5) == ("STALE", "no samples come")

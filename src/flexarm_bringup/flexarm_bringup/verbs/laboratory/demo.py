@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.laboratory.demo_results import DemoResults, write_results
 from flexarm_bringup.verbs.laboratory.simulated_run import RunSettings, run_options, simulated_run
@@ -29,6 +28,7 @@ REDUCED_ORDER = 10
     "demo",
     "demo --fast --payload 0.4 --seed 7",
     "demo --out /tmp/arm --keep-bag",
+    "demo --live",
     "demo --real-time",
 )
 def demo(**settings: Any) -> None:  # noqa: ANN401
@@ -43,9 +43,9 @@ def _run_demo(settings: RunSettings) -> None:
     true_modes_hz = natural_frequencies_hz(RigParameters(payload_kg=settings.payload_kg)).tolist()
     with simulated_run(settings) as run:
         experiment = run.excite()
-        terminal.step("Identifying a model from the first half of the record, validating it on all")
+        run.begin("Identifying a model from the first half of the record, validating it on all")
         response = run.identify(_request(true_modes_hz))
-        terminal.step(f"Controlling the arm: PDPC, step to {SET_POINT_V:g} V")
+        run.begin(f"Controlling the arm: PDPC, step to {SET_POINT_V:g} V")
         step = run.step("step", {"law": "pdpc"})
     write_results(settings, DemoResults(experiment, response, step, true_modes_hz))
 

@@ -93,9 +93,9 @@ def _run_design(settings: DesignSettings) -> None:
     law = _RUNS_AS[settings.law]
     with simulated_run(settings) as run:
         run.excite()
-        terminal.step("Identifying a model")
+        run.begin("Identifying a model")
         response = run.identify(Identify.Request(remove_compensation=True, stabilise=True))
-        terminal.step(f"Designing {settings.law} with margins of its own")
+        run.begin(f"Designing {settings.law} with margins of its own")
         ((name, model),) = models_in(given_parameters(response)).items()
         modes_hz, _ = bending_modes(model)
         result = tune({name: model}, TuneRequest(settings.law, delay_s=REPLY_DELAY_S))
@@ -104,9 +104,9 @@ def _run_design(settings: DesignSettings) -> None:
         write_parameter_file(
             settings.out / CONTROLLER_FILE, dict(result.parameters), node="/**/controller"
         )
-        terminal.step(f"Controlling the arm: {law} as designed, step to {SET_POINT_V:g} V")
+        run.begin(f"Controlling the arm: {law} as designed, step to {SET_POINT_V:g} V")
         step = run.step("designed", {"law": law, **result.parameters})
-        terminal.step(f"Controlling the arm: {law} as packaged")
+        run.begin(f"Controlling the arm: {law} as packaged")
         packaged = run.step("packaged", {"law": law, **_packaged(law)})
     _write(settings, Designed(response, modes_hz, result, step, packaged))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import wraps
 from pathlib import Path
@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.graph.processes import LaunchError
-from flexarm_live.terminal_socket import connect
+from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
 PAGE_NODE = "live"
 _EXECUTABLE = "live_node"
 _FOLDER = Path("out/live")
-_ADDRESS = '{"do": "address"}\n'
 
 
 @dataclass(frozen=True)
@@ -68,23 +66,25 @@ class PageAddress:
         self._processes = processes
         self._is_shown = False
 
-    def look(self) -> None:
-        """Show the address when it is there and was not shown."""
-        if self._is_shown or not (address := _address(self._namespace)):
-            return
-        self._is_shown = True
-        self._processes.let_be_replaced(_EXECUTABLE)
-        terminal.CONSOLE.print(address, markup=False, highlight=False, soft_wrap=True)
+    def look(self) -> bool:
+        """Show the address when it is there and was not shown; return whether it was."""
+        if not self._is_shown and (address := _address(self._namespace)):
+            self._is_shown = True
+            self._processes.let_be_replaced(_EXECUTABLE)
+            terminal.CONSOLE.print(address, markup=False, highlight=False, soft_wrap=True)
+        return self._is_shown
+
+
+def tell_task(namespace: str, words: str) -> None:
+    """Tell the page of an arm what it is used for now, unless it has gone."""
+    with suppress(NoAnswerError), live_hand(namespace) as page:
+        page.ask("task", text=words)
 
 
 def _address(namespace: str) -> str:
     """Return the address of the page of an arm; empty while it is not served."""
     try:
-        with connect(namespace) as laboratory, laboratory.makefile("rw") as lines:
-            lines.write(_ADDRESS)
-            lines.flush()
-            return str(json.loads(lines.readline())["data"]["url"])
-    except OSError:
+        with live_hand(namespace) as page:
+            return page.page()
+    except NoAnswerError:
         return ""
-    except (ValueError, KeyError) as error:
-        raise LaunchError(f"the page gave no address: {error}") from error

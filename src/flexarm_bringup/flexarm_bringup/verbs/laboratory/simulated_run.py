@@ -15,9 +15,15 @@ import click
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import FORCE
-from flexarm_bringup.graph.laboratory import running_graph
+from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
 from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.runs.recorded_run import record_run
+from flexarm_bringup.verbs.laboratory.live_page import (
+    PAGE_NODE,
+    PageAddress,
+    PageSettings,
+    tell_task,
+)
 from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
 from flexarm_bringup.verbs.laboratory.step_results import SET_POINT_V, ControlledStep, show_model
 from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
@@ -48,7 +54,7 @@ class RunSettings:
     """Choices of the user.
 
     `keep_bag` keeps the bags in the folder of the results, `force` replaces what somebody else or
-    an earlier `keep_bag` left there.
+    an earlier `keep_bag` left there. `live` serves a page that looks on.
     """
 
     out: Path
@@ -57,6 +63,7 @@ class RunSettings:
     pace: Pace
     keep_bag: bool
     force: bool
+    live: bool
     namespace: str
 
 
@@ -73,6 +80,11 @@ def run_options(function: Callable[..., None]) -> Callable[..., None]:
         ),
         paced,
         click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag."),
+        click.option(
+            "--live",
+            is_flag=True,
+            help="Show every step on a page in the browser, whose address stands on a line.",
+        ),
         FORCE,
         ARM,
     )
@@ -97,11 +109,17 @@ class SimulatedRun:
         self.bags = bags
         self._settings = settings
 
+    def begin(self, words: str) -> None:
+        """Tell the user what comes next, on the page too."""
+        terminal.step(words)
+        if self._settings.live:
+            tell_task(self._settings.namespace, words)
+
     def excite(self) -> RecordedRun:
         """Record the closed-loop experiment."""
         entry, settings = experiment("C_dat3"), self._settings
         pace = "as fast as it goes" if settings.pace is Pace.FAST else f"{entry.length_s:.0f} s"
-        terminal.step(
+        self.begin(
             f"Closed-loop experiment, {settings.payload_kg * 1e3:.0f} g payload: "
             f"{entry.samples} samples at {entry.rate_hz:.0f} Hz, {pace}"
         )
@@ -143,9 +161,14 @@ def simulated_run(settings: RunSettings) -> Iterator[SimulatedRun]:
     settings.pace.prepare()
     out, parameters = settings.out, _start_parameters(settings)
     with _bag_folder(out / BAG_FOLDER, keep=settings.keep_bag) as bags:
-        terminal.step("Starting the nodes: daq, controller, recorder, ident")
-        graph = running_graph(parameters, out / "nodes.log", namespace=settings.namespace)
-        with graph as (operator, _):
+        nodes = (*LABORATORY, PAGE_NODE) if settings.live else LABORATORY
+        terminal.step(f"Starting the nodes: {', '.join(reversed(nodes))}")
+        with running_graph(
+            parameters, out / "nodes.log", nodes=nodes, namespace=settings.namespace
+        ) as (operator, processes):
+            if settings.live:
+                page = PageAddress(settings.namespace, processes)
+                operator.wait(page.look, "the page")
             yield SimulatedRun(operator, bags, settings)
 
 
@@ -200,4 +223,5 @@ def _start_parameters(settings: RunSettings) -> dict[str, dict[str, Any]]:
             "output_folder": str((settings.out / MODELS_FOLDER).absolute()),
             "force": settings.force,
         },
+        PAGE_NODE: PageSettings(port=0, view_only=True).parameters(),
     }

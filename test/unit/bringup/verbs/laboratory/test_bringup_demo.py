@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from click.testing import CliRunner
@@ -14,6 +14,7 @@ from flexarm_core.outputs import MARK, OutputError
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import click
     from click.testing import Result
 
 
@@ -74,6 +75,26 @@ def test_demo___log_of_an_earlier_run___is_kept(tmp_path: Path) -> None:
     (tmp_path / "nodes.log").write_text("mine")
     assert isinstance(demo(tmp_path).exception, Started)
     assert (tmp_path / "nodes.log").read_text() == "mine"
+
+
+@pytest.mark.parametrize("verb", [program.demo, design.design])
+def test_live___page_beside_the_nodes___looks_on_and_changes_no_other_node(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, verb: click.Command
+) -> None:
+    started: list[tuple[dict[str, Any], tuple[str, ...]]] = []
+
+    def start(parameters: dict[str, Any], _: Path, *, nodes: tuple[str, ...], **__: object) -> None:
+        started.append((parameters, nodes))
+        raise Started
+
+    monkeypatch.setattr(simulated_run, "running_graph", start)
+    for more in ((), ("--live",)):
+        ended = CliRunner().invoke(verb, ["--fast", "--out", str(tmp_path), *more])
+        assert isinstance(ended.exception, Started), ended.output
+    (without, nodes), (live, more_nodes) = started
+    assert more_nodes == (*nodes, "live")
+    assert live["live"]["view_only"] is True
+    assert [live.get(name) for name in nodes] == [without.get(name) for name in nodes]
 
 
 @pytest.mark.parametrize("name", ["report.html", "summary.json", "controller.yaml"])
