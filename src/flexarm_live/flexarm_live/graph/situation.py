@@ -136,7 +136,7 @@ class Situation:
         """Return why the drive is held at zero until it is released; empty when it is not."""
         badge = self.badge(now_s)
         is_held = badge.word in {"STOPPED", "FAULT"} and self.word("daq", now_s) == "active"
-        return f"the drive is held at zero: {badge.reason}" if is_held else ""
+        return f"{_HELD}{badge.reason}" if is_held else ""
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the figures of the loop and the state, as a page is told them."""
