@@ -35,7 +35,7 @@ export class ArmView {
   }
 
   /** Draw one sample. */
-  draw({ positionV, baseV, middleV, referenceV, payloadKg }) {
+  draw({ timeS, positionV, baseV, middleV, referenceV, payloadKg }) {
     const angleDeg = positionV * this.degPerV;
     this.#shape = deflections(this.arm, baseV, middleV);
     const points = linkPoints(this.#stations, this.#shape, angleDeg * RADIANS, this.enlarged);
@@ -51,7 +51,7 @@ export class ArmView {
     payload.setAttribute("r", HOLDER + 0.06 * Math.cbrt((payloadKg ?? 0) / 0.4));
     this.#place(base, points, this.arm.gauge_stations[0]);
     this.#place(middle, points, this.arm.gauge_stations[1]);
-    this.node.dataset.angleDeg = angleDeg;
+    Object.assign(this.node.dataset, { timeS, angleDeg });
   }
 
   /** Write the figures beside the arm, a few times a second: they are read, not watched. */

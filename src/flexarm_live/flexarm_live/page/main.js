@@ -109,6 +109,7 @@ function frame(nowMs) {
   if (room !== null && room.ring.end > 0) {
     const { ring, units, state } = room;
     const sample = {
+      timeS: ring.time(ring.end - 1),
       positionV: ring.newest("position_v"),
       baseV: ring.newest("base_strain_v"),
       middleV: ring.newest("middle_strain_v"),

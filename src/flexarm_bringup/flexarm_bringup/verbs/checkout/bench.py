@@ -75,6 +75,11 @@ _BENCHES = (
     ),
     ("mutants", "Small defects planted in the code: which the tests notice", ("--docs",)),
     ("bag_faults", "Cut, flipped and mutated bags", ()),
+    (
+        "page_film",
+        "Moving picture of the live page, from a real run",
+        ("-o docs/images/page.webp --force",),
+    ),
     ("endurance", "Ten minutes of recording at 500 Hz with a busy core", ()),
 )
 
