@@ -96,14 +96,15 @@ export class Ring {
 export function decimated(ring, names, fromS, toS, buckets) {
   const begin = Math.max(ring.begin, ring.indexAt(fromS) - 1);
   const end = Math.min(ring.end, ring.indexAt(toS) + 1);
-  const every = Array.from({ length: Math.max(0, end - begin) }, (_, k) => begin + k);
-  if (every.length <= 2 * buckets) {
+  const count = Math.max(0, end - begin);
+  if (count <= 2 * buckets) {
+    const every = Array.from({ length: count }, (_, k) => begin + k);
     return [
       every.map((index) => ring.time(index)),
       ...names.map((name) => every.map((index) => ring.value(name, index))),
     ];
   }
-  const size = 2 ** Math.ceil(Math.log2(every.length / buckets));
+  const size = 2 ** Math.ceil(Math.log2(count / buckets));
   const spans = [];
   for (let low = Math.floor(begin / size) * size; low < end; low += size) {
     spans.push([Math.max(low, begin), Math.min(low + size, end)]);
