@@ -46,6 +46,7 @@ def running_graph(
     log: Path,
     *,
     nodes: Sequence[str] = LABORATORY,
+    idle: Sequence[str] = (),
     files: tuple[Path, ...] = (),
     namespace: str = NAMESPACE,
 ) -> Iterator[tuple[Operator, NodeProcesses]]:
@@ -59,6 +60,8 @@ def running_graph(
         File of what the nodes print.
     nodes : sequence of str
         Names of the nodes.
+    idle : sequence of str
+        Those of them that are not configured: they have no topic, and wait.
     files : tuple of Path
         Parameter files for all of them; a node takes its own section.
     namespace : str
@@ -85,7 +88,7 @@ def running_graph(
         _require_free_domain(operator)
         with processes:
             for name in MANAGED:
-                if name in nodes:
+                if name in nodes and name not in idle:
                     operator.configure(name)
             if "recorder" in nodes:
                 operator.await_recorder()

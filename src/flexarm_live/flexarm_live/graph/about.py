@@ -17,6 +17,7 @@ from flexarm_live.graph.samples import COLUMNS
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
+    from flexarm_daq.experiments.catalogue import Experiment
 
 _PER_V = {channel.name: 1.0 / channel.volts_per_si for channel in (*CHANNELS, COMMAND)}
 _DEG_PER_V = math.degrees(_PER_V["position_v"])
@@ -36,7 +37,6 @@ MOST_PAYLOAD_KG = 1.0
 
 def about_arm(*, simulated: bool) -> dict[str, Any]:
     """Return the part of the first message that needs no node."""
-    closed = (entry for entry in catalogue().values() if entry.closed_loop)
     return {
         "channels": [_channel(name) for name in COLUMNS],
         "arm": _arm(),
@@ -45,8 +45,7 @@ def about_arm(*, simulated: bool) -> dict[str, Any]:
         "laws_with_margins": [name for name, law in LAWS.items() if law.is_tuned_to_margins],
         "law_titles": {name: law.title for name, law in LAWS.items()},
         "experiments": [
-            {"name": each.name, "description": f"{each.input_text}, {each.length_s:g} s"}
-            for each in closed
+            {"name": each.name, "description": _experiment(each)} for each in catalogue().values()
         ],
         "faults": [_fault("none", "no fault"), *map(_described, Fault)] if simulated else [],
         "reference": {"low_v": -TRAVEL_V, "high_v": TRAVEL_V},
@@ -61,6 +60,14 @@ def _channel(name: str) -> dict[str, Any]:
 
 def _described(fault: Fault) -> dict[str, str]:
     return _fault(fault.value, fault.value.replace("_", " "))
+
+
+def _experiment(entry: Experiment) -> str:
+    loop = "closed" if entry.closed_loop else "open"
+    return (
+        f"{loop} loop: {entry.input_text}, {entry.length_s:g} s at {entry.rate_hz:g} Hz, "
+        f"{1e3 * entry.payload_kg:.0f} g"
+    )
 
 
 def _fault(name: str, description: str) -> dict[str, str]:

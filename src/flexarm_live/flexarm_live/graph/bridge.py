@@ -75,7 +75,9 @@ class Bridge:
         }
         self._store = Store(folder)
         self._jobs = Jobs(self._tell)
-        self._chain = Chain(self._store, self.loop)
+        self._chain = Chain(
+            self._store, self.loop, held=lambda: self.situation.held(time.monotonic())
+        )
         self._recording: str | None = None
         self._waveform: Mapping[str, Any] = {"kind": "none"}
         # Discovered before they are needed.

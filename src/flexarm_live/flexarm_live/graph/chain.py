@@ -13,10 +13,12 @@ from flexarm_core.nearest import nearest
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_live.graph.command_lines import identify_line, shown, tune_line
 from flexarm_live.graph.jobs import computed
+from flexarm_live.graph.situation import EXPERIMENT
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
+    from flexarm_daq.experiments.catalogue import Experiment
     from flexarm_live.graph.jobs import Report, Work
     from flexarm_live.graph.loop_nodes import LoopNodes
     from flexarm_live.graph.store import Store
@@ -32,14 +34,18 @@ _NOMINAL = "nominal:"
 class Chain:
     """Work of the jobs of one laboratory."""
 
-    def __init__(self, store: Store, loop: LoopNodes) -> None:
+    def __init__(self, store: Store, loop: LoopNodes, held: Callable[[], str]) -> None:
         self._store = store
         self._loop = loop
+        self._held = held
 
     def experiment(
         self, name: str, record: Callable[[bool], Awaitable[Answer]], newest: Callable[[], int]
     ) -> Work:
-        """Return the work of a recorded experiment in a closed loop.
+        """Return the work of a recorded experiment.
+
+        In open loop the node `experiment` commands in the controller's place. A stop ends the
+        experiment, and the drive stays held until it is released.
 
         Parameters
         ----------
@@ -51,21 +57,21 @@ class Chain:
             Returns the number of the newest sample.
         """
         entry = experiment(name)
-        if not entry.closed_loop:
-            raise FlexarmError(
-                f"{entry.name} has no controller: ./flexarm experiment {entry.name} runs it"
-            )
-        during = entry.commander_parameters(_SEED)
         rig = {"rate_hz": float(entry.rate_hz), "payload_kg": float(entry.payload_kg)}
 
         async def work(report: Report) -> Mapping[str, Any]:
-            daq, controller = (self._loop.parameters[each] for each in ("daq", "controller"))
-            before = {key: controller.values[key] for key in during}
+            if reason := self._held():
+                raise FlexarmError(f"{reason}: release it before an experiment")
+            daq = self._loop.parameters["daq"]
             rig_before = {key: daq.values[key] for key in rig}
+            before = self._controller_before(entry)
+            report("preparing", None)
+            if not entry.closed_loop:
+                # Before the arm is let go of: the node may not be there.
+                await self._loop.experiment.load()
             await self._loop.deactivate("daq")
             try:
-                await controller.set(during)
-                await self._loop.activate("controller")
+                await self._give_command(entry)
                 bag = (await record(True)).data  # noqa: FBT003 - a field of a request
                 try:
                     await self._loop.restart_sampling(rig, samples=entry.samples)
@@ -73,16 +79,46 @@ class Chain:
                 finally:
                     await asyncio.shield(record(False))  # noqa: FBT003 - a field of a request
             finally:
-                await asyncio.shield(self._back(before | {"reference": TOPIC}, rig_before))
+                await asyncio.shield(self._back(entry, before, rig_before))
             return bag or {}
 
         return work
 
-    async def _back(self, before: Mapping[str, Any], rig: Mapping[str, Any]) -> None:
-        """Take the laboratory back to where it was before the experiment."""
-        await self._loop.deactivate("daq")
+    def _controller_before(self, entry: Experiment) -> dict[str, Any]:
+        """Return the controller's parameters as they shall be after an experiment."""
+        values = self._loop.parameters["controller"].values
+        changed = entry.commander_parameters(_SEED) if entry.closed_loop else {}
+        return {key: values[key] for key in changed} | {"reference": TOPIC}
+
+    async def _give_command(self, entry: Experiment) -> None:
+        """Let the node command that an experiment needs."""
+        wanted = entry.commander_parameters(_SEED)
+        if entry.closed_loop:
+            await self._loop.parameters["controller"].set(wanted)
+            await self._loop.activate("controller")
+            return
+        await self._loop.experiment.set(wanted)
+        await self._loop.release("controller")
+        await self._loop.activate(EXPERIMENT)
+
+    async def _back(
+        self, entry: Experiment, before: Mapping[str, Any], rig: Mapping[str, Any]
+    ) -> None:
+        """Take the laboratory back to where it was before the experiment.
+
+        A drive that was stopped stays so: the rig's parameters wait for its release.
+        """
+        stopped = bool(self._held())
+        if not stopped:
+            await self._loop.deactivate("daq")
+        if not entry.closed_loop:
+            await self._loop.release(EXPERIMENT)
         await self._loop.parameters["controller"].set(before)
-        await self._loop.restart_sampling(rig)
+        await self._loop.activate("controller")
+        if stopped:
+            self._loop.postpone({"samples": 0, **rig})
+        else:
+            await self._loop.restart_sampling(rig)
 
     async def _sampled(self, samples: int, newest: Callable[[], int], report: Report) -> None:
         """Wait until all samples are taken and the node has stopped by itself."""
@@ -94,6 +130,8 @@ class Chain:
             if (number := newest()) != seen:
                 seen, seen_s = number, now_s
             report("sampling", min(1.0, seen / samples))
+            if reason := self._held():
+                raise FlexarmError(f"{reason}; the record is kept")
             if now_s - seen_s > _STALLED_S:
                 raise FlexarmError(f"no new sample came in {_STALLED_S:.0f} s after {seen}")
             if now_s - asked_s < _ASK_S:

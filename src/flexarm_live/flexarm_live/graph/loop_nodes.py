@@ -1,4 +1,4 @@
-"""The two nodes of the loop: their parameters, their transitions, and a run begun anew."""
+"""The nodes of the loop: their parameters, their transitions, and a run begun anew."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 
 from flexarm_live.graph.calls import CallError
 from flexarm_live.graph.node_parameters import NodeParameters
+from flexarm_live.graph.situation import EXPERIMENT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from flexarm_live.graph.situation import Situation
 
 LOOP_NODES = ("daq", "controller")
-_SENDS = {"daq": "state", "controller": "command"}
+_SENDS = {"daq": "state", "controller": "command", EXPERIMENT: "command"}
 """The first message of each goes to this topic."""
 _TRANSITION_S = 60.0
 """Activating waits for readers, and for a commander."""
@@ -42,7 +43,9 @@ class LoopNodes:
     Attributes
     ----------
     parameters : dict of str to NodeParameters
-        Parameters by node.
+        Parameters of `LOOP_NODES`.
+    experiment : NodeParameters
+        Parameters of the node that takes the controller's place.
     """
 
     def __init__(self, node: Node, calls: Calls, situation: Situation) -> None:
@@ -50,7 +53,9 @@ class LoopNodes:
         self._calls = calls
         self._situation = situation
         self.parameters = {name: NodeParameters(calls, name) for name in LOOP_NODES}
-        for name in LOOP_NODES:
+        self.experiment = NodeParameters(calls, EXPERIMENT)
+        self._due: dict[str, Any] = {}
+        for name in _SENDS:
             # Discovered before they are needed.
             calls.client(ChangeState, f"{name}/change_state")
             calls.client(GetState, f"{name}/get_state")
@@ -59,6 +64,10 @@ class LoopNodes:
     def simulated(self) -> bool:
         """Whether the arm is the simulated one."""
         return bool(self.parameters["daq"].values.get("rig") == "simulated")
+
+    def postpone(self, changes: Mapping[str, Any]) -> None:
+        """Keep parameters of the DAQ node for its next run."""
+        self._due |= changes
 
     async def state(self, name: str) -> int:
         """Return the lifecycle state of a node."""
@@ -78,8 +87,9 @@ class LoopNodes:
             await self._change(name, Transition.TRANSITION_CONFIGURE)
         wanted: dict[str, Any] = {"listeners": self._node.count_subscribers(_SENDS[name])}
         if name == "daq":
-            wanted |= {"await_commander": True}
-        await self.parameters[name].set(wanted)
+            wanted = {**self._due, **wanted, "await_commander": True}
+            self._due.clear()
+        await {**self.parameters, EXPERIMENT: self.experiment}[name].set(wanted)
         await self._change(name, Transition.TRANSITION_ACTIVATE)
         self._situation.moved(name, active=True, now_s=time.monotonic())
 
@@ -89,12 +99,18 @@ class LoopNodes:
             await self._change(name, Transition.TRANSITION_DEACTIVATE)
         self._situation.moved(name, active=False, now_s=time.monotonic())
 
+    async def release(self, name: str) -> None:
+        """Take a node out of the loop with its topics, so that no record has its old messages."""
+        await self.deactivate(name)
+        if await self.state(name) == State.PRIMARY_STATE_INACTIVE:
+            await self._change(name, Transition.TRANSITION_CLEANUP)
+
     async def restart_sampling(
         self, changes: Mapping[str, Any] | None = None, *, samples: int = 0
     ) -> None:
         """Begin the run of the DAQ node anew, with changes that it takes only between two runs."""
         await self.deactivate("daq")
-        await self.parameters["daq"].set({"samples": samples, **(changes or {})})
+        self.postpone({"samples": samples, **(changes or {})})
         await self.activate("daq")
 
     async def _change(self, name: str, transition: int) -> None:

@@ -10,6 +10,8 @@ from flexarm_node.statistics import HISTOGRAM_EDGES_S
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+EXPERIMENT = "experiment"
+"""Node that takes the controller's place in open loop; not in every graph."""
 _REPORT_S = 4.0
 """Reports come once a second; older ones tell nothing."""
 _SILENT_S = 1.0
@@ -129,6 +131,12 @@ class Situation:
         if drive == "driving":
             return Badge("DRIVING", self.task)
         return Badge("STALE", daq.reason) if daq.reason else Badge("READY", "no command in force")
+
+    def held(self, now_s: float) -> str:
+        """Return why the drive is held at zero until it is released; empty when it is not."""
+        badge = self.badge(now_s)
+        is_held = badge.word in {"STOPPED", "FAULT"} and self.word("daq", now_s) == "active"
+        return f"{_HELD}{badge.reason}" if is_held else ""
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return the figures of the loop and the state, as a page is told them."""

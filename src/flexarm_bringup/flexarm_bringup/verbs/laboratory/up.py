@@ -50,6 +50,8 @@ _REPLACE = (
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
 _CONTROLLER = "controller_node"
+# It commands in open loop, when a page asks for such an experiment.
+_IDLE = ("experiment",)
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,8 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
 def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
     """Run the nodes of an arm and its page, until Ctrl-C.
 
-    The nodes are daq, controller, recorder and ident. The address of the page in the browser
+    The nodes are daq, controller, recorder and ident, and for the page live and experiment, which
+    waits for an experiment in open loop. The address of the page in the browser
     stands on a line of its own: who opens it may command the arm.
 
     The simulated arm's time follows the wall clock and waits for a machine that is late. A board
@@ -133,7 +136,7 @@ def _run_graph(settings: _Settings) -> None:
     }
     nodes: tuple[str, ...] = LABORATORY
     if settings.page is not None:
-        nodes = (*nodes, PAGE_NODE)
+        nodes = (*_IDLE, *nodes, PAGE_NODE)
         parameters[PAGE_NODE] = settings.page.parameters()
     if settings.foxglove_port is not None:
         nodes = (*nodes, FOXGLOVE_NODE)
@@ -146,6 +149,7 @@ def _run_graph(settings: _Settings) -> None:
                 parameters,
                 log.absolute(),
                 nodes=nodes,
+                idle=_IDLE,
                 files=settings.parameter_files,
                 namespace=settings.namespace,
             ) as (operator, processes):
