@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -112,6 +113,8 @@ class LiveHand:
             raise NoAnswerError("`up` sets one parameter, and none of a model")
         before = {each["name"]: each["value"] for each in self.parameters(node)[node]}
         changes = assigned(node, values, before)
+        if any(isinstance(each, float) and not math.isfinite(each) for each in changes.values()):
+            raise NoAnswerError("JSON has no such number: the node itself says what it takes")
         for name, value in changes.items():
             self.ask("set", node=node, name=name, value=value)
         return {name: (before[name], value) for name, value in changes.items()}

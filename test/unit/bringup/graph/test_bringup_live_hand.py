@@ -189,6 +189,13 @@ def test_stop___that_up_does_not_carry_out___is_left_to_the_graph(
         hand.stop()
 
 
+@pytest.mark.parametrize("value", ["nan", "-inf"])
+def test_set___number_that_json_cannot_tell___is_left_to_the_graph(up: Up, value: str) -> None:
+    with live_hand(ARM) as hand, pytest.raises(NoAnswerError, match="no such number"):
+        hand.set("controller", {"pd.kp": value})
+    assert not [each for each in up.asked if each["do"] == "set"]
+
+
 def test_arm___without_an_up___is_left_to_the_graph(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
