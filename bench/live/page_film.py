@@ -56,7 +56,7 @@ class _Hand(NamedTuple):
     pressed: bool = False
 
 
-_LEFT, _MIDDLE, _RIGHT = 40.0, 5.0, -35.0
+_LEFT, _MIDDLE, _RIGHT = 35.0, -5.0, -25.0
 _HEAVY, _BARE = "#payloads button:nth-child(5)", "#payloads button:nth-child(1)"
 BEFORE = (
     _Hand(-4.0, 0.0),

@@ -81,6 +81,13 @@ class Daq(Process):
         self._start_ns = 0
         self.loop: Acquisition | None = None
         self._oracle: Oracle
+        # It is at rest after each opening, and making it takes longer than a second of samples.
+        self._simulated = SimulatedRig(
+            RigParameters(loop_delay_s=5e-4 if schedule.time == "virtual" else 0.0),
+            rate_hz=schedule.rate_hz,
+            seed=schedule.seed,
+            clock=None if schedule.time == "virtual" else self.monotonic,
+        )
 
     def run(self) -> None:
         """Be active until deactivated or killed, or until the rig fails."""
@@ -205,14 +212,8 @@ class Daq(Process):
     def _rig(self) -> FaultyRig | _Witness:
         """Return the rig, with the next fault that is due."""
         schedule = self._schedule
-        is_virtual = schedule.time == "virtual"
         rig = _Witness(
-            SimulatedRig(
-                RigParameters(loop_delay_s=5e-4 if is_virtual else 0.0),
-                rate_hz=schedule.rate_hz,
-                seed=schedule.seed,
-                clock=None if is_virtual else self.monotonic,
-            ),
+            self._simulated,
             self,
             self._oracle,
             1.0 / schedule.rate_hz if schedule.time == "paced" else 0.0,

@@ -46,6 +46,37 @@ def test_chain___by_clicks_alone___ends_in_a_step_with_the_tuned_law(
     assert browser.console == []
 
 
+def test_order___clicked_while_another_is_identified_or_written___takes_its_place(
+    browser: Browser, mock: LiveMock
+) -> None:
+    opened(browser, mock)
+    mock.writing_s = 1e3
+    browser.click("#tab_identify")
+    browser.click("#identify")
+    browser.wait_for("document.querySelector('#stabilisation svg') !== null")
+    assert browser.ask("document.getElementById('report').hidden")
+
+    def choose(order: int) -> None:
+        browser.ask(
+            f"""(() => {{ const field = document.getElementById("order");
+            field.value = "{order}"; field.dispatchEvent(new Event("change")); }})()"""
+        )
+
+    mock.job_step_s = 0.2
+    choose(6)
+    choose(8)
+    wait_until(lambda: asked(mock, "identify")[-1]["order"] == 8)
+    choose(12)
+    wait_until(lambda: asked(mock, "identify")[-1]["order"] == 12)
+    mock.writing_s = mock.job_step_s = 0.0
+    browser.wait_for("!document.getElementById('report').hidden")
+    assert browser.ask("document.getElementById('order').value") == "12"
+    assert browser.ask("document.getElementById('command_model').textContent").endswith(" 12")
+    assert [each["order"] for each in asked(mock, "identify")] == [0, 8, 12]
+    assert len(asked(mock, "cancel")) == 2
+    assert browser.ask("document.getElementById('message').textContent") == ""
+
+
 def test_stage_tune___before_a_tuning___shows_the_line_of_the_server(
     browser: Browser, mock: LiveMock
 ) -> None:

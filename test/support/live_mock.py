@@ -45,6 +45,7 @@ class LiveMock:
     def __init__(self, rate_hz: float = 300.0, job_step_s: float = 0.03) -> None:
         self.rate_hz = rate_hz
         self.job_step_s = job_step_s
+        self.writing_s = 0.0
         self.arm = MockArm(rate_hz)
         self.requests: list[dict[str, Any]] = []
         self.files = page_files()
@@ -60,7 +61,14 @@ class LiveMock:
         self._due: list[threading.Thread] = []
         self._cancelled: set[int] = set()
         self._ended = threading.Event()
-        self._server = serve(self._serve_page, "127.0.0.1", 0, process_request=self._serve_file)
+        self._server = serve(
+            self._serve_page,
+            "127.0.0.1",
+            0,
+            process_request=self._serve_file,
+            # A busy machine may keep a page from its answer for longer than the usual time.
+            ping_interval=None,
+        )
         self._threads = [
             threading.Thread(target=self._server.serve_forever, daemon=True),
             threading.Thread(target=self._sample, daemon=True),
@@ -232,7 +240,21 @@ class LiveMock:
                 self._end(number, news | {"done": True, "ok": False, "message": "cancelled"})
                 return
             self._tell(news | {"stage": stage, "fraction": k / len(JOB_STEPS)})
-        self._end(number, news | {"done": True, "fraction": 1.0, "data": work(request)})
+        found = work(request)
+        if request["do"] == "identify":
+            self._tell(news | {"stage": "writing", "fraction": None, "data": found})
+            if not self._is_written(number):
+                self._end(number, news | {"done": True, "ok": False, "message": "cancelled"})
+                return
+        self._end(number, news | {"done": True, "fraction": 1.0, "data": found})
+
+    def _is_written(self, number: int) -> bool:
+        """Take the time that writing takes; return whether nobody cancelled it."""
+        until_s = time.monotonic() + self.writing_s
+        while time.monotonic() < until_s:
+            if number in self._cancelled or self._ended.wait(self.job_step_s):
+                return False
+        return True
 
     def _end(self, number: int, news: dict[str, Any]) -> None:
         self._tell(news)

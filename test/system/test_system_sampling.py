@@ -215,6 +215,33 @@ def test_emergency_stop___holds_zero_until_the_node_is_activated_again(graph: Gr
     graph.wait(lambda: any(state.command_v != 0.0 for state in states), "a driven arm again")
 
 
+def test_emergency_stop___is_reported_at_once(graph: Graph) -> None:
+    reports: list[str] = []
+    graph.node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: reports.extend(
+            each.message for each in message.status if each.name.endswith("/daq")
+        ),
+        qos.EVERY,
+    )
+    start_loop(graph, {"rate_hz": 300.0})
+
+    def reports_within_half_a_second() -> bool:
+        """Return whether a stop right behind a report shows long before the next one is due."""
+        assert graph.transition("daq", "activate")
+        reports.clear()
+        graph.wait(lambda: "active" in reports, "a report")
+        heard_s = time.monotonic()
+        assert graph.call(Trigger, "emergency_stop", Trigger.Request()).success
+        graph.wait(lambda: reports[-1].startswith("active: the drive is held"), "the report")
+        passed_s = time.monotonic() - heard_s
+        assert graph.transition("daq", "deactivate")
+        return passed_s < 0.5
+
+    assert any(reports_within_half_a_second() for _ in range(5))
+
+
 def test_real_time___500_hz_while_a_model_is_identified___records_every_sample(
     graph: Graph, tmp_path: Path
 ) -> None:

@@ -73,7 +73,8 @@ def test_snapshot___holds_the_last_second_and_the_set_point_that_a_late_viewer_o
     # Of two seconds of samples, so many as were sent in the last one: less when the machine stalls.
     assert information(bag)["duration"]["nanoseconds"] <= KEPT_S * 1e9  # type: ignore[index]
     assert recorded.sequence[0] > before
-    assert len(content(bag)["/flexarm/reference"]) == 1
+    # A set-point whose answer was late is asked for twice: the second time perhaps a second later.
+    assert len(set(content(bag)["/flexarm/reference"])) == 1
 
     before = len(states)
     graph.wait(lambda: len(states) > before + 10, "more samples")

@@ -34,8 +34,11 @@ _NODES = (
     ("flexarm_control", "controller"),
     ("flexarm_daq", "daq"),
 )
-_ON_REQUEST = {"page": ("flexarm_live", "live"), "foxglove": ("flexarm_live", "foxglove")}
-"""Nodes by the argument that starts them when it is true."""
+_ON_REQUEST = {
+    "page": (("flexarm_daq", "experiment"), ("flexarm_live", "live")),
+    "foxglove": (("flexarm_live", "foxglove"),),
+}
+"""Nodes by the argument that starts them when it is true; a page runs experiments in open loop."""
 _SETTINGS = {
     "rate_hz": ("daq", float, "sampling rate, Hz"),
     "rig": ("daq", str, "simulated or nidaq"),
@@ -97,7 +100,9 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
     }
     namespace = _namespace(context)
     urdf = PathJoinSubstitution([FindPackageShare("flexarm_bringup"), "urdf", "flexarm.urdf"])
-    wanted = [node for name, node in _ON_REQUEST.items() if _is_wanted(context, name)]
+    wanted = [
+        node for name, nodes in _ON_REQUEST.items() if _is_wanted(context, name) for node in nodes
+    ]
     laboratory = [
         Node(
             package=package,

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
     from flexarm_ident.workflow.request import Request
 
+    Read = Callable[[Path, Request, Selection | None], Source]
+
 LARGEST_IN_MEMORY = 1_000_000
 """Samples of a bag from which it is read in pieces, each time it is gone through."""
 MODEL_FILE = "model.yaml"
@@ -101,6 +103,8 @@ def identify_bags(
     channels: Selection | None = None,
     exports: Sequence[str] = (),
     force: bool = False,
+    read: Read | None = None,
+    found: Callable[[str, Outcome], None] = lambda _name, _outcome: None,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Results:
     """Read bags, identify one model, and write it with its report.
@@ -123,6 +127,10 @@ def identify_bags(
         Suffixes of further formats, see `models.files.parse_exports`.
     force : bool
         Files of these names that flexarm did not write are replaced too.
+    read : callable, optional
+        Reads a bag in the place of `read_record`, for a caller that keeps records.
+    found : callable
+        Called with the name of the model and its identification before they are written.
     progress : callable
         Called with the stage and the part of the whole that is done. An exception from it ends the
         job without a file.
@@ -137,8 +145,9 @@ def identify_bags(
     """
     require_place(result_files(folder, exports), force=force)
     report = whole(progress)
-    measured, outcome = _identified(bags, request, channels, report)
+    measured, outcome = _identified(bags, request, channels, report, read or read_record)
     name = model_name(bags[0])
+    found(name, outcome)
     parameters = write_results(
         folder,
         outcome,
@@ -169,7 +178,7 @@ def report_bags(
     """
     require_place([file], force=force)
     report = whole(progress)
-    measured, outcome = _identified(bags, request, channels, report)
+    measured, outcome = _identified(bags, request, channels, report, read_record)
     name = model_name(bags[0])
     subject, _ = _subject(name, outcome, measured)
     page = render_report(subject, title=_title(name))
@@ -247,13 +256,17 @@ def result_files(folder: Path, exports: Sequence[str]) -> list[Path]:
 
 
 def _identified(
-    bags: Sequence[Path], request: Request, channels: Selection | None, report: Progress
+    bags: Sequence[Path],
+    request: Request,
+    channels: Selection | None,
+    report: Progress,
+    read: Read,
 ) -> tuple[list[Source], Outcome]:
     """Return the records as measured, and the outcome of their identification."""
     measured: list[Source] = []
     for done, bag in enumerate(bags):
         report("reading", done / len(bags))
-        measured.append(read_record(bag, request, channels))
+        measured.append(read(bag, request, channels))
     outcome = run(measured, request, progress=report)
     report("writing", 0.0)
     return measured, outcome

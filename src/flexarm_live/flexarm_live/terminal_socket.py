@@ -18,12 +18,24 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _CONNECT_S = 2.0
+_SLASH = "+"
+"""In the name of a file, in the place of the slash of a namespace: none has it otherwise."""
 
 
 def socket_file(namespace: str) -> Path:
     """Return the file of the socket of an arm in this ROS domain."""
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    return private_folder() / f"live_{domain}{namespace.replace('/', '_')}.sock"
+    return private_folder() / f"{_prefix()}{namespace.replace('/', _SLASH)}.sock"
+
+
+def namespaces() -> list[str]:
+    """Return the namespaces of the arms that have or had a socket in this ROS domain."""
+    prefix = _prefix()
+    files = private_folder().glob(f"{prefix}{_SLASH}*.sock")
+    return sorted(file.stem.removeprefix(prefix).replace(_SLASH, "/") for file in files)
+
+
+def _prefix() -> str:
+    return f"live_{os.environ.get('ROS_DOMAIN_ID') or '0'}"
 
 
 def connect(namespace: str) -> socket.socket:

@@ -255,12 +255,19 @@ class LoopNode(LifecycleNode):
         self._report(DiagnosticStatus(message="not active", values=self._last_values))
 
     def _report_now_and_then(self) -> Iterator[None]:
-        """Report once a second, in short steps; one that is late keeps its distance to the next."""
+        """Report once a second, in short steps, and as soon as there is another alarm.
+
+        A report that is late keeps its distance to the next.
+        """
         due_s = time.monotonic()
+        alarm = self.alarm()
         while True:
             due_s = max(due_s + _REPORT_S, time.monotonic())
-            yield from _until(due_s)
-            self._tell(self.alarm())
+            while time.monotonic() < due_s and self.alarm() == alarm:
+                yield
+            due_s = min(due_s, time.monotonic())
+            alarm = self.alarm()
+            self._tell(alarm)
             warning = self.warning()
             if warning and warning != self._warning:
                 self.get_logger().warning(warning)
@@ -268,7 +275,9 @@ class LoopNode(LifecycleNode):
             values: list[KeyValue] = []
             for figures in self.figures():
                 values += _listed(figures)
-                yield from _until(time.monotonic() + _STEP_S)
+                next_s = time.monotonic() + _STEP_S
+                while time.monotonic() < next_s:
+                    yield
             self._report(
                 DiagnosticStatus(
                     level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
@@ -286,8 +295,3 @@ class LoopNode(LifecycleNode):
 
 def _listed(figures: Figures) -> list[KeyValue]:
     return [KeyValue(key=key, value=str(value)) for key, value in figures.items()]
-
-
-def _until(due_s: float) -> Iterator[None]:
-    while time.monotonic() < due_s:
-        yield

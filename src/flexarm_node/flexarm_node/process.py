@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import gc
 import os
 import resource
 import signal
 import sys
 import threading
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -22,12 +23,13 @@ from flexarm_core.errors import SettingError
 from flexarm_node.transport import set_up_middleware
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from rclpy.guard_condition import GuardCondition
 
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SHUTDOWN_S = 1.0
+_END_S = 10.0
 _PR_SET_PDEATHSIG = 1
 _MCL_CURRENT_AND_FUTURE = 3
 _NICE = 10
@@ -59,6 +61,22 @@ class StoppableNode(Protocol):
 def request_stop() -> None:
     """End this process as a signal would. Any thread may call."""
     os.kill(os.getpid(), signal.SIGTERM)
+
+
+@contextmanager
+def bounded_end() -> Iterator[None]:
+    """End the process with exit code 1 when the block, in which it leaves the graph, hangs.
+
+    Fast DDS can hang for ever when another participant leaves at the same moment (its issue 6502).
+    The interpreter's lock may be held then, so that neither a thread nor a handler of a signal in
+    Python could help.
+    """
+    with Path(os.devnull).open("w") as nowhere:
+        faulthandler.dump_traceback_later(_END_S, exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
 
 def run(
@@ -101,7 +119,8 @@ def run(
         node = make_node()
     except SettingError as error:
         sys.stderr.write(f"{error}\n")
-        try_shutdown()
+        with bounded_end():
+            try_shutdown()
         return 2
     executor = SingleThreadedExecutor()
     stopped = threading.Event()
@@ -122,9 +141,10 @@ def run(
             executor.spin_once()
     finally:
         node.stop()
-        executor.shutdown(timeout_sec=_SHUTDOWN_S)
-        node.destroy_node()
-        try_shutdown()
+        with bounded_end():
+            executor.shutdown(timeout_sec=_SHUTDOWN_S)
+            node.destroy_node()
+            try_shutdown()
         # The interpreter's end puts the default back in the place of a handler, but lets this be.
         for stop_signal in _STOP_SIGNALS:
             signal.signal(stop_signal, signal.SIG_IGN)

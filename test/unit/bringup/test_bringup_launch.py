@@ -47,12 +47,16 @@ def test_namespace___given_or_pushed___is_that_of_every_node(
     assert [files_of(line) for line in lines] == [[OWN]] * 4
 
 
-@pytest.mark.parametrize(("argument", "name"), [("page", "live"), ("foxglove", "foxglove")])
+@pytest.mark.parametrize(
+    ("argument", "names"), [("page", {"live", "experiment"}), ("foxglove", {"foxglove"})]
+)
 @pytest.mark.parametrize("value", ["true", "false"])
-def test_node_on_request___starts___when_it_is_wanted(argument: str, name: str, value: str) -> None:
+def test_nodes_on_request___start___when_they_are_wanted(
+    argument: str, names: set[str], value: str
+) -> None:
     nodes, _ = launched({argument: value})
     started = {node.name for node in nodes} - {node.name for node in launched({})[0]}
-    assert started == ({name} if value == "true" else set())
+    assert started == (names if value == "true" else set())
 
 
 def test_viewers___get_the_description_of_the_arm(tmp_path: Path) -> None:

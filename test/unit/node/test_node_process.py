@@ -36,6 +36,24 @@ def test_run___parent_that_died_before_the_start___makes_no_node(gone: bool) -> 
     assert ("made" in done.stderr) == (not gone)
 
 
+HANGING = """
+import ctypes
+from flexarm_node import process
+
+process._END_S = 0.2
+with process.bounded_end():
+    # Its functions keep the interpreter's lock, as the middleware's end does.
+    ctypes.PyDLL(None).sleep(300)
+"""
+
+
+def test_bounded_end___that_hangs_with_the_lock_of_the_interpreter___ends_the_process() -> None:
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", HANGING], capture_output=True, text=True, check=False, timeout=200
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")
+
+
 SHOWING = """
 import os
 asked = []

@@ -20,7 +20,7 @@ from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from rclpy.task import Future
 
@@ -163,8 +163,13 @@ class GraphHand:
             raise LaunchError(_nobody(f"node {wanted}") + nearest(wanted, others)) from None
 
 
-def stop_every_arm() -> Iterator[tuple[str, str]]:
+def stop_arms_of_graph(stopped_already: Collection[str]) -> Iterator[tuple[str, str]]:
     """Stop each arm as soon as it is found, and look for others as long as discovery may take.
+
+    Parameters
+    ----------
+    stopped_already : collection of str
+        Namespaces of arms that need no stop any more.
 
     Yields
     ------
@@ -174,10 +179,10 @@ def stop_every_arm() -> Iterator[tuple[str, str]]:
     Raises
     ------
     LaunchError
-        When none is found, or one does not answer.
+        When there is none at all, or one does not answer.
     """
     asked: dict[str, list[Future[Any]]] = {}
-    stopped: set[str] = set()
+    stopped = {f"{arm}/{_STOP}" for arm in stopped_already}
     with session(REMOTE) as operator:
         begun_s = time.monotonic()
 

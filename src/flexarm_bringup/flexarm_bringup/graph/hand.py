@@ -5,12 +5,15 @@ A start of rclpy and a discovery take seconds, a connection to the socket takes 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
+from flexarm_core.own_files import OwnFileError
+from flexarm_live.terminal_socket import namespaces
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 Result = TypeVar("Result")
 
@@ -65,3 +68,45 @@ def through(namespace: str, do: Callable[[Hand], Result]) -> Result:
 
         with graph_hand(namespace) as slow_hand:
             return do(slow_hand)
+
+
+def stop_every_arm() -> Iterator[tuple[str, str]]:
+    """Stop each arm: at once where an `up` answers, the others as the graph shows them.
+
+    Yields
+    ------
+    tuple of str
+        Namespace of an arm, and what its DAQ node says.
+
+    Raises
+    ------
+    LaunchError
+        When there is none, or one does not answer.
+    """
+    stopped = set()
+    for arm, message in _stopped_over_sockets():
+        stopped.add(arm)
+        yield arm, message
+    from flexarm_bringup.graph.graph_hand import stop_arms_of_graph  # noqa: PLC0415 - as above
+
+    yield from stop_arms_of_graph(stopped)
+
+
+def _stopped_over_sockets() -> Iterator[tuple[str, str]]:
+    """Ask every `up` at the same time: one that hangs holds up no other."""
+    # A stop of one arm shall not wait for it to load.
+    from concurrent.futures import ThreadPoolExecutor, as_completed  # noqa: PLC0415
+
+    def stop(namespace: str) -> str:
+        with live_hand(namespace) as hand:
+            return hand.stop()
+
+    try:
+        found = namespaces()
+    except (OSError, OwnFileError):
+        return
+    with ThreadPoolExecutor(max(1, len(found))) as pool:
+        asked = {pool.submit(stop, namespace): namespace for namespace in found}
+        for answer in as_completed(asked):
+            with suppress(NoAnswerError):
+                yield asked[answer], answer.result()

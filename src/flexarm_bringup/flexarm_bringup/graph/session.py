@@ -15,6 +15,7 @@ from rclpy.utilities import try_shutdown
 from flexarm_bringup.console import interruption
 from flexarm_bringup.graph.operator import Operator
 from flexarm_bringup.graph.processes import NAMESPACE, LaunchError
+from flexarm_node.process import bounded_end
 from flexarm_node.transport import set_up_middleware
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ def session(
             executor.add_node(node)
             yield Operator(node, executor, check, complaint)
         finally:
-            try_shutdown()
+            with bounded_end():
+                try_shutdown()
 
 
 @contextmanager

@@ -47,22 +47,26 @@ class LastMessages:
         while time_ns - messages[0].time_ns > self._duration_ns:
             self._forget(messages.popleft())
 
-    def take(self) -> list[Timed]:
-        """Return what is kept, in the order of arrival, and keep what is in force only."""
+    def take(self, now_ns: int) -> list[Timed]:
+        """Return what is kept, in the order of arrival, and keep what is in force only.
+
+        Parameters
+        ----------
+        now_ns : int
+            Instant, nanoseconds since the epoch. Messages that were sent after it tell that the
+            clock was set back meanwhile: they are kept, and make no other message too old.
+        """
         if not self._messages:
             return []
-        # Each topic has a way of its own: an old message may have come behind a younger one. Where
-        # the clock was set back, nothing counts as older than what came before it.
+        # Each topic has a way of its own: an old message may have come behind a younger one.
+        times_ns = (message.time_ns for message in self._messages)
+        newest_ns = max((time_ns for time_ns in times_ns if time_ns <= now_ns), default=now_ns)
         taken: list[Timed] = []
-        too_old: list[Timed] = []
-        newest_ns = self._messages[-1].time_ns
-        for message in reversed(self._messages):
-            newest_ns = max(newest_ns, message.time_ns)
-            is_kept = newest_ns - message.time_ns <= self._duration_ns
-            (taken if is_kept else too_old).append(message)
-        taken.reverse()
-        for message in reversed(too_old):
-            self._forget(message)
+        for message in self._messages:
+            if newest_ns - message.time_ns <= self._duration_ns:
+                taken.append(message)
+            else:
+                self._forget(message)
         begin_ns = min(message.time_ns for message in taken)
         first = [Timed(topic, raw, begin_ns) for topic, raw in self._in_force.items()]
         self._messages.clear()

@@ -167,7 +167,7 @@ class RecorderNode(Node):
         return text
 
     def _write_snapshot(self) -> str:
-        text = self._ended(self._recording.snapshot)
+        text = self._ended(lambda: self._recording.snapshot(time.time_ns()))
         self.get_logger().info(text)
         return text
 

@@ -154,10 +154,11 @@ class Recording:
         content = f"{counted(writer.message_count, 'message')} in {writer.path}"
         return "; ".join([content, *writer.sequences.complaints()])
 
-    def snapshot(self) -> str:
+    def snapshot(self, now_ns: int) -> str:
         """Write the last messages into a file of the bag, and return in words what is in it.
 
-        The bag goes on with the messages that were sent since `end`.
+        The bag goes on with the messages that were sent since `end`. The instant is in nanoseconds
+        since the epoch.
 
         Raises
         ------
@@ -168,7 +169,7 @@ class Recording:
         if self.writer is None or self.last is None:
             raise RecordingError("not recording: nothing is kept")
         try:
-            messages = self.last.take()
+            messages = self.last.take(now_ns)
             for topic, raw, time_ns in messages:
                 self.writer.write(topic, raw, time_ns, time_ns)
             self.writer.end_file()

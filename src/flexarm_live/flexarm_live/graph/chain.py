@@ -12,17 +12,18 @@ from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_live.graph.command_lines import identify_line, shown, tune_line
-from flexarm_live.graph.jobs import computed
+from flexarm_live.graph.computation import Computation
 from flexarm_live.graph.situation import EXPERIMENT
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
     from flexarm_daq.experiments.catalogue import Experiment
-    from flexarm_live.graph.jobs import Report, Work
+    from flexarm_live.graph.jobs import Work
     from flexarm_live.graph.loop_nodes import LoopNodes
     from flexarm_live.graph.store import Store
     from flexarm_live.serving.laboratory import Answer
+    from flexarm_live.work.process import Report
 
 _POLL_S = 0.2
 _ASK_S = 1.0
@@ -38,6 +39,8 @@ class Chain:
         self._store = store
         self._loop = loop
         self._held = held
+        self._identifying = Computation("flexarm_live.work.identification")
+        self._tuning = Computation("flexarm_live.work.tuning")
 
     def experiment(
         self, name: str, record: Callable[[bool], Awaitable[Answer]], newest: Callable[[], int]
@@ -146,18 +149,13 @@ class Chain:
         """Return the work of an identification of a record, with its files."""
         path, folder = self._store.bag(bag), self._store.model_folder(bag)
         request = _identify_request(**asked)
-        command = identify_line(path, folder, request)
+        command = self.identification_line(bag, **asked)
 
         async def work(report: Report) -> Mapping[str, Any]:
-            job = {"bag": str(path), "folder": str(folder), "request": request}
-            found = await computed("flexarm_live.work.identification", job, report)
-            return {
-                **found,
-                "bag": bag,
-                "report": f"/report/{bag}",
-                "models": self._store.models(),
-                "command": command,
-            }
+            about = {"bag": bag, "report": f"/report/{bag}", "command": command}
+            job = {"bag": str(path), "folder": str(folder), "request": request, "about": about}
+            found = await self._identifying.run(job, report)
+            return {**found, "models": self._store.models()}
 
         return work
 
@@ -175,7 +173,7 @@ class Chain:
 
         async def work(report: Report) -> Mapping[str, Any]:
             asked = {"law": law, "models": files, "margins": dict(margins), "before": before}
-            found = await computed("flexarm_live.work.tuning", asked, report)
+            found = await self._tuning.run(asked, report)
             return {**found, "command": command}
 
         return work

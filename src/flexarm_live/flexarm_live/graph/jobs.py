@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
-import os
-import sys
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +11,10 @@ from flexarm_core.errors import FlexarmError, one_line
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping
 
-    Tell = Callable[[Mapping[str, Any]], None]
-    Report = Callable[[str, float | None], None]
-    Work = Callable[[Report], Awaitable[Mapping[str, Any]]]
+    from flexarm_live.work.process import Report
 
-LARGEST_RESULT = 16_000_000
+    Tell = Callable[[Mapping[str, Any]], None]
+    Work = Callable[[Report], Awaitable[Mapping[str, Any]]]
 
 
 class Jobs:
@@ -70,9 +66,14 @@ class Jobs:
             }
             self._tell({"type": "job", "job": kind, "id": number, "stage": stage, **news, **more})
 
+        def report(
+            stage: str, fraction: float | None, found: Mapping[str, Any] | None = None, /
+        ) -> None:
+            say(stage, fraction, data=found or {})
+
         say("starting", 0.0)
         try:
-            data = await work(say)
+            data = await work(report)
         except asyncio.CancelledError:
             say("cancelled", None, done=True, message="cancelled: nothing was written")
         except FlexarmError as error:
@@ -82,42 +83,3 @@ class Jobs:
             raise
         else:
             say("done", 1.0, done=True, ok=True, data=data)
-
-
-async def computed(module: str, request: Mapping[str, Any], report: Report) -> Mapping[str, Any]:
-    """Compute in a process of its own, which a cancelled job ends.
-
-    The process reads the request from its input and writes one line of JSON for each stage, and at
-    last one with the result or with the error.
-
-    Raises
-    ------
-    FlexarmError
-        With the line of the process.
-    """
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", module),
-        stdin=asyncio.subprocess.PIPE,
-        stdout=asyncio.subprocess.PIPE,
-        limit=LARGEST_RESULT,
-        # It finds the packages where this process found them.
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-    )
-    assert process.stdin is not None  # noqa: S101 - piped above
-    assert process.stdout is not None  # noqa: S101 - piped above
-    try:
-        process.stdin.write(json.dumps(request).encode())
-        process.stdin.close()
-        while line := await process.stdout.readline():
-            said: dict[str, Any] = json.loads(line)
-            if "error" in said:
-                raise FlexarmError(said["error"])
-            if "result" in said:
-                result: dict[str, Any] = said["result"]
-                return result
-            report(said["stage"], said["fraction"])
-        raise FlexarmError("the computation has ended without a result: see the log of node live")
-    finally:
-        if process.returncode is None:
-            process.terminate()
-        await process.wait()

@@ -89,7 +89,8 @@ class LoopNodes:
         if name == "daq":
             wanted = {**self._due, **wanted, "await_commander": True}
             self._due.clear()
-        await {**self.parameters, EXPERIMENT: self.experiment}[name].set(wanted)
+        parameters = self.experiment if name == EXPERIMENT else self.parameters[name]
+        await parameters.set(wanted)
         await self._change(name, Transition.TRANSITION_ACTIVATE)
         self._situation.moved(name, active=True, now_s=time.monotonic())
 

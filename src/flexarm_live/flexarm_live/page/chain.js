@@ -50,31 +50,77 @@ export async function askCommand(link, stage, verb, fields) {
 
 /** Long work: one at a time, with its stage, its part done and its way out. */
 export class Jobs {
-  #number = null;
+  #running = null;
+  #asked = 0;
 
   constructor(link) {
     this.link = link;
-    byId("cancel").onclick = () => attempt(() => link.request("cancel", { job: this.#number }));
+    byId("cancel").onclick = () => attempt(() => this.#cancel(this.#running));
   }
 
-  /** Run a job and show its progress; the promise is its data. */
-  async run(verb, fields) {
-    if (!byId("running").hidden) throw new Error(`${verb}: another job runs; cancel it first`);
+  /**
+   * Run a job and show its progress; the promise is its data. `found` gets what is found before
+   * its end; such a job gives way to another one of its kind, and the promise is undefined then.
+   */
+  async run(verb, fields, found = null) {
+    if (this.#running !== null) {
+      if (this.#running.verb !== verb || found === null) {
+        throw new Error(`${verb}: another job runs; cancel it first`);
+      }
+      this.#asked += 1;
+      const asked = this.#asked;
+      await this.#replace();
+      // Of several clicks in that time the last one counts.
+      if (asked !== this.#asked) return undefined;
+    }
+    const running = { verb, id: null, isReplaced: false };
+    this.#running = running;
     byId("running").hidden = false;
     write(byId("running_stage"), verb);
     byId("running_part").removeAttribute("value");
     byId("cancel").disabled = true;
+    const work = this.link.job(verb, fields, {
+      began: (id) => {
+        running.id = id;
+        byId("cancel").disabled = false;
+        if (running.isReplaced) this.#giveUp(running);
+      },
+      news: (message) => {
+        if (running.isReplaced) return;
+        this.#show(message);
+        if (!message.done && Object.keys(message.data ?? {}).length > 0) found?.(message.data);
+      },
+    });
+    running.ended = work.then(() => {}, () => {});
     try {
-      return await this.link.job(verb, fields, {
-        began: (id) => {
-          this.#number = id;
-          byId("cancel").disabled = false;
-        },
-        news: (message) => this.#show(message),
-      });
+      return await work;
+    } catch (refusal) {
+      if (running.isReplaced) return undefined;
+      throw refusal;
     } finally {
-      byId("running").hidden = true;
+      if (this.#running === running) {
+        this.#running = null;
+        byId("running").hidden = true;
+      }
     }
+  }
+
+  #cancel(running) {
+    return this.link.request("cancel", { job: running.id });
+  }
+
+  async #replace() {
+    const running = this.#running;
+    if (!running.isReplaced) {
+      running.isReplaced = true;
+      if (running.id !== null) this.#giveUp(running);
+    }
+    await running.ended;
+  }
+
+  #giveUp(running) {
+    // It may have ended in the meantime.
+    this.#cancel(running).catch(() => {});
   }
 
   #show({ job, stage, fraction }) {
@@ -88,8 +134,8 @@ export class Jobs {
 export class Chain {
   #recording = null;
 
-  constructor(hello, link, jobs, { identified, found }) {
-    Object.assign(this, { hello, link, jobs, identified, found });
+  constructor(hello, link, jobs, { identified, written, found }) {
+    Object.assign(this, { hello, link, jobs, identified, written, found });
     wireTabs();
     this.#wireRecord();
     for (const id of ["bag", "method", "order_wanted"]) byId(id).onchange = () => this.#tellIdentify();
@@ -119,10 +165,12 @@ export class Chain {
   async identify(wish) {
     const fields = { ...this.#wanted, ...wish };
     if (fields.bag === "") throw new Error("identify: there is no record; make one in the stage Record");
-    const data = await this.jobs.run("identify", fields);
-    showCommand("identify", data.command);
-    this.identified(data);
-    showStage("model");
+    const data = await this.jobs.run("identify", fields, (model) => {
+      showCommand("identify", model.command);
+      this.identified(model);
+      showStage("model");
+    });
+    if (data !== undefined) this.written(data);
   }
 
   #wireRecord() {

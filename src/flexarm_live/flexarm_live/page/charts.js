@@ -16,7 +16,7 @@ const observer = new ResizeObserver((entries) => {
  * Draw a chart into its host.
  *
  * `x`, `y`: {label, low, high, log}; bounds that are missing are those of the curves.
- * `curves`: [{x, y, kind}]; `dots`: [{x, y, kind}] with arrays; `marks`: [{x | y, kind, text, onpick}]
+ * `curves`: [{x, y, kind}]; `dots`: [{x, y, kind}] with arrays; `marks`: [{x | y, kind, text, at, onpick}]
  * across the plot, or at x between the two of `between`; `onpick(x, y)`: a press in the plot.
  */
 export function chart(host, drawing) {
@@ -107,13 +107,14 @@ function gridOf(toX, toY, width, height, { x, y }) {
   ];
 }
 
-function markOf({ x, y, between, kind, text, onpick }, toX, toY, width, height) {
+function markOf({ x, y, between, kind, text, at = "end", onpick }, toX, toY, width, height) {
   const [head, foot] = between?.map(toY) ?? [PAD.top, height - PAD.bottom];
   const line =
     x === undefined
       ? { x1: PAD.left, x2: width - PAD.right, y1: toY(y), y2: toY(y) }
       : { x1: toX(x), x2: toX(x), y1: head, y2: foot };
-  const place = x === undefined ? { x: width - PAD.right, y: toY(y) - 4, "text-anchor": "end" } : { x: toX(x), y: PAD.top - 5, "text-anchor": "middle" };
+  const side = at === "start" ? PAD.left + 3 : width - PAD.right;
+  const place = x === undefined ? { x: side, y: toY(y) - 4, "text-anchor": at } : { x: toX(x), y: PAD.top - 5, "text-anchor": "middle" };
   const words = drawn("text", { class: `mark ${kind}`, ...place }, text ?? "");
   if (onpick) {
     words.classList.add("pickable");

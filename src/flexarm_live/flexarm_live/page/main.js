@@ -34,11 +34,14 @@ function furnish(hello) {
   const step = new StepStage(hello, ring, units, setpoint, parameters);
   const tune = new TuneStage(hello, link, jobs, parameters, step);
   const model = new ModelStage((wish) => chain.identify(wish));
-  const identified = (data) => {
-    model.show(data);
-    tune.offer(data.models, [data.bag]);
-  };
-  const chain = new Chain(hello, link, jobs, { identified, found: (models) => tune.offer(models) });
+  const chain = new Chain(hello, link, jobs, {
+    identified: (data) => model.show(data),
+    written: ({ models, bag, report }) => {
+      model.offerReport(report);
+      tune.offer(models, [bag]);
+    },
+    found: (models) => tune.offer(models),
+  });
   const views = { arm: new ArmView(hello, setpoint), traces: new Traces(hello, ring, units) };
   for (const fieldset of ["hands", "rig", "chain"]) byId(fieldset).disabled = !hello.hand;
   for (const button of ["stop", "release", "activate", "deactivate"]) byId(button).disabled = !hello.hand;

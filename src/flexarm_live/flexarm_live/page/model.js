@@ -37,9 +37,16 @@ export class ModelStage {
     this.#showStabilisation();
     const outputs = [...data.outputs.map(title), "mean"];
     fillTable(byId("dmv"), data.dmv.map((error, k) => [outputs[k], figure(error, 4)]));
-    byId("report").href = data.report;
+    // It is of the model before, until the one of this model is written.
+    byId("report").hidden = true;
     showCommand("model", data.command);
     this.#showFits();
+  }
+
+  /** Offer the report of the model that is shown. */
+  offerReport(address) {
+    byId("report").href = address;
+    byId("report").hidden = false;
   }
 
   #wish(order) {

@@ -93,7 +93,7 @@ export class TuneStage {
       curves: margins.map(({ response }) => ({ kind: "now", x: response.hz, y: response.db })),
       marks: [
         { y: 0, kind: "zero" },
-        { y: -required.gain_margin_db, kind: "required", text: `−${required.gain_margin_db} dB` },
+        { y: -required.gain_margin_db, kind: "required", at: "start", text: `−${required.gain_margin_db} dB` },
         ...margins.filter(({ gain_hz: hz }) => hz > 0).map((each) => ({
           x: each.gain_hz,
           between: [0, -each.gain_margin_db],
@@ -109,7 +109,7 @@ export class TuneStage {
       curves: margins.map(({ response }) => ({ kind: "now", x: response.hz, y: response.phase_deg })),
       marks: [
         { y: -180, kind: "zero" },
-        { y: required.phase_margin_deg - 180, kind: "required", text: `${required.phase_margin_deg}°` },
+        { y: required.phase_margin_deg - 180, kind: "required", at: "start", text: `${required.phase_margin_deg}°` },
         ...margins.filter(({ phase_hz: hz }) => hz > 0).map((each) => ({
           x: each.phase_hz,
           between: [each.phase_margin_deg - 180, -180],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,17 +10,18 @@ import numpy as np
 
 from flexarm_ident.diagnostics.stabilisation import Criteria
 from flexarm_ident.estimation.physical_modes import recurring
-from flexarm_ident.job import identify_bags
+from flexarm_ident.job import identify_bags, read_record
 from flexarm_ident.workflow.request import Request
 from flexarm_live.work.process import serve
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from flexarm_core.arrays import Progress
     from flexarm_ident.estimation.physical_modes import JudgedMode
     from flexarm_ident.models.modes import Mode
+    from flexarm_ident.records.source import Source
     from flexarm_ident.workflow.outcome import Outcome
+    from flexarm_live.work.process import Report
 
 _POINTS = 4000
 _FREQUENCIES = 1000
@@ -27,12 +29,31 @@ _INSTANTS = 3000
 _SMALLEST = 1e-30
 
 
-def identified(asked: Mapping[str, Any], report: Progress) -> dict[str, Any]:
-    """Identify a record, write model and report, and return what a page shows of it."""
+def identified(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
+    """Identify a record, tell what a page shows of it, and write model and report."""
     known_modes_hz = tuple(asked["request"].get("known_modes_hz", ()))
     request = Request(**asked["request"] | {"known_modes_hz": known_modes_hz})
-    results = identify_bags([Path(asked["bag"])], Path(asked["folder"]), request, progress=report)
-    return {"name": results.name, **curves(results.outcome)}
+    shown: dict[str, Any] = {}
+
+    def show(name: str, outcome: Outcome) -> None:
+        shown.update({"name": name, **curves(outcome), **asked["about"]})
+        report("writing", None, shown)
+
+    identify_bags(
+        [Path(asked["bag"])],
+        Path(asked["folder"]),
+        request,
+        read=lambda bag, *_: _record(bag, bag.stat().st_mtime_ns),
+        found=show,
+        progress=report,
+    )
+    return shown
+
+
+@lru_cache(maxsize=1)
+def _record(bag: Path, _written_ns: int) -> Source:
+    """Return a record, which is read once: another order is asked for again and again."""
+    return read_record(bag, Request(), None)
 
 
 def curves(outcome: Outcome) -> dict[str, Any]:

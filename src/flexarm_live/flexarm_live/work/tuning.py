@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_control.design.margins import Margins
-    from flexarm_core.arrays import FloatArray, Progress
+    from flexarm_core.arrays import FloatArray
+    from flexarm_live.work.process import Report
 
 _FREQUENCIES = 400
 _LOWEST_HZ = 0.05
@@ -31,7 +32,7 @@ _STEP_POINTS = 500
 _PDP = "pdp"
 
 
-def tuned(asked: Mapping[str, Any], report: Progress) -> dict[str, Any]:
+def tuned(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
     """Tune a law and return what a page shows of it.
 
     Parameters

@@ -101,6 +101,7 @@ def told(verb: click.Command, *arguments: str) -> str:
         (remote.reference, ["-1.5"], {"do": "reference", "value_v": -1.5}, "set-point -1.5 V\n"),
         (remote.activate, ["daq"], {"do": "activate", "node": "daq"}, "daq is active\n"),
         (remote.deactivate, ["daq"], {"do": "deactivate", "node": "daq"}, "daq is inactive\n"),
+        (remote.activate, [f"{ARM}/daq"], {"do": "activate", "node": "daq"}, "daq is active\n"),
         (
             remote.status,
             [],
@@ -150,6 +151,58 @@ def test_full_name_of_a_node___names_the_arm_too(up: Up) -> None:
 def test_get___node_and_parameter_in_one_word___shows_how_to_write_it() -> None:
     with pytest.raises(LaunchError, match=r"daq.payload_kg is no node: write daq payload_kg"):
         told(remote.get, "daq.payload_kg")
+
+
+@pytest.mark.parametrize(
+    ("verb", "arguments"),
+    [
+        (remote.get, []),
+        (remote.set_, ["law=pd"]),
+        (remote.activate, []),
+        (remote.deactivate, []),
+    ],
+)
+def test_full_name_of_another_arm___with_a_namespace___is_refused(
+    up: Up, verb: click.Command, arguments: list[str]
+) -> None:
+    with pytest.raises(LaunchError, match=f"/arm2/daq is not in {ARM}: give the full name or --n"):
+        told(verb, "/arm2/daq", *arguments)
+    assert not up.asked
+
+
+def test_node_without_a_lifecycle___is_told_those_with_one(up: Up) -> None:
+    with pytest.raises(LaunchError, match="dak has no lifecycle: daq, controller, experiment"):
+        told(remote.activate, "dak")
+    assert not up.asked
+
+
+def test_stop_of_every_arm___first_asks_each_up_of_this_domain(
+    up: Up, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    graph: list[tuple[str, ...]] = []
+
+    def others(stopped_already: set[str]) -> Iterator[tuple[str, str]]:
+        graph.append(tuple(sorted(stopped_already)))
+        yield "/of/graph", "held too"
+
+    monkeypatch.setattr("flexarm_bringup.graph.graph_hand.stop_arms_of_graph", others)
+    with listen("/lab/arm_2") as listening, listen("/hanging") as hanging, listen("/gone"):
+        second, third = Up(listening), Up(hanging)
+        third.silent = True
+        done = CliRunner().invoke(remote.stop, ["--all"], catch_exceptions=False)
+    assert sorted(done.output.splitlines()) == [
+        f"{ARM}: held",
+        "/lab/arm_2: held",
+        "/of/graph: held too",
+    ]
+    assert done.output.splitlines()[-1] == "/of/graph: held too"
+    assert graph == [(ARM, "/lab/arm_2")]
+    assert [each["do"] for each in (*up.asked, *second.asked, *third.asked)] == ["stop"] * 3
+
+
+def test_status___figure_that_is_not_known_yet___is_a_dash(up: Up) -> None:
+    up.reports = {"daq": {"message": "active", "values": {"reply p50 ms": "nan"}}}
+    assert told(remote.status).endswith(f"    {'reply p50 ms':36s} -\n")
 
 
 def test_status___before_the_first_reports___tells_the_page(up: Up) -> None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 MS = 1_000_000
+NOW_NS = START_NS + 1000 * MS
 QUIET_MS = round(QUIET_S * 1e3)
 STATE, COMMAND = 0, 1
 NAMES = ("/flexarm/state", "/flexarm/command")
@@ -142,10 +143,10 @@ def test_snapshot___has_what_was_sent_before_it___and_later_messages_wait(
     recording.end(3 * MS)
     recording.finish([sample(4), command(3), command(4)], 4 * MS)
     assert not recording.ending
-    assert recording.snapshot() == f"snapshot of 2 messages in {bag}"
+    assert recording.snapshot(NOW_NS) == f"snapshot of 2 messages in {bag}"
     recording.end(5 * MS)
     recording.finish([], (5 + QUIET_MS) * MS)
-    assert recording.snapshot() == f"snapshot of 2 messages in {bag}"
+    assert recording.snapshot(NOW_NS) == f"snapshot of 2 messages in {bag}"
     samples, commands = closed(recording, bag)
     assert samples == [SAMPLES[0].raw, SAMPLES[1].raw, SAMPLES[3].raw]
     assert commands == [COMMANDS[0].raw, COMMANDS[2].raw, COMMANDS[3].raw]
@@ -153,7 +154,7 @@ def test_snapshot___has_what_was_sent_before_it___and_later_messages_wait(
 
 def test_snapshot___without_messages_that_wait___is_refused(recording: Recording) -> None:
     with pytest.raises(RecordingError, match="nothing is kept"):
-        recording.snapshot()
+        recording.snapshot(NOW_NS)
 
 
 def test_disk___that_refuses_the_data___ends_the_recording_with_its_reason(

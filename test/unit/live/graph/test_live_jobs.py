@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from flexarm_core.errors import FlexarmError
-from flexarm_live.graph.jobs import Jobs, computed
+from flexarm_live.graph.jobs import Jobs
 from flexarm_live.graph.store import Store
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from flexarm_live.graph.jobs import Report
+    from flexarm_live.work.process import Report
 
 PATIENCE_S = 120.0
 
@@ -66,15 +66,6 @@ def test_job___done_failed_or_cancelled___tells_its_end_once() -> None:
     assert ends[1] == (False, "no model fits", {})
     assert ends[2][0] is False
     assert "cancelled" in ends[2][1]
-
-
-def test_computation___of_a_request_that_cannot_be___is_refused_with_its_line(
-    tmp_path: Path,
-) -> None:
-    asked = {"law": "pd", "models": ["nominal:0"], "margins": {}, "before": {}}
-    with pytest.raises(FlexarmError, match="law 'pd' is not tunable"):
-        asyncio.run(computed("flexarm_live.work.tuning", asked, lambda _stage, _done: None))
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_store___knows___its_own_names_only(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ def test_tuned___on_a_nominal_model___has_margins_that_its_curves_show() -> None
     before = {"pdpc.kp": 0.5, "pdpc.kd": 3.3, "pdpc.ksg": 0.07}
     asked = {"law": "pdpc", "models": ["nominal:0"], "margins": {}, "before": before}
     stages: list[str] = []
-    found = tuned(asked, lambda stage, _: stages.append(stage))
+    found = tuned(asked, lambda stage, *_: stages.append(stage))
     gains = {name.removeprefix("pdpc."): value for name, value in found["gains"].items()}
     assert gains.keys() == {"kp", "kd", "ksg"}
     expected = margins(nominal_model(0.0), PdpGains(**gains))
@@ -35,4 +35,4 @@ def test_tuned___on_a_nominal_model___has_margins_that_its_curves_show() -> None
 def test_tuned___of_a_law_without_a_tuning___is_refused() -> None:
     asked = {"law": "pd", "models": ["nominal:0"], "margins": {}, "before": {}}
     with pytest.raises(SettingError, match="law 'pd' is not tunable"):
-        tuned(asked, lambda _stage, _done: None)
+        tuned(asked, lambda *_: None)

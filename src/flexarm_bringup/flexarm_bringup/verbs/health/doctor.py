@@ -122,6 +122,7 @@ def _talk() -> str:
     import rclpy  # noqa: PLC0415 - may be what is missing
     from std_msgs.msg import Float64  # noqa: PLC0415
 
+    from flexarm_node.process import bounded_end  # noqa: PLC0415
     from flexarm_node.transport import set_up_middleware  # noqa: PLC0415
 
     set_up_middleware()
@@ -139,5 +140,6 @@ def _talk() -> str:
             if time.monotonic() - started_s > _TALK_S:
                 raise LaunchError(f"a message to itself did not arrive within {_TALK_S:.0f} s")
     finally:
-        rclpy.try_shutdown()
+        with bounded_end():
+            rclpy.try_shutdown()
     return f"a message came back after {time.monotonic() - started_s:.2f} s ({sys.platform})"

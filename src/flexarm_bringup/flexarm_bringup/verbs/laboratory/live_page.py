@@ -38,7 +38,11 @@ class PageSettings:
 def page_options(function: Callable[..., None]) -> Callable[..., None]:
     """Add the options of the page to a verb, which gets them as one `page`; None for no page."""
 
-    @click.option("--no-page", is_flag=True, help="Serve no page in the browser.")
+    @click.option(
+        "--no-page",
+        is_flag=True,
+        help="Serve no page in the browser; verbs then take seconds, over the graph.",
+    )
     @click.option(
         "--port",
         type=click.IntRange(0, 65535),
@@ -54,25 +58,42 @@ def page_options(function: Callable[..., None]) -> Callable[..., None]:
     return verb
 
 
-class PageAddress:
-    """Address of the page of an arm, shown alone on a line as soon as the page is served.
+class Address:
+    """Address that a node serves, shown alone on a line as soon as it is there.
 
-    The end of its node is that of the laboratory before, such as for a port that is taken, and not
+    The end of the node is that of the laboratory before, such as for a port that is taken, and not
     afterwards.
+
+    Parameters
+    ----------
+    processes : NodeProcesses
+        Nodes of the laboratory.
+    executable : str
+        Executable of the node that serves it.
+    find : callable
+        Returns the address; empty while it is not served.
     """
 
-    def __init__(self, namespace: str, processes: NodeProcesses) -> None:
-        self._namespace = namespace
+    def __init__(self, processes: NodeProcesses, executable: str, find: Callable[[], str]) -> None:
         self._processes = processes
+        self._executable = executable
+        self._find = find
         self._is_shown = False
 
     def look(self) -> bool:
         """Show the address when it is there and was not shown; return whether it was."""
-        if not self._is_shown and (address := _address(self._namespace)):
+        if not self._is_shown and (address := self._find()):
             self._is_shown = True
-            self._processes.let_be_replaced(_EXECUTABLE)
+            self._processes.let_be_replaced(self._executable)
             terminal.CONSOLE.print(address, markup=False, highlight=False, soft_wrap=True)
         return self._is_shown
+
+
+class PageAddress(Address):
+    """Address of the page of an arm."""
+
+    def __init__(self, namespace: str, processes: NodeProcesses) -> None:
+        super().__init__(processes, _EXECUTABLE, lambda: _address(namespace))
 
 
 def tell_task(namespace: str, words: str) -> None:

@@ -40,7 +40,7 @@ def run(package: str, executable: str, arguments: tuple[str, ...]) -> None:
 @click.option("--max-bag-size", type=int, help="Begin the next file at that many bytes.")
 @click.option(
     "--max-bag-duration",
-    type=Quantity(TIME_S),
+    type=Quantity(TIME_S, 0.0),
     metavar="TIME",
     help="Begin the next file after that time, s, or with its unit: 10min.",
 )

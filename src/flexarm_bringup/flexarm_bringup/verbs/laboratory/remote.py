@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from flexarm_bringup.console.quantity import POSITION_V, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.assignments import parsed
-from flexarm_bringup.graph.hand import through
+from flexarm_bringup.graph.hand import stop_every_arm, through
 from flexarm_bringup.graph.processes import MANAGED, LaunchError
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.nearest import nearest
@@ -30,8 +31,6 @@ def stop(*, namespace: str, everything: bool) -> None:
     if not everything:
         click.echo(through(namespace, lambda hand: hand.stop()))
         return
-    from flexarm_bringup.graph.graph_hand import stop_every_arm  # noqa: PLC0415 - it loads rclpy
-
     for arm, message in stop_every_arm():
         click.echo(f"{arm}: {message}")
 
@@ -52,7 +51,7 @@ def status(namespace: str) -> None:
     for name, (message, values) in sorted(reports.items()):
         click.echo(f"{name}: {message}")
         for key, value in values.items():
-            click.echo(f"    {key:36s} {value}")
+            click.echo(f"    {key:36s} {'-' if value == 'nan' else value}")
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -101,6 +100,9 @@ def _described(param: Mapping[str, Any]) -> str:
 def _addressed(node: str, namespace: str) -> tuple[str, str]:
     """Return namespace and name of a node; its full name says both, as in the tools of ROS 2."""
     space, _, name = node.rpartition("/")
+    source = click.get_current_context().get_parameter_source("namespace")
+    if space and space != namespace and source is ParameterSource.COMMANDLINE:
+        raise LaunchError(f"{node} is not in {namespace}: give the full name or --namespace")
     if "." in name:
         name, _, parameter = name.partition(".")
         raise LaunchError(f"{node} is no node: write {name} {parameter}")
@@ -121,19 +123,29 @@ def set_(node: str, assignments: tuple[str, ...], namespace: str) -> None:
         click.echo(f"{node} {name}: {before} -> {after}")
 
 
+def _managed(node: str, namespace: str) -> tuple[str, str]:
+    """Return namespace and name of a managed node; refuse others."""
+    namespace, name = _addressed(node, namespace)
+    if name not in MANAGED:
+        raise LaunchError(f"{node} has no lifecycle: {', '.join(MANAGED)} have one")
+    return namespace, name
+
+
 @click.command()
-@click.argument("node", type=click.Choice(MANAGED))
+@click.argument("node")
 @ARM
-@examples("activate daq")
+@examples("activate daq", "activate /arm2/daq")
 def activate(node: str, namespace: str) -> None:
     """Activate a running node: daq, controller or experiment."""
+    namespace, node = _managed(node, namespace)
     click.echo(f"{node} is {through(namespace, lambda hand: hand.activate(node))}")
 
 
 @click.command()
-@click.argument("node", type=click.Choice(MANAGED))
+@click.argument("node")
 @ARM
-@examples("deactivate daq")
+@examples("deactivate daq", "deactivate /arm2/daq")
 def deactivate(node: str, namespace: str) -> None:
     """Deactivate a running node; the drive goes to zero."""
+    namespace, node = _managed(node, namespace)
     click.echo(f"{node} is {through(namespace, lambda hand: hand.deactivate(node))}")

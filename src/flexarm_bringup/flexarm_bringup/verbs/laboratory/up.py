@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.graph.processes import NodeProcesses
     from flexarm_bringup.runs.pace import Pace
+    from flexarm_bringup.verbs.laboratory.live_page import Address
 
 _REPLACE = (
     "the drive is at zero; for another one: "
@@ -154,7 +155,7 @@ def _run_graph(settings: _Settings) -> None:
                 namespace=settings.namespace,
             ) as (operator, processes):
                 _start(operator, settings)
-                addresses: list[PageAddress | FoxgloveAddress] = []
+                addresses: list[Address] = []
                 if settings.page is not None:
                     addresses.append(PageAddress(settings.namespace, processes))
                 if settings.foxglove_port is not None:
@@ -187,7 +188,7 @@ def _stay(
     operator: Operator,
     processes: NodeProcesses,
     complaints: _Complaints,
-    addresses: Sequence[PageAddress | FoxgloveAddress],
+    addresses: Sequence[Address],
 ) -> None:
     """Show complaints of the nodes until Ctrl-C; a controller that ends is not the end."""
     processes.let_be_replaced(_CONTROLLER)

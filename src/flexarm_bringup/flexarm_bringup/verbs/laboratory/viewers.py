@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bags.schema import share_of
-from flexarm_bringup.console import terminal
+from flexarm_bringup.verbs.laboratory.live_page import Address
 from flexarm_live.serving.foxglove_server import USUAL_PORT
 
 if TYPE_CHECKING:
@@ -32,21 +32,8 @@ def foxglove_parameters(port: int) -> dict[str, Any]:
     return {"port": port} | ({} if share is None else {"urdf": share / "urdf" / "flexarm.urdf"})
 
 
-class FoxgloveAddress:
-    """Address for the viewers, shown as soon as their node serves it.
-
-    The end of the node is that of the laboratory before, such as for a port that is taken, and not
-    afterwards.
-    """
+class FoxgloveAddress(Address):
+    """Address for the viewers, which their node tells."""
 
     def __init__(self, processes: NodeProcesses) -> None:
-        self._processes = processes
-        self._is_shown = False
-
-    def look(self) -> None:
-        """Show the address when the node has told it and it was not shown."""
-        if self._is_shown or not (told := self._processes.announcement(FOXGLOVE_NODE)):
-            return
-        self._is_shown = True
-        self._processes.let_be_replaced(_EXECUTABLE)
-        terminal.CONSOLE.print(told, markup=False, highlight=False, soft_wrap=True)
+        super().__init__(processes, _EXECUTABLE, lambda: processes.announcement(FOXGLOVE_NODE))

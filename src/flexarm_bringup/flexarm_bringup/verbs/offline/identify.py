@@ -101,7 +101,7 @@ _REQUEST_OPTIONS = (
         "--known-mode",
         "known_modes_hz",
         multiple=True,
-        type=Quantity(FREQUENCY_HZ),
+        type=Quantity(FREQUENCY_HZ, 0.0),
         metavar="FREQUENCY",
         help="Hz, for mrmc; repeat.",
     ),

@@ -47,11 +47,11 @@ if TYPE_CHECKING:
 @click.option(
     "--delay",
     "delay_s",
-    type=Quantity(TIME_S),
+    type=Quantity(TIME_S, 0.0, 0.05),
     metavar="TIME",
     default=0.0,
     show_default=True,
-    help="Loop delay, s, or with its unit: 0.5ms; at most 0.05.",
+    help="Loop delay, s, or with its unit: 0.5ms.",
 )
 @FORCE
 @examples(
