@@ -53,6 +53,7 @@ GROUPS = {
         "bench": "checkout.bench:bench",
         "docs": "checkout.docs:docs",
         "test": "checkout.checks:test",
+        "clean": "checkout.clean:clean",
     },
 }
 """Verbs in the order of the help, by groups, and the function that each is."""

@@ -1,13 +1,17 @@
-"""The script `flexarm` at the root: the paths that it keeps are those of colcon's own script."""
+"""The script `flexarm` at the root: answers before the set-up, its paths, its end."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from flexarm_bringup.cli import main
 from support.project import PROJECT
 
 
@@ -56,3 +60,54 @@ def test_sources_of_a_build___are_not_the_bytecode_beside_them(tmp_path: Path) -
         check=True,
     )
     assert done.stdout == "src/one/launch/one.launch.py"
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> Path:
+    """Return a checkout that nobody has set up."""
+    root = tmp_path / "checkout"
+    (root / "src" / "flexarm_msgs").mkdir(parents=True)
+    (root / "src" / "flexarm_msgs" / "package.xml").touch()
+    shutil.copytree(PROJECT / "requirements", root / "requirements")
+    for name in ("flexarm", "pyproject.toml"):
+        shutil.copy2(PROJECT / name, root / name)
+    return root
+
+
+def called(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(  # noqa: S603 - our own script
+        [root / "flexarm", *arguments],
+        env={"PATH": "/usr/bin:/bin", "HOME": str(root), "FLEXARM_PYTHON": sys.executable},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("arguments", [(), ("-h",), ("--help",), ("demo", "--help")], ids=" ".join)
+def test_help___before_the_set_up___says_what_will_happen(
+    bare: Path, arguments: tuple[str, ...]
+) -> None:
+    before = sorted(bare.rglob("*"))
+    done = called(bare, *arguments)
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert "not set up" in done.stdout
+    assert f"installs them in {bare}/.venv" in done.stdout
+    assert sorted(bare.rglob("*")) == before
+
+
+def test_version___before_the_set_up___is_that_of_the_command(bare: Path) -> None:
+    assert called(bare, "--version").stdout == CliRunner().invoke(main, ["--version"]).output
+
+
+def test_clean___removes_what_the_set_up_made_alone(bare: Path) -> None:
+    before = sorted(bare.rglob("*"))
+    for name in (".venv", "install", "build", "log"):
+        (bare / name).mkdir()
+        (bare / name / "one").touch()
+    done = called(bare, "clean")
+    assert done.returncode == 0
+    assert [name in done.stderr for name in (".venv", "install", "build", "log")] == [True] * 4
+    assert sorted(bare.rglob("*")) == before
+    assert called(bare, "clean").returncode == 0
