@@ -202,6 +202,11 @@ class BagWriter:
         self.end_file()
         self._closed = True
 
+    def discard(self) -> None:
+        """Close the bag and remove it."""
+        self.close()
+        shutil.rmtree(self.path, ignore_errors=True)
+
     def __enter__(self) -> BagWriter:  # noqa: PYI034 - Self needs Python 3.11
         return self
 

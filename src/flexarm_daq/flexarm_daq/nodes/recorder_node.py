@@ -47,6 +47,8 @@ PARAMETERS = read_table("flexarm_daq.nodes", "recorder", {"topics": tuple(TOPICS
 _ResponseT = TypeVar("_ResponseT", SetBool.Response, Trigger.Response)
 _WAIT_S = 0.1
 _REPORT_S = 1.0
+_SILENT_REPORTS = 5
+"""So many reports without a message say that nobody publishes."""
 
 
 class RecorderNode(Node):
@@ -73,6 +75,7 @@ class RecorderNode(Node):
             queue.SimpleQueue()
         )
         self._stopping = threading.Event()
+        self._silent_reports = 0
         self._reporter = Reporter(self, NodeTime(self))
         self.create_timer(_REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(SetBool, "~/record", self._on_record)
@@ -186,7 +189,7 @@ class RecorderNode(Node):
         status = DiagnosticStatus(message="not recording")
         writer, last = self._recording.writer, self._recording.last
         if writer is not None:
-            complaints = writer.sequences.complaints()
+            complaints = [*writer.sequences.complaints(), *self._silence(writer)]
             status.message = "; ".join([f"recording to {writer.path}", *complaints])
             status.values = [KeyValue(key="messages", value=str(writer.message_count))]
             if last is not None:
@@ -198,6 +201,17 @@ class RecorderNode(Node):
             status.level = DiagnosticStatus.ERROR
             status.message = self.failure
         self._reporter.publish(status)
+
+    def _silence(self, writer: BagWriter) -> list[str]:
+        """Complain when nobody has published for long, in the log too."""
+        if writer.message_count > 0 or self._recording.last is not None:
+            self._silent_reports = 0
+            return []
+        self._silent_reports += 1
+        text = f"no message yet: is the loop of {self.get_namespace()} up?"
+        if self._silent_reports == _SILENT_REPORTS:
+            self.get_logger().warning(text)
+        return [text] if self._silent_reports >= _SILENT_REPORTS else []
 
     def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         return self._answered(self._open if request.data else self._close, response)

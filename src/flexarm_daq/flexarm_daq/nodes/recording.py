@@ -131,7 +131,7 @@ class Recording:
         self._write_and_flush(due)
 
     def close(self) -> str:
-        """Close the bag, and return in words what is in it.
+        """Close the bag, and return in words what is in it; one without a message is removed.
 
         Raises
         ------
@@ -146,11 +146,16 @@ class Recording:
             return "was not recording"
         writer = self.writer
         try:
-            writer.close()
+            if writer.message_count == 0:
+                writer.discard()
+            else:
+                writer.close()
         except RecordingError as error:
             self._fail(error)
             raise
         self.writer = None
+        if writer.message_count == 0:
+            return f"no message came: no bag is left in {writer.path}"
         content = f"{counted(writer.message_count, 'message')} in {writer.path}"
         return "; ".join([content, *writer.sequences.complaints()])
 

@@ -129,6 +129,13 @@ def test_end___without_a_bag___is_over_at_once(recording: Recording, bag: Path) 
     assert recording.close() == "was not recording"
 
 
+def test_close___without_a_message___leaves_no_bag(bag: Path) -> None:
+    recording = Recording(NAMES, [])
+    recording.open(BagWriter(bag, recorded_topics([SAMPLES[0], COMMANDS[0]])), START_NS)
+    assert recording.close() == f"no message came: no bag is left in {bag}"
+    assert not bag.exists()
+
+
 def test_close___missing_samples___are_named(recording: Recording, bag: Path) -> None:
     recording.take([sample(4)], 4 * MS)
     said = "/flexarm/state: 2 periods without a sample at 1 place"
