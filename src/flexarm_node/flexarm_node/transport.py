@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from flexarm_core.errors import SettingError
+from flexarm_node.log_folder import log_settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -150,17 +151,18 @@ def require_security(environment: Mapping[str, str], maps: str) -> None:
 
 
 def set_up_middleware(*, loop: bool = False) -> None:
-    """Set up the middleware of this process; call it before `rclpy.init`.
+    """Set up the middleware and the log of this process; call it before `rclpy.init`.
 
     Raises
     ------
     SettingError
-        When SROS2 is asked for and missing.
+        When SROS2 is asked for and missing, or when there is no folder for log files.
     """
     get_rmw_implementation_identifier()  # loads it
     require_security(os.environ, _mapped())
     _GIVEN.update(os.environ)
     os.environ.update(middleware_settings(_GIVEN, _mapped(), loop=loop))
+    os.environ.update(log_settings(_GIVEN))
 
 
 def complaint_about_transport() -> str:
