@@ -42,7 +42,8 @@ def test_status___without_a_graph___says_so(graph: Graph) -> None:
     process = graph.run([str(ROOT / "flexarm"), "status"])
     assert process.exit_code() == 1
     assert process.printed == (
-        f"flexarm: no node that reports was heard of in ROS domain {graph.domain} within 4 s\n"
+        f"flexarm: no node that reports was heard of in ROS domain {graph.domain} within 4 s: "
+        "start an arm with flexarm up, or use its ROS_DOMAIN_ID and --namespace\n"
     )
 
 

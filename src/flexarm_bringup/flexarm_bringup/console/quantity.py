@@ -40,12 +40,26 @@ class Quantity(FiniteRange):
         """Return the number in the first unit; an unknown unit is a usage error."""
         found = _NUMBER_AND_UNIT.fullmatch(str(value).strip())
         if not found:
-            return super().convert(value, param, ctx)
+            return self._bare(value, param, ctx)
         number, unit = found.groups()
         if unit not in self.units:
             known = ", ".join(self.units)
             self.fail(f"{value!r} has a unit that is not known here: use {known}.", param, ctx)
         return super().convert(float(number) * self.units[unit], param, ctx)
+
+    def _bare(self, value: Any, param: Parameter | None, ctx: Context | None) -> float:  # noqa: ANN401 - as click has it
+        """Return the number of a text without a unit."""
+        try:
+            number = float(value)
+        except ValueError:
+            first, *others = self.units
+            self.fail(
+                f"{value!r} is no number: write one in {first}, or with its unit "
+                f"({', '.join([first, *others])}).",
+                param,
+                ctx,
+            )
+        return super().convert(number, param, ctx)
 
 
 FREQUENCY_HZ = {"Hz": 1.0, "kHz": 1e3}

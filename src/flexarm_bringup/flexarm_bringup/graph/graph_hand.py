@@ -160,7 +160,7 @@ class GraphHand:
             operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
         except LaunchError:
             others = operator.nodes() - {operator.full_name(REMOTE)}
-            raise LaunchError(_nobody(f"node {wanted}") + nearest(wanted, others)) from None
+            raise LaunchError(_nobody(f"node {wanted}", nearest(wanted, others))) from None
 
 
 def stop_arms_of_graph(stopped_already: Collection[str]) -> Iterator[tuple[str, str]]:
@@ -220,5 +220,9 @@ def _stops(operator: Operator) -> set[str]:
     return {f"{arm}/{_STOP}" for arm in arms} & services
 
 
-def _nobody(wanted: str) -> str:
-    return f"no {wanted} was heard of in ROS domain {ros_domain()} within {_DISCOVERY_S:.0f} s"
+def _nobody(wanted: str, others: str = "") -> str:
+    where = f"in ROS domain {ros_domain()} within {_DISCOVERY_S:.0f} s"
+    return (
+        f"no {wanted} was heard of {where}{others}: "
+        "start an arm with flexarm up, or use its ROS_DOMAIN_ID and --namespace"
+    )

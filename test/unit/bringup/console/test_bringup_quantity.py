@@ -34,11 +34,11 @@ def test_quantity___number_with_or_without_unit___is_in_the_first_unit(
     ("text", "words"),
     [
         ("200lb", "'200lb' has a unit that is not known here: use kg, g."),
-        ("2 00g", "'2 00g' is not a valid"),
+        ("2 00g", "'2 00g' is no number: write one in kg, or with its unit (kg, g)."),
         ("1500g", "1.5 is not in the range 0.0<=x<=1.0"),
         ("-1g", "-0.001 is not in the range"),
         ("nan", "nan is no finite number"),
-        ("g", "'g' is not a valid"),
+        ("g", "'g' is no number: write one in kg"),
     ],
 )
 def test_quantity___text_that_is_none___is_refused_with_the_way_out(text: str, words: str) -> None:

@@ -111,11 +111,14 @@ def _addressed(node: str, namespace: str) -> tuple[str, str]:
 
 @click.command("set")
 @click.argument("node")
-@click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE...")
+@click.argument("assignments", nargs=-1, metavar="NAME=VALUE...")
 @ARM
 @examples("set controller law=pdpc_plus", "set daq max_command_v=2 payload_kg=0.2")
 def set_(node: str, assignments: tuple[str, ...], namespace: str) -> None:
     """Set parameters of a running node, all or none."""
+    if not assignments:
+        lacking = f"the node of {node}" if "=" in node else f"what to set of {node}"
+        raise click.UsageError(f"{lacking} is missing: flexarm set daq payload_kg=0.2")
     namespace, node = _addressed(node, namespace)
     wanted: dict[str, Any] = dict(parsed(each) for each in assignments)
     changes = through(namespace, lambda hand: hand.set(node, wanted))

@@ -1,0 +1,85 @@
+"""Wrong inputs on the command line: one line each, with what was wrong and the way out."""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING
+
+import pytest
+from click.testing import CliRunner
+
+from flexarm_bringup.cli import main
+from flexarm_core.errors import FlexarmError
+from support.project import BAGS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+BAG = BAGS / "c_dat3_0g"
+FILES = {
+    "text.txt": "hello",
+    "semi.csv": "t;u;y\n0;1;2\n",
+    "broken.yaml": "law: [",
+    "folder/other.txt": "",
+}
+# Command line, and words of its answer: what is wrong, and what to do instead.
+WRONG = {
+    "demmo": ("'demmo'", "Did you mean demo?"),
+    "identify": ("Missing argument 'BAGS...'",),
+    "identify nowhere": ("nowhere: no such bag",),
+    "identify text.txt": ("text.txt: no bag", "expected a rosbag2 folder or a .mcap or .db3 file"),
+    "identify folder": ("folder: no bag: the folder has no metadata.yaml",),
+    "identify semi.csv": ("semi.csv is a CSV file", "--map FILE"),
+    "identify BAG --order 0": ("'--order': 0", "range x>=1"),
+    "identify BAG --order 5000": ("order must lie between 1 and 39", "lower the order"),
+    "identify BAG --method magic": ("'magic'", "one of auto, orse"),
+    "identify BAG --reduce-to 3": ("No such option '--reduce-to'", "'--reduced-order'"),
+    "identify BAG --input nope.data": ("no output was named", "a record needs"),
+    "identify BAG --input u --output y": ("'u' is no TOPIC.FIELD", "such as"),
+    "identify BAG --train-fraction 2": ("2.0 is not in the range 0.0<x<=1.0",),
+    "identify BAG -o /proc/x": ("/proc/x/model.yaml: cannot be written",),
+    "report nowhere": ("nowhere: no such bag",),
+    "import nowhere.csv out": ("'nowhere.csv' does not exist",),
+    "bag check nowhere": ("nowhere: no such bag",),
+    "bag repair folder": ("Missing option '-o' / '--output'",),
+    "tune nowhere.yaml": ("nowhere.yaml: no such file", "a bag, or nominal:KG"),
+    "tune broken.yaml": ("broken.yaml: no YAML",),
+    "tune --law magic nominal:0": ("'magic'", "one of 'pdp', 'pi'"),
+    "experiment": ("Missing argument 'NAMES...'",),
+    "experiment NOPE": ("no experiment 'NOPE'", "C_dat1 to C_dat14"),
+    "experiment C_dat3 --payload -5": ("-5.0 is not in the range 0.0<=x<=1.0",),
+    "experiment C_dat3 --payload 200lb": ("'200lb' has a unit", "use kg, g"),
+    "experiment C_dat3 --payload heavy": ("'heavy' is no number", "write one in kg"),
+    "up --rate 0": ("0.0 is not in the range 10.0<=x<=2000.0",),
+    "reference": ("Missing argument 'SET_POINT'",),
+    "reference far": ("'far' is no number", "V, mV, deg, rad"),
+    "set payload_kg=0.2": ("the node of payload_kg=0.2 is missing", "flexarm set daq"),
+    "set daq": ("what to set of daq is missing", "flexarm set daq payload_kg=0.2"),
+    "set daq payload_kg": ("'payload_kg': write NAME=VALUE",),
+    "activate recorder": ("recorder has no lifecycle", "daq, controller, experiment have one"),
+    "run no_package x": ("no package no_package",),
+    "replay nowhere": ("nowhere: no such bag",),
+    "design --law nope": ("'nope'", "one of 'ilqr', 'lqg', 'pdp'"),
+    "demo --seed x": ("'x' is not a valid integer",),
+    "completion tcsh": ("'tcsh' is not one of 'bash', 'zsh', 'fish'",),
+}
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_wrong_input___is_told_in_one_line(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    arguments = [str(BAG) if each == "BAG" else each for each in shlex.split(line)]
+    done = CliRunner().invoke(main, arguments, prog_name="flexarm")
+    assert done.exit_code in {1, 2}
+    if isinstance(done.exception, FlexarmError):
+        told = [str(done.exception)]  # the command prints it as it is
+    else:
+        told = [text for text in done.output.splitlines() if text.startswith(("Error: ", "flex"))]
+    assert len(told) == 1
+    assert "\n" not in told[0]
+    assert [words for words in WRONG[line] if words not in told[0]] == []
