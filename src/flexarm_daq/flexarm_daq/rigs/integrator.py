@@ -106,14 +106,17 @@ def run(
     ndarray, (samples, 4)
         Noise-free voltages, V.
     """
-    rows = record[0].output_rows
+    equations = record[0]
+    rows = equations.output_rows
+    # Transitions cost more than some sub-steps: they are the same in every period.
+    before, after = _way(equations, delay_s), _way(equations, period_s - delay_s)
     outputs_v = np.zeros((len(command_v) - 1, len(rows)))
     for sample in range(len(outputs_v)):
         for channel in range(len(rows)):
             for column in range(COLUMNS):
                 outputs_v[sample, channel] += rows[channel, column] * state[POSITION, column]
-        advance(state, record, command_v[sample], delay_s)
-        advance(state, record, command_v[sample + 1], period_s - delay_s)
+        _move(state, equations, command_v[sample], before)
+        _move(state, equations, command_v[sample + 1], after)
     return outputs_v
 
 
@@ -122,22 +125,41 @@ def advance(
     state: NDArray[np.float64], record: NDArray[np.void], command_v: float, interval_s: float
 ) -> None:
     """Move `state` on in place, by a constant command over an interval; arguments as for `run`."""
+    equations = record[0]
+    _move(state, equations, command_v, _way(equations, interval_s))
+
+
+class _Way(NamedTuple):
+    """Sub-steps of an interval: how many, how long, the transitions of half and of whole ones."""
+
+    steps: int
+    step_s: float
+    half: NDArray[np.float64]
+    whole: NDArray[np.float64]
+
+
+@compiled
+def _way(equations: Equations, interval_s: float) -> _Way:
     # The margin of 0.1 ns keeps a rounding error in the interval from costing a sub-step.
     steps = math.ceil(interval_s * SUBSTEP_RATE_HZ - 1e-6)
-    if steps < 1:
+    step_s = interval_s / max(steps, 1)
+    return _Way(
+        steps, step_s, _transitions(equations, step_s / 2.0), _transitions(equations, step_s)
+    )
+
+
+@compiled
+def _move(state: NDArray[np.float64], equations: Equations, command_v: float, way: _Way) -> None:
+    if way.steps < 1:
         return
-    equations = record[0]
-    step_s = interval_s / steps
-    half_step = _transitions(equations, step_s / 2.0)
-    whole_step = _transitions(equations, step_s)
     torque_nm = equations.motor_gain * min(max(command_v, -MAX_COMMAND_V), MAX_COMMAND_V)
     # The half-steps between two kicks are taken as one.
-    _drift(state, half_step, step_s / 2.0)
-    for _ in range(steps - 1):
-        _kick(state, equations, torque_nm, step_s)
-        _drift(state, whole_step, step_s)
-    _kick(state, equations, torque_nm, step_s)
-    _drift(state, half_step, step_s / 2.0)
+    _drift(state, way.half, way.step_s / 2.0)
+    for _ in range(way.steps - 1):
+        _kick(state, equations, torque_nm, way.step_s)
+        _drift(state, way.whole, way.step_s)
+    _kick(state, equations, torque_nm, way.step_s)
+    _drift(state, way.half, way.step_s / 2.0)
     _settle(state)
 
 
