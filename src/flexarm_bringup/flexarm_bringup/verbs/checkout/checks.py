@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import click
@@ -15,7 +16,10 @@ from flexarm_bringup.console.verb_group import RUN_ON, examples
 from flexarm_bringup.verbs.checkout.folder import checkout
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
+
+    Check = tuple[str, tuple[str, ...]]
 
 DOCTEST = ("pytest", "--doctest-modules", "--doctest-glob", "*.md")
 """Pytest on the examples of docstrings and pages; the blocks of a page go on from one another."""
@@ -29,14 +33,11 @@ _READ = (
     ("types", ("mypy",)),
     ("examples", EXAMPLES),
 )
-_QUICK = (
-    *_READ,
-    ("unit tests", ("pytest", "-n", "auto", *BY_FILE, "-m", "not slow", *_QUICK_FOLDERS)),
-)
+_QUICK = ("unit tests", ("pytest", "-n", "auto", *BY_FILE, "-m", "not slow", *_QUICK_FOLDERS))
 # What the tests of a file share is computed once: a file stays with one worker. System tests wait
 # more than they work: between the others, and with one worker more, they leave no core idle.
 _WORKERS = str((os.cpu_count() or 1) + 1)
-_ALL = (*_READ, ("tests", ("pytest", "-n", _WORKERS, *BY_FILE)))
+_ALL = ("tests", ("pytest", "-n", _WORKERS, *BY_FILE))
 
 
 @click.command(context_settings=RUN_ON)
@@ -53,9 +54,11 @@ def test(arguments: tuple[str, ...], *, quick: bool) -> None:
             f"--quick chooses the tests: leave out {' '.join(arguments)}, or leave out --quick and "
             'say -m "not slow"'
         )
-    checks = (("tests", ("pytest", *arguments)),) if arguments else _QUICK if quick else _ALL
     root = checkout("tests")
-    failed = [name for name, command in checks if not passes(name, command, root)]
+    failed = [] if arguments else list(_failed_side_by_side(_READ, root))
+    name, command = ("tests", ("pytest", *arguments)) if arguments else _QUICK if quick else _ALL
+    if not passes(name, command, root):
+        failed.append(name)
     if quick:
         terminal.CONSOLE.print(
             "  left out: tests marked slow, property, fault and system tests; "
@@ -70,7 +73,40 @@ def passes(name: str, command: tuple[str, ...], root: Path) -> bool:
     """Announce and run a Python tool in the checkout; return whether it succeeded."""
     terminal.step(f"{name}: {' '.join(command)}")
     started_s = time.monotonic()
-    line = [sys.executable, "-m", *command]
-    done = subprocess.run(line, cwd=root, check=False)  # noqa: S603 - our own tools
-    terminal.CONSOLE.print(f"  {name} took {time.monotonic() - started_s:.0f} s")
+    done = subprocess.run(_line(command), cwd=root, check=False)  # noqa: S603 - our own tools
+    _tell_time(name, started_s)
     return done.returncode == 0
+
+
+def _failed_side_by_side(checks: tuple[Check, ...], root: Path) -> Iterator[str]:
+    """Run tools on every core, and yield the names of those that fail.
+
+    What a tool prints is shown when it and those before it have ended.
+    """
+    started_s = time.monotonic()
+
+    def run(check: Check) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(  # noqa: S603 - our own tools
+            _line(check[1]),
+            cwd=root,
+            check=False,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for (name, command), done in zip(checks, pool.map(run, checks), strict=True):
+            terminal.step(f"{name}: {' '.join(command)}")
+            click.echo(done.stdout, nl=False)
+            _tell_time(name, started_s)
+            if done.returncode:
+                yield name
+
+
+def _line(command: tuple[str, ...]) -> list[str]:
+    return [sys.executable, "-m", *command]
+
+
+def _tell_time(name: str, started_s: float) -> None:
+    terminal.CONSOLE.print(f"  {name} took {time.monotonic() - started_s:.0f} s")

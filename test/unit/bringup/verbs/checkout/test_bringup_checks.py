@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def commands(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]:
-    """Return the commands that would have run in a checkout, the second of which fails."""
+    """Return the commands that would have run in a checkout, of which that of the format fails."""
     (tmp_path / "pyproject.toml").touch()
     monkeypatch.setenv("FLEXARM_ROOT", str(tmp_path))
     begun: list[list[str]] = []
 
-    def run(command: list[str], **_: object) -> subprocess.CompletedProcess[bytes]:
+    def run(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
         begun.append(command[2:])
-        return subprocess.CompletedProcess(command, int(len(begun) == 2))
+        return subprocess.CompletedProcess(command, int("format" in command), stdout="said\n")
 
     monkeypatch.setattr(subprocess, "run", run)
     return begun
@@ -31,7 +31,10 @@ def commands(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]
 def test_quick___runs_no_slow_and_no_system_test(commands: list[list[str]]) -> None:
     result = CliRunner().invoke(verb, ["--quick"])
     assert result.exit_code == 1
-    assert [tool for tool, *_ in commands] == ["ruff", "ruff", "mypy", "pytest", "pytest"]
+    tools = [tool for tool, *_ in commands]
+    assert sorted(tools[:4]) == ["mypy", "pytest", "ruff", "ruff"]
+    assert tools[4:] == ["pytest"]
+    assert result.output.count("said") == 4
     assert commands[-1][-4:] == ["-m", "not slow", "test/unit", "test/architecture"]
     assert "left out: tests marked slow" in result.output
     assert "failed: format" in result.output
