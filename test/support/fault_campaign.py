@@ -16,9 +16,9 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns
+from support.heard_states import HeardStates
 from support.recorded_samples import States
 from support.system_graph import Graph, eventually
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from flexarm_msgs.msg import ArmState
     from support.system_graph import Process
 
 # A step whose error stays, so that the command never is zero by itself.
@@ -61,13 +62,17 @@ class Campaign:
     def __init__(self, graph: Graph, folder: Path) -> None:
         self.graph = graph
         self._folder = folder
-        self.states: list[ArmState] = []
+        self._heard = HeardStates(graph.node)
         self.status = DiagnosticStatus()
         self._bags = 0
         self._reports_from_ns = 0
         self._batches = count()
-        graph.node.create_subscription(ArmState, "state", self.states.append, qos.EVERY)
         graph.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_report, qos.EVERY)
+
+    @property
+    def states(self) -> list[ArmState]:
+        """Samples since the last wait for some began."""
+        return self._heard.all()
 
     def figures(self) -> dict[str, str]:
         """Return the newest figures of the DAQ node."""
@@ -85,7 +90,7 @@ class Campaign:
 
     def await_drive(self) -> None:
         """Wait until the arm is driven."""
-        self.states.clear()
+        self._heard.forget()
 
         def is_driven() -> bool:
             assert self.status.level != DiagnosticStatus.ERROR, self.status.message
@@ -108,7 +113,7 @@ class Campaign:
 
     def await_samples(self, samples: int) -> None:
         """Wait for more samples."""
-        self.states.clear()
+        self._heard.forget()
         self._wait(lambda: len(self.states) >= samples, "samples")
 
     def record(self) -> Path:
