@@ -75,6 +75,11 @@ class Axis:
         room = _ROOM * (high - low) or 0.5
         return cls(label, low - room, high + room, log=log, ticks=ticks, second=second)
 
+    @classmethod
+    def of_counts(cls, label: str, low: float, high: float) -> Axis:
+        """Return an axis with ticks at whole numbers."""
+        return cls(label, low, high, ticks=max(1, min(6, int(high - low))))
+
     def scaled(self, values: ArrayLike) -> FloatArray:
         """Return the places of values: 0 at the low end, 1 at the high one, NaN where none is."""
         array = np.asarray(values, dtype=np.float64)

@@ -35,7 +35,7 @@ def singular_value_plot(singular_values: FloatArray, order: int) -> str:
     shown = singular_values[: max(_SHOWN_SINGULAR_VALUES, order + _SHOWN_SINGULAR_VALUES // 4)]
     positive = np.flatnonzero(shown > 0.0)
     kept, rest = positive[positive < order], positive[positive >= order]
-    x = Axis("number", 0.0, len(shown) + 1.0)
+    x = Axis.of_counts("number", 0.0, len(shown) + 1.0)
     y = Axis.around("singular value", [shown], log=True)
     found = [
         marks.verticals([order + 0.5], y, marks.CUT, f"order {order}"),
@@ -77,7 +77,7 @@ def stabilisation_plot(
     end_hz = min(_ROOM * highest_hz, 0.5 / diagram.dt_s) or 0.5 / diagram.dt_s
     seen = [pole for pole in diagram.poles if pole.frequency_hz <= end_hz]
     x = Axis("frequency, Hz", 0.0, end_hz, ticks=6)
-    y = Axis("order", diagram.orders[0] - 1.0, diagram.orders[-1] + 1.0)
+    y = Axis.of_counts("order", diagram.orders[0] - 1.0, diagram.orders[-1] + 1.0)
     found: list[Mark] = []
     if measured is not None:
         found.extend(_spectrum(measured, end_hz, y))
@@ -141,7 +141,8 @@ def cost_plot(curves: Mapping[str, Sequence[tuple[int, float]]], *, full: float,
         for name, costs in curves.items()
     }
     means = [each for _, each in limited.values()]
-    x = Axis.around("states kept", [[order], *(each for each, _ in limited.values())])
+    kept = [order, *(number for orders, _ in limited.values() for number in orders)]
+    x = Axis.of_counts("states kept", min(kept) - 0.5, max(kept) + 0.5)
     y = Axis.around("mean error \u03b4", [[0.0, full], *means])
     found = [
         marks.horizontals([full], x, marks.RULE, "full model"),

@@ -56,7 +56,9 @@ def pole_plot(modes: Sequence[Mode], dt_s: float) -> str:
     ]
     reach = _REACH * max([1.0, *(abs(mode.eigenvalue) for mode in modes)])
     outside = sum(abs(mode.eigenvalue) >= 1.0 for mode in modes)
-    panel = Panel(Axis("imaginary part of z", -reach, reach), found, "aspect-ratio:1", notes)
+    panel = Panel(
+        Axis("imaginary part of z", -reach, reach), found, "aspect-ratio:1;max-width:22rem", notes
+    )
     words = f"poles of {len(modes)} modes, {outside} not inside the unit circle"
     return chart(View(words, Axis("real part of z", -reach, reach), [panel]))
 
