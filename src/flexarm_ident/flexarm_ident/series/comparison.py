@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 _RECORDS_SHOWN = 3
 _LIGHT_DAMPING = 0.5
 # Modes of two models within this ratio of frequencies stand in one row.
-_SAME_MODE = 1.2
+_SAME_MODE = 1.35
 # Without a record, the lowest frequency of a response over the sampling frequency.
 _LOWEST = 1e-3
 

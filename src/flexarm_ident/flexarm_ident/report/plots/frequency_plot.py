@@ -76,7 +76,7 @@ def frequency_plot(
         degrees = _unwrapped_deg(response)
         first_deg = degrees if first_deg is None else first_deg
         # Whole turns mean nothing: take those that bring the curves together.
-        degrees = degrees - 360.0 * np.round((degrees - first_deg) / 360.0)
+        degrees -= 360.0 * np.round(np.nanmedian(degrees - first_deg) / 360.0)
         if model is first and deviation is not None:
             magnitude.append(_band(response, deviation, frequencies_hz))
         magnitude.append(marks.line(frequencies_hz, _decibels(np.abs(response)), look, label))

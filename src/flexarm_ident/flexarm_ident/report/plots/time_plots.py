@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 CURVE_POINTS = 2000
 _SHOWN_HOLES = 200
 _HIGH, _LOW = "height:11rem", "height:7rem"
+_TICKS = 6
 _LOOKS = (marks.SOLID, marks.DASHED, marks.DOTTED)
 _PER_RADIAN = math.degrees(1.0)
 _SHOWN_AS = {
@@ -153,7 +154,9 @@ def _match_view(match: Match, rows: slice, points: int, fitted_s: float) -> View
         _curve(time_s, measured, marks.SOLID, "measured", points),
         _curve(time_s, simulated, marks.DASHED, "simulated", points),
     ]
-    y = Axis.around(axis_label(match.name), (curve.y for curve in curves), second=match.second)
+    y = Axis.around(
+        axis_label(match.name), (curve.y for curve in curves), ticks=_TICKS, second=match.second
+    )
     panel = Panel(y, [*_beneath(time_s, np.isnan(measured), y, fitted_s), *curves], _HIGH)
     part = "" if len(time_s) == len(match.time_s) else ", a part of it"
     words = f"{label_and_unit(match.name)[0]}: measured and simulated over time{part}"
@@ -174,7 +177,8 @@ def _beneath(time_s: FloatArray, missing: BoolArray, y: Axis, fitted_s: float) -
     """
     found = []
     end_s = min(fitted_s, float(time_s[-1]))
-    if end_s > time_s[0]:
+    # A shade over all tells nothing.
+    if time_s[0] < end_s < time_s[-1]:
         edges_s = [float(time_s[0]), end_s]
         found.append(marks.between(edges_s, y.low, y.high, marks.SHADE, "fitted part"))
     holes = runs(missing)
@@ -235,7 +239,7 @@ def _curve(time_s: FloatArray, values: FloatArray, look: str, label: str, points
 def _time(time_s: FloatArray) -> Axis:
     # To the end of the last period, so that the axis ends in a round number.
     end_s = time_s[0] + (time_s[-1] - time_s[0]) * len(time_s) / max(len(time_s) - 1, 1)
-    return Axis("time, s", float(time_s[0]), float(end_s), ticks=6)
+    return Axis("time, s", float(time_s[0]), float(end_s), ticks=8)
 
 
 def extremes(values: FloatArray, points: int) -> NDArray[np.intp]:
