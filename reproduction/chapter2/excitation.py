@@ -11,7 +11,7 @@ import numpy as np
 from flexarm_core.channels import BOUND_V, DRIVE_A_PER_V, MAX_COMMAND_V
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.experiments.excitation import DIRECTION_HZ, VARYING_HZ
-from flexarm_ident.report.plots.style import DOTTED, SOLID, STYLE, figure_of, inline_svg
+from flexarm_ident.series.picture import DOTTED, SOLID, STYLE, figure_of, inline_svg
 from reproduction.framework.findings import (
     Call,
     Finding,

@@ -11,8 +11,6 @@ import numpy as np
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_ident.records.iodata import ARM_OUTPUTS, IoData
-from flexarm_ident.report.plots.order_plots import singular_value_plot
-from flexarm_ident.report.plots.time_plots import match_plot
 from reproduction.chapter2.order_survey import (
     SET_POINT_COMPENSATION_V,
     SET_POINT_GAINS,
@@ -45,6 +43,7 @@ from reproduction.framework.findings import (
     subject,
     thesis_table,
 )
+from reproduction.framework.model_plots import match_plot, singular_value_plot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

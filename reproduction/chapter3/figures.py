@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_ident.records.iodata import ARM_OUTPUTS
-from flexarm_ident.report.plots.time_plots import match_plot
 from reproduction.chapter3.costs import RATIO_NEAR
 from reproduction.chapter3.examples import (
     EXAMPLES,
@@ -37,6 +36,7 @@ from reproduction.framework.findings import (
     prose,
     thesis_table,
 )
+from reproduction.framework.model_plots import match_plot
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

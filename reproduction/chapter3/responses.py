@@ -11,7 +11,7 @@ from scipy import signal
 
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.report.plots.frequency_plot import frequency_grid
-from flexarm_ident.report.plots.style import (
+from flexarm_ident.series.picture import (
     BLACK,
     BLUE,
     MARK,

@@ -15,7 +15,7 @@ from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
 from flexarm_daq import RigParameters
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.report.plots.style import (
+from flexarm_ident.series.picture import (
     DASHED,
     DOTTED,
     SOLID,

@@ -24,7 +24,6 @@ from flexarm_control.simulation import simulate_loop
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from flexarm_ident.report.plots.time_plots import match_plot
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run as identify_record
 from reproduction.chapter2.order_survey import METHOD, block_rows_for
@@ -46,6 +45,7 @@ from reproduction.framework.findings import (
     subject,
     thesis_table,
 )
+from reproduction.framework.model_plots import match_plot
 from reproduction.framework.realisations import rounded_model
 from reproduction.framework.rig import RATE_HZ, STEP_S, simulated_record, step_to
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
-from flexarm_ident.report.plots.style import (
+from flexarm_ident.series.picture import (
     DASHED,
     DOTTED,
     SHADE,

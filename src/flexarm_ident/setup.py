@@ -6,7 +6,10 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(),
-    package_data={PACKAGE: ["ident.yaml"], f"{PACKAGE}.report": ["templates/*.j2"]},
+    package_data={
+        PACKAGE: ["ident.yaml"],
+        f"{PACKAGE}.report": ["templates/*.j2", "templates/*.js"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

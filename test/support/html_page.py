@@ -31,7 +31,7 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        if "style" not in self.open:
+        if {"style", "script"}.isdisjoint(self.open):
             self.text += data
 
     def count(self, tag: str) -> int:

@@ -14,7 +14,13 @@ from flexarm_ident.friction.dry_friction import friction_fields
 from flexarm_ident.models.files import FORMATS, save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.provenance import model_provenance
-from flexarm_ident.reading.read import read_bag, read_channels, sample_count, stream_bag
+from flexarm_ident.reading.read import (
+    begin_date,
+    read_bag,
+    read_channels,
+    sample_count,
+    stream_bag,
+)
 from flexarm_ident.report.content.blocks import Subject
 from flexarm_ident.report.page import render_report
 from flexarm_ident.workflow.stages import run
@@ -155,6 +161,7 @@ def identify_bags(
         name=name,
         exports=exports,
         force=force,
+        begun=begin_date(bags[0]),
         before_commit=lambda: report("writing", 1.0),
     )
     return Results(name, folder, outcome, parameters)
@@ -181,7 +188,7 @@ def report_bags(
     measured, outcome = _identified(bags, request, channels, report, read_record)
     name = model_name(bags[0])
     subject, _ = _subject(name, outcome, measured)
-    page = render_report(subject, title=_title(name))
+    page = render_report(replace(subject, begun=begin_date(bags[0])), title=_title(name))
     with _staging(file) as staging:
         staged = staging / REPORT_FILE
         staged.write_text(page, encoding="utf-8")
@@ -198,6 +205,7 @@ def write_results(
     name: str,
     exports: Sequence[str] = (),
     force: bool = False,
+    begun: str = "",
     before_commit: Callable[[], None] = lambda: None,
 ) -> dict[str, ParameterValue]:
     """Write `model.yaml`, ready for `--params-file`, `report.html`, and further formats.
@@ -219,6 +227,8 @@ def write_results(
         Suffixes of `models.files.FORMATS` beside `.yaml`.
     force : bool
         Files of these names that flexarm did not write are replaced too.
+    begun : str
+        Instant at which the first record begins, see `reading.read.begin_date`.
     before_commit : callable
         Called when all is written but nothing is in its place; an exception leaves no trace.
 
@@ -238,7 +248,7 @@ def write_results(
     require_place(files, force=force)
     subject, provenance = _subject(name, outcome, measured)
     place = folder.absolute().name
-    listed = replace(subject, files=[f"{place}/{file.name}" for file in model_files])
+    listed = replace(subject, files=[f"{place}/{file.name}" for file in model_files], begun=begun)
     report = render_report(listed, title=_title(name))
     with _staging(folder) as staging:
         for file in model_files:

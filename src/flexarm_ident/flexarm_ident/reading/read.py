@@ -7,6 +7,7 @@ header: they are ordered by log time, which our recorder sets to the instant of 
 
 from __future__ import annotations
 
+from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from flexarm_ident.reading.alignment import Alignment, BagReading, Pieces
     from flexarm_ident.reading.channels import Selection
     from flexarm_ident.records.iodata import IoData
+
+# Clocks that begin at 0 when a machine or a simulation starts are far below.
+_FIRST_ROS_YEAR = 2007
 
 
 def read_bag(uri: Path | str, *, topic: str | None = None) -> IoData:
@@ -112,10 +116,15 @@ def sample_count(uri: Path | str, *, topic: str | None = None) -> int:
         return bag.count(_chosen(bag, topic))
 
 
-def begin_ns(uri: Path | str) -> int:
-    """Return the instant of the first message of a bag, in ns since the epoch."""
+def begin_date(uri: Path | str) -> str:
+    """Return the instant at which a bag begins, UTC as ISO 8601 in whole seconds.
+
+    It is empty where the bag's clock is not that of the world.
+    """
     with opened(Path(uri)) as bag:
-        return int(bag.reader.start_time)
+        begin_ns = int(bag.reader.start_time)
+    begun = datetime.fromtimestamp(begin_ns // 10**9, timezone.utc)
+    return begun.isoformat() if begun.year >= _FIRST_ROS_YEAR else ""
 
 
 def read_channels(uri: Path | str, selection: Selection) -> IoData:

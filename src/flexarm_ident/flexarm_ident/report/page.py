@@ -10,6 +10,8 @@ import jinja2
 
 from flexarm_core.errors import IdentificationError
 from flexarm_core.outputs import MARK
+from flexarm_ident.report.card import card
+from flexarm_ident.report.script import content_policy, script
 from flexarm_ident.report.sections import sections
 from flexarm_ident.report.summary import cautions, remarks, summary
 
@@ -35,11 +37,12 @@ def render_report(subject: Subject, *, title: str) -> str:
     Returns
     -------
     str
-        A HTML document with its style, plots and model inside; it loads and runs nothing.
+        A HTML document with its style, plots, script and model inside; it loads nothing.
     """
     shown = [section for section in sections() if section.applies(subject)]
     return _template("report.html.j2").render(
         title=title,
+        card=card(subject),
         summary=summary(subject.outcome),
         cautions=cautions(subject.outcome),
         remarks=remarks(subject.outcome),
@@ -55,13 +58,14 @@ def render_page(title: str, lines: Iterable[str], parts: Mapping[str, Iterable[B
     title : str
         Heading.
     lines : iterable of str
-        Summary, one paragraph each.
+        Summary, one sentence each.
     parts : mapping of str to iterable of Block
         Headings of the sections and their content.
     """
     return _template("report.html.j2").render(
         title=title,
-        summary=lines,
+        card=None,
+        summary=list(lines),
         cautions=(),
         remarks=(),
         sections=[(head.lower().replace(" ", "-"), head, blocks) for head, blocks in parts.items()],
@@ -105,7 +109,7 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters["rendered"] = _rendered
-    environment.globals["mark"] = MARK
+    environment.globals |= {"mark": MARK, "policy": content_policy(), "script": script()}
     return environment
 
 

@@ -6,7 +6,6 @@ import hashlib
 import json
 import re
 from dataclasses import asdict, dataclass
-from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,7 @@ from flexarm_core.outputs import MARK, require_place
 from flexarm_core.workers import Workers, computed
 from flexarm_ident.job import REPORT_FILE, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
-from flexarm_ident.reading.read import begin_ns
+from flexarm_ident.reading.read import begin_date
 from flexarm_ident.series.parquet import require_parquet, write_parquet
 from flexarm_ident.series.rows import Row, model_cells, read_rows, write_rows
 from flexarm_ident.series.trend import trend_page, trend_plot
@@ -32,8 +31,6 @@ TABLE_FILE = "models.csv"
 PARQUET_FILE = "models.parquet"
 TREND_FILE = "trend.svg"
 PAGE_FILE = "index.html"
-# Clocks that begin at 0 when a machine or a simulation starts are far below.
-_FIRST_ROS_YEAR = 2007
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +164,7 @@ def _row(task: _Task) -> tuple[Row, bool]:
     """Return the row of a bag, in a worker: the known one, that of a new model, or of a failure."""
     cells: dict[str, str] = {}
     try:
-        begun = _date(task.bag)
+        begun = begin_date(task.bag)
         record = read_record(task.bag, task.request, task.channels)
         record_sha256, request_sha256 = record_hash(record), _request_hash(task)
         if task.known is not None and task.known.is_of(record_sha256, request_sha256):
@@ -177,18 +174,18 @@ def _row(task: _Task) -> tuple[Row, bool]:
         outcome = run([record], task.request)
         name = model_name(task.bag)
         write_results(
-            task.folder, outcome, [record], name=name, exports=task.exports, force=task.force
+            task.folder,
+            outcome,
+            [record],
+            name=name,
+            exports=task.exports,
+            force=task.force,
+            begun=begun,
         )
         cells |= model_cells(outcome)
     except (FlexarmError, OSError) as error:
         cells["failure"] = one_line(error)
     return Row(task.name, cells), False
-
-
-def _date(bag: Path) -> str:
-    """Return the instant at which a bag begins; empty where its clock is not that of the world."""
-    begun = datetime.fromtimestamp(begin_ns(bag) // 10**9, timezone.utc)
-    return begun.isoformat() if begun.year >= _FIRST_ROS_YEAR else ""
 
 
 def _request_hash(task: _Task) -> str:

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from flexarm_core.labels import axis_label, counted
 from flexarm_ident.report.content.blocks import Links, Plots, Table
 from flexarm_ident.report.page import render_page
-from flexarm_ident.report.plots.style import (
+from flexarm_ident.series.picture import (
     BLACK,
     BLUE,
     STYLE,

@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
+from flexarm_ident.report.script import content_policy
 from flexarm_live.serving.access import refusal, role_of
 
 if TYPE_CHECKING:
@@ -25,11 +26,8 @@ _PAGE_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-# A report has its style and its pictures inside, and no script.
-_REPORT_POLICY = (
-    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'"
-)
+# A report has all inside, and of scripts only that of this version runs.
+_REPORT_POLICY = f"{content_policy()}; frame-ancestors 'none'"
 _TEXT = "text/plain; charset=utf-8"
 
 

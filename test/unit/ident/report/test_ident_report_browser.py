@@ -32,7 +32,7 @@ pytestmark = [
 DEADLINE_S = 90.0
 WIDTH_PX = 400
 SMALLEST_TEXT_PX = 11.0
-LARGEST_BYTES = 3e6
+LARGEST_BYTES = 1e6
 
 # A window may not be narrower than 500 pixels, a frame may.
 PROBE = """<!DOCTYPE html><html><head><link rel="icon" href="data:,"></head><body>
@@ -53,13 +53,40 @@ function texts(page) {
   }
   return found;
 }
-function cutOff(svg) {
-  const box = svg.getBoundingClientRect();
-  return [...svg.querySelectorAll("text")].filter((text) => {
+function cutOff(view) {
+  const box = view.closest("figure").getBoundingClientRect();
+  return [...view.querySelectorAll("i, p")].filter((text) => {
     const its = text.getBoundingClientRect();
     return its.left < box.left - 1 || its.right > box.right + 1
       || its.top < box.top - 1 || its.bottom > box.bottom + 1;
   }).map((text) => text.textContent);
+}
+function used(page) {
+  const view = page.querySelector(".wide .view"), area = view.querySelector(".area");
+  const rect = area.getBoundingClientRect(), svg = area.querySelector("svg");
+  const box = () => svg.getAttribute("viewBox");
+  const send = (type, part) => area.dispatchEvent(new page.defaultView.PointerEvent(type, {
+    bubbles: true, button: 0, clientX: rect.left + part * rect.width, clientY: rect.top + 5,
+  }));
+  // No real pointer is down.
+  area.setPointerCapture = () => {};
+  const found = {whole: box()};
+  send("pointermove", 0.5);
+  found.read = view.querySelector(".read").textContent;
+  send("pointerdown", 0.25);
+  send("pointermove", 0.75);
+  send("pointerup", 0.75);
+  found.zoomed = box();
+  found.ticks = [...area.querySelectorAll("i.x")].map((tick) => tick.textContent);
+  view.querySelector(".whole").click();
+  found.again = box();
+  const chart = view.closest(".chart"), key = chart.querySelector(".keys input");
+  const mark = chart.querySelector(".view ." + key.className.replace("k", "m"));
+  const display = () => page.defaultView.getComputedStyle(mark).display;
+  found.before = display();
+  key.click();
+  found.after = display();
+  return found;
 }
 function measured(page) {
   const root = page.documentElement, all = (selector) => [...page.querySelectorAll(selector)];
@@ -71,12 +98,13 @@ function measured(page) {
     headers: Object.fromEntries(all("table").map(
       (node) => [node.className, [...node.tHead.rows[0].cells].map((cell) => cell.textContent)]
     )),
-    plots: all("svg").filter(shown).map((svg) => ({
-      label: svg.getAttribute("aria-label") || "",
-      caption: svg.parentElement.querySelector("figcaption")?.textContent || "",
-      ratio: svg.getBoundingClientRect().height / svg.getBoundingClientRect().width,
-      cutOff: cutOff(svg),
+    plots: all("[role=img]").filter(shown).map((view) => ({
+      label: view.getAttribute("aria-label") || "",
+      caption: view.closest("figure").querySelector("figcaption")?.textContent || "",
+      ratio: view.getBoundingClientRect().height / view.getBoundingClientRect().width,
+      cutOff: cutOff(view),
     })),
+    used: used(page),
     wide: all("main *").filter(
       (node) => !node.closest("svg, .scroll")
         && node.getBoundingClientRect().right > root.clientWidth + 1
@@ -201,9 +229,24 @@ def test_report___in_a_browser___shows_every_part(seen: Visit) -> None:
         assert words in figures["words"]
 
 
+def test_report___in_a_browser___zooms_reads_out_and_hides(seen: Visit) -> None:
+    used = seen.figures["used"]
+    assert used["whole"] == used["again"] == "0 0 10000 2000"
+    left, top, width, height = map(float, used["zoomed"].split())
+    assert (left, width) == pytest.approx((2500.0, 5000.0), rel=0.01)
+    assert (top, height) == (0.0, 2000.0)
+    # A record of 40 s.
+    assert used["ticks"] == ["10", "15", "20", "25", "30"]
+    assert used["read"].startswith("20 | measured ")
+    assert "simulated" in used["read"]
+    assert "deg" in used["read"]
+    assert (used["before"], used["after"]) == ("inline", "none")
+
+
 def test_report___in_a_browser___names_every_plot(seen: Visit) -> None:
     plots = seen.figures["plots"]
-    # An input, two each for order and poles, one for the reduction, four outputs four times.
-    assert len(plots) == 1 + 2 + 2 + 1 + 4 * 4
+    # The card's, an input, two each for order and poles, one for the reduction; for each output
+    # one gain, two correlations, and twice the whole record with a part of it.
+    assert len(plots) == 1 + 1 + 2 + 2 + 1 + 4 * (1 + 2 + 2 * 2)
     assert all(plot["label"] and plot["caption"] for plot in plots)
     assert all(0.3 < plot["ratio"] < 1.2 for plot in plots)

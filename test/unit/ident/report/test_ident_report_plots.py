@@ -5,26 +5,33 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 
 from flexarm_core.labels import axis_label, label_and_unit
 from flexarm_ident.models.modes import ranked_modes
+from flexarm_ident.report.plots.axis import Axis, SecondUnit
 from flexarm_ident.report.plots.frequency_plot import frequency_grid, frequency_plot
+from flexarm_ident.report.plots.marks import HEIGHT, WIDTH, between, dots, line
 from flexarm_ident.report.plots.order_plots import cost_plot, singular_value_plot
 from flexarm_ident.report.plots.pole_plots import damping_plot, pole_plot
-from flexarm_ident.report.plots.style import STYLE, figure_of, inline_svg
-from flexarm_ident.report.plots.time_plots import input_plot, match_plot
+from flexarm_ident.report.plots.time_plots import (
+    ARM_UNITS,
+    Match,
+    input_plot,
+    liveliest,
+    match_plot,
+    near_plot,
+)
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 from support.step_plots import a_step, times
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    from matplotlib.backend_bases import RendererBase
+    from numpy.typing import NDArray
 
+    from flexarm_core.arrays import FloatArray
     from flexarm_ident.models.modes import Mode
 
 KNOWN_HZ = (9.4, 24.1, 45.6)
@@ -38,7 +45,7 @@ def mode_list() -> list[Mode]:
 
 def test_pole_plot___one_mode_more___has_its_mark_above_and_below_the_axis() -> None:
     modes = mode_list()
-    assert pole_plot(modes, DT_S).count("<use") == pole_plot(modes[1:], DT_S).count("<use") + 2
+    assert pole_plot(modes, DT_S).count("h0") == pole_plot(modes[1:], DT_S).count("h0") + 2
 
 
 def test_pole_plot___mode_that_grows___counts_it() -> None:
@@ -47,47 +54,95 @@ def test_pole_plot___mode_that_grows___counts_it() -> None:
     assert "1 not inside the unit circle" in pole_plot([outside, *mode_list()[1:]], DT_S)
 
 
-def test_plot___any___is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn: list[str] = []
-    draw = Axes.draw
-
-    def counted(axes: Axes, renderer: RendererBase) -> None:
-        drawn.append(axes.get_ylabel())
-        draw(axes, renderer)
-
-    monkeypatch.setattr(Axes, "draw", counted)
-    input_plot(times(300), np.sin(times(300)), "current_a")
-    assert drawn == ["current, A"]
+def texts(plot: str) -> set[str]:
+    root = ET.fromstring(plot)  # noqa: S314 (own text)
+    return {words for node in root.iter() for words in (node.text, node.tail) if words}
 
 
-def test_plot___ticks_wider_than_measured___is_not_cut() -> None:
-    with mpl.rc_context(STYLE):
-        figure = figure_of(3.0)
-        axes = figure.subplots()
-        axes.set_ylabel("words")
-        higher = axes.get_window_extent().height
-        # The layout makes the axes lower for the label below.
-        axes.set_xlabel("three\nlines of\nwords")
-        axes.yaxis.set_major_formatter(
-            lambda value, _: f"{value:.{1 if axes.get_window_extent().height >= higher else 15}f}"
-        )
-        inline_svg(figure, "words")
-    assert axes.yaxis.label.get_window_extent().x0 >= 0.0
+def path_of(plot: str, look: str, view: int = 0) -> str:
+    """Return the path of a look in one of the views."""
+    views = [node for node in ET.fromstring(plot).iter() if node.get("role") == "img"]  # noqa: S314
+    found = [node for node in views[view].iter("path") if look in (node.get("class") or "").split()]
+    return str(found[0].get("d"))
 
 
-def texts(svg: str) -> Sequence[str]:
-    return ["".join(node.itertext()) for node in ET.fromstring(svg).iter() if "text" in node.tag]  # noqa: S314 (own text)
+def points_of(path: str) -> NDArray[np.int64]:
+    """Return the points of a path, (points, 2), by following its differences."""
+    found: list[tuple[int, int]] = []
+    for command, given in re.findall("([Ml])([^A-Za-z]*)", path):
+        numbers = [int(each) for each in re.findall(r"-?\d+", given)]
+        for x, y in zip(numbers[::2], numbers[1::2], strict=True):
+            before = (0, 0) if command == "M" else found[-1]
+            found.append((before[0] + x, before[1] + y))
+    return np.array(found)
 
 
-def curve_points(svg: str) -> int:
-    paths: list[str] = re.findall(r' d="([^"]*)"', svg)
-    return max(path.count("L") + path.count("M") for path in paths)
+def test_line___values___stand_at_their_places() -> None:
+    x, y = Axis("x", 0.0, 4.0), Axis("y", -1.0, 1.0, log=True)
+    curve = line([0.0, 1.0, 2.0, 4.0], [0.1, 1.0, np.nan, 10.0], "solid")
+    assert curve.path(x, y) == f"M0 {HEIGHT}l2500 -1000M{WIDTH} 0h0"
+    assert dots([4.0], [0.0], "dot").path(x, y) == ""
+    area = between([0.0, 4.0], 0.1, 10.0, "shade").path(x, y)
+    corners = [[0, HEIGHT], [WIDTH, HEIGHT], [WIDTH, 0], [0, 0]]
+    assert points_of(area).tolist() == corners
+    assert area.endswith("z")
+
+
+@pytest.mark.parametrize(
+    ("axis", "expected"),
+    [
+        (Axis("", 0.0, 40.0, ticks=4), {0.0: "0", 0.25: "10", 0.5: "20", 0.75: "30", 1.0: "40"}),
+        (Axis("", -1.0, 1.0, ticks=2), {0.0: "\u22121", 0.5: "0", 1.0: "1"}),
+        (Axis("", -200.0, 200.0, step=180.0), {0.05: "\u2212180", 0.5: "0", 0.95: "180"}),
+        (
+            Axis("", -1.0, 3.0, log=True),
+            {0.0: "0.1", 0.25: "1", 0.5: "10", 0.75: "100", 1.0: "1000"},
+        ),
+    ],
+)
+def test_axis___range___has_round_ticks(axis: Axis, expected: dict[float, str]) -> None:
+    assert [text for _, text in axis.marks()] == list(expected.values())
+    assert [place for place, _ in axis.marks()] == pytest.approx(list(expected), abs=1e-12)
+
+
+def test_axis___second_unit___has_its_own_ticks_at_the_same_values() -> None:
+    axis = Axis("position, V", -3.0, 3.0, second=SecondUnit("deg", 35.0 / 3.0))
+    marks = axis.second_marks()
+    assert [text for _, text in marks] == ["\u221220", "0", "20"]
+    assert marks[-1][0] == pytest.approx((20.0 * 3.0 / 35.0 + 3.0) / 6.0)
+
+
+def test_arm_units___position_and_speed___are_those_of_the_thesis() -> None:
+    assert ARM_UNITS["position_v"] == pytest.approx(("deg", 35.0 / 3.0))
+    unit, per_volt = ARM_UNITS["speed_v"]
+    assert (unit, per_volt) == ("deg/s", pytest.approx(180.0 / np.pi / 0.2014))
+    assert ARM_UNITS["base_strain_v"][0] == "N m"
+
+
+def test_liveliest___one_transition___is_inside() -> None:
+    y = np.zeros((4000, 2))
+    y[2500:, 0] = 3.0
+    part = liveliest(y, 300)
+    assert part.start < 2500 < part.stop
+    assert part.stop - part.start == 300
+    assert liveliest(y, 5000) == slice(0, 4000)
 
 
 @pytest.mark.parametrize(
     ("draw", "expected"),
     [
-        (a_step, {"position", "set-point", "base", "middle", "strain, V", "command, V"}),
+        (
+            a_step,
+            {
+                "position",
+                "set-point",
+                "base strain",
+                "middle strain",
+                "strain, V",
+                "deg/s",
+                "command, V",
+            },
+        ),
         (
             lambda: input_plot(times(300), np.sin(times(300)), "current_a"),
             {"current, A", "time, s"},
@@ -111,18 +166,16 @@ def curve_points(svg: str) -> int:
         ),
         (
             lambda: frequency_plot(
-                arm_model(),
-                arm_model(),
+                {"full": arm_model(), "reduced": arm_model()},
                 3,
                 frequencies_hz=frequency_grid(arm_model(), 0.1),
                 known_modes_hz=KNOWN_HZ,
             ),
-            {"full, 9 states", "reduced, 9 states", "known modes", "gain, dB (V/V)", "10"},
+            {"full", "reduced", "known modes", "gain, dB (V/V)", "10"},
         ),
         (
             lambda: frequency_plot(
-                random_model(1),
-                None,
+                {"full, 5 states": random_model(1)},
                 0,
                 frequencies_hz=frequency_grid(random_model(1), 0.1),
             ),
@@ -133,29 +186,30 @@ def curve_points(svg: str) -> int:
 def test_plot___any___is_an_element_with_labels(
     draw: Callable[[], str], expected: set[str]
 ) -> None:
-    svg = draw()
-    root = ET.fromstring(svg)  # noqa: S314 (own text)
-    assert root.tag == "{http://www.w3.org/2000/svg}svg"
-    assert root.attrib["role"] == "img"
-    assert root.attrib["aria-label"]
-    assert "width" not in root.attrib
-    assert expected <= set(texts(svg))
+    plot = draw()
+    views = [node for node in ET.fromstring(plot).iter() if node.get("role") == "img"]  # noqa: S314
+    assert views
+    assert all(view.get("aria-label") for view in views)
+    assert expected <= texts(plot)
+
+
+def match(y: FloatArray, simulated: FloatArray, name: str = "position_v") -> Match:
+    return Match(name, times(len(y)), y, simulated)
 
 
 def test_match_plot___long_record___keeps_every_peak_with_few_points() -> None:
-    time_s = times(100_000)
     measured = np.zeros(100_000)
     measured[77_777] = 1.0
-    svg = match_plot(time_s, measured, 0.0 * measured, "speed_v", fitted_s=10.0)
-    assert curve_points(svg) <= 2000
-    whole = match_plot(time_s[:3], measured[77_776:77_779], np.zeros(3), "speed_v", fitted_s=0.0)
-    assert peak(svg) == pytest.approx(peak(whole), abs=0.02)
-
-
-def peak(svg: str) -> float:
-    """Return the height of the first clipped line, the measured one."""
-    lines = re.findall(r'<path d="([^"]*)" clip-path[^>]*stroke: #56b4e9', svg)
-    return min(float(y) for y in re.findall(r"[ML] [\d.-]+ ([\d.-]+)", lines[0]))
+    near = slice(77_700, 78_000)
+    plot = match_plot(match(measured, 0.0 * measured), fitted_s=10.0, near=near)
+    whole, part = (points_of(path_of(plot, "solid", view)) for view in (0, 1))
+    assert len(whole) <= 2000
+    assert whole[:, 1].min() == part[:, 1].min()
+    # With 5 % of room above.
+    assert part[:, 1].min() == pytest.approx(HEIGHT * 0.05 / 1.1, abs=1.0)
+    assert part[part[:, 1].argmin(), 0] == pytest.approx(WIDTH * 77.0 / 300.0, abs=1.0)
+    alone = near_plot(match(measured, 0.0 * measured), near)
+    assert path_of(alone, "solid") == path_of(plot, "solid", 1)
 
 
 @pytest.mark.parametrize(
@@ -180,17 +234,24 @@ def test_label_and_unit___name___is_split(name: str, words: str, unit: str) -> N
 
 def test_match_plot___holes___break_the_curve_and_are_marked() -> None:
     y = np.sin(np.arange(5000) / 50.0)
-    whole = match_plot(times(5000), y, y, "position_v", fitted_s=0.5, points=400)
+    near = slice(0, 300)
+    whole = match_plot(match(y, y), fitted_s=0.5, near=near, points=400)
     y = y.copy()
     y[1000:1400] = y[3000:3010] = np.nan
-    svg = match_plot(times(5000), y, np.zeros(5000), "position_v", fitted_s=0.5, points=400)
-    assert "holes" in svg
-    assert "holes" not in whole
-    assert "nan" not in svg
+    plot = match_plot(match(y, np.zeros(5000)), fitted_s=0.5, near=near, points=400)
+    assert "holes" in texts(plot)
+    assert "holes" not in texts(whole)
+    assert "nan" not in plot
+    first, second = points_of(path_of(plot, "solid")), points_of(path_of(whole, "solid"))
+    inside = np.abs(first[:, 0] - 0.24 * WIDTH) < 0.035 * WIDTH
+    assert not inside.any()
+    assert (np.abs(second[:, 0] - 0.24 * WIDTH) < 0.035 * WIDTH).any()
+    hole = path_of(plot, "hole")
+    assert hole.startswith(f"M{WIDTH * 1000 // 5000} {HEIGHT}")
 
 
 def test_match_plot___one_output___names_channel_and_unit() -> None:
     u = square_wave(400, 1)
     y = step_by_step(arm_model(), u)[:, 0]
-    svg = match_plot(times(400), y, y, "position_v", fitted_s=0.5)
-    assert {"position, V", "time, s", "measured", "simulated", "fitted part"} <= set(texts(svg))
+    plot = match_plot(match(y, y), fitted_s=0.5, near=slice(0, 100))
+    assert {"position, V", "time, s", "measured", "simulated", "fitted part"} <= texts(plot)

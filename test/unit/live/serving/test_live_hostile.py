@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import os
 import socket
+from base64 import b64encode
 from contextlib import ExitStack, suppress
+from hashlib import sha256
 from typing import TYPE_CHECKING
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from flexarm_ident.report.script import script
 from flexarm_live.serving.limits import LARGEST_MESSAGE, MOST_AT_WORK, MOST_CLIENTS, MOST_WAITING
 from support.live_server import (
     PATIENCE_S,
@@ -147,10 +150,11 @@ def test_request___for_a_path_out_of_the_page___finds_nothing(live: LiveServer, 
     assert body == b"there is no such file\n"
 
 
-def test_request___for_the_report___has_no_script(live: LiveServer) -> None:
+def test_request___for_the_report___runs_no_script_but_its_own(live: LiveServer) -> None:
     status, headers, body = live.get("/report/arm")
     assert (status, body) == (200, b"<!DOCTYPE html>")
-    assert "script-src" not in headers["Content-Security-Policy"]
+    digest = b64encode(sha256(script().encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}';" in headers["Content-Security-Policy"]
     assert headers["Content-Security-Policy"].startswith("default-src 'none'")
 
 

@@ -85,6 +85,11 @@ _BENCHES = (
         "Moving picture of the live page, from a real run",
         ("-o docs/images/page.webp --force",),
     ),
+    (
+        "report_picture",
+        "Picture of the top of a report",
+        ("out/identify/report.html -o docs/images/report.png --force",),
+    ),
     ("endurance", "Ten minutes of recording at 500 Hz with a busy core", ()),
 )
 

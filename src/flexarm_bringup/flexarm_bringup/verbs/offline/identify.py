@@ -248,7 +248,8 @@ def identify(
 @FORCE
 @examples(
     "report bags/c_dat3_0g",
-    "report out/run1 out/run2 -o arm.html",
+    "report bags/c_dat3_0g bags/c_dat3_400g -o both.html",
+    "report out/before out/after bags/c_dat3_0g",
     "report bags/c_dat3_0g --reduction mrmc --known-mode 9.4 --known-mode 24 --known-mode 45",
     "report bags/quanser_2dsfl --reduction none",
 )
@@ -260,12 +261,24 @@ def report(
     force: bool,
     **options: Any,  # noqa: ANN401
 ) -> None:
-    """Identify, reduce by MRM, refit B; write one HTML file."""
+    """Identify, reduce by MRM, refit B; write one HTML file.
+
+    Several bags or models are compared: each bag gives a model, tried on the records of all.
+    """
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
     channels = taken_channels(options)
     with as_bags(bags, map_file) as records, terminal.progress() as show:
+        if len(records) > 1:
+            from flexarm_ident.series.comparison import compare_files  # noqa: PLC0415 - a rare way
+
+            lines = compare_files(
+                records, out, Request(**options), channels=channels, force=force, progress=show
+            )
+            for line in (*lines, f"report in {out}"):
+                terminal.CONSOLE.print(line, markup=False)
+            return
         results = job.report_bags(
             records, out, Request(**options), channels=channels, force=force, progress=show
         )

@@ -66,10 +66,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Plots:
-    """Plots side by side: caption and SVG of each; a caption may be empty."""
+    """Plots with their captions, which may be empty: side by side, or each as wide as the page."""
 
     macro: ClassVar[str] = "gallery"
     plots: tuple[tuple[str, str], ...]
+    wide: bool = False
 
 
 class Check(NamedTuple):
@@ -93,6 +94,35 @@ class Facts:
 
     macro: ClassVar[str] = "facts"
     facts: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a reader wants first.
+
+    Attributes
+    ----------
+    level : str
+        Level of the verdict, and class in the style sheet.
+    verdict : str
+        The verdict in words.
+    figures : tuple of (str, str)
+        The figures it rests on, and what each is.
+    next_step : str
+        What to do next, a sentence.
+    facts : Facts
+        What the verdict is of.
+    picture : Plots
+        One plot.
+    """
+
+    macro: ClassVar[str] = "card"
+    level: str
+    verdict: str
+    figures: tuple[tuple[str, str], ...]
+    next_step: str
+    facts: Facts
+    picture: Plots
 
 
 class Download(NamedTuple):
@@ -142,12 +172,15 @@ class Subject:
         The model as flat parameters `models.<name>.*` with the fields of `model_provenance`.
     files : sequence of str
         Files of the model, each with its folder: the page may be copied elsewhere.
+    begun : str
+        Instant at which the first record begins, ISO 8601; empty when it is not known.
     """
 
     outcome: Outcome
     name: str
     parameters: Mapping[str, ParameterValue]
     files: Sequence[str] = ()
+    begun: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""Report plots as SVG text.
+"""Report plots as HTML.
 
-Every plot is a pure function from numbers to SVG. It is narrow, so that a page can set two side by
-side and a phone one below the other. Colours are distinct to the colour-blind, and line styles
-tell curves apart in black and white.
+Every plot is a pure function from numbers to text. Its lines stretch with the page and its words do
+not, so that one text serves a wide window and a phone. Colours are those of the page's style sheet,
+distinct to the colour-blind; line styles tell curves apart in black and white.
 """

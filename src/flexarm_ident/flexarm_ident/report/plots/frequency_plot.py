@@ -2,36 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.ticker import MultipleLocator, NullFormatter
 
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_and_damping
-from flexarm_ident.report.plots.style import (
-    BLUE,
-    DASHED,
-    MARK,
-    SOLID,
-    STYLE,
-    VERMILION,
-    figure_of,
-    inline_svg,
-    legend_above,
-    plain_numbers,
-)
+from flexarm_ident.report.plots import marks
+from flexarm_ident.report.plots.axis import Axis
+from flexarm_ident.report.plots.chart import Panel, View, chart
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     import control
-    from matplotlib.axes import Axes
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.diagnostics.spectra import Spectra
+    from flexarm_ident.report.plots.marks import Mark
 
 _GRID_POINTS = 400
 _SMALLEST_GAIN = 1e-12
@@ -39,11 +28,14 @@ _BAND_DEPTH_DB = 20.0
 _PHASE_TICKS = 4
 # Coherence that unrelated signals exceed at one frequency of a hundred.
 _CHANCE = 0.01
+_LOOKS = (marks.SOLID, marks.DASHED, marks.DOTTED, marks.THIN)
+COMPARED = len(_LOOKS)
+"""Models that a plot shows."""
+_MEASURED = "measured"
 
 
 def frequency_plot(
-    full: control.StateSpace,
-    reduced: control.StateSpace | None,
+    models: Mapping[str, control.StateSpace],
     output: int,
     source: int = 0,
     *,
@@ -56,92 +48,57 @@ def frequency_plot(
 
     Parameters
     ----------
-    full, reduced : control.StateSpace
-        Discrete models; the reduced one may be None.
+    models : mapping of str to control.StateSpace
+        Discrete models with the same channels by their names in the legend, four at most.
     output, source : int
         Numbers of the output and of the input, from 0.
     frequencies_hz : ndarray, (frequencies,)
         Frequencies, see `frequency_grid`.
     deviation : ndarray, (frequencies,), optional
-        Standard deviation of the full model's complex gain; the band is twice as wide.
+        Standard deviation of the first model's complex gain; the band is twice as wide.
     measured : Spectra, optional
         Nonparametric response, drawn behind the models, and the coherence.
     known_modes_hz : sequence of float
         Frequencies marked by thin lines.
     """
-    names = full.input_labels[source], full.output_labels[output]
-    curves = [("full", full, SOLID)]
-    if reduced is not None:
-        curves.append(("reduced", reduced, DASHED))
-    with mpl.rc_context(STYLE):
-        rows = [3, 2] if measured is None else [3, 2, 1]
-        figure = figure_of(3.4 if measured is None else 4.2)
-        panels = figure.subplots(len(rows), sharex=True, height_ratios=rows)
-        magnitude, phase = panels[:2]
-        first_deg: FloatArray | None = None
-        for kind, model, look in curves:
-            label = f"{kind}, {model.nstates} states"
-            response = frequency_response(model, frequencies_hz)[:, output, source]
-            decibels = _decibels(np.abs(response))
-            degrees = np.degrees(np.unwrap(np.angle(response)))
-            first_deg = degrees if first_deg is None else first_deg
-            # Whole turns mean nothing: take those that bring the curves together.
-            degrees = degrees - 360.0 * np.round((degrees - first_deg) / 360.0)
-            magnitude.plot(frequencies_hz, decibels, label=label, **look)
-            phase.plot(frequencies_hz, degrees, **look)
-            if model is full and deviation is not None:
-                edges = _decibels(np.abs(response) + np.outer([-2.0, 2.0], deviation))
-                floor = decibels.min() - _BAND_DEPTH_DB
-                magnitude.fill_between(
-                    frequencies_hz,
-                    *np.maximum(edges, floor),
-                    color=BLUE,
-                    alpha=0.35,
-                    linewidth=0.0,
-                    label="two deviations",
-                )
-        if measured is not None and first_deg is not None:
-            turned_deg = np.interp(measured.frequencies_hz, frequencies_hz, first_deg)
-            _draw_measured(panels, measured, (output, source), turned_deg)
-        for axes in panels:
-            for known_hz in known_modes_hz:
-                line = axes.axvline(known_hz, color=VERMILION, linewidth=0.7)
-                # One entry of the legend stands for all.
-                line.set_label("known modes" if known_hz == known_modes_hz[0] else "")
-        magnitude.set(ylabel=f"gain, {_gain_unit(*names)}", xscale="log")
-        phase.set(ylabel="phase, deg")
-        panels[-1].set(xlabel="frequency, Hz")
-        phase.set_xlim(frequencies_hz[0], frequencies_hz[-1])
-        phase.xaxis.set_major_formatter(plain_numbers())
-        phase.xaxis.set_minor_formatter(NullFormatter())
-        low_deg, high_deg = phase.get_ylim()
-        quarters = max(1.0, np.ceil((high_deg - low_deg) / 90.0 / _PHASE_TICKS))
-        phase.yaxis.set_major_locator(MultipleLocator(90.0 * quarters))
-        legend_above(magnitude, columns=2)
-        cause, effect = (label_and_unit(name)[0] for name in names)
-        return inline_svg(figure, f"frequency response from {cause} to {effect}")
-
-
-def _draw_measured(
-    panels: Sequence[Axes], found: Spectra, channels: tuple[int, int], model_deg: FloatArray
-) -> None:
-    """Draw the response where the output is coherent with the inputs, and the coherence.
-
-    The phase takes the whole turns of the model's, (frequencies,).
-    """
-    (magnitude, phase, below), (output, source) = panels, channels
-    coherence = found.coherence[:, output]
-    chance = found.chance(_CHANCE)
-    response = np.where(coherence > chance, found.response[:, output, source], np.nan)
-    look: Any = {"color": MARK, "linewidth": 0.9, "alpha": 0.7, "zorder": 0}
-    decibels = _decibels(np.abs(response))
-    magnitude.plot(found.frequencies_hz, decibels, label="measured", **look)
-    degrees = np.degrees(np.angle(response))
-    degrees += 360.0 * np.round((model_deg - degrees) / 360.0)
-    phase.plot(found.frequencies_hz, degrees, ".", markersize=1.5, **look)
-    below.fill_between(found.frequencies_hz, coherence.clip(0.0, 1.0), color=MARK, linewidth=0.0)
-    below.axhline(chance, color=VERMILION, linewidth=0.7)
-    below.set(ylabel="coh.", ylim=(0.0, 1.0))
+    first = next(iter(models.values()))
+    names = first.input_labels[source], first.output_labels[output]
+    x = Axis(
+        "frequency, Hz", *map(float, np.log10([frequencies_hz[0], frequencies_hz[-1]])), log=True
+    )
+    magnitude: list[Mark] = []
+    phase: list[Mark] = []
+    first_deg: FloatArray | None = None
+    for (label, model), look in zip(models.items(), _LOOKS, strict=False):
+        response = frequency_response(model, frequencies_hz)[:, output, source]
+        # A model of a longer period ends earlier.
+        response[frequencies_hz > 0.5001 / model.dt] = np.nan
+        degrees = _unwrapped_deg(response)
+        first_deg = degrees if first_deg is None else first_deg
+        # Whole turns mean nothing: take those that bring the curves together.
+        degrees -= 360.0 * np.round(np.nanmedian(degrees - first_deg) / 360.0)
+        if model is first and deviation is not None:
+            magnitude.append(_band(response, deviation, frequencies_hz))
+        magnitude.append(marks.line(frequencies_hz, _decibels(np.abs(response)), look, label))
+        phase.append(marks.line(frequencies_hz, degrees, look, label))
+    below: list[Mark] = []
+    if measured is not None and first_deg is not None:
+        turned_deg = np.interp(measured.frequencies_hz, frequencies_hz, first_deg)
+        gain, turn, *below = _measured(measured, (output, source), turned_deg, x)
+        magnitude.insert(0, gain)
+        phase.insert(0, turn)
+    panels = [
+        _panel(
+            Axis.around(f"gain, {_gain_unit(*names)}", (mark.y for mark in magnitude)), magnitude
+        ),
+        _panel(_phase_axis(phase), phase, "height:6rem"),
+    ]
+    if below:
+        panels.append(_panel(Axis("coherence", 0.0, 1.0, step=0.5), below, "height:3rem"))
+    if known_modes_hz:
+        panels = [_with_known(panel, known_modes_hz) for panel in panels]
+    cause, effect = (label_and_unit(name)[0] for name in names)
+    return chart(View(f"frequency response from {cause} to {effect}", x, panels))
 
 
 def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
@@ -158,6 +115,58 @@ def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
             grid.append(frequency_hz * (1.0 + width * np.linspace(-4.0, 4.0, 17)))
     merged = np.unique(np.concatenate(grid))
     return np.asarray(merged[(merged >= grid[0][0]) & (merged <= nyquist_hz)])
+
+
+def _band(response: FloatArray, deviation: FloatArray, frequencies_hz: FloatArray) -> Mark:
+    """Return the band of two deviations; it ends a little below the smallest gain."""
+    gain = np.abs(response)
+    floor = _decibels(gain).min() - _BAND_DEPTH_DB
+    low, high = np.maximum(_decibels(gain + np.outer([-2.0, 2.0], deviation)), floor)
+    return marks.between(frequencies_hz, low, high, marks.BAND, "two deviations")
+
+
+def _measured(
+    found: Spectra, channels: tuple[int, int], model_deg: FloatArray, x: Axis
+) -> list[Mark]:
+    """Return gain and phase where the output is coherent with the inputs, and the coherence.
+
+    The phase takes the whole turns of the model's, (frequencies,).
+    """
+    output, source = channels
+    at_hz, coherence = found.frequencies_hz, found.coherence[:, output]
+    chance = found.chance(_CHANCE)
+    response = np.where(coherence > chance, found.response[:, output, source], np.nan)
+    degrees = np.degrees(np.angle(response))
+    degrees += 360.0 * np.round((model_deg - degrees) / 360.0)
+    return [
+        marks.line(at_hz, _decibels(np.abs(response)), marks.THIN, _MEASURED),
+        marks.dots(at_hz, degrees, marks.SPECK, _MEASURED),
+        marks.between(at_hz, 0.0, coherence.clip(0.0, 1.0), marks.AREA),
+        marks.horizontals([chance], x, marks.RULE),
+    ]
+
+
+def _panel(y: Axis, found: Sequence[Mark], size: str = "height:12rem") -> Panel:
+    return Panel(y, found, size)
+
+
+def _with_known(panel: Panel, known_modes_hz: Sequence[float]) -> Panel:
+    known = marks.verticals(known_modes_hz, panel.y, marks.RULE, "known modes")
+    return Panel(panel.y, [*panel.marks, known], panel.size)
+
+
+def _phase_axis(found: Sequence[Mark]) -> Axis:
+    """Return an axis with ticks at multiples of a quarter turn."""
+    around = Axis.around("phase, deg", (mark.y for mark in found))
+    quarters = max(1.0, np.ceil((around.high - around.low) / 90.0 / _PHASE_TICKS))
+    return Axis(around.label, around.low, around.high, step=90.0 * float(quarters))
+
+
+def _unwrapped_deg(response: FloatArray) -> FloatArray:
+    known = np.isfinite(response)
+    degrees = np.full(len(response), np.nan)
+    degrees[known] = np.degrees(np.unwrap(np.angle(response[known])))
+    return degrees
 
 
 def _gain_unit(source: str, target: str) -> str:

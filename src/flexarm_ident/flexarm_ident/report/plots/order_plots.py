@@ -4,40 +4,30 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from flexarm_ident.report.plots.style import (
-    BLACK,
-    BLUE,
-    DASHED,
-    DOTTED,
-    MARK,
-    SOLID,
-    STYLE,
-    VERMILION,
-    figure_of,
-    inline_svg,
-    legend_above,
-    plain_numbers,
-)
+from flexarm_ident.report.plots import marks
+from flexarm_ident.report.plots.axis import Axis
+from flexarm_ident.report.plots.chart import Panel, View, chart
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.diagnostics.spectra import Spectra
     from flexarm_ident.diagnostics.stabilisation import Pole, RecurringMode, Stabilisation
+    from flexarm_ident.report.plots.marks import Mark
 
 _SHOWN_SINGULAR_VALUES = 40
 _ROOM = 1.3
 _SPREAD = 2.0
 _LOOKS = (
-    {**SOLID, "marker": "o"},
-    {**DASHED, "marker": "x"},
-    {**DOTTED, "marker": "s", "fillstyle": "none"},
+    (marks.SOLID, marks.SMALL),
+    (marks.DASHED, marks.DOT),
+    (marks.DOTTED, marks.SQUARE),
 )
 _HIGHEST = 1.5
+_SIZE = "height:16rem"
 
 
 def singular_value_plot(singular_values: FloatArray, order: int) -> str:
@@ -45,27 +35,15 @@ def singular_value_plot(singular_values: FloatArray, order: int) -> str:
     shown = singular_values[: max(_SHOWN_SINGULAR_VALUES, order + _SHOWN_SINGULAR_VALUES // 4)]
     positive = np.flatnonzero(shown > 0.0)
     kept, rest = positive[positive < order], positive[positive >= order]
-    with mpl.rc_context(STYLE):
-        figure = figure_of(3.0)
-        axes = figure.subplots()
-        axes.set_yscale("log")
-        axes.plot(kept + 1, shown[kept], "o", color=BLACK, markersize=3.5, label="used")
-        axes.plot(
-            rest + 1,
-            shown[rest],
-            "o",
-            color=MARK,
-            markersize=3.5,
-            fillstyle="none",
-            label="left out",
-        )
-        axes.axvline(order + 0.5, color=VERMILION, linestyle="--", label=f"order {order}")
-        axes.set(xlabel="number", ylabel="singular value", xlim=(0.0, len(shown) + 1.0))
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.yaxis.set_major_formatter(plain_numbers())
-        axes.yaxis.set_minor_formatter(NullFormatter())
-        legend_above(axes)
-        return inline_svg(figure, f"singular values, order {order} chosen")
+    x = Axis.of_counts("number", 0.0, len(shown) + 1.0)
+    y = Axis.around("singular value", [shown], log=True)
+    found = [
+        marks.verticals([order + 0.5], y, marks.CUT, f"order {order}"),
+        marks.dots(kept + 1, shown[kept], marks.DOT, "used"),
+        marks.dots(rest + 1, shown[rest], marks.SQUARE, "left out"),
+    ]
+    words = f"singular values, order {order} chosen"
+    return chart(View(words, x, [Panel(y, found, _SIZE)]))
 
 
 def stabilisation_plot(
@@ -74,6 +52,7 @@ def stabilisation_plot(
     *,
     known_modes_hz: Sequence[float] = (),
     order: int | None = None,
+    measured: Spectra | None = None,
 ) -> str:
     """Plot the modes of all orders over their frequency.
 
@@ -89,43 +68,54 @@ def stabilisation_plot(
         Frequencies marked by thin lines.
     order : int, optional
         Order of the chosen model, marked by a line.
+    measured : Spectra, optional
+        Spectra of the outputs, drawn behind: the sum of their powers, each of the same weight, in
+        decibels from the bottom to the top of the plot.
     """
-    shaded = [(mode.frequency_hz, mode.frequency_std_hz) for mode in physical]
     recurring_hz = [mode.frequency_hz for mode in diagram.modes]
     highest_hz = max([*recurring_hz, *known_modes_hz], default=0.0)
     end_hz = min(_ROOM * highest_hz, 0.5 / diagram.dt_s) or 0.5 / diagram.dt_s
     seen = [pole for pole in diagram.poles if pole.frequency_hz <= end_hz]
-    stable = [pole for pole in seen if pole.stable]
+    x = Axis("frequency, Hz", 0.0, end_hz, ticks=6)
+    y = Axis.of_counts("order", diagram.orders[0] - 1.0, diagram.orders[-1] + 1.0)
+    found: list[Mark] = []
+    if measured is not None:
+        found.extend(_spectrum(measured, end_hz, y))
+    for mode in physical:
+        # A line that does not vary is still to be seen.
+        width_hz = max(_SPREAD * mode.frequency_std_hz, 0.003 * end_hz)
+        edges_hz = [mode.frequency_hz - width_hz, mode.frequency_hz + width_hz]
+        found.append(marks.between(edges_hz, y.low, y.high, marks.BAND, "physical mode"))
+    if known_modes_hz:
+        found.append(marks.verticals(known_modes_hz, y, marks.RULE, "known modes"))
     unlike = [pole for pole in seen if pole.admissible and not pole.stable]
-    with mpl.rc_context(STYLE):
-        figure = figure_of(3.4)
-        axes = figure.subplots()
-        for number, (frequency_hz, std_hz) in enumerate(shaded):
-            # A line that does not vary is still to be seen.
-            width_hz = max(_SPREAD * std_hz, 0.003 * end_hz)
-            axes.axvspan(
-                frequency_hz - width_hz,
-                frequency_hz + width_hz,
-                color=BLUE,
-                alpha=0.35,
-                linewidth=0.0,
-                label="" if number else "physical mode",
-            )
-        for number, known_hz in enumerate(known_modes_hz):
-            axes.axvline(
-                known_hz, color=VERMILION, linewidth=0.9, label="" if number else "known modes"
-            )
-        axes.plot(*_places(unlike), "x", color=MARK, markersize=3.0, label="new")
-        axes.plot(*_places(stable), "o", color=BLACK, markersize=2.6, label="stable")
-        if order is not None:
-            axes.axhline(order, color=BLACK, linestyle="--", linewidth=0.8, label=f"order {order}")
-        axes.set(xlabel="frequency, Hz", ylabel="order", xlim=(0.0, end_hz))
-        axes.set_ylim(diagram.orders[0] - 1.0, diagram.orders[-1] + 1.0)
-        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.xaxis.set_major_formatter(plain_numbers())
-        legend_above(axes)
-        modes = ", ".join(f"{frequency_hz:.3g} Hz" for frequency_hz, _ in shaded) or "none"
-        return inline_svg(figure, f"stabilisation diagram, physical modes: {modes}")
+    stable = [pole for pole in seen if pole.stable]
+    found += [
+        marks.dots(*_places(unlike), marks.SQUARE, "new"),
+        marks.dots(*_places(stable), marks.SMALL, "stable"),
+    ]
+    if order is not None:
+        found.append(marks.horizontals([order], x, marks.CUT, f"order {order}"))
+    modes = ", ".join(f"{mode.frequency_hz:.3g} Hz" for mode in physical) or "none"
+    words = f"stabilisation diagram, physical modes: {modes}"
+    return chart(View(words, x, [Panel(y, found, _SIZE)]))
+
+
+def _spectrum(measured: Spectra, end_hz: float, y: Axis) -> list[Mark]:
+    """Return the summed power of the outputs over the height of the plot; none without power."""
+    inside = measured.frequencies_hz <= end_hz
+    total = measured.power.sum(axis=0)
+    share = measured.power[inside] / np.where(total > 0.0, total, 1.0)
+    power = share.sum(axis=1)
+    known = power > 0.0
+    if known.sum() < 2:  # noqa: PLR2004 - a curve has two ends
+        return []
+    level = np.log10(power[known])
+    low, high = float(level.min()), float(level.max())
+    part = (level - low) / ((high - low) or 1.0)
+    height = y.low + part * (y.high - y.low)
+    across_hz = measured.frequencies_hz[inside][known]
+    return [marks.between(across_hz, y.low, height, marks.SHADE, "spectrum")]
 
 
 def _places(poles: Sequence[Pole]) -> tuple[list[float], list[int]]:
@@ -146,16 +136,19 @@ def cost_plot(curves: Mapping[str, Sequence[tuple[int, float]]], *, full: float,
     order : int
         Order of the chosen model, marked by a line.
     """
-    with mpl.rc_context(STYLE):
-        figure = figure_of(3.0)
-        axes = figure.subplots()
-        for (name, costs), look in zip(curves.items(), _LOOKS, strict=False):
-            means = np.minimum([mean for _, mean in costs], _HIGHEST)
-            axes.plot([each for each, _ in costs], means, label=name, markersize=4.0, **look)
-        axes.axhline(full, color=MARK, linewidth=0.9, label="full model")
-        axes.axvline(order, color=VERMILION, linestyle="--", linewidth=0.9, label=f"order {order}")
-        axes.set(xlabel="states kept", ylabel="mean error δ")
-        axes.set_ylim(bottom=0.0)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        legend_above(axes, columns=2)
-        return inline_svg(figure, f"mean error over states kept, {', '.join(curves)}")
+    limited = {
+        name: ([each for each, _ in costs], np.minimum([mean for _, mean in costs], _HIGHEST))
+        for name, costs in curves.items()
+    }
+    means = [each for _, each in limited.values()]
+    kept = [order, *(number for orders, _ in limited.values() for number in orders)]
+    x = Axis.of_counts("states kept", min(kept) - 0.5, max(kept) + 0.5)
+    y = Axis.around("mean error \u03b4", [[0.0, full], *means])
+    found = [
+        marks.horizontals([full], x, marks.RULE, "full model"),
+        marks.verticals([order], y, marks.CUT, f"order {order}"),
+    ]
+    for (name, (orders, mean)), (look, point) in zip(limited.items(), _LOOKS, strict=False):
+        found += [marks.line(orders, mean, look, name), marks.dots(orders, mean, point, name)]
+    words = f"mean error over states kept, {', '.join(curves)}"
+    return chart(View(words, x, [Panel(y, found, _SIZE)]))

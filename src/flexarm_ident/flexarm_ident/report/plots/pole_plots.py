@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.ticker import LogLocator, NullFormatter
 
-from flexarm_ident.report.plots.style import (
-    BLACK,
-    BLUE,
-    MARK,
-    STYLE,
-    figure_of,
-    inline_svg,
-    legend_above,
-    plain_numbers,
-)
+from flexarm_ident.report.plots import marks
+from flexarm_ident.report.plots.axis import Axis
+from flexarm_ident.report.plots.chart import Note, Panel, View, chart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from matplotlib.axes import Axes
-
+    from flexarm_core.arrays import FloatArray
     from flexarm_ident.models.modes import Mode, ModeUncertainty
+    from flexarm_ident.report.plots.marks import Mark
 
-_LEFT_OUT: Any = {"color": MARK, "marker": "o", "linestyle": "none", "fillstyle": "none"}
-_KEPT: Any = {"color": BLACK, "marker": "x", "linestyle": "none"}
-_SIDES: Any = {1: "left", 0: "center", -1: "right"}
+_KINDS = ((False, "left out", marks.SQUARE), (True, "in the model", marks.DOT))
+_SIDES = {1: "left", 0: "mid", -1: "right"}
 _TICKED_SHARES = (0.1, 0.25, 0.5, 0.75)
+_REACH = 1.3
+_SIZE = "height:16rem"
 
 
 def pole_plot(modes: Sequence[Mode], dt_s: float) -> str:
@@ -42,39 +34,37 @@ def pole_plot(modes: Sequence[Mode], dt_s: float) -> str:
     dt_s : float
         Sampling period, for the frequencies along the circle.
     """
-    with mpl.rc_context(STYLE):
-        figure = figure_of(3.6)
-        axes = figure.subplots()
-        circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 181))
-        axes.plot(circle.real, circle.imag, color=BLUE, linewidth=0.9)
-        for share in _TICKED_SHARES:
-            place = np.exp(1j * np.pi * share)
-            axes.plot(place.real, place.imag, "|", color=BLUE, markersize=4.0)
-            axes.annotate(
-                f"{0.5 * share / dt_s:.4g} Hz",
-                (1.06 * place.real, 1.06 * place.imag),
-                ha=_SIDES[int(np.sign(place.real.round(3)))],
-                va="bottom",
-                color=MARK,
-            )
-        for kept, label, look in ((False, "left out", _LEFT_OUT), (True, "in the model", _KEPT)):
-            poles = np.array([mode.eigenvalue for mode in modes if mode.kept is kept])
-            if len(poles):
-                both = np.concatenate([poles, poles.conj()])
-                axes.plot(both.real, both.imag, label=label, markersize=5.0, **look)
-        axes.set(xlabel="real part of z", ylabel="imaginary part of z")
-        reach = max([1.0, *(abs(mode.eigenvalue) for mode in modes)])
-        axes.set(xlim=(-1.45 * reach, 1.45 * reach), ylim=(-1.1 * reach, 1.22 * reach))
-        axes.set_aspect("equal")
-        legend_above(axes)
-        outside = sum(abs(mode.eigenvalue) >= 1.0 for mode in modes)
-        return inline_svg(
-            figure, f"poles of {len(modes)} modes, {outside} not inside the unit circle"
+    circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 181))
+    ticks = np.exp(1j * np.pi * np.array(_TICKED_SHARES))
+    found = [
+        marks.Mark("line", marks.THIN, circle.real, circle.imag),
+        marks.dots(ticks.real, ticks.imag, marks.SPECK),
+    ]
+    for kept, label, look in _KINDS:
+        poles = np.array([mode.eigenvalue for mode in modes if mode.kept is kept])
+        if len(poles):
+            both = np.concatenate([poles, poles.conj()])
+            found.append(marks.dots(both.real, both.imag, look, label))
+    notes = [
+        Note(
+            1.06 * float(tick.real),
+            1.06 * float(tick.imag),
+            f"{0.5 * share / dt_s:.4g} Hz",
+            _SIDES[int(np.sign(tick.real.round(3)))],
         )
+        for share, tick in zip(_TICKED_SHARES, ticks, strict=True)
+    ]
+    reach = _REACH * max([1.0, *(abs(mode.eigenvalue) for mode in modes)])
+    outside = sum(abs(mode.eigenvalue) >= 1.0 for mode in modes)
+    panel = Panel(
+        Axis("imaginary part of z", -reach, reach), found, "aspect-ratio:1;max-width:22rem", notes
+    )
+    words = f"poles of {len(modes)} modes, {outside} not inside the unit circle"
+    return chart(View(words, Axis("real part of z", -reach, reach), [panel]))
 
 
 def damping_plot(modes: Sequence[Mode], deviations: Sequence[ModeUncertainty] = ()) -> str:
-    """Plot damping ratio over frequency, with one standard deviation to each side.
+    """Plot the damping ratio of each mode over its frequency, with a deviation to either side.
 
     Parameters
     ----------
@@ -84,45 +74,36 @@ def damping_plot(modes: Sequence[Mode], deviations: Sequence[ModeUncertainty] = 
         Scatter of each mode, or none. Bars end at the edge of the plot.
     """
     pairs = [(i, mode) for i, mode in enumerate(modes) if mode.frequency_hz > 0.0]
-    with mpl.rc_context(STYLE):
-        figure = figure_of(3.6)
-        axes = figure.subplots()
-        for kept, label, look in ((False, "left out", _LEFT_OUT), (True, "in the model", _KEPT)):
-            rows = [i for i, mode in pairs if mode.kept is kept]
-            if rows:
-                _scattered(axes, modes, rows, deviations, label=label, **look)
-        if pairs:
-            frequencies_hz = [mode.frequency_hz for _, mode in pairs]
-            axes.set_xlim(0.7 * min(frequencies_hz), 1.4 * max(frequencies_hz))
-            damping = [0.0, *(mode.damping_ratio for _, mode in pairs)]
-            room = 0.08 * (max(damping) - min(damping) or 1.0)
-            axes.set_ylim(min(damping) - room, max(damping) + room)
-            legend_above(axes)
-        axes.set(xlabel="frequency, Hz", ylabel="damping ratio", xscale="log")
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(plain_numbers())
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        return inline_svg(figure, f"damping ratio over frequency of {len(pairs)} modes")
-
-
-def _scattered(
-    axes: Axes,
-    modes: Sequence[Mode],
-    rows: Sequence[int],
-    deviations: Sequence[ModeUncertainty],
-    **look: Any,  # noqa: ANN401 - matplotlib's own
-) -> None:
-    frequencies_hz = [modes[i].frequency_hz for i in rows]
-    damping = [modes[i].damping_ratio for i in rows]
-    spread: Any = {}
+    frequencies_hz = np.array([mode.frequency_hz for _, mode in pairs])
+    damping = np.array([mode.damping_ratio for _, mode in pairs])
+    x = Axis.around("frequency, Hz", [frequencies_hz], log=True)
+    y = Axis.around("damping ratio", [damping, [0.0]])
+    found: list[Mark] = []
     if deviations:
-        # A bar to zero has no place on a logarithmic axis.
-        left = [min(deviations[i].frequency_std_hz, 0.99 * modes[i].frequency_hz) for i in rows]
-        right = [deviations[i].frequency_std_hz for i in rows]
-        spread = {
-            "xerr": (left, right),
-            "yerr": [deviations[i].damping_std for i in rows],
-            "elinewidth": 0.7,
-            "ecolor": BLUE,
-        }
-    axes.errorbar(frequencies_hz, damping, markersize=5.0, **spread, **look)
+        scatter = np.array(
+            [(deviations[i].frequency_std_hz, deviations[i].damping_std) for i, _ in pairs]
+        ).reshape(-1, 2)
+        found.extend(_bars(frequencies_hz, damping, scatter))
+    for kept, label, look in _KINDS:
+        rows = [row for row, (_, mode) in enumerate(pairs) if mode.kept is kept]
+        if rows:
+            found.append(marks.dots(frequencies_hz[rows], damping[rows], look, label))
+    words = f"damping ratio over frequency of {len(pairs)} modes"
+    return chart(View(words, x, [Panel(y, found, _SIZE)]))
+
+
+def _bars(
+    frequencies_hz: FloatArray,
+    damping: FloatArray,
+    scatter: FloatArray,
+) -> list[Mark]:
+    """Return bars of one deviation to each side: (modes,), (modes,), (modes, 2)."""
+    # A bar to zero has no place on a logarithmic axis.
+    left_hz = frequencies_hz - np.minimum(scatter[:, 0], 0.99 * frequencies_hz)
+    across = np.stack([left_hz, frequencies_hz + scatter[:, 0]], axis=1).ravel()
+    up = np.stack([damping - scatter[:, 1], damping + scatter[:, 1]], axis=1).ravel()
+    label = "one deviation"
+    return [
+        marks.segments(across, np.repeat(damping, 2), marks.WHISKER, label),
+        marks.segments(np.repeat(frequencies_hz, 2), up, marks.WHISKER, label),
+    ]

@@ -4,28 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
-
 from flexarm_core.labels import label_and_unit
-from flexarm_ident.report.plots.style import (
-    DASHED,
-    DOTTED,
-    SHADE,
-    SOLID,
-    STYLE,
-    figure_of,
-    inline_svg,
-    legend_above,
-)
+from flexarm_ident.report.plots import marks
+from flexarm_ident.report.plots.axis import Axis
+from flexarm_ident.report.plots.chart import Panel, View, chart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_ident.fitting.residuals import Residuals
 
-_LOOKS = (SOLID, DASHED, DOTTED)
+_LOOKS = (marks.SOLID, marks.DASHED, marks.DOTTED)
 RESIDUAL_INPUTS = len(_LOOKS)
 """Inputs that a plot shows."""
+_SIZE = "height:6.5rem"
+_CHANCE = "by chance (99 %)"
 
 
 def residual_plot(found: Residuals, output: int, name: str, inputs: Sequence[str]) -> str:
@@ -43,18 +36,33 @@ def residual_plot(found: Residuals, output: int, name: str, inputs: Sequence[str
         Names of the inputs; the first three are shown.
     """
     shown = list(zip(range(len(inputs)), inputs, _LOOKS, strict=False))
-    with mpl.rc_context(STYLE):
-        figure = figure_of(3.2)
-        own, cross = figure.subplots(2)
-        own.axhspan(-found.own_bound, found.own_bound, color=SHADE, linewidth=0.0)
-        own.plot(found.own_lags, found.own[:, output], **SOLID)
-        own.set(ylabel="with itself", xlim=(0.0, found.own_lags[-1]))
-        bound = max(found.cross_bound[output, number] for number, _, _ in shown)
-        cross.axhspan(-bound, bound, color=SHADE, linewidth=0.0, label="by chance (99 %)")
-        for number, source, look in shown:
-            label = label_and_unit(source)[0]
-            cross.plot(found.lags, found.cross[:, output, number], label=label, **look)
-        cross.set(xlabel="lag, samples", ylabel="with inputs")
-        cross.set_xlim(found.lags[0], found.lags[-1])
-        legend_above(cross)
-        return inline_svg(figure, f"{label_and_unit(name)[0]}: correlation of the residual")
+    words = f"{label_and_unit(name)[0]}: correlation of the residual"
+    own_ends, ends = [0.0, found.own_lags[-1]], [found.lags[0], found.lags[-1]]
+    own_bound = found.own_bound
+    bound = max(found.cross_bound[output, number] for number, _, _ in shown)
+    own = [
+        marks.between(own_ends, -own_bound, own_bound, marks.SHADE, _CHANCE),
+        marks.line(found.own_lags, found.own[:, output], marks.SOLID, "with itself"),
+    ]
+    cross = [marks.between(ends, -bound, bound, marks.SHADE, _CHANCE)] + [
+        marks.line(
+            found.lags,
+            found.cross[:, output, number],
+            look,
+            f"with {label_and_unit(source)[0]}",
+        )
+        for number, source, look in shown
+    ]
+    return chart(
+        *(
+            View(
+                words,
+                Axis("lag, samples", float(limits[0]), float(limits[1])),
+                [Panel(Axis.around(label, [each.y for each in panel]), panel, _SIZE)],
+            )
+            for label, limits, panel in (
+                ("with inputs", ends, cross),
+                ("with itself", own_ends, own),
+            )
+        )
+    )

@@ -132,5 +132,6 @@ def _inputs(outcome: Outcome) -> Plots:
         tuple(
             (label_and_unit(name)[0], input_plot(record.times_s, values, name))
             for name, values in zip(record.inputs, record.u.T, strict=True)
-        )
+        ),
+        wide=True,
     )

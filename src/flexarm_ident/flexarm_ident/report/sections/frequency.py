@@ -26,7 +26,11 @@ _MEASURED = (
 def _build(subject: Subject) -> Iterator[Block]:
     outcome = subject.outcome
     record = max(outcome.records, key=len)
-    full, reduced = outcome.identification.model, outcome.reduction and outcome.reduction.model
+    full = outcome.identification.model
+    models = {f"full, {full.nstates} states": full}
+    if outcome.reduction is not None:
+        reduced = outcome.reduction.model
+        models[f"reduced, {reduced.nstates} states"] = reduced
     grid_hz = frequency_grid(full, 1.0 / (len(record) * record.dt_s))
     known = outcome.identification.response_uncertainty(grid_hz)
     shown = record.inputs[: max(1, _RESPONSES_SHOWN // len(record.outputs))]
@@ -46,8 +50,7 @@ def _build(subject: Subject) -> Iterator[Block]:
                 (
                     label_and_unit(name)[0],
                     frequency_plot(
-                        full,
-                        reduced,
+                        models,
                         output,
                         number,
                         frequencies_hz=grid_hz,

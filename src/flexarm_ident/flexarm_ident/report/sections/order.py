@@ -23,6 +23,7 @@ def _build(subject: Subject) -> Iterator[Block]:
         [each.mode for each in found.recurring_modes if each.is_physical],
         known_modes_hz=request.known_modes_hz,
         order=found.order,
+        measured=subject.outcome.spectra,
     )
     yield Plots(
         (

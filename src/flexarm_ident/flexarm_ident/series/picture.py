@@ -1,4 +1,7 @@
-"""Plot style: size, colours, lines and fonts, and a figure as SVG text."""
+"""Pictures that are also files of their own: style of matplotlib, and a figure as SVG text.
+
+The plots of a report are drawn by `flexarm_ident.report.plots`, which needs its style sheet.
+"""
 
 from __future__ import annotations
 
