@@ -113,7 +113,8 @@ class Browser:
         self.console.clear()
         self.requests.clear()
         self.call("Page.navigate", url=address)
-        self.wait_for("location.protocol === 'http:' && document.readyState === 'complete'")
+        there = "['http:', 'file:'].includes(location.protocol)"
+        self.wait_for(f"{there} && document.readyState === 'complete'")
 
     def ask(self, expression: str) -> Any:  # noqa: ANN401 - a value of JavaScript
         """Return the value of an expression; a promise is awaited."""

@@ -6,6 +6,7 @@ import io
 import shutil
 import sys
 from contextlib import redirect_stderr
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,6 +21,8 @@ from flexarm_core.outputs import MARK, is_replaceable
 
 _BUILD = ".buildinfo"
 """File that Sphinx writes with a site."""
+_TOOLS = ("sphinx", "myst_parser", "furo", "sphinx_copybutton")
+"""What Sphinx is asked for in `docs/conf.py`."""
 _NOT_REPRODUCED = """\
 # The thesis, reproduced
 
@@ -58,13 +61,13 @@ def build_site(root: Path, out: Path, *, force: bool = False) -> str:
     Raises
     ------
     LaunchError
-        Without Sphinx, or when `out` holds something else than a site of ours and `force` is not
-        set.
+        Without Sphinx or what it is asked for, or when `out` holds something else than a site of
+        ours and `force` is not set.
     """
-    try:
-        from sphinx.cmd.build import build_main  # noqa: PLC0415 - may be missing
-    except ImportError as error:
-        raise LaunchError(f"{error}: install requirements/dev.in") from error
+    if missing := [tool for tool in _TOOLS if find_spec(tool) is None]:
+        raise LaunchError(f"no module {', '.join(missing)}: install requirements/dev.in")
+    from sphinx.cmd.build import build_main  # noqa: PLC0415 - it may be missing, and takes long
+
     if out.exists() and any(out.iterdir()) and not (force or _is_site(out)):
         raise LaunchError(
             f"{out} holds something else than a site of flexarm: choose another folder, or replace "

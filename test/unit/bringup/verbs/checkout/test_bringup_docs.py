@@ -1,4 +1,4 @@
-"""The pages: examples hold, the site builds, the viewers' layouts name what there is."""
+"""The pages: examples hold, a site replaces a site, the viewers' layouts name what there is."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import re
 import subprocess
 import sys
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
@@ -17,11 +16,11 @@ from click.testing import CliRunner
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.checks import DOCTEST
 from flexarm_bringup.verbs.checkout.docs import build_site, docs
-from flexarm_core.outputs import is_replaceable
 from support.project import PROJECT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 ROOT = PROJECT
 CONFIG = ROOT / "src" / "flexarm_bringup" / "config"
@@ -57,25 +56,12 @@ def test_example_that_does_not_hold___is_shown(tmp_path: Path) -> None:
     assert "Expected:\n    3\nGot:\n    2\n" in done.stdout
 
 
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::PendingDeprecationWarning")
-def test_site___pages_of_the_checkout___build_without_a_warning(tmp_path: Path) -> None:
-    site = tmp_path / "site"
-    assert build_site(ROOT, site) == ""
-    assert is_replaceable(site / ".buildinfo")
-    pages = {page.relative_to(site).with_suffix(".md") for page in site.rglob("*.html")}
-    written = {page.relative_to(ROOT / "docs") for page in (ROOT / "docs").rglob("*.md")}
-    assert written - {Path("README.md")} <= pages
-    assert 'id="flexarm_ident.subspace.orse.past_instruments"' in (
-        site / "api" / "flexarm_ident.subspace.orse.html"
-    ).read_text("utf-8")
-    tables = (site / "parameters.html").read_text("utf-8")
-    assert "parameters of" not in tables
-    for name in ("position_bound_v", "pdpc.kp", "autostart", "snapshot_mode", "exports"):
-        assert f">{name}<" in tables
-    for page in site.rglob("*.html"):
-        text = page.read_text("utf-8")
-        assert not re.search(r'(src|<link[^>]* href)="(https?:)?//', text), page
+def test_site___without_its_theme___says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "furo", None)
+    with pytest.raises(LaunchError, match=r"^no module furo: install requirements/dev\.in$"):
+        build_site(ROOT, tmp_path / "site")
 
 
 @pytest.mark.parametrize("name", ["mine.txt", ".buildinfo"])
