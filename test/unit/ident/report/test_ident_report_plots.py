@@ -113,10 +113,10 @@ def test_axis___second_unit___has_its_own_ticks_at_the_same_values() -> None:
 
 
 def test_arm_units___position_and_speed___are_those_of_the_thesis() -> None:
-    assert ARM_UNITS["position_v"] == pytest.approx(("deg", 35.0 / 3.0))
-    unit, per_volt = ARM_UNITS["speed_v"]
-    assert (unit, per_volt) == ("deg/s", pytest.approx(180.0 / np.pi / 0.2014))
-    assert ARM_UNITS["base_strain_v"][0] == "N m"
+    names = ("position_v", "speed_v", "base_strain_v")
+    units, per_volt = zip(*(ARM_UNITS[name] for name in names), strict=True)
+    assert units == ("deg", "deg/s", "N m")
+    assert per_volt[:2] == pytest.approx((35.0 / 3.0, 180.0 / np.pi / 0.2014))
 
 
 def test_liveliest___one_transition___is_inside() -> None:

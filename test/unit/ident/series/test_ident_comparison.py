@@ -61,7 +61,8 @@ def test_compare_files___two_model_files___are_one_page(tmp_path: Path) -> None:
     paths = []
     for name in ("before", "after"):
         (tmp_path / name).mkdir()
-        save_model(tmp_path / name / "model.yaml", random_model(3), name="arm")
+        file = tmp_path / name / "model.yaml"
+        save_model(file, random_model(3), name="arm", provenance={"source": "a bag"})
         paths.append(tmp_path / name)
     lines = compare_files(paths, tmp_path / "out.html", Request())
     assert lines == ["2 models on 0 records."]

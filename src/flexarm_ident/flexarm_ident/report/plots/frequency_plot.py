@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     import control
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.diagnostics.spectra import Spectra
     from flexarm_ident.report.plots.marks import Mark
 
@@ -63,9 +63,8 @@ def frequency_plot(
     """
     first = next(iter(models.values()))
     names = first.input_labels[source], first.output_labels[output]
-    x = Axis(
-        "frequency, Hz", *map(float, np.log10([frequencies_hz[0], frequencies_hz[-1]])), log=True
-    )
+    low, high = (float(np.log10(end)) for end in frequencies_hz[[0, -1]])
+    x = Axis("frequency, Hz", low, high, log=True)
     magnitude: list[Mark] = []
     phase: list[Mark] = []
     first_deg: FloatArray | None = None
@@ -117,7 +116,7 @@ def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
     return np.asarray(merged[(merged >= grid[0][0]) & (merged <= nyquist_hz)])
 
 
-def _band(response: FloatArray, deviation: FloatArray, frequencies_hz: FloatArray) -> Mark:
+def _band(response: ComplexArray, deviation: FloatArray, frequencies_hz: FloatArray) -> Mark:
     """Return the band of two deviations; it ends a little below the smallest gain."""
     gain = np.abs(response)
     floor = _decibels(gain).min() - _BAND_DEPTH_DB
@@ -162,7 +161,7 @@ def _phase_axis(found: Sequence[Mark]) -> Axis:
     return Axis(around.label, around.low, around.high, step=90.0 * float(quarters))
 
 
-def _unwrapped_deg(response: FloatArray) -> FloatArray:
+def _unwrapped_deg(response: ComplexArray) -> FloatArray:
     known = np.isfinite(response)
     degrees = np.full(len(response), np.nan)
     degrees[known] = np.degrees(np.unwrap(np.angle(response[known])))

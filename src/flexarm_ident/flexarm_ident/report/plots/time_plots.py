@@ -179,8 +179,8 @@ def _beneath(time_s: FloatArray, missing: BoolArray, y: Axis, fitted_s: float) -
     end_s = min(fitted_s, float(time_s[-1]))
     # A shade over all tells nothing.
     if time_s[0] < end_s < time_s[-1]:
-        edges_s = [float(time_s[0]), end_s]
-        found.append(marks.between(edges_s, y.low, y.high, marks.SHADE, "fitted part"))
+        ends_s = [float(time_s[0]), end_s]
+        found.append(marks.between(ends_s, y.low, y.high, marks.SHADE, "fitted part"))
     holes = runs(missing)
     if len(holes):
         longest = holes[np.argsort(holes[:, 0] - holes[:, 1], kind="stable")[:_SHOWN_HOLES]]
