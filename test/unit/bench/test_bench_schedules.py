@@ -55,7 +55,7 @@ def test_seed___run_again___does_the_same_to_the_bit() -> None:
     assert other.digest != first.digest
 
 
-def test_bag___of_a_time_in_which_nobody_sends___is_empty_and_no_violation() -> None:
+def test_bag___of_a_time_in_which_nobody_sends___is_removed_and_no_violation() -> None:
     silence = Event(1.0, "deactivate", "daq", length_s=1.5)
     bags = [Event(at_s, "record", "recorder", length_s=0.6) for at_s in (1.1, 1.8)]
     assert run(replace(draw(0), commander="square").of((silence, *bags))).violation == ""

@@ -155,7 +155,7 @@ class Recording:
             raise
         self.writer = None
         if writer.message_count == 0:
-            return f"no message came: no bag is left in {writer.path}"
+            return f"0 messages: no bag is left in {writer.path}"
         content = f"{counted(writer.message_count, 'message')} in {writer.path}"
         return "; ".join([content, *writer.sequences.complaints()])
 

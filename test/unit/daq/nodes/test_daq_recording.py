@@ -132,7 +132,7 @@ def test_end___without_a_bag___is_over_at_once(recording: Recording, bag: Path) 
 def test_close___without_a_message___leaves_no_bag(bag: Path) -> None:
     recording = Recording(NAMES, [])
     recording.open(BagWriter(bag, recorded_topics([SAMPLES[0], COMMANDS[0]])), START_NS)
-    assert recording.close() == f"no message came: no bag is left in {bag}"
+    assert recording.close() == f"0 messages: no bag is left in {bag}"
     assert not bag.exists()
 
 
