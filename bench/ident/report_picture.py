@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import click
@@ -16,11 +14,9 @@ from flexarm_core.outputs import require_place
 # The browser is that of the tests.
 sys.path.insert(0, str(Path(__file__).parents[2] / "test"))
 
-from support.browser import CHROMIUM
+from support.browser import CHROMIUM, Browser
 
 _WIDTH, _HEIGHT = 1200, 1000
-_DEADLINE_S = 60.0
-_FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run")
 
 
 @click.command()
@@ -50,15 +46,9 @@ def main(*, report: Path, out: Path, size: tuple[int, int], force: bool) -> None
     except FlexarmError as error:
         raise click.ClickException(str(error)) from error
     out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = [
-            *(CHROMIUM, *_FLAGS, f"--user-data-dir={profile}"),
-            *(f"--window-size={size[0]},{size[1]}", f"--screenshot={out.resolve()}"),
-            report.resolve().as_uri(),
-        ]
-        subprocess.run(  # noqa: S603 - the browser of this machine
-            command, check=True, timeout=_DEADLINE_S, stderr=subprocess.DEVNULL
-        )
+    with Browser() as browser:
+        browser.open(report.resolve().as_uri(), width=size[0], height=size[1])
+        browser.photograph(out, whole=False)
     click.echo(f"picture in {out}")
 
 

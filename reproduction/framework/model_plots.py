@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from flexarm_core.labels import axis_label, label_and_unit
-from flexarm_ident.report.plots.time_plots import CURVE_POINTS, extremes
+from flexarm_ident.report.plots.order_plots import used_and_left_out
+from flexarm_ident.report.plots.time_plots import CURVE_POINTS, extremes, limited
 from flexarm_ident.series.picture import (
     BLACK,
     DOTTED,
@@ -26,8 +26,6 @@ from flexarm_ident.series.picture import (
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
-
-_SHOWN_SINGULAR_VALUES = 40
 
 
 def match_plot(
@@ -53,9 +51,7 @@ def match_plot(
     points : int
         Most points of a curve; a longer record is drawn by its extremes.
     """
-    low, high = float(measured.min()), float(measured.max())
-    span = (high - low) or 1.0
-    visible = np.clip(np.nan_to_num(simulated, nan=high + span), low - span, high + span)
+    visible = limited(simulated, measured)
     with mpl.rc_context(STYLE):
         figure = figure_of(2.2)
         axes = figure.subplots()
@@ -75,9 +71,7 @@ def match_plot(
 
 def singular_value_plot(singular_values: FloatArray, order: int) -> str:
     """Plot the descending singular values of (2-21) with the chosen order marked, as SVG."""
-    shown = singular_values[: max(_SHOWN_SINGULAR_VALUES, order + _SHOWN_SINGULAR_VALUES // 4)]
-    positive = np.flatnonzero(shown > 0.0)
-    kept, rest = positive[positive < order], positive[positive >= order]
+    shown, kept, rest = used_and_left_out(singular_values, order)
     with mpl.rc_context(STYLE):
         figure = figure_of(3.0)
         axes = figure.subplots()

@@ -129,15 +129,24 @@ def compare_files(
     for number, path in enumerate(paths):
         report = whole(_part_of(progress, number, len(paths)))
         found.append(_compared(names[str(path)], path, request, channels, report))
-    text = comparison_page(found)
+    words, text = comparison_page(found)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(text, encoding="utf-8")
-    return _words(found, _trials(found))
+    return words
 
 
-def comparison_page(found: Sequence[Compared]) -> str:
-    """Return the page that compares models, two or more, on the records that they are of."""
+def comparison_page(found: Sequence[Compared]) -> tuple[list[str], str]:
+    """Compare models, two or more, on the records that they are of.
+
+    Returns
+    -------
+    words : list of str
+        The result in sentences.
+    page : str
+        The page, with these at its top.
+    """
     trials = _trials(found)
+    words = _words(found, trials)
     parts: dict[str, list[Block]] = {"Models": list(_models(found))}
     if trials:
         parts["Errors"] = list(_errors(found, trials))
@@ -146,7 +155,7 @@ def comparison_page(found: Sequence[Compared]) -> str:
     if trials:
         parts["Data matching"] = list(_matches(found, trials))
     title = f"Comparison of {', '.join(each.name for each in found)}"
-    return render_page(title, _words(found, trials), parts)
+    return words, render_page(title, words, parts)
 
 
 _Trials = list[tuple["IoData", str, list["Dmv | None"]]]

@@ -42,7 +42,7 @@ def test_comparison_page___exact_halved_and_foreign_model___tells_their_errors()
     halved.C = 0.5 * halved.C
     half = replace(ours, name="half", model=halved, verdict="", record=None)
     foreign = Compared("foreign", random_model(1), None)
-    text = comparison_page([ours, half, foreign])
+    _, text = comparison_page([ours, half, foreign])
     errors = {row[0]: row[1] for row in cells(text, "trials")}
     assert errors["foreign"] == "-"
     assert float(errors["ours"]) < 1e-3 < float(errors["half"])

@@ -13,6 +13,8 @@ from flexarm_ident.report.plots.chart import Panel, View, chart
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.diagnostics.spectra import Spectra
     from flexarm_ident.diagnostics.stabilisation import Pole, RecurringMode, Stabilisation
@@ -32,9 +34,7 @@ _SIZE = "height:16rem"
 
 def singular_value_plot(singular_values: FloatArray, order: int) -> str:
     """Plot the descending singular values of (2-21) with the chosen order marked."""
-    shown = singular_values[: max(_SHOWN_SINGULAR_VALUES, order + _SHOWN_SINGULAR_VALUES // 4)]
-    positive = np.flatnonzero(shown > 0.0)
-    kept, rest = positive[positive < order], positive[positive >= order]
+    shown, kept, rest = used_and_left_out(singular_values, order)
     x = Axis.of_counts("number", 0.0, len(shown) + 1.0)
     y = Axis.around("singular value", [shown], log=True)
     found = [
@@ -44,6 +44,23 @@ def singular_value_plot(singular_values: FloatArray, order: int) -> str:
     ]
     words = f"singular values, order {order} chosen"
     return chart(View(words, x, [Panel(y, found, _SIZE)]))
+
+
+def used_and_left_out(
+    singular_values: FloatArray, order: int
+) -> tuple[FloatArray, NDArray[np.intp], NDArray[np.intp]]:
+    """Return the singular values that a plot shows, and which of them a model of an order uses.
+
+    Returns
+    -------
+    shown : ndarray, (shown,)
+        The largest ones, some beyond the order.
+    used, left_out : ndarray of int
+        Indices into them of those above zero.
+    """
+    shown = singular_values[: max(_SHOWN_SINGULAR_VALUES, order + _SHOWN_SINGULAR_VALUES // 4)]
+    positive = np.flatnonzero(shown > 0.0)
+    return shown, positive[positive < order], positive[positive >= order]
 
 
 def stabilisation_plot(

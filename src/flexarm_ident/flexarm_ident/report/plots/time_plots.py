@@ -115,7 +115,7 @@ def overlay_plot(
     """
     curves = [_curve(time_s[near], measured[near], marks.THIN, "measured", CURVE_POINTS)]
     for (label, values), look in zip(simulated.items(), _LOOKS, strict=False):
-        seen = _limited(values, measured)[near]
+        seen = limited(values, measured)[near]
         curves.append(_curve(time_s[near], seen, look, label, CURVE_POINTS))
     y = Axis.around(axis_label(name), (curve.y for curve in curves))
     words = f"{label_and_unit(name)[0]}: measured, and simulated by {', '.join(simulated)}"
@@ -149,7 +149,7 @@ def liveliest(outputs: FloatArray, samples: int) -> slice:
 def _match_view(match: Match, rows: slice, points: int, fitted_s: float) -> View:
     """Return both curves over some rows."""
     time_s, measured = match.time_s[rows], match.measured[rows]
-    simulated = _limited(match.simulated, match.measured)[rows]
+    simulated = limited(match.simulated, match.measured)[rows]
     curves = [
         _curve(time_s, measured, marks.SOLID, "measured", points),
         _curve(time_s, simulated, marks.DASHED, "simulated", points),
@@ -163,8 +163,8 @@ def _match_view(match: Match, rows: slice, points: int, fitted_s: float) -> View
     return View(words, _time(time_s), [panel])
 
 
-def _limited(simulated: FloatArray, measured: FloatArray) -> FloatArray:
-    """Cut an unstable simulation off one range beyond the measured signal."""
+def limited(simulated: FloatArray, measured: FloatArray) -> FloatArray:
+    """Cut an unstable simulation, (samples,), off one range beyond the measured signal."""
     low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
     span = (high - low) or 1.0
     return np.asarray(np.nan_to_num(simulated, nan=high + span).clip(low - span, high + span))
