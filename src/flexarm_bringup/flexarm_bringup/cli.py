@@ -13,7 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 GROUPS = {
     "Start": {
-        "demo": "laboratory.demo:demo",
+        "demo": "simulated.demo:demo",
         "doctor": "health.doctor:doctor",
         "completion": "health.completion:completion",
     },
@@ -29,7 +29,7 @@ GROUPS = {
     },
     "Control": {
         "tune": "offline.tune:tune",
-        "design": "laboratory.design:design",
+        "design": "simulated.design:design",
         "replay": "offline.replay:replay",
     },
     "Run the laboratory": {

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.runs.pace import Pace
-from flexarm_bringup.verbs.laboratory.simulated_run import (
+from flexarm_bringup.verbs.simulated.simulated_run import (
     REPORT_FILE,
     SUMMARY_FILE,
     told_results,
 )
-from flexarm_bringup.verbs.laboratory.step_results import kept_modes_hz, states_of, versions
+from flexarm_bringup.verbs.simulated.step_results import kept_modes_hz, states_of, versions
 from flexarm_core.outputs import MARK_KEY
 from flexarm_ident.provenance import samples_hash
 from flexarm_ident.report.page import append_section
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_bringup.runs.recorded_run import RecordedRun
-    from flexarm_bringup.verbs.laboratory.simulated_run import RunSettings
-    from flexarm_bringup.verbs.laboratory.step_results import ControlledStep
+    from flexarm_bringup.verbs.simulated.simulated_run import RunSettings
+    from flexarm_bringup.verbs.simulated.step_results import ControlledStep
     from flexarm_msgs.srv import Identify
 
 

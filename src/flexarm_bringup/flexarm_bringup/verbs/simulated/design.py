@@ -11,7 +11,7 @@ import click
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.verbs.laboratory.simulated_run import (
+from flexarm_bringup.verbs.simulated.simulated_run import (
     REPLY_DELAY_S,
     REPORT_FILE,
     SUMMARY_FILE,
@@ -20,7 +20,7 @@ from flexarm_bringup.verbs.laboratory.simulated_run import (
     simulated_run,
     told_results,
 )
-from flexarm_bringup.verbs.laboratory.step_results import (
+from flexarm_bringup.verbs.simulated.step_results import (
     SET_POINT_V,
     given_parameters,
     states_of,
@@ -38,7 +38,7 @@ from flexarm_ident.report.page import append_section
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
-    from flexarm_bringup.verbs.laboratory.step_results import ControlledStep
+    from flexarm_bringup.verbs.simulated.step_results import ControlledStep
     from flexarm_control.design.tuning_job import TuneResult
 
 CONTROLLER_FILE = "controller.yaml"

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.verbs.laboratory.demo_results import DemoResults, write_results
-from flexarm_bringup.verbs.laboratory.simulated_run import RunSettings, run_options, simulated_run
-from flexarm_bringup.verbs.laboratory.step_results import SET_POINT_V
+from flexarm_bringup.verbs.simulated.demo_results import DemoResults, write_results
+from flexarm_bringup.verbs.simulated.simulated_run import RunSettings, run_options, simulated_run
+from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_msgs.srv import Identify

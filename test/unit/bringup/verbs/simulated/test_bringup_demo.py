@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from click.testing import CliRunner
 
-from flexarm_bringup.verbs.laboratory import demo as program
-from flexarm_bringup.verbs.laboratory import design, simulated_run
+from flexarm_bringup.verbs.simulated import demo as program
+from flexarm_bringup.verbs.simulated import design, simulated_run
 from flexarm_core.outputs import MARK, OutputError
 
 if TYPE_CHECKING:

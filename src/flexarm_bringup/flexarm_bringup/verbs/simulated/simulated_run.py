@@ -25,7 +25,7 @@ from flexarm_bringup.verbs.laboratory.live_page import (
     tell_task,
 )
 from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
-from flexarm_bringup.verbs.laboratory.step_results import SET_POINT_V, ControlledStep, show_model
+from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V, ControlledStep, show_model
 from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.job import result_files
