@@ -123,7 +123,10 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
 
     process.wait_for("controller_node was ended by SIGKILL: the drive is at zero; for another one:")
     graph.wait(lambda: not any(state.command_v for state in heard[-300:]), "an arm left to itself")
-    graph.start("controller", RESTLESS | {"autostart": True}, "-r", "__node:=successor")
+    # The loop and the recorder read its commands.
+    process.wait_for("-p autostart:=true -p listeners:=2")
+    ready = {"autostart": True, "listeners": 2}
+    graph.start("controller", RESTLESS | ready, "-r", "__node:=successor")
     graph.wait(lambda: heard[-1].command_v != 0.0, "the new controller")
     process.send(signal.SIGINT)
 

@@ -46,7 +46,8 @@ if TYPE_CHECKING:
 
 _REPLACE = (
     "the drive is at zero; for another one: "
-    "flexarm run flexarm_control controller_node --ros-args -r __ns:={} -p autostart:=true"
+    "flexarm run flexarm_control controller_node --ros-args -r __ns:={} -p autostart:=true "
+    "-p listeners:={}"
 )
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
@@ -201,7 +202,9 @@ def _stay(
         for address in addresses:
             address.look()
         if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
-            replace = _REPLACE.format(operator.namespace)
+            # Else its first commands might come before the recorder is discovered.
+            readers = operator.node.count_subscribers("command")
+            replace = _REPLACE.format(operator.namespace, readers)
             terminal.CONSOLE.print(f"{loss}: {replace}", markup=False)
         return False
 
