@@ -27,8 +27,7 @@ from flexarm_core.errors import FlexarmError, IdentificationError, one_line
 from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_ident.background import Background, Cancelled
-from flexarm_ident.fitting.validation import mean_error
-from flexarm_ident.job import Results, identify_bags, model_name
+from flexarm_ident.job import identify_bags, model_name
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.reading.channels import selection
 from flexarm_ident.workflow.request import Request
@@ -48,6 +47,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import Progress
     from flexarm_ident.models.modes import Mode
     from flexarm_ident.reading.channels import Selection
+    from flexarm_ident.workflow.results import Results
 
     Asked: TypeAlias = "Identify.Request | IdentifyBags.Goal"
     Answer: TypeAlias = "Identify.Response | IdentifyBags.Result"
@@ -272,29 +272,17 @@ def _path(uri: str) -> Path:
 
 
 def _fill(answer: Answer, results: Results, elapsed_s: float) -> None:
-    outcome = results.outcome
     answer.parameters = [
         Parameter(key, value=value).to_parameter_msg() for key, value in results.parameters.items()
     ]
-    answer.warnings = list(outcome.warnings)
-    answer.modes = [_summary(mode) for mode in outcome.modes]
-    answer.dmv = [*outcome.dmv_errors.tolist(), mean_error(outcome.dmv_errors)]
-    if outcome.sfv is not None:
-        answer.sfv = [*outcome.sfv.delta.tolist(), outcome.sfv.mean]
-    if outcome.cross_validation is not None:
-        left_out = outcome.cross_validation.error
-        answer.left_out = [*left_out.tolist(), mean_error(left_out)]
+    answer.warnings = list(results.outcome.warnings)
+    answer.modes = [_summary(mode) for mode in results.outcome.modes]
+    answer.dmv = list(results.dmv)
+    answer.sfv = list(results.sfv)
+    answer.left_out = list(results.left_out)
     answer.report_path = str(results.folder)
     answer.success = True
-    order, states = outcome.identification.order, outcome.model.nstates
-    answer.message = (
-        f"{outcome.verdict} {results.name}: order {order}"
-        + (f" reduced to {states}" if states < order else "")
-        + (" with dry friction" if outcome.friction else "")
-        + f", mean data matching error {answer.dmv[-1]:.4f},"
-        + f" {elapsed_s:.1f} s"
-        + (f"; {outcome.identification.choice}" if outcome.identification.choice else "")
-    )
+    answer.message = results.text(elapsed_s)
 
 
 def _summary(mode: Mode) -> ModeSummary:

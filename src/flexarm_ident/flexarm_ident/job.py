@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from flexarm_ident.reading.read import (
 )
 from flexarm_ident.report.content.blocks import Subject
 from flexarm_ident.report.page import render_report
+from flexarm_ident.workflow.results import Results
 from flexarm_ident.workflow.stages import run
 
 if TYPE_CHECKING:
@@ -55,28 +56,6 @@ _ENDS = {
     "writing": 1.0,
 }
 _STARTS = dict(zip(_ENDS, (0.0, *_ENDS.values()), strict=False))
-
-
-@dataclass(frozen=True, eq=False)
-class Results:
-    """An identified model and its folder.
-
-    Attributes
-    ----------
-    name : str
-        Name of the model.
-    folder : Path
-        Folder of the files.
-    outcome : Outcome
-        The identification.
-    parameters : dict
-        The model as flat parameters `models.<name>.*`.
-    """
-
-    name: str
-    folder: Path
-    outcome: Outcome
-    parameters: dict[str, ParameterValue]
 
 
 def whole(progress: Progress) -> Progress:

@@ -17,7 +17,6 @@ from flexarm_bringup.verbs.offline.channel_options import channel_options, taken
 from flexarm_bringup.verbs.offline.csv_bags import as_bags
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_ident import job
-from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.records.preprocess import BIASES
 from flexarm_ident.subspace.methods import AUTO, METHODS
@@ -26,7 +25,8 @@ from flexarm_ident.workflow.request import FEEDTHROUGH, REDUCTIONS, UPDATES, Req
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.workflow.results import Results
+
 
 _METHODS = {AUTO: "chosen by the data"} | {row.name: row.help for row in METHODS.values()}
 
@@ -285,18 +285,17 @@ def report(
     _show(results, f"report in {out}")
 
 
-def _show(results: job.Results, written: str) -> None:
+def _show(results: Results, written: str) -> None:
     """Print verdict, modes, errors and warnings of a model, and what was written."""
     outcome = results.outcome
     terminal.CONSOLE.print(f"{outcome.verdict}", style="bold", markup=False)
-    left_out, sfv = outcome.cross_validation, outcome.sfv
     terminal.show_model(
         terminal.ShownModel(
             modes=outcome.modes,
             outputs=outcome.records[0].outputs,
-            dmv=_with_mean(outcome.dmv_errors),
-            left_out=() if left_out is None else _with_mean(left_out.error),
-            sfv=() if sfv is None else _with_mean(sfv.delta),
+            dmv=results.dmv,
+            left_out=results.left_out,
+            sfv=results.sfv,
             parameters=results.parameters,
             warnings=outcome.warnings,
         )
@@ -306,12 +305,8 @@ def _show(results: job.Results, written: str) -> None:
     terminal.CONSOLE.print(f"order {outcome.model.nstates}, {written}")
 
 
-def _after(results: job.Results, out: Path) -> str:
+def _after(results: Results, out: Path) -> str:
     """Return what follows on a model: a law for that of the arm, else a look at the report."""
     model = f"{out / job.MODEL_FILE}"
     is_arm = tuple(results.outcome.records[0].outputs) == CHANNEL_NAMES
     return f"flexarm tune {model}" if is_arm else f"open {out / job.REPORT_FILE} in a browser"
-
-
-def _with_mean(errors: FloatArray) -> tuple[float, ...]:
-    return (*errors.tolist(), mean_error(errors))
