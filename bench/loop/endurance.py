@@ -24,7 +24,7 @@ from flexarm_bringup.graph.processes import LaunchError
 from flexarm_ident.reading.read import read_bag_report
 
 if TYPE_CHECKING:
-    from flexarm_bringup.graph.run_watch import Run
+    from flexarm_bringup.graph.run_figures import Run
 
 
 @click.command()

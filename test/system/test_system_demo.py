@@ -10,8 +10,12 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from flexarm_bringup.runs.pace import Pace
+from flexarm_bringup.verbs.simulated.one_process import one_process
+from flexarm_bringup.verbs.simulated.run_settings import RunSettings
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
+from flexarm_ident.provenance import samples_hash
 from support.system_graph import PATIENCE_S, ROOT, eventually
 
 if TYPE_CHECKING:
@@ -71,6 +75,24 @@ def test_demo___meets_its_figures_and_leaves_only_results(graph: Graph, tmp_path
     assert not (out / "bag").exists()
     assert "Traceback" not in (out / "nodes.log").read_text()
     assert graph.survivors() == []
+    assert summary["sha256_of_samples"] == in_one_process(tmp_path, payload_kg=0.4, seed=5)
+
+
+def in_one_process(folder: Path, *, payload_kg: float, seed: int) -> list[str]:
+    """Return the hashes of both records as they are made without nodes."""
+    settings = RunSettings(
+        out=folder,
+        payload_kg=payload_kg,
+        seed=seed,
+        pace=Pace.FAST,
+        keep_bag=True,
+        force=False,
+        live=False,
+        namespace="/flexarm",
+    )
+    with one_process(settings) as run:
+        both = (run.excite(), run.step("step", {"law": "pdpc"}).recorded)
+    return [samples_hash(each.reading.data) for each in both]
 
 
 def looked_on(address: str) -> tuple[dict[str, Any], list[tuple[str, str]], int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -89,7 +90,17 @@ def test_verbs___that_start_no_node___work(command: Path, tmp_path: Path) -> Non
         assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("verb", ["demo", "up", "status", "run flexarm_daq daq_node"])
+def test_demo___runs_in_one_process_and_says_so(command: Path, tmp_path: Path) -> None:
+    done = called(command, tmp_path, "demo", "--fast")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("No ROS 2 for this Python: rig, controller and recorder run in")
+    summary = json.loads((tmp_path / "out" / "demo" / "summary.json").read_text("utf-8"))
+    assert (summary["samples"], summary["lost"]) == (12_000, 0)
+    assert abs(summary["pdpc"]["mean_error_v"]) <= 0.05
+    assert "Controlled step" in (tmp_path / "out" / "demo" / "report.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("verb", ["experiment C_dat3", "up", "status", "run flexarm_daq daq_node"])
 def test_verbs___that_need_nodes___say_so_in_one_line(
     command: Path, tmp_path: Path, verb: str
 ) -> None:

@@ -50,7 +50,7 @@ class VerbGroup(click.Group):
             click.echo("flexarm: interrupted", err=True)
             sys.exit(130)
         except ModuleNotFoundError as error:
-            if not _is_of_ros(error.name or ""):
+            if not is_of_ros(error.name or ""):
                 raise
             _end(
                 error,
@@ -166,7 +166,7 @@ def _end(error: Exception, words: str) -> NoReturn:
     sys.exit(1)
 
 
-def _is_of_ros(module: str) -> bool:
+def is_of_ros(module: str) -> bool:
     """Tell whether ROS 2 brings a module, or the build of our messages for it."""
     package = module.partition(".")[0]
     return package in {"rclpy", "ament_index_python"} or package.endswith(("_msgs", "_interfaces"))

@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool
 
 from flexarm_bringup.graph.client import SERVICE_S, GraphClient
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.graph.run_watch import Run, RunWatch
+from flexarm_bringup.graph.run_watch import RunWatch
 from flexarm_core.nearest import nearest
 from flexarm_msgs.srv import Identify
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterValue
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
+
+    from flexarm_bringup.graph.run_figures import Run
 
 _SENDS = {"daq": "state", "controller": "command", "experiment": "command"}
 """The first message of each node with a loop goes to this topic."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+from flexarm_bringup.graph.run_figures import Run
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns, stamp_text
@@ -19,15 +20,6 @@ STALLED_S = 30.0
 _SLOWEST = 10
 """So many samples come within that time however slow the run; in virtual time one whose answer does
 not come may take a third of it."""
-
-
-class Run(NamedTuple):
-    """Figures of a run that has ended, as the DAQ node reports them, and the recorder's report."""
-
-    taken: int
-    missed: int
-    real_time_factor: float
-    recorded: str = ""
 
 
 class RunWatch:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from flexarm_bringup.graph.operator import Operator
-    from flexarm_bringup.graph.run_watch import Run
+    from flexarm_bringup.graph.run_figures import Run
 
 
 class Pace(Enum):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_bringup.graph.operator import Operator
-    from flexarm_bringup.graph.run_watch import Run
+    from flexarm_bringup.graph.run_figures import Run
     from flexarm_ident.reading.alignment import BagReading
 
 
@@ -59,8 +59,26 @@ def record_run(
     """
     with terminal.progress_bar(text, samples) as progress:
         run = operator.recorded_run(commander, str(record), samples, progress)
+    return completed_run(run, record, lockstep=in_lockstep(operator), bag=bag)
+
+
+def completed_run(
+    run: Run, record: Path, *, lockstep: bool, bag: Path | None = None
+) -> RecordedRun:
+    """Read the record of a run back, print what it holds, and refuse an incomplete one.
+
+    Parameters
+    ----------
+    run : Run
+        The run.
+    record : Path
+        Its bag.
+    lockstep : bool
+        Whether it was sampled in virtual time.
+    bag : Path, optional
+        As for `record_run`, like the errors.
+    """
     reading = read_bag_report(record)
-    lockstep = in_lockstep(operator)
     require_whole(reading, run.taken, lockstep=lockstep)
     if bag is not None:
         put_in_place(record, bag)

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console.verb_group import examples
+from flexarm_bringup.verbs.simulated.chosen_run import simulated_run
 from flexarm_bringup.verbs.simulated.demo_results import DemoResults, write_results
-from flexarm_bringup.verbs.simulated.simulated_run import RunSettings, run_options, simulated_run
+from flexarm_bringup.verbs.simulated.run_settings import RunSettings, run_options
 from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_daq.rigs.rig_parameters import RigParameters
-from flexarm_msgs.srv import Identify
+from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,22 +45,18 @@ def _run_demo(settings: RunSettings) -> None:
     with simulated_run(settings) as run:
         experiment = run.excite()
         run.begin("Identifying a model from the first half of the record, validating it on all")
-        response = run.identify(_request(true_modes_hz))
+        model = run.identify(_request(true_modes_hz))
         run.begin(f"Controlling the arm: PDPC, step to {SET_POINT_V:g} V")
         step = run.step("step", {"law": "pdpc"})
-    write_results(settings, DemoResults(experiment, response, step, true_modes_hz))
+    write_results(settings, DemoResults(experiment, model, step, true_modes_hz))
 
 
-def _request(known_modes_hz: Sequence[float]) -> Identify.Request:
-    return Identify.Request(
+def _request(known_modes_hz: Sequence[float]) -> Request:
+    return Request(
         # The other half shows what the model does with data it has not seen.
         train_fraction=0.5,
-        method="auto",
         reduction="mrmc",
         reduced_order=REDUCED_ORDER,
-        known_modes_hz=list(known_modes_hz),
+        known_modes_hz=tuple(known_modes_hz),
         update="b",
-        remove_compensation=True,
-        stabilise=True,
-        friction=True,
     )

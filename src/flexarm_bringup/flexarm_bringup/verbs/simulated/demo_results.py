@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.runs.pace import Pace
-from flexarm_bringup.verbs.simulated.simulated_run import (
-    REPORT_FILE,
-    SUMMARY_FILE,
-    told_results,
-)
-from flexarm_bringup.verbs.simulated.step_results import kept_modes_hz, states_of, versions
+from flexarm_bringup.verbs.simulated.run_settings import REPORT_FILE, SUMMARY_FILE
+from flexarm_bringup.verbs.simulated.step_results import versions
 from flexarm_core.outputs import MARK_KEY
 from flexarm_ident.provenance import samples_hash
 from flexarm_ident.report.page import append_section
@@ -23,9 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_bringup.runs.recorded_run import RecordedRun
-    from flexarm_bringup.verbs.simulated.simulated_run import RunSettings
+    from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
+    from flexarm_bringup.verbs.simulated.run_settings import RunSettings
     from flexarm_bringup.verbs.simulated.step_results import ControlledStep
-    from flexarm_msgs.srv import Identify
 
 
 @dataclass(frozen=True)
@@ -33,7 +28,7 @@ class DemoResults:
     """Records and model of a demo: the closed-loop experiment and the controlled step."""
 
     experiment: RecordedRun
-    response: Identify.Response
+    model: IdentifiedModel
     step: ControlledStep
     true_modes_hz: Sequence[float]
 
@@ -41,18 +36,18 @@ class DemoResults:
 def write_results(settings: RunSettings, results: DemoResults) -> None:
     """Write `summary.json` and `report.html`, and print the figures of the step."""
     out, step = settings.out, results.step
-    report = Path(results.response.report_path, REPORT_FILE).read_text(encoding="utf-8")
+    report = (results.model.folder / REPORT_FILE).read_text(encoding="utf-8")
     blocks = step.blocks("PDPC (4-6 to 4-8) with the packaged gains")
     (out / REPORT_FILE).write_text(append_section(report, "Controlled step", blocks), "utf-8")
     summary = _summary(settings, results)
     (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     terminal.CONSOLE.print(f"  {step.text}")
-    terminal.step(told_results(settings))
+    terminal.step(settings.told_results())
     terminal.next_step("flexarm experiment C_dat3, for a record of your own (docs/tutorial.md)")
 
 
 def _summary(settings: RunSettings, results: DemoResults) -> dict[str, Any]:
-    response, experiment = results.response, results.experiment
+    model, experiment = results.model, results.experiment
     both = (experiment, results.step.recorded)
     return {
         **MARK_KEY,
@@ -64,15 +59,15 @@ def _summary(settings: RunSettings, results: DemoResults) -> dict[str, Any]:
         "lost": sum(each.reading.lost for each in both),
         "missed_periods": sum(each.run.missed for each in both),
         "sha256_of_samples": [samples_hash(each.reading.data) for each in both],
-        "full_order": sum(states_of(mode) for mode in response.modes),
-        "reduced_order": sum(states_of(mode) for mode in response.modes if mode.kept),
-        "modes_hz": kept_modes_hz(response, results.true_modes_hz),
+        "full_order": model.order,
+        "reduced_order": model.reduced_order,
+        "modes_hz": model.kept_modes_hz(results.true_modes_hz),
         "true_modes_hz": list(results.true_modes_hz),
-        "dmv": list(response.dmv[:-1]),
-        "dmv_mean": response.dmv[-1],
-        "sfv": list(response.sfv[:-1]),
-        "sfv_mean": response.sfv[-1] if response.sfv else None,
-        "warnings": list(response.warnings),
+        "dmv": list(model.dmv[:-1]),
+        "dmv_mean": model.dmv[-1],
+        "sfv": list(model.sfv[:-1]),
+        "sfv_mean": model.sfv[-1] if model.sfv else None,
+        "warnings": list(model.warnings),
         "pdpc": results.step.summary(),
         "versions": versions(),
     }

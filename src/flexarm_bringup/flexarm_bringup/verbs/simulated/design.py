@@ -11,21 +11,15 @@ import click
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
-from flexarm_bringup.verbs.simulated.simulated_run import (
-    REPLY_DELAY_S,
+from flexarm_bringup.verbs.simulated.chosen_run import simulated_run
+from flexarm_bringup.verbs.simulated.run_settings import (
     REPORT_FILE,
     SUMMARY_FILE,
     RunSettings,
     run_options,
-    simulated_run,
-    told_results,
 )
-from flexarm_bringup.verbs.simulated.step_results import (
-    SET_POINT_V,
-    given_parameters,
-    states_of,
-    versions,
-)
+from flexarm_bringup.verbs.simulated.simulated_run import REPLY_DELAY_S
+from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V, versions
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.rigid_and_bending import bending_modes
@@ -35,9 +29,10 @@ from flexarm_daq.rigs.rig_parameters import RigParameters
 from flexarm_ident.models.model_parameters import models_in
 from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_ident.report.page import append_section
-from flexarm_msgs.srv import Identify
+from flexarm_ident.workflow.request import Request
 
 if TYPE_CHECKING:
+    from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
     from flexarm_bringup.verbs.simulated.step_results import ControlledStep
     from flexarm_control.design.tuning_job import TuneResult
 
@@ -56,7 +51,7 @@ class DesignSettings(RunSettings):
 class Designed(NamedTuple):
     """Model and design of a run, its step and that of the packaged law."""
 
-    response: Identify.Response
+    model: IdentifiedModel
     modes_hz: tuple[float, ...]
     result: TuneResult
     step: ControlledStep
@@ -94,9 +89,9 @@ def _run_design(settings: DesignSettings) -> None:
     with simulated_run(settings) as run:
         run.excite()
         run.begin("Identifying a model")
-        response = run.identify(Identify.Request(remove_compensation=True, stabilise=True))
+        identified = run.identify(Request(friction=False))
         run.begin(f"Designing {settings.law} with margins of its own")
-        ((name, model),) = models_in(given_parameters(response)).items()
+        ((name, model),) = models_in(identified.parameters).items()
         modes_hz, _ = bending_modes(model)
         result = tune({name: model}, TuneRequest(settings.law, delay_s=REPLY_DELAY_S))
         for line in result.notes:
@@ -108,7 +103,7 @@ def _run_design(settings: DesignSettings) -> None:
         step = run.step("designed", {"law": law, **result.parameters})
         run.begin(f"Controlling the arm: {law} as packaged")
         packaged = run.step("packaged", {"law": law, **_packaged(law)})
-    _write(settings, Designed(response, modes_hz, result, step, packaged))
+    _write(settings, Designed(identified, modes_hz, result, step, packaged))
 
 
 def _packaged(law: str) -> dict[str, Any]:
@@ -120,9 +115,9 @@ def _packaged(law: str) -> dict[str, Any]:
 
 def _write(settings: DesignSettings, designed: Designed) -> None:
     """Write `summary.json` and `report.html`, and print both steps."""
-    out, response = settings.out, designed.response
+    out, model = settings.out, designed.model
     law = _RUNS_AS[settings.law]
-    report = Path(response.report_path, REPORT_FILE).read_text("utf-8")
+    report = (model.folder / REPORT_FILE).read_text("utf-8")
     report = append_section(report, "Designed step", designed.step.blocks(f"{law} as designed"))
     packaged = designed.packaged.blocks(f"{law} as packaged")
     (out / REPORT_FILE).write_text(append_section(report, "Packaged step", packaged), "utf-8")
@@ -130,11 +125,11 @@ def _write(settings: DesignSettings, designed: Designed) -> None:
     (out / SUMMARY_FILE).write_text(text + "\n", "utf-8")
     terminal.CONSOLE.print(f"  designed: {designed.step.text}")
     terminal.CONSOLE.print(f"  packaged: {designed.packaged.text}")
-    terminal.step(f"Parameters: {out / CONTROLLER_FILE}. {told_results(settings)}")
+    terminal.step(f"Parameters: {out / CONTROLLER_FILE}. {settings.told_results()}")
 
 
 def _summary(settings: DesignSettings, designed: Designed) -> dict[str, Any]:
-    response, result = designed.response, designed.result
+    model, result = designed.model, designed.result
     (margins,) = result.margins
     return {
         **MARK_KEY,
@@ -142,12 +137,12 @@ def _summary(settings: DesignSettings, designed: Designed) -> dict[str, Any]:
         "seed": settings.seed,
         "law": settings.law,
         "runs_as": _RUNS_AS[settings.law],
-        "order": sum(states_of(mode) for mode in response.modes),
+        "order": model.order,
         "modes_hz": list(designed.modes_hz),
         "true_modes_hz": natural_frequencies_hz(
             RigParameters(payload_kg=settings.payload_kg)
         ).tolist(),
-        "dmv_mean": response.dmv[-1],
+        "dmv_mean": model.dmv[-1],
         "margins": {
             "gain_db": margins.gain_margin_db,
             "phase_deg": margins.phase_margin_deg,
@@ -155,7 +150,7 @@ def _summary(settings: DesignSettings, designed: Designed) -> dict[str, Any]:
         },
         "criterion": result.criteria[0],
         "notes": list(result.notes),
-        "warnings": list(response.warnings),
+        "warnings": list(model.warnings),
         "step": designed.step.summary(),
         "packaged": {"step": designed.packaged.summary()},
         "versions": versions(),

@@ -1,34 +1,27 @@
-"""Results of a run on the simulated arm: the model on the terminal, the step in all forms."""
+"""Controlled step of a run on the simulated arm, in all forms, and what computed it."""
 
 from __future__ import annotations
 
 import math
 import os
 import platform
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from rclpy.parameter import Parameter
 
-from flexarm_bringup.console import terminal
 from flexarm_control.design.criteria import step_figures
-from flexarm_ident.records.iodata import ARM_OUTPUTS
 from flexarm_ident.report.content.blocks import Plots, Words
 from flexarm_ident.report.plots.time_plots import step_plot
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from flexarm_bringup.runs.recorded_run import RecordedRun
     from flexarm_control.design.criteria import StepFigures
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
-    from flexarm_msgs.msg import ModeSummary
-    from flexarm_msgs.srv import Identify
 
 SET_POINT_V = 3.0
-_VERSIONED = ("flexarm_bringup", "numpy", "scipy", "control", "numba", "rosbags", "mcap")
+_VERSIONED = ("numpy", "scipy", "control", "numba", "rosbags", "mcap")
 
 
 class ControlledStep(NamedTuple):
@@ -81,47 +74,19 @@ def _time_s(data: IoData) -> FloatArray:
     return np.arange(len(data), dtype=np.float64) * data.dt_s
 
 
-def given_parameters(response: Identify.Response) -> dict[str, Any]:
-    """Return the parameters of an identified model by their names."""
-    return {each.name: Parameter.from_parameter_msg(each).value for each in response.parameters}
-
-
-def show_model(response: Identify.Response) -> None:
-    """Print modes, errors and warnings of the identified model."""
-    terminal.CONSOLE.print(f"  {response.message}")
-    terminal.show_model(
-        terminal.ShownModel(
-            modes=response.modes,
-            outputs=ARM_OUTPUTS,
-            dmv=response.dmv,
-            left_out=response.left_out,
-            sfv=response.sfv,
-            parameters=given_parameters(response),
-            warnings=response.warnings,
-        )
-    )
-
-
-def states_of(mode: ModeSummary) -> int:
-    """Return the states of a mode: two of a complex pair, one of a real eigenvalue."""
-    return 2 if mode.eigenvalue_imaginary > 0.0 else 1
-
-
-def kept_modes_hz(response: Identify.Response, known_modes_hz: Sequence[float]) -> list[float]:
-    """Return the reduced model's flexible modes, one for each known one; none if it has no pair."""
-    pairs = [mode for mode in response.modes if mode.kept and states_of(mode) > 1]
-    if not pairs:
-        return []
-    return [
-        min(pairs, key=lambda mode: abs(math.log(mode.frequency_hz / known))).frequency_hz
-        for known in known_modes_hz
-    ]
-
-
 def versions() -> dict[str, str]:
     """Return the versions of what computed the results."""
     return {
         "python": platform.python_version(),
-        "ros_distro": os.environ.get("ROS_DISTRO", "unknown"),
+        "ros_distro": os.environ.get("ROS_DISTRO", "none"),
+        "flexarm": _own_version(),
         **{name: version(name) for name in _VERSIONED},
     }
+
+
+def _own_version() -> str:
+    """Return the version of flexarm: a package of the workspace, or the distribution of pip."""
+    try:
+        return version("flexarm_bringup")
+    except PackageNotFoundError:
+        return version("flexarm")

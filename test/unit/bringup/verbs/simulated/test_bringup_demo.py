@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from flexarm_bringup.verbs.simulated import demo as program
-from flexarm_bringup.verbs.simulated import design, simulated_run
+from flexarm_bringup.verbs.simulated import design, node_run
 from flexarm_core.outputs import MARK, OutputError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def _no_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
     def start(*_: object, **__: object) -> None:
         raise Started
 
-    monkeypatch.setattr(simulated_run, "running_graph", start)
+    monkeypatch.setattr(node_run, "running_graph", start)
 
 
 def demo(out: Path, *more: str) -> Result:
@@ -87,7 +87,7 @@ def test_live___page_beside_the_nodes___looks_on_and_changes_no_other_node(
         started.append((parameters, nodes))
         raise Started
 
-    monkeypatch.setattr(simulated_run, "running_graph", start)
+    monkeypatch.setattr(node_run, "running_graph", start)
     for more in ((), ("--live",)):
         ended = CliRunner().invoke(verb, ["--fast", "--out", str(tmp_path), *more])
         assert isinstance(ended.exception, Started), ended.output

@@ -1,0 +1,14 @@
+"""Figures of a run of the loop that has ended."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Run(NamedTuple):
+    """Figures of a run that has ended, as the DAQ node reports them, and the recorder's report."""
+
+    taken: int
+    missed: int
+    real_time_factor: float
+    recorded: str = ""

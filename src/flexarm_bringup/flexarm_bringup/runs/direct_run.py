@@ -1,0 +1,165 @@
+"""Run of the loop in one process: sampling loop, law and recorder without nodes between them.
+
+The sampling loop is that of the DAQ node, in virtual time. Every sample is answered before the next
+one, so the samples are those of the nodes for the same seed.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.run_figures import Run
+from flexarm_bringup.runs.loop_bag import LoopBag
+from flexarm_bringup.runs.recorded_run import completed_run
+from flexarm_control.loop_setup import PARAMETERS, Setup
+from flexarm_daq.loop.acquisition import Acquisition, LockStep
+from flexarm_daq.loop.commander import Command
+from flexarm_daq.loop.limiter import Limiter, LimiterSettings
+from flexarm_daq.loop.sensor_check import SensorCheck
+from flexarm_daq.loop.watchdog import Watchdog
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+    from typing import Any
+
+    from flexarm_bringup.runs.recorded_run import RecordedRun
+    from flexarm_control.references import Reference
+    from flexarm_daq.loop.exchange import Record
+    from flexarm_daq.rigs.simulated import SimulatedRig
+
+# The law answers in the same thread: nothing is ever waited for.
+_PATIENCE_S = 1.0
+_TELL_AGAIN_NS = 1_000_000_000
+
+
+class DirectRun(NamedTuple):
+    """Setting of a run without nodes.
+
+    Attributes
+    ----------
+    rig : SimulatedRig
+        Rig in virtual time.
+    rate_hz : float
+        Its sampling rate, Hz.
+    samples : int
+        Length of the run.
+    real_time_factor : float
+        Largest ratio of the arm's time to that of the wall clock; 0: as fast as it goes.
+    namespace : str
+        Namespace that the topics of the record have.
+    """
+
+    rig: SimulatedRig
+    rate_hz: float
+    samples: int
+    real_time_factor: float
+    namespace: str
+
+    def record(self, controller: Mapping[str, Any], bag: Path, *, text: str) -> RecordedRun:
+        """Run the loop once and record it.
+
+        Parameters
+        ----------
+        controller : mapping of str to value
+            Parameters of the controller that differ from its defaults; the reference is one of the
+            built-in profiles.
+        bag : Path
+            Bag to create.
+        text : str
+            Words beside the progress.
+
+        Raises
+        ------
+        SettingError
+            When the parameters do not fit together.
+        RecordingError
+            When the bag cannot be written.
+        """
+        defaults = {spec.name: spec.default for spec in PARAMETERS}
+        setup = Setup.of(defaults | dict(controller))
+        setup.check_rate(self.rate_hz)
+        loop_bag = LoopBag(bag, self.namespace)
+        with terminal.progress_bar(text, self.samples) as progress:
+            link = _DirectLink(setup, loop_bag, self.rig.parameters.loop_delay_s, progress)
+            loop = Acquisition(
+                self.rig,
+                Limiter(LimiterSettings()),
+                Watchdog(1.0 / self.rate_hz),
+                SensorCheck(self.rate_hz),
+                link,
+                rate_hz=self.rate_hz,
+                samples=self.samples,
+                lockstep=LockStep(self.real_time_factor, _PATIENCE_S, is_answered=True),
+            )
+            try:
+                loop.run(threading.Event())
+            finally:
+                loop_bag.close()
+        recorded = f"{loop_bag.message_count} messages in {bag}"
+        run = Run(loop.taken, loop.missed, loop.real_time_factor, recorded)
+        return completed_run(run, bag, lockstep=True)
+
+
+class _DirectLink:
+    """Far end of the loop: the law answers each sample at once, and all of it is recorded."""
+
+    def __init__(
+        self, setup: Setup, bag: LoopBag, delay_s: float, progress: Callable[[int], None]
+    ) -> None:
+        if setup.profile is None:
+            raise ValueError("a run without nodes needs a built-in reference")
+        self._setup = setup
+        self._profile: Reference = setup.profile
+        self._bag = bag
+        self._delay_ns = round(delay_s * 1e9)
+        self._progress = progress
+        self._start_ns = self._run_start_ns = 0
+        self._told_v: float | None = None
+        self._told_ns = 0
+        self._answer: Command | None = None
+        setup.law.reset()
+
+    def publish(self, record: Record) -> None:
+        """Record one sample, and answer it."""
+        if record.sequence == 1:
+            self._start_ns = record.start_ns(time.time_ns(), time.monotonic())
+        taken_ns = self._start_ns + round(record.time_s * 1e9)
+        if record.sequence == 1:
+            self._run_start_ns = taken_ns
+            law_spec = self._setup.law_spec
+            self._bag.add_commander(
+                taken_ns, law_spec.name, uses_outputs=bool(law_spec.uses_outputs)
+            )
+        self._bag.add_state(record, taken_ns)
+        reference_v = self._profile((taken_ns - self._run_start_ns) * 1e-9)
+        self._tell_reference(taken_ns, reference_v)
+        effort_v, compensation_v = self._setup.law.step(record.volts.tolist(), reference_v)
+        self._answer = Command(
+            record.sequence,
+            record.sequence,
+            effort_v,
+            compensation_v,
+            taken_ns + self._delay_ns,
+        )
+        self._bag.add_command(self._answer)
+        self._progress(record.sequence)
+
+    def wait(self, timeout_s: float) -> Command | None:
+        """Return the answer to the newest sample, or None once it was returned."""
+        answer, self._answer = self._answer, None
+        if answer is None:
+            time.sleep(max(0.0, timeout_s))
+        return answer
+
+    def spare_time(self) -> None:
+        """Do nothing: nobody asks for figures."""
+
+    def _tell_reference(self, taken_ns: int, reference_v: float) -> None:
+        """Record the set-point when it has changed, and at intervals, as the controller does."""
+        if reference_v != self._told_v or taken_ns - self._told_ns >= _TELL_AGAIN_NS:
+            self._told_v, self._told_ns = reference_v, taken_ns
+            self._bag.add_reference(taken_ns, reference_v)

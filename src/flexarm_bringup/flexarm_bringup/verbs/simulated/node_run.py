@@ -1,0 +1,148 @@
+"""Simulated laboratory of real nodes."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rclpy.parameter import Parameter
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
+from flexarm_bringup.runs.recorded_run import record_run
+from flexarm_bringup.verbs.laboratory.live_page import (
+    PAGE_NODE,
+    PageAddress,
+    PageSettings,
+    tell_task,
+)
+from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
+from flexarm_bringup.verbs.simulated.run_settings import MODELS_FOLDER
+from flexarm_bringup.verbs.simulated.simulated_run import ENTRY, REPLY_DELAY_S, SimulatedRun
+from flexarm_ident.models.modes import Mode
+from flexarm_msgs.srv import Identify
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from flexarm_bringup.graph.operator import Operator
+    from flexarm_bringup.runs.recorded_run import RecordedRun
+    from flexarm_bringup.verbs.simulated.run_settings import RunSettings
+    from flexarm_ident.workflow.request import Request
+    from flexarm_msgs.msg import ModeSummary
+
+
+class NodeRun(SimulatedRun):
+    """Laboratory of nodes; `operator` operates them."""
+
+    def __init__(self, operator: Operator, bags: Path, settings: RunSettings) -> None:
+        super().__init__(bags, settings)
+        self._operator = operator
+
+    def begin(self, words: str) -> None:
+        """Tell the user what comes next, on the page too."""
+        super().begin(words)
+        if self.settings.live:
+            tell_task(self.settings.namespace, words)
+
+    def record(
+        self, controller: Mapping[str, Any], bag: Path, samples: int, *, text: str
+    ) -> RecordedRun:
+        """Run the loop by its nodes; see `SimulatedRun.record`."""
+        self._operator.set_parameters("controller", controller)
+        return record_run(self._operator, "controller", bag, samples, text=text)
+
+    def identified(self, bag: Path, request: Request) -> IdentifiedModel:
+        """Call the service; see `SimulatedRun.identified`."""
+        return _model(self._operator.identify(_asked(bag, request)))
+
+
+@contextmanager
+def node_run(settings: RunSettings) -> Iterator[SimulatedRun]:
+    """Run the nodes of a laboratory.
+
+    Raises
+    ------
+    LaunchError
+        When a node does not do its part.
+    """
+    settings.pace.prepare()
+    out = settings.out
+    with settings.bag_folder() as bags:
+        nodes = (*LABORATORY, PAGE_NODE) if settings.live else LABORATORY
+        terminal.step(f"Starting the nodes: {', '.join(reversed(nodes))}")
+        with running_graph(
+            _start_parameters(settings),
+            out / "nodes.log",
+            nodes=nodes,
+            namespace=settings.namespace,
+        ) as (operator, processes):
+            if settings.live:
+                page = PageAddress(settings.namespace, processes)
+                operator.wait(page.look, "the page")
+            yield NodeRun(operator, bags, settings)
+
+
+def _start_parameters(settings: RunSettings) -> dict[str, dict[str, Any]]:
+    return {
+        "daq": {
+            "rate_hz": float(ENTRY.rate_hz),
+            "payload_kg": settings.payload_kg,
+            "seed": settings.seed,
+            "reply_delay_s": REPLY_DELAY_S,
+            **settings.pace.parameters(),
+        },
+        "ident": {
+            "output_folder": str((settings.out / MODELS_FOLDER).absolute()),
+            "force": settings.force,
+        },
+        PAGE_NODE: PageSettings(port=0, view_only=True).parameters(),
+    }
+
+
+def _asked(bag: Path, request: Request) -> Identify.Request:
+    """Return a request as the service takes it, where an empty field means what None means."""
+    values = {each.name: getattr(request, each.name) for each in fields(request)}
+    given = {name: value for name, value in values.items() if value is not None}
+    given["known_modes_hz"] = list(request.known_modes_hz)
+    return Identify.Request(bag_uris=[str(bag)], **given)
+
+
+def _model(response: Identify.Response) -> IdentifiedModel:
+    return IdentifiedModel(
+        text=response.message,
+        modes=_modes(response.modes),
+        dmv=response.dmv,
+        left_out=response.left_out,
+        sfv=response.sfv,
+        parameters={
+            each.name: Parameter.from_parameter_msg(each).value for each in response.parameters
+        },
+        warnings=response.warnings,
+        folder=Path(response.report_path),
+    )
+
+
+def _modes(summaries: Sequence[ModeSummary]) -> list[Mode]:
+    """Return modes with their states numbered in the order of the answer."""
+    modes: list[Mode] = []
+    first = 0
+    for each in summaries:
+        states = (first, first + 1) if each.eigenvalue_imaginary > 0.0 else (first,)
+        first += len(states)
+        modes.append(
+            Mode(
+                eigenvalue=complex(each.eigenvalue_real, each.eigenvalue_imaginary),
+                frequency_hz=each.frequency_hz,
+                damping_ratio=each.damping_ratio,
+                states=states,
+                msv=each.msv,
+                mrm=each.mrm,
+                msv_rank=each.msv_rank,
+                mrm_rank=each.mrm_rank,
+                kept=each.kept,
+            )
+        )
+    return modes

@@ -1,0 +1,112 @@
+"""Choices of the user about a run on the simulated arm, and room for its results."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import click
+
+from flexarm_bringup.console.verb_group import FORCE
+from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
+from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
+from flexarm_ident.job import result_files
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from flexarm_bringup.runs.pace import Pace
+
+SUMMARY_FILE = "summary.json"
+REPORT_FILE = "report.html"
+EXPERIMENT = "experiment"
+"""Name of the record that is identified, and of its model."""
+MODELS_FOLDER = "models"
+_BAG_FOLDER = "bag"
+_LEFT_OVER = ".flexarm"
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """Choices of the user.
+
+    `keep_bag` keeps the bags in the folder of the results, `force` replaces what somebody else or
+    an earlier `keep_bag` left there. `live` serves a page that looks on.
+    """
+
+    out: Path
+    payload_kg: float
+    seed: int
+    pace: Pace
+    keep_bag: bool
+    force: bool
+    live: bool
+    namespace: str
+
+    def told_results(self) -> str:
+        """Return where the results are, for the user."""
+        kept = str(self.out / _BAG_FOLDER) if self.keep_bag else "removed, --keep-bag keeps them"
+        return f"Report: {self.out / REPORT_FILE}. Bags: {kept}"
+
+    def make_room(self) -> None:
+        """Refuse, before any work, to replace what somebody else or `keep_bag` left in the folder.
+
+        Raises
+        ------
+        OutputError
+            When a result would replace something of somebody else.
+        """
+        out = self.out
+        models = result_files(out / MODELS_FOLDER / EXPERIMENT, ())
+        require_place([out / SUMMARY_FILE, out / REPORT_FILE, *models], force=self.force)
+        bags = out / _BAG_FOLDER
+        is_left_over = (bags / _LEFT_OVER).is_file() and is_replaceable(bags / _LEFT_OVER)
+        if bags.exists() and not (self.force or is_left_over):
+            raise OutputError(
+                f"{bags}: holds bags that were kept, or something else: move it away, choose "
+                "another --out, or replace it with --force"
+            )
+
+    @contextmanager
+    def bag_folder(self) -> Iterator[Path]:
+        """Give an empty folder for bags; remove it at the end, whatever the end is, unless kept."""
+        folder = self.out / _BAG_FOLDER
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        if not self.keep_bag:
+            # A run that is killed leaves the folder: the next one may remove it.
+            (folder / _LEFT_OVER).write_text(f"{MARK}\n", "utf-8")
+        try:
+            yield folder.absolute()
+        finally:
+            if not self.keep_bag:
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def run_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of `RunSettings` to a verb, but for the folder."""
+    options = (
+        PAYLOAD,
+        click.option(
+            "--seed",
+            type=click.IntRange(0),
+            default=1,
+            show_default=True,
+            help="Seed of the noise.",
+        ),
+        paced,
+        click.option("--keep-bag", is_flag=True, help="Keep the recorded bags in OUT/bag."),
+        click.option(
+            "--live",
+            is_flag=True,
+            help="Show every step on a page in the browser, whose address stands on a line.",
+        ),
+        FORCE,
+        ARM,
+    )
+    for option in reversed(options):
+        function = option(function)
+    return function
