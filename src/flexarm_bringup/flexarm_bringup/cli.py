@@ -7,6 +7,7 @@ import os
 import click
 
 from flexarm_bringup.console.verb_group import LazyVerbGroup
+from flexarm_core import __version__
 
 # The matrices here are small: more threads of BLAS would only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -63,7 +64,7 @@ _NAMES = {"help_option_names": ["-h", "--help"], "max_content_width": 120}
 
 
 @click.group(cls=LazyVerbGroup, groups=GROUPS, context_settings=_NAMES)
-@click.version_option("0.1.0", prog_name="flexarm")
+@click.version_option(__version__, prog_name="flexarm")
 def main() -> None:
     """Measure, model and control a flexible arm.
 

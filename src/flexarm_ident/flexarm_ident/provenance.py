@@ -9,9 +9,10 @@ import hashlib
 import json
 import platform
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+from flexarm_core import __version__
 from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.naming import portable_names
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
 
 _CHUNK = 16_384
-_PACKAGES = ("flexarm_ident", "numpy", "scipy", "control")
+_PACKAGES = ("numpy", "scipy", "control")
 
 
 def model_provenance(
@@ -50,7 +51,8 @@ def model_provenance(
         "request": json.dumps(asdict(outcome.request)),
         "versions": ", ".join(
             [
-                *(f"{name} {_version(name)}" for name in _PACKAGES),
+                f"flexarm_ident {__version__}",
+                *(f"{name} {version(name)}" for name in _PACKAGES),
                 f"python {platform.python_version()}",
             ]
         ),
@@ -92,10 +94,3 @@ def _add_samples(digest: hashlib._Hash, record: Source) -> None:
     for signal in (0, 1):
         for chunk in record.chunks(_CHUNK):
             digest.update(chunk[signal].astype("<f8", copy=False).tobytes())
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"

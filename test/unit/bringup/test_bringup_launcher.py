@@ -51,7 +51,7 @@ def test_sources_of_a_build___are_not_the_bytecode_beside_them(tmp_path: Path) -
     (launch / "one.launch.py").touch()
     (launch / "__pycache__" / "one.pyc").touch()
     lines = (PROJECT / "flexarm").read_text("utf-8")
-    found = lines[lines.index("sources=$(") : lines.index("mapfile -t sources")]
+    found = lines[lines.index("sources=$(") : lines.index("wanted_build=")]
     done = subprocess.run(  # noqa: S603 - our own script
         ["/bin/bash", "-c", f'{found}printf %s "$sources"'],
         cwd=tmp_path,
@@ -74,10 +74,14 @@ def bare(tmp_path: Path) -> Path:
     return root
 
 
-def called(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def called(
+    root: Path, *arguments: str, python: str = sys.executable, **settings: str
+) -> subprocess.CompletedProcess[str]:
+    ours = {"PATH": "/usr/bin:/bin", "HOME": str(root), "FLEXARM_PYTHON": python}
     return subprocess.run(  # noqa: S603 - our own script
         [root / "flexarm", *arguments],
-        env={"PATH": "/usr/bin:/bin", "HOME": str(root), "FLEXARM_PYTHON": sys.executable},
+        cwd=root,
+        env=ours | settings,
         capture_output=True,
         text=True,
         check=False,
@@ -111,3 +115,56 @@ def test_clean___removes_what_the_set_up_made_alone(bare: Path) -> None:
     assert [name in done.stderr for name in (".venv", "install", "build", "log")] == [True] * 4
     assert sorted(bare.rglob("*")) == before
     assert called(bare, "clean").returncode == 0
+
+
+STAND_IN = f"""#!/bin/bash
+# Answers as {sys.executable}; as `-m venv` it makes an environment whose pip does nothing.
+case "$1 $2" in
+"-m venv")
+    mkdir -p "${{@: -1}}/bin"
+    printf '#!/bin/sh\n[ "$2" = pip ] && echo "$@" >"%s" && exit\nexec {sys.executable} "$@"\n' \
+        "$PIP_CALLED" >"${{@: -1}}/bin/python"
+    chmod +x "${{@: -1}}/bin/python" ;;
+*) exec {sys.executable} "$@" ;;
+esac
+"""
+
+
+@pytest.fixture
+def without_ros(bare: Path) -> dict[str, str]:
+    """Return what to call a checkout with that sets it up without ROS 2 and without a network."""
+    shutil.copytree(PROJECT / "src", bare / "src", dirs_exist_ok=True)
+    python = bare / "python3"
+    python.write_text(STAND_IN, "utf-8")
+    python.chmod(0o755)
+    return {"python": str(python), "FLEXARM_ROS": "none", "PIP_CALLED": str(bare / "pip_called")}
+
+
+def test_without_ros___needs_no_compiler_and_runs_the_verbs_from_the_sources(
+    bare: Path, without_ros: dict[str, str]
+) -> None:
+    told = called(bare, "--help", **without_ros).stdout
+    assert f"installs them in {bare}/.venv-none" in told
+    assert "has no ROS 2" in told
+    assert "./flexarm test" not in told
+
+    done = called(bare, "catalogue", "C_dat3", **without_ros)
+    assert done.returncode == 0, done.stderr
+    assert "C_dat3" in done.stdout
+    assert " -r base.in " in (bare / "pip_called").read_text("utf-8")
+
+    (bare / "pip_called").unlink()
+    assert (bare / ".venv-none" / "share" / "flexarm_msgs" / "msg").is_dir()
+    assert called(bare, "catalogue", "C_dat3", **without_ros).stdout == done.stdout
+    assert not (bare / "pip_called").exists()
+
+    called(bare, "clean", **without_ros)
+    assert not (bare / ".venv-none").exists()
+
+
+def test_platform_without_wheels_of_ros___is_set_up_without_ros_or_told(bare: Path) -> None:
+    platform = {"OSTYPE": "darwin23", "HOSTTYPE": "arm64"}
+    assert "has no ROS 2" in called(bare, "--help", **platform).stdout
+    refused = called(bare, "--help", **platform, FLEXARM_ROS="kilted")
+    assert refused.returncode == 1
+    assert "FLEXARM_ROS=kilted: its wheels are for x86-64 Linux" in refused.stderr

@@ -19,7 +19,7 @@ BOTH = Rung.STRIBECK | Rung.LOAD
 # What a rung adds to each joint: rise, speed over which it fades, load.
 NEW = {Rung.COULOMB: (), Rung.STRIBECK: (0.2, 0.3), Rung.LOAD: (0.1,), BOTH: (0.2, 0.3, 0.1)}
 # Cut while a joint turns with 0.9 rad/s and more.
-MOVING = [(ONE, 0, 830, 3000), (ONE, 2, 700, 3000), (TWO, 0, 660, 1500)]
+MOVING = [(ONE, 0, 830, 3000), (TWO, 0, 660, 1500)]
 
 
 @pytest.mark.parametrize("rung", [Rung.COULOMB, Rung.STRIBECK, Rung.LOAD, BOTH])

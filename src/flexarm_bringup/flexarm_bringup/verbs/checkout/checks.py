@@ -7,12 +7,14 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import click
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import RUN_ON, examples
+from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.folder import checkout
 
 if TYPE_CHECKING:
@@ -55,6 +57,10 @@ def test(arguments: tuple[str, ...], *, quick: bool) -> None:
             'say -m "not slow"'
         )
     root = checkout("tests")
+    if find_spec("pytest") is None:
+        raise LaunchError(
+            "no module pytest: the tests need all of the set-up, without FLEXARM_ROS=none"
+        )
     failed = [] if arguments else list(_failed_side_by_side(_READ, root))
     name, command = ("tests", ("pytest", *arguments)) if arguments else _QUICK if quick else _ALL
     if not passes(name, command, root):

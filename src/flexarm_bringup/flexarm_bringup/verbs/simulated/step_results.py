@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import os
 import platform
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from flexarm_control.design.criteria import step_figures
+from flexarm_core import __version__
 from flexarm_ident.report.content.blocks import Plots, Words
 from flexarm_ident.report.plots.time_plots import step_plot
 
@@ -79,14 +80,6 @@ def versions() -> dict[str, str]:
     return {
         "python": platform.python_version(),
         "ros_distro": os.environ.get("ROS_DISTRO", "none"),
-        "flexarm": _own_version(),
+        "flexarm": __version__,
         **{name: version(name) for name in _VERSIONED},
     }
-
-
-def _own_version() -> str:
-    """Return the version of flexarm: a package of the workspace, or the distribution of pip."""
-    try:
-        return version("flexarm_bringup")
-    except PackageNotFoundError:
-        return version("flexarm")
