@@ -19,21 +19,25 @@ _told = threading.Event()
 
 @contextmanager
 def interruptible(*signals: signal.Signals) -> Iterator[None]:
-    """Raise a KeyboardInterrupt at each of some signals, also where a shell has them ignored."""
+    """Raise a KeyboardInterrupt at each of some signals, also where a shell has them ignored.
+
+    A signal is remembered until the outermost block ends.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are the main thread's
         return
-    _told.clear()
     before = {each: signal.signal(each, _interrupt) for each in signals}
     try:
         yield
     finally:
         for each, handler in before.items():
             signal.signal(each, handler or signal.SIG_DFL)
+        if _interrupt not in before.values():
+            _told.clear()
 
 
 def is_interrupted() -> bool:
-    """Return whether a signal has come since the last `interruptible` began."""
+    """Return whether a signal has come in the `interruptible` block that is running."""
     return _told.is_set()
 
 

@@ -35,9 +35,18 @@ def test_signal___swallowed_by_a_library___interrupts_at_the_next_step() -> None
 def test_no_signal___nothing_is_raised___also_after_an_earlier_one() -> None:
     with suppress(KeyboardInterrupt), interruptible(signal.SIGTERM):
         signal.raise_signal(signal.SIGTERM)
-    assert is_interrupted()
+    assert not is_interrupted()
+    check_interruption()
+
+
+def test_signal___in_a_block_within_another___is_remembered_until_the_outer_one_ends() -> None:
     with interruptible(signal.SIGTERM):
-        check_interruption()
+        with suppress(KeyboardInterrupt), interruptible(signal.SIGTERM, signal.SIGINT):
+            signal.raise_signal(signal.SIGTERM)
+        assert is_interrupted()
+        with interruptible(signal.SIGTERM):
+            assert is_interrupted()
+    assert not is_interrupted()
 
 
 def test_other_thread___leaves_the_signals_alone() -> None:
