@@ -10,7 +10,7 @@ import numpy as np
 from scipy import signal
 
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.report.plots.frequency_plot import frequency_grid
+from flexarm_ident.models.modes import frequency_grid
 from flexarm_ident.series.picture import (
     BLACK,
     BLUE,

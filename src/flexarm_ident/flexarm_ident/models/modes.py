@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _LARGEST_LOG = 700.0
 _PERSISTENT = 1e-12
 _DEFECTIVE_CONDITION = 1e8
+_GRID_POINTS = 400
 
 
 @dataclass(frozen=True)
@@ -269,3 +270,19 @@ def _log_geometric_sum(radius: float, terms: int) -> float:
 def _ranks(index: FloatArray) -> list[int]:
     """Return ranks from 1, for the largest; equal values rank in their order."""
     return [int(place) + 1 for place in np.argsort(np.argsort(-index, kind="stable"))]
+
+
+def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
+    """Return a logarithmic grid of frequencies in Hz, refined around each mode by its own width.
+
+    It goes from `lowest_hz` to the Nyquist frequency of the discrete model.
+    """
+    nyquist_hz = 0.5 / model.dt
+    grid = [np.geomspace(min(lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _GRID_POINTS)]
+    for eigenvalue in np.linalg.eigvals(model.A):
+        frequency_hz, damping_ratio = frequency_and_damping(complex(eigenvalue), model.dt)
+        if eigenvalue.imag > 0.0:
+            width = min(abs(damping_ratio), 0.1)
+            grid.append(frequency_hz * (1.0 + width * np.linspace(-4.0, 4.0, 17)))
+    merged = np.unique(np.concatenate(grid))
+    return np.asarray(merged[(merged >= grid[0][0]) & (merged <= nyquist_hz)])

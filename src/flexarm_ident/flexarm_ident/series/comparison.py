@@ -14,13 +14,13 @@ from flexarm_ident.fitting.validation import validate_dmv
 from flexarm_ident.friction.dry_friction import load_friction, validate_with_friction
 from flexarm_ident.job import MODEL_FILE, read_record, whole
 from flexarm_ident.models.files import FORMATS, load_model
-from flexarm_ident.models.modes import frequency_and_damping
+from flexarm_ident.models.modes import frequency_and_damping, frequency_grid
 from flexarm_ident.records.naming import short_names
 from flexarm_ident.report.content.blocks import Plots, Table, Words
 from flexarm_ident.report.content.match_gallery import near_rows
 from flexarm_ident.report.content.wording import error_text, percent
 from flexarm_ident.report.page import render_page
-from flexarm_ident.report.plots.frequency_plot import COMPARED, frequency_grid, frequency_plot
+from flexarm_ident.report.plots.frequency_plot import COMPARED, frequency_plot
 from flexarm_ident.report.plots.time_plots import overlay_plot
 from flexarm_ident.workflow.stages import run
 

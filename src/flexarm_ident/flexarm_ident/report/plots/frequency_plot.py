@@ -8,7 +8,6 @@ import numpy as np
 
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.models.modes import frequency_and_damping
 from flexarm_ident.report.plots import marks
 from flexarm_ident.report.plots.axis import Axis
 from flexarm_ident.report.plots.chart import Panel, View, chart
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from flexarm_ident.diagnostics.spectra import Spectra
     from flexarm_ident.report.plots.marks import Mark
 
-_GRID_POINTS = 400
 _SMALLEST_GAIN = 1e-12
 _BAND_DEPTH_DB = 20.0
 _PHASE_TICKS = 4
@@ -98,22 +96,6 @@ def frequency_plot(
         panels = [_with_known(panel, known_modes_hz) for panel in panels]
     cause, effect = (label_and_unit(name)[0] for name in names)
     return chart(View(f"frequency response from {cause} to {effect}", x, panels))
-
-
-def frequency_grid(model: control.StateSpace, lowest_hz: float) -> FloatArray:
-    """Return a logarithmic grid of frequencies in Hz, refined around each mode by its own width.
-
-    It goes from `lowest_hz` to the Nyquist frequency of the discrete model.
-    """
-    nyquist_hz = 0.5 / model.dt
-    grid = [np.geomspace(min(lowest_hz, 0.1 * nyquist_hz), nyquist_hz, _GRID_POINTS)]
-    for eigenvalue in np.linalg.eigvals(model.A):
-        frequency_hz, damping_ratio = frequency_and_damping(complex(eigenvalue), model.dt)
-        if eigenvalue.imag > 0.0:
-            width = min(abs(damping_ratio), 0.1)
-            grid.append(frequency_hz * (1.0 + width * np.linspace(-4.0, 4.0, 17)))
-    merged = np.unique(np.concatenate(grid))
-    return np.asarray(merged[(merged >= grid[0][0]) & (merged <= nyquist_hz)])
 
 
 def _band(response: ComplexArray, deviation: FloatArray, frequencies_hz: FloatArray) -> Mark:

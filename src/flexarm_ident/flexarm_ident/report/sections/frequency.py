@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import label_and_unit
+from flexarm_ident.models.modes import frequency_grid
 from flexarm_ident.report.content.blocks import Heading, Plots, Section, Words
 from flexarm_ident.report.content.wording import deviation_words
-from flexarm_ident.report.plots.frequency_plot import frequency_grid, frequency_plot
+from flexarm_ident.report.plots.frequency_plot import frequency_plot
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
