@@ -16,7 +16,7 @@ SETPOINT_V, LENGTH_S, DELAY_S = 3.0, 4.0, 0.001
 def main() -> None:
     """Identify and reduce a model, tune the PDP law on it, and step the loop."""
     data = preprocess(read_bag(BAG))
-    full = identify(data, method="auto", order=20)
+    full = identify(data, order=20)
     model = reduce_model(full, data, ranking="mrm", order=10).model
 
     tuning = tune_pdp([model], delay_s=DELAY_S)

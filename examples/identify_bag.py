@@ -14,7 +14,7 @@ def main(bag: Path = BAG) -> None:
     """Identify on the first half of the record, reduce, and validate on all of it."""
     data = preprocess(read_bag(bag))
     training = data.head(len(data) // 2)
-    full = identify(training, method="auto", order=20)
+    full = identify(training, order=20)
     reduced = reduce_model(full, training, ranking="mrm", order=10)
 
     print(f"{len(data)} samples, order {full.order} by {full.method}, reduced to {reduced.order}")

@@ -67,7 +67,7 @@ def ways(record: str, seed: int) -> Ways:
     half = fitted_half(whole)
     found = identified(half)
     order = printed_order(record)
-    ours = identify(half, order=order)
+    ours = identify(half, order=order, method="orse")
     errors = {
         THESIS_WAY: _matching(found.subspace, order, half, whole),
         "unstable eigenvalues mirrored": _matching(

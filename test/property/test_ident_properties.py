@@ -32,7 +32,7 @@ def test_identify___noise_free_random_model___markov_parameters_are_recovered(
     seed: int, states: int, outputs: int, inputs: int
 ) -> None:
     model = random_model(seed, states, outputs, inputs)
-    found = identify(record(model, 500, seed), order=states, block_rows=8)
+    found = identify(record(model, 500, seed), order=states, block_rows=8, method="orse")
     expected = pulse_responses(model)
     # The weakest mode limits the digits that one record holds.
     weakest = found.singular_values[states - 1] / found.singular_values[0]
@@ -60,8 +60,8 @@ def test_identify___outputs_in_other_units___model_changes_by_the_units_only(
 ) -> None:
     data = record(random_model(seed), 600, seed, noise=0.05)
     unit = 10.0 ** np.array(exponents)
-    here = identify(data, order=5, block_rows=8)
-    there = identify(replace(data, y=data.y * unit), order=5, block_rows=8)
+    here = identify(data, order=5, block_rows=8, method="orse")
+    there = identify(replace(data, y=data.y * unit), order=5, block_rows=8, method="orse")
     np.testing.assert_allclose(
         pulse_responses(there.model) / unit[:, np.newaxis],
         pulse_responses(here.model),
@@ -110,7 +110,7 @@ def test_reduce_model___any_order___pairs_stay_whole(
 ) -> None:
     model = random_model(seed, states=8)
     data = record(model, 400, seed, noise=0.02)
-    found = identify(data, order=8, block_rows=10)
+    found = identify(data, order=8, block_rows=10, method="orse")
     reduced = reduce_model(
         found,
         data,
@@ -165,7 +165,7 @@ def test_identify___more_data_of_the_arm___never_much_worse(seed: int) -> None:
     data = IoData(u, clean + noise, dt_s=float(model.dt))
     errors = []
     for samples in (1500, 8000):
-        found = identify(data.head(samples), order=12, block_rows=25)
+        found = identify(data.head(samples), order=12, block_rows=25, method="orse")
         y = simulate(found.model, u)
         errors.append(np.mean(np.linalg.norm(y - clean, axis=0) / np.linalg.norm(clean, axis=0)))
     assert errors[1] < 1.2 * errors[0] + 0.02

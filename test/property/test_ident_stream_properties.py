@@ -98,11 +98,11 @@ def test_bag___whole_and_in_pieces___is_one_record(
 
 def assert_same_model(whole: IoData, stream: BagStream) -> None:
     try:
-        found = identify(whole, order=5, block_rows=10)
+        found = identify(whole, order=5, block_rows=10, method="orse")
     except IdentificationError as error:
         with pytest.raises(IdentificationError, match=re.escape(str(error))):
-            identify([stream], order=5, block_rows=10)
+            identify([stream], order=5, block_rows=10, method="orse")
         return
-    other = identify([stream], order=5, block_rows=10)
+    other = identify([stream], order=5, block_rows=10, method="orse")
     np.testing.assert_allclose(other.model.A, found.model.A, atol=1e-6)
     np.testing.assert_allclose(other.fit_error, found.fit_error, rtol=1e-6)

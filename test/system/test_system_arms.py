@@ -110,7 +110,7 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
         position_v = record.y[:, 0]
         assert np.sign(position_v[np.abs(position_v).argmax()]) == np.sign(SET_POINT_V[arm])
         # A model without the motion in it has the relative error 1.
-        assert identify(record, order=4, block_rows=10).fit_error[0] < 0.5
+        assert identify(record, order=4, block_rows=10, method="orse").fit_error[0] < 0.5
 
 
 def test_stop_of_every_arm___without_any___says_so(graph: Graph) -> None:

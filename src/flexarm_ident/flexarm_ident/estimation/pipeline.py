@@ -32,7 +32,7 @@ def identify(
     order: int | None = None,
     singular_value_threshold: float | None = None,
     block_rows: int = 40,
-    method: str = "orse",
+    method: str = AUTO,
     stable: bool = True,
     feedthrough: bool | None = False,
     friction: bool = False,

@@ -59,7 +59,7 @@ def test_import___column_with_a_dot___is_identified_under_a_name_with_an_undersc
     import_csv(file, columns, tmp_path / "bag", typestore=typestore())
 
     for source in (read_bag(tmp_path / "bag"), stream_bag(tmp_path / "bag")):
-        model = identify([source], order=1, block_rows=5).model
+        model = identify([source], order=1, block_rows=5, method="orse").model
         assert (model.input_labels, model.output_labels) == (["Motor_I"], ["q_1"])
         np.testing.assert_allclose(model.A, 0.8, rtol=1e-6)
 

@@ -151,7 +151,7 @@ def test_uncertainty___noise_free___is_zero() -> None:
 
 def test_mode_uncertainty___identified_model___follows_its_ranked_modes() -> None:
     data = arm_data(5, colour=False)
-    model = identify(data, order=9, block_rows=PAST)
+    model = identify(data, order=9, block_rows=PAST, method="orse")
     found = mode_uncertainty(jackknife(data, PAST, white), model.model)
     for figure in ("frequency_hz", "damping_ratio"):
         expected = [getattr(each, figure) for each in model.modes]

@@ -24,7 +24,7 @@ def noisy_arm(seed: int, noise: float) -> IoData:
 @pytest.mark.parametrize("seed", range(3))
 def test_cross_validation___each_fifth_left_out_by_hand___same_errors(seed: int) -> None:
     data = noisy_arm(seed, 0.3)
-    found = identify(data, order=ORDER, block_rows=20).cross_validation
+    found = identify(data, order=ORDER, block_rows=20, method="orse").cross_validation
     assert found is not None
     assert found.block_errors.shape == (5, 4)
     edges = np.linspace(0, SAMPLES, 6).astype(int)
@@ -33,7 +33,7 @@ def test_cross_validation___each_fifth_left_out_by_hand___same_errors(seed: int)
         pieces = [
             data.rows(slice(low, high)) for low, high in ((0, first), (last, SAMPLES)) if high > low
         ]
-        model = identify(pieces, order=ORDER, block_rows=20).model
+        model = identify(pieces, order=ORDER, block_rows=20, method="orse").model
         simulated[first:last] = validate_dmv(model, data).y[first:last]
     by_hand = relative_errors(data.y, simulated)
     # The blocks of the product lack the samples that columns before them reach.
@@ -42,7 +42,9 @@ def test_cross_validation___each_fifth_left_out_by_hand___same_errors(seed: int)
 
 def test_cross_validation___white_noise___error_is_the_share_of_the_noise() -> None:
     noise = 0.4
-    found = identify(noisy_arm(1, noise), order=ORDER, block_rows=20).cross_validation
+    found = identify(
+        noisy_arm(1, noise), order=ORDER, block_rows=20, method="orse"
+    ).cross_validation
     assert found is not None
     clean = step_by_step(arm_model(), square_wave(SAMPLES, 1))
     share = noise * clean.std(axis=0)
@@ -53,7 +55,7 @@ def test_cross_validation___white_noise___error_is_the_share_of_the_noise() -> N
 def test_cross_validation___outputs_of_noise_alone___shows_what_the_fit_hides() -> None:
     rng = np.random.default_rng(0)
     data = IoData(rng.normal(size=(600, 1)), rng.normal(size=(600, 1)), dt_s=DT_S, outputs=("y",))
-    found = identify(data, order=14, block_rows=15)
+    found = identify(data, order=14, block_rows=15, method="orse")
     assert found.cross_validation is not None
     assert found.fit_error[0] < 0.98
     assert found.cross_validation.error[0] > 1.0
@@ -61,7 +63,7 @@ def test_cross_validation___outputs_of_noise_alone___shows_what_the_fit_hides() 
 
 def test_cross_validation___few_samples___is_left_out() -> None:
     data = record(random_model(0, 2, 1, 1), 90, seed=0)
-    assert identify(data, order=2, block_rows=25).cross_validation is None
+    assert identify(data, order=2, block_rows=25, method="orse").cross_validation is None
 
 
 @pytest.mark.parametrize("method", ["orse_iv", "pbsid"])

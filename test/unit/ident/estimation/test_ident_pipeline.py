@@ -33,7 +33,7 @@ def arm_experiment(seed: int, samples: int = 12_000) -> IoData:
 @pytest.mark.parametrize("seed", range(3))
 def test_identify___noisy_arm_under_square_wave___modes_within_a_few_percent(seed: int) -> None:
     data = arm_experiment(seed)
-    found = identify(data.head(6000))
+    found = identify(data.head(6000), method="orse")
     pairs = [mode for mode in found.modes if mode.is_pair and mode.damping_ratio < 0.2]
     for true_hz in (9.4, 24.1, 45.6):
         nearest = min(pairs, key=lambda mode: abs(mode.frequency_hz - true_hz))
@@ -46,7 +46,7 @@ def test_identify___noisy_arm_under_square_wave___modes_within_a_few_percent(see
 
 def test_identify___order_given___is_kept_and_described() -> None:
     data = arm_experiment(3, 3000)
-    found = identify(data, order=12)
+    found = identify(data, order=12, method="orse")
     assert found.order == found.model.nstates == 12
     assert found.model.dt == pytest.approx(DT_S)
     assert tuple(found.model.input_labels) == data.inputs
@@ -61,7 +61,7 @@ def test_identify___order_given___is_kept_and_described() -> None:
 def test_identify___several_records___one_model_and_an_initial_state_each() -> None:
     model = random_model(1)
     records = [record(model, 300, seed=1), record(model, 201, seed=2), record(model, 404, seed=3)]
-    found = identify(records, order=5, block_rows=10)
+    found = identify(records, order=5, block_rows=10, method="orse")
     expected = pulse_responses(model)
     np.testing.assert_allclose(pulse_responses(found.model), expected, atol=1e-9)
     for data, x0 in zip(records, found.x0, strict=True):
@@ -69,7 +69,7 @@ def test_identify___several_records___one_model_and_an_initial_state_each() -> N
 
 
 def test_identify___clean_data_without_order___finds_the_true_one() -> None:
-    found = identify(record(random_model(2, states=9), 1500, seed=2), block_rows=20)
+    found = identify(record(random_model(2, states=9), 1500, seed=2), block_rows=20, method="orse")
     assert found.order == 9
     assert found.suggested_order == 9
 
@@ -82,20 +82,24 @@ def test_suggest_order___clear_gap___is_found() -> None:
 @pytest.mark.parametrize("order", range(1, 9))
 def test_identify___threshold_between_singular_values___sets_the_order(order: int) -> None:
     data = arm_experiment(0, 3000)
-    values = identify(data, block_rows=20).singular_values
+    values = identify(data, block_rows=20, method="orse").singular_values
     threshold = float(np.sqrt(values[order - 1] * values[order]) / values[0])
-    found = identify(data, block_rows=20, singular_value_threshold=threshold)
+    found = identify(data, block_rows=20, singular_value_threshold=threshold, method="orse")
     assert found.order == order
 
 
 def test_identify___threshold_below_too_many_singular_values___says_what_to_do() -> None:
     with pytest.raises(IdentificationError, match="raise the threshold or block_rows"):
-        identify(arm_experiment(0, 3000), block_rows=8, singular_value_threshold=1e-12)
+        identify(
+            arm_experiment(0, 3000), block_rows=8, singular_value_threshold=1e-12, method="orse"
+        )
 
 
 def test_identify___feedthrough___is_recovered() -> None:
     model = random_model(3, feedthrough=True)
-    found = identify(record(model, 500, seed=3), order=5, block_rows=10, feedthrough=True)
+    found = identify(
+        record(model, 500, seed=3), order=5, block_rows=10, feedthrough=True, method="orse"
+    )
     np.testing.assert_allclose(pulse_responses(found.model), pulse_responses(model), atol=1e-9)
 
 
@@ -111,7 +115,7 @@ def test_identify___unstable_plant___eigenvalue_is_moved_and_reported(seed: int,
     model = random_model(seed)
     A = model.A / np.abs(np.linalg.eigvals(model.A)).max() * 1.001
     data = record(named(A, model.B, model.C, model.D), 500, seed=4)
-    found = identify(data, order=5, block_rows=10)
+    found = identify(data, order=5, block_rows=10, method="orse")
     assert np.abs(np.linalg.eigvals(found.model.A)).max() < 1.0
     assert found.moved_eigenvalues == int(note[0])
     assert f"information: {note}" in found.warnings
@@ -121,7 +125,7 @@ def test_identify___sine_as_input___warns_with_the_condition_number() -> None:
     model = random_model(5, inputs=1)
     u = np.sin(0.3 * np.arange(800))[:, np.newaxis]
     data = IoData(u, step_by_step(model, u), dt_s=DT_S, inputs=("u0",), outputs=("y0", "y1", "y2"))
-    found = identify(data, order=5, block_rows=10)
+    found = identify(data, order=5, block_rows=10, method="orse")
     assert found.input_condition > 1e12
     assert "excites few frequencies" in found.warnings[0]
 
@@ -140,7 +144,7 @@ def test_identify___offset_and_saturation___are_reported_by_channel() -> None:
     y = data.y + np.array([0.0, 0.0, 1e5, 0.0])
     limit = 0.5 * np.abs(y[:, 3]).max()
     y[:, 3] = y[:, 3].clip(-limit, limit)
-    found = identify(replace(data, y=y, source="run 7"), order=9)
+    found = identify(replace(data, y=y, source="run 7"), order=9, method="orse")
     names = {(warning.name, warning.channel) for warning in found.data_warnings}
     assert {("offset", "middle_strain_v"), ("saturation", "speed_v")} <= names
     assert all(f"{each.grade}: {each}" in found.warnings for each in found.data_warnings)
@@ -148,7 +152,11 @@ def test_identify___offset_and_saturation___are_reported_by_channel() -> None:
 
 def test_identify___progress___ends_with_the_fit() -> None:
     seen: list[tuple[str, float]] = []
-    identify(arm_experiment(8, 1500), progress=lambda stage, part: seen.append((stage, part)))
+    identify(
+        arm_experiment(8, 1500),
+        progress=lambda stage, part: seen.append((stage, part)),
+        method="orse",
+    )
     stages = [stage for stage, _ in seen]
     assert stages[0] == "gram"
     assert seen[-1] == ("fit", 1.0)
@@ -171,10 +179,13 @@ def test_identify___method_auto___names_what_it_chose() -> None:
             "order must lie between 1 and 39 for block_rows = 40: 40; block_rows = 41 would do",
         ),
         (
-            {"order": 200},
+            {"order": 200, "method": "orse"},
             "block_rows = 40: 200; .*: 1000 samples allow block_rows of at most 166: record longer",
         ),
-        ({"block_rows": 300}, "1000 samples are too few, block_rows = 300 needs at least 1800: "),
+        (
+            {"block_rows": 300, "method": "orse"},
+            "1000 samples are too few, block_rows = 300 needs at least 1800: ",
+        ),
         (
             {"block_rows": 100, "method": "orse_iv"},
             r"1000 samples are too few, block_rows = 100 \(200 with those of the past\) needs .*$",
@@ -195,13 +206,13 @@ def test_identify___constant_input___raises(level: float) -> None:
     with pytest.raises(
         DataError, match="input command_v is constant in 1000 samples, it excites nothing"
     ):
-        identify(replace(data, u=np.full_like(data.u, level)))
+        identify(replace(data, u=np.full_like(data.u, level)), method="orse")
 
 
 def test_identify___records_do_not_match___raises() -> None:
     data = arm_experiment(12, 1000)
     with pytest.raises(DataError, match="dt_s"):
-        identify([data, replace(data, dt_s=0.002)])
+        identify([data, replace(data, dt_s=0.002)], method="orse")
 
 
 @pytest.mark.parametrize("method", ["orse", "orse_iv", "pbsid", "orse_thesis"])

@@ -141,7 +141,7 @@ def test_identify___any_pieces___is_the_model_of_the_whole_record(
 def test_identify___two_records___each_has_its_initial_state() -> None:
     model = random_model(3)
     parts = [record(model, 700, seed=1), record(model, 450, seed=2)]
-    found = identify([Pieces(part, [101]) for part in parts], order=5, block_rows=8)
+    found = identify([Pieces(part, [101]) for part in parts], order=5, block_rows=8, method="orse")
     for part, x0 in zip(parts, found.x0, strict=True):
         np.testing.assert_allclose(
             step_by_step(found.model, part.u, x0), part.y, atol=1e-7 * np.abs(part.y).max()
@@ -150,7 +150,7 @@ def test_identify___two_records___each_has_its_initial_state() -> None:
 
 def test_fit_error___noisy_record___is_that_of_the_simulation() -> None:
     data = arm_record(5003, 0.05)
-    found = identify(data, order=9, block_rows=15)
+    found = identify(data, order=9, block_rows=15, method="orse")
     missed = data.y - step_by_step(found.model, data.u, found.x0[0])
     expected = np.linalg.norm(missed, axis=0) / np.linalg.norm(data.y, axis=0)
     np.testing.assert_allclose(found.fit_error, expected, rtol=1e-6)
@@ -158,7 +158,7 @@ def test_fit_error___noisy_record___is_that_of_the_simulation() -> None:
 
 def test_identify___no_record_or_other_method___raises() -> None:
     with pytest.raises(DataError, match="no record given"):
-        identify([], order=3)
+        identify([], order=3, method="orse")
     data = record(random_model(1), 300, seed=1)
     with pytest.raises(IdentificationError, match=r"method must be one of auto, .*'guess'"):
         identify([data], order=3, method="guess")

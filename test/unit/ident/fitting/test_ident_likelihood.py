@@ -106,7 +106,10 @@ def test_likelihood___order_left_open___comes_down_to_that_of_the_plant() -> Non
 
 def test_identify___refined___keeps_a_given_order_only() -> None:
     data = noisy(0, 3000)
-    found = [identify(data, order=order, block_rows=10, refine=True) for order in (9, None)]
+    found = [
+        identify(data, order=order, block_rows=10, refine=True, method="orse")
+        for order in (9, None)
+    ]
     assert [each.order for each in found] == [9, 4]
     assert [each.model.nstates for each in found] == [9, 4]
     assert found[1].notes[-1].startswith("refined by maximum likelihood")
@@ -114,7 +117,9 @@ def test_identify___refined___keeps_a_given_order_only() -> None:
 
 @pytest.mark.slow
 def test_likelihood___deviations___hold_over_many_records() -> None:
-    clean = identify(record(random_model(5, 4, 2, 1), 600, 0), order=4, block_rows=10)
+    clean = identify(
+        record(random_model(5, 4, 2, 1), 600, 0), order=4, block_rows=10, method="orse"
+    )
     truth = sorted(each.frequency_hz for each in clean.modes)
     scores = []
     for seed in range(40):
@@ -134,7 +139,7 @@ def test_likelihood___hole_in_the_record___is_left_out() -> None:
     y = data.y.copy()
     y[500:600] = np.nan
     holed = replace(data, y=y)
-    start = identify(holed, order=4, block_rows=10)
+    start = identify(holed, order=4, block_rows=10, method="orse")
     found = maximise_likelihood(start.model, start.x0, holed)
     assert found is not None
     # What stands in the hole does not matter.
@@ -153,16 +158,16 @@ def test_likelihood___missing_dynamics___gives_way_to_the_simulation_error() -> 
     u = rng.normal(size=(3000, 1))
     y = step_by_step(arm_model(), u)
     data = IoData(u, y + 1e-3 * y.std(axis=0) * rng.normal(size=y.shape), dt_s=DT_S)
-    start = identify(data, order=5, block_rows=15)
+    start = identify(data, order=5, block_rows=15, method="orse")
     assert maximise_likelihood(start.model, start.x0, data) is None
-    refined = identify(data, order=5, block_rows=15, refine=True)
+    refined = identify(data, order=5, block_rows=15, refine=True, method="orse")
     assert "refined by the simulation error" in refined.notes[-1]
     assert not refined.likely_modes
 
 
 def test_likelihood___few_samples_or_defective_model___gives_none() -> None:
     short = noisy(0, 200)
-    start = identify(short, order=8, block_rows=10)
+    start = identify(short, order=8, block_rows=10, method="orse")
     assert maximise_likelihood(start.model, start.x0, short) is None
     jordan = named(
         np.array([[0.9, 1.0], [0.0, 0.9]]), np.ones((2, 1)), np.ones((2, 2)), np.zeros((2, 1))

@@ -39,7 +39,7 @@ def a_bag(path: Path, *, lost: tuple[int, ...] = (), scatter_ns: float = 0.0) ->
 
 
 def names(bag: Path) -> dict[str, dict[str, float]]:
-    found = identify(read_bag(bag), order=4, block_rows=10)
+    found = identify(read_bag(bag), order=4, block_rows=10, method="orse")
     assert all(str(warning).startswith(f"{bag.name}: ") for warning in found.data_warnings)
     assert {f"{each.grade}: {each}" for each in found.data_warnings} <= set(found.warnings)
     warnings = {warning.name: dict(warning.figures) for warning in found.data_warnings}

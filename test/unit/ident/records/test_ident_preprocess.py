@@ -79,7 +79,9 @@ def test_low_pass___butterworth___matches_scipy_from_steady_state() -> None:
 
 def test_preprocess___input_and_outputs_filtered_alike___model_is_the_same() -> None:
     model, data = arm_model(), rested()
-    found = identify(preprocess(data, cutoff_hz=60.0, zero_mean=()), order=9, block_rows=20)
+    found = identify(
+        preprocess(data, cutoff_hz=60.0, zero_mean=()), order=9, block_rows=20, method="orse"
+    )
     expected = np.sort_complex(np.linalg.eigvals(model.A))
     np.testing.assert_allclose(
         np.sort_complex(np.linalg.eigvals(found.model.A)), expected, atol=1e-5
@@ -128,7 +130,10 @@ def test_preprocess___channels_far_from_1___are_scaled_and_give_the_same_model(
         for values, power in ((plain.u, powers[:1]), (plain.y, powers[1:]))
     )
     prepared = preprocess(replace(plain, u=u, y=y))
-    found, expected = identify(prepared, order=4), identify(preprocess(plain), order=4)
+    found, expected = (
+        identify(prepared, order=4, method="orse"),
+        identify(preprocess(plain), order=4, method="orse"),
+    )
     np.testing.assert_allclose(found.fit_error, expected.fit_error, rtol=1e-3)
     poles, same = (np.sort_complex(np.linalg.eigvals(each.model.A)) for each in (found, expected))
     np.testing.assert_allclose(poles, same, rtol=1e-3)
@@ -148,7 +153,7 @@ def test_preprocess___offset_of_many_deviations___is_removed_with_a_notice() -> 
     assert (notice.name, notice.text) == ("offset", "y had an offset of 1e+06, which was removed")
     level = clean.y[:, 0].mean()
     same = replace(clean, y=clean.y - [level, 0.0])
-    errors = [identify(preprocess(each), order=4).fit_error for each in (same, data)]
+    errors = [identify(preprocess(each), order=4, method="orse").fit_error for each in (same, data)]
     np.testing.assert_allclose(errors[1], errors[0], rtol=1e-3)
     np.testing.assert_array_equal(preprocess(data, bias="none").y, data.y)
 
@@ -183,7 +188,7 @@ def test_identify___outputs_that_cannot_be_computed_with___are_refused(
 ) -> None:
     data = noisy(4)
     with pytest.raises(DataError, match=complaint):
-        identify(replace(data, y=data.y * factor, source="run"))
+        identify(replace(data, y=data.y * factor, source="run"), method="orse")
 
 
 def test_output_scale___outputs___reach_the_inputs_maximum_and_orse_thesis_undoes_it() -> None:

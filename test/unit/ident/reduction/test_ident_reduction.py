@@ -41,7 +41,7 @@ def data() -> IoData:
 
 @pytest.fixture(scope="module")
 def full(data: IoData) -> Identification:
-    return identify(data, order=20)
+    return identify(data, order=20, method="orse")
 
 
 @pytest.mark.parametrize("ranking", ["mrm", "msv"])
@@ -51,7 +51,7 @@ def test_reduce_model___own_order___keeps_the_input_output_behaviour(
     update: Any,  # noqa: ANN401
 ) -> None:
     clean = record(random_model(1, states=6), 500, seed=1)
-    found = identify(clean, order=6, block_rows=10)
+    found = identify(clean, order=6, block_rows=10, method="orse")
     reduced = reduce_model(found, clean, ranking=ranking, order=6, update=update)
     np.testing.assert_allclose(
         pulse_responses(reduced.model), pulse_responses(found.model), atol=1e-9
@@ -65,7 +65,7 @@ def test_reduce_model___own_order___keeps_the_input_output_behaviour(
 def test_reduce_model___feedthrough___is_kept() -> None:
     model = random_model(2, states=6, feedthrough=True)
     clean = record(model, 500, seed=2)
-    found = identify(clean, order=6, block_rows=10, feedthrough=True)
+    found = identify(clean, order=6, block_rows=10, feedthrough=True, method="orse")
     reduced = reduce_model(found, clean, order=6)
     np.testing.assert_allclose(pulse_responses(reduced.model), pulse_responses(model), atol=1e-9)
 
@@ -112,7 +112,7 @@ def test_reduce_model___order___takes_the_best_ranked_modes(
 
 def test_reduce_model___order_would_split_a_pair___takes_one_more_with_a_warning() -> None:
     clean = record(random_model(4, states=6), 500, seed=4)
-    found = identify(clean, order=6, block_rows=10)
+    found = identify(clean, order=6, block_rows=10, method="orse")
     assert all(mode.is_pair for mode in found.modes)
     reduced = reduce_model(found, clean, order=3)
     assert reduced.order == 4
@@ -137,7 +137,7 @@ def test_reduce_model___mrmc_mode_far_from_all___is_left_out_with_a_warning(
     full: Identification, data: IoData
 ) -> None:
     clean = record(random_model(4, states=6), 500, seed=4)
-    found = identify(clean, order=6, block_rows=10)
+    found = identify(clean, order=6, block_rows=10, method="orse")
     reduced = reduce_model(found, clean, ranking="mrmc", order=4, known_modes_hz=[0.01])
     assert "no flexible mode near 0.01 Hz" in reduced.warnings[0]
     assert not reduce_model(full, data, ranking="mrmc", order=8, known_modes_hz=KNOWN_HZ).warnings
@@ -164,7 +164,7 @@ def test_reduce_model___unstable_model___is_stabilised_first() -> None:
     A = model.A / np.abs(np.linalg.eigvals(model.A)).max() * 1.002
     unstable = named(A, model.B, model.C, model.D)
     data = record(unstable, 400, seed=5)
-    found = identify(data, order=5, block_rows=10, stable=False)
+    found = identify(data, order=5, block_rows=10, stable=False, method="orse")
     assert np.abs(np.linalg.eigvals(found.model.A)).max() == pytest.approx(1.002)
     assert found.warnings == ("information: the model of order 5 is unstable",)
     reduced = reduce_model(found, data, order=4)

@@ -14,7 +14,7 @@ from support.ident_systems import random_model, record
 @pytest.fixture(scope="module")
 def found() -> Identification:
     data = record(random_model(4, states=6, outputs=2), 1200, 3, noise=0.02)
-    return identify(data, order=6, block_rows=10)
+    return identify(data, order=6, block_rows=10, method="orse")
 
 
 def test_step_costs___one_record___are_errors_of_a_free_simulation(found: Identification) -> None:

@@ -109,7 +109,7 @@ def test_overdispersion___few_samples___is_one() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_choose_order___white_noise___finds_the_order_of_the_arm(seed: int) -> None:
-    found = identify(noisy_arm(seed, 6000, 0.002))
+    found = identify(noisy_arm(seed, 6000, 0.002), method="orse")
     assert found.order == arm_model().nstates
 
 
@@ -125,11 +125,11 @@ def test_choose_order___filtered_outputs___counts_the_states_of_the_filter(seed:
 
 def test_choose_order___unstable_models_left_alone___takes_a_stable_order() -> None:
     data = noisy_arm(4, 3000, 0.2)
-    found = identify(data, stable=False)
+    found = identify(data, stable=False, method="orse")
     assert found.order in found.stable_orders
 
 
 def test_choose_order___few_samples_only___gives_an_order() -> None:
     data = record(random_model(1), 80, seed=1, noise=0.1)
-    found = identify(data, block_rows=10)
+    found = identify(data, block_rows=10, method="orse")
     assert 1 <= found.order <= 9

@@ -222,8 +222,8 @@ def test_refer_friction___same_model_in_other_coordinates___same_simulation(depe
 
 def test_refine___noisy_record___lowers_the_simulation_error_of_the_whole() -> None:
     data = record(random_model(3), 1500, seed=1, noise=0.2)
-    start = identify(data, order=4, block_rows=8)
-    refined = identify(data, order=4, block_rows=8, refine=True)
+    start = identify(data, order=4, block_rows=8, method="orse")
+    refined = identify(data, order=4, block_rows=8, refine=True, method="orse")
     assert refined.start_error is not None
     assert refined.start_error == pytest.approx(start.fit_error, rel=1e-6)
     y = step_by_step(refined.model, data.u, refined.x0[0])
