@@ -7,12 +7,18 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from flexarm_control.design.criteria import step_figures
 from flexarm_control.models.arm_model import check_arm_model, check_no_feedthrough
+from flexarm_core.channels import CHANNEL_NAMES
+from flexarm_core.labels import axis_label
+from flexarm_core.showing.tables import html_table
+from flexarm_core.showing.traces import Panel, plot_traces
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import control
+    from numpy.typing import NDArray
 
     from flexarm_control.laws.law_protocol import Effort, Law
     from flexarm_core.arrays import FloatArray
@@ -43,7 +49,7 @@ class Rig(Protocol):
         """Command the drive, V."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LoopRun:
     """Signals of one simulated run.
 
@@ -70,6 +76,46 @@ class LoopRun:
     def command_v(self) -> FloatArray:
         """Command of the drive (4-6), V, (samples,)."""
         return self.effort + self.compensation
+
+    def __repr__(self) -> str:
+        figures = ", ".join(f"{name} {figure}" for name, figure in self._figures)
+        return f"<{type(self).__name__} {len(self.time_s)} samples; {figures}>"
+
+    def _repr_html_(self) -> str:
+        return html_table(f"{len(self.time_s)} samples", ("figure", "value"), self._figures)
+
+    def plot_run(self) -> NDArray[np.object_]:
+        """Plot position with its reference, strains, speed, and the command.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes, (5,)
+            The axes.
+        """
+        outputs = [
+            Panel(axis_label(name), [("", values)])
+            for name, values in zip(CHANNEL_NAMES, self.y.T, strict=True)
+        ]
+        position = [("position", self.y[:, 0]), ("reference", self.reference_v)]
+        panels = [Panel("position, V", position), *outputs[1:]]
+        return plot_traces(self.time_s, [*panels, Panel("command, V", [("", self.command_v)])])
+
+    @property
+    def _figures(self) -> list[tuple[str, str]]:
+        """Return the figures of a step where the reference is one, else of the error alone."""
+        position_v, end_v = self.y[:, 0], float(self.reference_v[-1])
+        if np.any(self.reference_v != end_v):
+            return [
+                ("RMS error", f"{np.sqrt(np.mean((self.reference_v - position_v) ** 2)):.3f} V")
+            ]
+        step = step_figures(self.time_s, position_v, end_v)
+        return [
+            ("set-point", f"{end_v:g} V"),
+            ("mean error", f"{step.mean_error_v:+.4f} V"),
+            ("overshoot", f"{step.overshoot:.1%}"),
+            ("settled after", f"{step.settling_s:.2f} s"),
+            ("rise", f"{step.rise_s:.2f} s"),
+        ]
 
 
 def simulate(

@@ -20,6 +20,7 @@ from flexarm_control.models.arm_model import (
     delayed,
 )
 from flexarm_core.errors import SettingError
+from flexarm_core.showing.tables import html_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -77,6 +78,23 @@ class PdpTuning:
     active: tuple[str, ...]
     searches: tuple[Search[PdpGains], ...]
     gain_spread: float
+
+    def _repr_html_(self) -> str:
+        gains = ", ".join(f"{name} {value:.4g}" for name, value in vars(self.gains).items())
+        header = ("model", "gain margin, dB", "phase margin, deg", "disk margin", "error ITAE, s²")
+        rows = [
+            (
+                str(number),
+                f"{each.gain_margin_db:.1f}",
+                f"{each.phase_margin_deg:.0f}",
+                f"{each.disk_margin:.2f}",
+                f"{itae:.4g}",
+            )
+            for number, (each, itae) in enumerate(
+                zip(self.margins, self.error_itae, strict=True), start=1
+            )
+        ]
+        return html_table(f"{gains}; J {self.criterion:.4g}", header, rows)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import DataError, IdentificationError
+from flexarm_core.labels import label_and_unit
 from flexarm_ident.diagnostics.notes import graded
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.diagnostics.stabilisation import (
@@ -23,8 +24,10 @@ from flexarm_ident.diagnostics.uncertainty import (
 )
 from flexarm_ident.estimation.cross_validation import cross_validate
 from flexarm_ident.estimation.physical_modes import judged_modes
+from flexarm_ident.estimation.plots import plot_response, plot_stabilisation
 from flexarm_ident.friction.dry_friction import net_records
-from flexarm_ident.models.modes import ranked_modes
+from flexarm_ident.models.mode_table import mode_table
+from flexarm_ident.models.modes import frequency_grid, ranked_modes
 from flexarm_ident.records.iodata import Grade
 from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.subspace.methods import METHODS, Data
@@ -32,6 +35,7 @@ from flexarm_ident.subspace.order import candidate_orders, stable_orders, sugges
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.diagnostics.stabilisation import Stabilisation
@@ -49,7 +53,7 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.subspace_protocol import StateMatrices, Subspace
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification:
     """Identified model with its origin and diagnostics.
 
@@ -124,6 +128,39 @@ class Identification:
     likely_modes: tuple[ModeUncertainty, ...] = ()
     friction: DryFriction | None = None
     coulomb: CoulombEstimate | None = None
+
+    def __repr__(self) -> str:
+        errors = " ".join(f"{error:.3f}" for error in self.fit_error)
+        return f"<{type(self).__name__} order {self.order} by {self.method}, errors {errors}>"
+
+    def _repr_html_(self) -> str:
+        figures = zip(self.model.output_labels, self.fit_error, strict=True)
+        errors = ", ".join(f"{label_and_unit(name)[0]} {error:.3f}" for name, error in figures)
+        title = f"Order {self.order} by {self.method}. Relative errors: {errors}."
+        return mode_table(title, self.modes, self.mode_uncertainty)
+
+    def plot_response(self, axes: Axes | None = None) -> Axes:
+        """Plot the gain (2-4) of every output with a band of two standard deviations.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on. None: a new figure.
+        """
+        grid_hz = frequency_grid(self.model, 1.0 / (self.samples[0] * self.model.dt))
+        known = self.response_uncertainty(grid_hz)
+        return plot_response(self.model, grid_hz, known.deviation if known else None, axes)
+
+    def plot_stabilisation(self, axes: Axes | None = None) -> Axes:
+        """Plot the modes of all orders over their frequency; those of the plant are marked.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on. None: a new figure.
+        """
+        physical = [each.mode for each in self.recurring_modes if each.is_physical]
+        return plot_stabilisation(self.diagram, physical, self.order, axes)
 
     @property
     def title(self) -> str:

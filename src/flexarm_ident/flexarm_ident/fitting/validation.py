@@ -9,13 +9,15 @@ import numpy as np
 
 from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.errors import IdentificationError
+from flexarm_core.labels import axis_label
+from flexarm_core.showing.traces import Panel, plot_traces
 from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.models.free_run import BlockSimulation, simulate
 from flexarm_ident.records.preprocess import remove_compensation
 
 if TYPE_CHECKING:
     import control
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
@@ -27,7 +29,7 @@ _LAW_SHARE = 0.9
 _LAW_ITERATIONS = 30
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Dmv:
     """Data matching validation: the model driven by the measured input.
 
@@ -47,6 +49,31 @@ class Dmv:
     mean: float
     y: FloatArray
     x0: FloatArray
+
+    def __repr__(self) -> str:
+        errors = " ".join(f"{error:.3f}" for error in self.delta)
+        return f"<{type(self).__name__} mean {self.mean:.3f}, outputs {errors}>"
+
+    def plot_match(self, data: IoData) -> NDArray[np.object_]:
+        """Plot the simulated outputs over the measured ones, as Figures 2-7 and 2-8 do.
+
+        Parameters
+        ----------
+        data : IoData
+            The record that was simulated.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes, (outputs,)
+            The axes.
+        """
+        panels = [
+            Panel(axis_label(name), [("measured", measured), ("simulated", simulated)])
+            for name, measured, simulated in zip(
+                data.outputs, data.y_measured.T, self.y.T, strict=True
+            )
+        ]
+        return plot_traces(data.times_s, panels)
 
 
 @dataclass(frozen=True)

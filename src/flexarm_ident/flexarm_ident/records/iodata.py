@@ -12,13 +12,15 @@ import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import DataError
-from flexarm_core.labels import without_dots
+from flexarm_core.labels import axis_label, counted, without_dots
+from flexarm_core.showing.tables import html_table
+from flexarm_core.showing.traces import Panel, plot_traces
 from flexarm_ident.records.holes import filled, unusable_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from flexarm_core.arrays import BoolArray, FloatArray
 
@@ -65,7 +67,7 @@ class DataWarning:
         return f"{self.record}: {self.text}" if self.record else self.text
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class IoData:
     """Sampled inputs and outputs of one experiment (2-6), checked and read-only.
 
@@ -146,6 +148,39 @@ class IoData:
 
     def __len__(self) -> int:
         return len(self.u)
+
+    def __repr__(self) -> str:
+        channels = f"{', '.join(self.inputs)} -> {', '.join(self.outputs)}"
+        return f"<{type(self).__name__} {self._size}; {channels}>"
+
+    def _repr_html_(self) -> str:
+        columns = (*zip(self.inputs, self.u.T, strict=True), *self._measured)
+        rows = [
+            (name, *(f"{figure(values):.4g}" for figure in (np.nanmin, np.nanmax, np.nanstd)))
+            for name, values in columns
+        ]
+        return html_table(self._size, ("channel", "least", "greatest", "deviation"), rows)
+
+    def plot_signals(self) -> NDArray[np.object_]:
+        """Plot inputs and outputs over time; a trace breaks off where nothing was measured.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes, (inputs + outputs,)
+            The axes.
+        """
+        columns = (*zip(self.inputs, self.u.T, strict=True), *self._measured)
+        panels = [Panel(axis_label(name), [("", values)]) for name, values in columns]
+        return plot_traces(self.times_s, panels)
+
+    @property
+    def _measured(self) -> list[tuple[str, FloatArray]]:
+        return list(zip(self.outputs, self.y_measured.T, strict=True))
+
+    @property
+    def _size(self) -> str:
+        span = f"{counted(len(self), 'sample')} at {1.0 / self.dt_s:.6g} Hz"
+        return f"{self.label}: {span}, {len(self) * self.dt_s:.4g} s"
 
     @property
     def label(self) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.output_fit import fit_initial_states, fit_inputs, fit_outputs
+from flexarm_ident.models.mode_table import mode_table
 from flexarm_ident.models.modes import modal_form, ranked_modes
 from flexarm_ident.models.state_space import stabilise, with_matrices
 from flexarm_ident.records.iodata import as_records
@@ -39,7 +40,7 @@ _VIBRATES = 0.3
 _SLOW = 0.5
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reduction:
     """Reduced model and its modes.
 
@@ -68,6 +69,12 @@ class Reduction:
     update_rank: int | None
     update_condition: float | None
     warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} order {self.order}, modes {', '.join(self.kept)}>"
+
+    def _repr_html_(self) -> str:
+        return mode_table(f"Reduced to order {self.order}.", self.modes)
 
     @property
     def order(self) -> int:

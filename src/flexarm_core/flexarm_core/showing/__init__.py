@@ -1,0 +1,1 @@
+"""Notebook views of results: tables, and curves to draw on."""

@@ -1,0 +1,48 @@
+"""Table of modes, as a notebook shows it."""
+
+from __future__ import annotations
+
+from itertools import zip_longest
+from typing import TYPE_CHECKING
+
+from flexarm_core.showing.tables import html_table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.models.modes import Mode, ModeUncertainty
+
+_HEADER = ("states", "frequency, Hz", "damping", "MRM", "rank", "MSV", "rank", "kept")
+
+
+def mode_table(
+    title: str, modes: Sequence[Mode], deviations: Sequence[ModeUncertainty] = ()
+) -> str:
+    """Return modes by rising frequency in HTML, as Tables 3-1a to 3-3a.
+
+    Parameters
+    ----------
+    title : str
+        Caption.
+    modes : sequence of Mode
+        Modes.
+    deviations : sequence of ModeUncertainty
+        Their standard deviations in the same order; none when they are not known.
+    """
+    known = sorted(zip_longest(modes, deviations), key=lambda each: each[0].frequency_hz)
+    rows = [
+        (
+            mode.label,
+            f"{mode.frequency_hz:.3f}{f' ± {spread.frequency_std_hz:.3f}' if spread else ''}"
+            if mode.frequency_hz
+            else "real",
+            f"{mode.damping_ratio:.4f}{f' ± {spread.damping_std:.4f}' if spread else ''}",
+            f"{mode.mrm:.4g}",
+            str(mode.mrm_rank),
+            f"{mode.msv:.4g}",
+            str(mode.msv_rank),
+            "yes" if mode.kept else "no",
+        )
+        for mode, spread in known
+    ]
+    return html_table(title, _HEADER, rows)
