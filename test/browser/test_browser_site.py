@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 pytestmark = [
     pytest.mark.slow,
+    # The build takes a minute of a free core, and may have a tenth of one.
+    pytest.mark.timeout(2700),
     pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::PendingDeprecationWarning"),
 ]
 DOCS = PROJECT / "docs"

@@ -36,7 +36,7 @@ FLAGS = (
     "--disable-sync",
     "--remote-debugging-port=0",
 )
-DEADLINE_S = 60.0
+DEADLINE_S = 300.0
 CODES = {"Tab": 9, "Enter": 13, "Space": 32, "ArrowLeft": 37, "ArrowRight": 39}
 KEYS = {"Space": " ", "Enter": "\r"}
 

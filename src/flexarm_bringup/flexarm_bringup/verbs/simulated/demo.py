@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.simulated.chosen_run import simulated_run
 from flexarm_bringup.verbs.simulated.demo_results import DemoResults, write_results
@@ -49,6 +50,7 @@ def _run_demo(settings: RunSettings) -> None:
         run.begin(f"Controlling the arm: PDPC, step to {SET_POINT_V:g} V")
         step = run.step("step", {"law": "pdpc"})
     write_results(settings, DemoResults(experiment, model, step, true_modes_hz))
+    terminal.next_step(run.followed_by)
 
 
 def _request(known_modes_hz: Sequence[float]) -> Request:

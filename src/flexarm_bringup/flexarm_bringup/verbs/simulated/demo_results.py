@@ -43,7 +43,6 @@ def write_results(settings: RunSettings, results: DemoResults) -> None:
     (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     terminal.CONSOLE.print(f"  {step.text}")
     terminal.step(settings.told_results())
-    terminal.next_step("flexarm experiment C_dat3, for a record of your own (docs/tutorial.md)")
 
 
 def _summary(settings: RunSettings, results: DemoResults) -> dict[str, Any]:

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 class NodeRun(SimulatedRun):
     """Laboratory of nodes; `operator` operates them."""
 
+    followed_by = "flexarm experiment C_dat3, for a record of your own (docs/tutorial.md)"
+
     def __init__(self, operator: Operator, bags: Path, settings: RunSettings) -> None:
         super().__init__(bags, settings)
         self._operator = operator

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 class OneProcess(SimulatedRun):
     """Laboratory without nodes: rig, law and recorder are called one after the other."""
 
+    followed_by = "flexarm design, for controllers from such a model (docs/howto/without_ros.md)"
+
     def __init__(self, bags: Path, settings: RunSettings) -> None:
         super().__init__(bags, settings)
         self._controller: dict[str, Any] = {}

@@ -7,7 +7,7 @@ wave with half-periods of 2.5 to 5 s, 12000 samples at 300 Hz.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.runs.pace import Pace
@@ -40,6 +40,9 @@ class SimulatedRun(ABC):
     settings : RunSettings
         Choices of the user.
     """
+
+    followed_by: ClassVar[str]
+    """Command that a user tries next, and where it is told."""
 
     def __init__(self, bags: Path, settings: RunSettings) -> None:
         self.settings = settings
