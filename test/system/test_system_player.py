@@ -30,7 +30,7 @@ def test_player___plays_to_a_recorder_that_pauses_and_ends_by_itself(
     messages = played_bag(tmp_path / "played", 700)
     states: list[ArmState] = []
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
-    recorder = graph.start("recorder", {"bag": str(tmp_path / "copy"), "max_bagfile_duration": 1.0})
+    recorder = graph.start("recorder", {"bag": str(tmp_path / "copy"), "max_bagfile_duration": 0.1})
     recorder.wait_for("recording to")
 
     player = graph.run_node("player", {"bag": str(tmp_path / "played")})
@@ -44,7 +44,7 @@ def test_player___plays_to_a_recorder_that_pauses_and_ends_by_itself(
     assert f"played {len(messages)} messages" in player.printed
     assert graph.stop(recorder) == 0
     assert content(tmp_path / "copy") == content(tmp_path / "played")
-    # The played part is 1.4 s long.
+    # The play is 1.4 s long, or less where it was late to begin and has caught up.
     assert len(list((tmp_path / "copy").glob("copy_*.mcap"))) >= 2
 
 
