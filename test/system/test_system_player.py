@@ -27,10 +27,10 @@ TOPICS = {"/flexarm/state", "/flexarm/command", "/flexarm/reference"}
 def test_player___plays_to_a_recorder_that_pauses_and_ends_by_itself(
     graph: Graph, tmp_path: Path
 ) -> None:
-    messages = played_bag(tmp_path / "played", 700)
+    messages = played_bag(tmp_path / "played", 2100)
     states: list[ArmState] = []
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
-    recorder = graph.start("recorder", {"bag": str(tmp_path / "copy"), "max_bagfile_duration": 0.1})
+    recorder = graph.start("recorder", {"bag": str(tmp_path / "copy"), "max_bagfile_size": 65536})
     recorder.wait_for("recording to")
 
     player = graph.run_node("player", {"bag": str(tmp_path / "played")})
@@ -44,7 +44,7 @@ def test_player___plays_to_a_recorder_that_pauses_and_ends_by_itself(
     assert f"played {len(messages)} messages" in player.printed
     assert graph.stop(recorder) == 0
     assert content(tmp_path / "copy") == content(tmp_path / "played")
-    # The play is 1.4 s long, or less where it was late to begin and has caught up.
+    # The messages are more than one file holds, however long the play has taken.
     assert len(list((tmp_path / "copy").glob("copy_*.mcap"))) >= 2
 
 
