@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from flexarm_daq.rigs.beam import arm_modes
-from flexarm_daq.rigs.integrator import ARM, MOTOR, POSITION, VELOCITY
+from flexarm_daq.rigs.equations import ARM, MOTOR, POSITION, VELOCITY
 
 if TYPE_CHECKING:
     from flexarm_daq.rigs.plant import Plant

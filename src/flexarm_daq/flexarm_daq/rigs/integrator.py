@@ -9,7 +9,8 @@ change of its elastic energy. Teeth and stops that meet within a sub-step theref
 and take energy only by their damping. Dry friction is a constraint on the kicked speed, so a motor
 below break-away stands still and does not creep.
 
-The functions write arrays in place and check nothing; `flexarm_daq.rigs.plant.Plant` calls them.
+The functions write arrays in place and check nothing; `flexarm_daq.rigs.plant.Plant` calls them for
+one rig, `flexarm_daq.rigs.batch.RigBatch` for many.
 """
 
 from __future__ import annotations
@@ -19,59 +20,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_core.channels import CHANNELS, MAX_COMMAND_V
+from flexarm_core.channels import MAX_COMMAND_V
 from flexarm_core.compilation import compiled
-from flexarm_daq.rigs.beam import FLEXIBLE_MODES
+from flexarm_daq.rigs.equations import ARM, COLUMNS, MODES, MOTOR, POSITION, TACHO, VELOCITY, Way
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from flexarm_daq.rigs.equations import Equations
+
 SUBSTEP_RATE_HZ = 10_000.0
 """Least rate of sub-steps: over 30 of them in the shortest period, that of the gear at 306 Hz."""
-
-# Rows of the state, and its columns: the motor, the tachometer filter, then the arm's modes.
-POSITION, VELOCITY = 0, 1
-MOTOR, TACHO, ARM = 0, 1, 2
-MODES = 1 + FLEXIBLE_MODES
-COLUMNS = ARM + MODES
-
-
-class Equations(NamedTuple):
-    """Coefficients of the equations of motion, in SI units; a row of `RECORD` to compiled code.
-
-    The excess of friction is relative to sliding friction. The arm's mobility is the sum of the
-    squared hub angles, the acceleration of its hub by a unit of torque. Stiffness and damping are
-    per unit of mass, one entry per column of the state; output rows turn positions into volts.
-    """
-
-    motor_inertia: float
-    motor_gain: float
-    coulomb_friction: float
-    breakaway_excess: float
-    stribeck_speed: float
-    half_gap: float
-    gear_stiffness: float
-    gear_damping: float
-    stop_angle: float
-    stop_stiffness: float
-    stop_damping: float
-    arm_mobility: float
-    hub_angle: NDArray[np.float64]
-    stiffness: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    output_rows: NDArray[np.float64]
-
-
-_SHAPES = {
-    "hub_angle": (MODES,),
-    "stiffness": (COLUMNS,),
-    "damping": (COLUMNS,),
-    "output_rows": (len(CHANNELS), COLUMNS),
-}
-# A dtype of np.record: rows give their fields as attributes without compiling, too.
-RECORD = np.dtype(
-    (np.record, [(name, np.float64, _SHAPES.get(name, ())) for name in Equations._fields])
-)
 
 # Amplitudes below this count as rest. Denormal numbers would slow the processor.
 _REST = 1e-100
@@ -110,11 +69,9 @@ def run(
     rows = equations.output_rows
     # Transitions cost more than some sub-steps: they are the same in every period.
     before, after = _way(equations, delay_s), _way(equations, period_s - delay_s)
-    outputs_v = np.zeros((len(command_v) - 1, len(rows)))
+    outputs_v = np.empty((len(command_v) - 1, len(rows)))
     for sample in range(len(outputs_v)):
-        for channel in range(len(rows)):
-            for column in range(COLUMNS):
-                outputs_v[sample, channel] += rows[channel, column] * state[POSITION, column]
+        _sample(state, rows, outputs_v[sample])
         _move(state, equations, command_v[sample], before)
         _move(state, equations, command_v[sample + 1], after)
     return outputs_v
@@ -129,36 +86,118 @@ def advance(
     _move(state, equations, command_v, _way(equations, interval_s))
 
 
-class _Way(NamedTuple):
-    """Sub-steps of an interval: how many, how long, the transitions of half and of whole ones."""
+@compiled
+def advance_all(  # noqa: PLR0917 - compiled code takes no keywords only
+    states: NDArray[np.float64],
+    records: NDArray[np.void],
+    command_v: NDArray[np.float64],
+    ways: NDArray[np.void],
+    moving: NDArray[np.int64],
+    outputs_v: NDArray[np.float64],
+) -> None:
+    """Move rigs of many on by a period and sample them, as `run` does with one.
 
-    steps: int
-    step_s: float
-    half: NDArray[np.float64]
-    whole: NDArray[np.float64]
+    Parameters
+    ----------
+    states : ndarray, (rigs, 2, COLUMNS)
+        Positions and velocities, changed in place.
+    records : ndarray of RECORD, (rigs,)
+        `Equations` of each.
+    command_v : ndarray, (rigs, 2)
+        Command in force, and the one that follows it within the period, V.
+    ways : ndarray of WAY, (rigs, 2)
+        Sub-steps of the period before the new command acts, and after.
+    moving : ndarray of int
+        Numbers of the rigs that move.
+    outputs_v : ndarray, (rigs, 4)
+        Takes their noise-free voltages at the end of the period, V.
+    """
+    for rig in moving:
+        equations, state = records[rig], states[rig]
+        for part in range(2):
+            _move(state, equations, command_v[rig, part], ways[rig, part])
+        _sample(state, equations.output_rows, outputs_v[rig])
 
 
 @compiled
-def _way(equations: Equations, interval_s: float) -> _Way:
+def _sample(
+    state: NDArray[np.float64], rows: NDArray[np.float64], outputs_v: NDArray[np.float64]
+) -> None:
+    for channel in range(len(rows)):
+        outputs_v[channel] = 0.0
+        for column in range(COLUMNS):
+            outputs_v[channel] += rows[channel, column] * state[POSITION, column]
+
+
+@compiled
+def way_of(record: NDArray[np.void], interval_s: float) -> Way:
+    """Return the sub-steps of an interval; the record has shape (1,)."""
+    return _way(record[0], interval_s)
+
+
+@compiled
+def _way(equations: Equations, interval_s: float) -> Way:
     # The margin of 0.1 ns keeps a rounding error in the interval from costing a sub-step.
     steps = math.ceil(interval_s * SUBSTEP_RATE_HZ - 1e-6)
     step_s = interval_s / max(steps, 1)
-    return _Way(
+    return Way(
         steps, step_s, _transitions(equations, step_s / 2.0), _transitions(equations, step_s)
     )
 
 
+class _Torques(NamedTuple):
+    """What acts in a kick: numbers at hand, where a record's would be fetched in each of them.
+
+    As in `Equations`, but for the torque of the drive, N m, the length of the kick, s, and damping
+    by the change of depth in a kick.
+    """
+
+    drive_nm: float
+    step_s: float
+    motor_inertia: float
+    coulomb_friction: float
+    breakaway_excess: float
+    stribeck_speed: float
+    half_gap: float
+    gear_stiffness: float
+    gear_damping: float
+    stop_angle: float
+    stop_stiffness: float
+    stop_damping: float
+    arm_mobility: float
+
+
 @compiled
-def _move(state: NDArray[np.float64], equations: Equations, command_v: float, way: _Way) -> None:
+def _torques(equations: Equations, command_v: float, step_s: float) -> _Torques:
+    return _Torques(
+        equations.motor_gain * min(max(command_v, -MAX_COMMAND_V), MAX_COMMAND_V),
+        step_s,
+        equations.motor_inertia,
+        equations.coulomb_friction,
+        equations.breakaway_excess,
+        equations.stribeck_speed,
+        equations.half_gap,
+        equations.gear_stiffness,
+        equations.gear_damping / step_s,
+        equations.stop_angle,
+        equations.stop_stiffness,
+        equations.stop_damping / step_s,
+        equations.arm_mobility,
+    )
+
+
+@compiled
+def _move(state: NDArray[np.float64], equations: Equations, command_v: float, way: Way) -> None:
     if way.steps < 1:
         return
-    torque_nm = equations.motor_gain * min(max(command_v, -MAX_COMMAND_V), MAX_COMMAND_V)
+    torques = _torques(equations, command_v, way.step_s)
+    hub_angle = equations.hub_angle
     # The half-steps between two kicks are taken as one.
     _drift(state, way.half, way.step_s / 2.0)
     for _ in range(way.steps - 1):
-        _kick(state, equations, torque_nm, way.step_s)
+        _kick(state, hub_angle, torques)
         _drift(state, way.whole, way.step_s)
-    _kick(state, equations, torque_nm, way.step_s)
+    _kick(state, hub_angle, torques)
     _drift(state, way.half, way.step_s / 2.0)
     _settle(state)
 
@@ -198,16 +237,27 @@ def _drift(state: NDArray[np.float64], transitions: NDArray[np.float64], step_s:
 
 
 @compiled
-def _kick(
-    state: NDArray[np.float64], equations: Equations, torque_nm: float, step_s: float
-) -> None:
+def _kick(state: NDArray[np.float64], hub_angle: NDArray[np.float64], torques: _Torques) -> None:
     arm_angle = 0.0
     arm_speed = 0.0
     for i in range(MODES):
-        arm_angle += equations.hub_angle[i] * state[POSITION, ARM + i]
-        arm_speed += equations.hub_angle[i] * state[VELOCITY, ARM + i]
-    speed = state[VELOCITY, MOTOR]
-    twist = state[POSITION, MOTOR] - arm_angle
+        arm_angle += hub_angle[i] * state[POSITION, ARM + i]
+        arm_speed += hub_angle[i] * state[VELOCITY, ARM + i]
+    state[VELOCITY, MOTOR], on_arm_nm = _meeting(
+        state[POSITION, MOTOR], state[VELOCITY, MOTOR], arm_angle, arm_speed, torques
+    )
+    for i in range(MODES):
+        state[VELOCITY, ARM + i] += torques.step_s * hub_angle[i] * on_arm_nm
+
+
+@compiled
+def _meeting(
+    angle: float, speed: float, arm_angle: float, arm_speed: float, torques: _Torques
+) -> tuple[float, float]:
+    """Return the motor's speed after a kick, and the torque of teeth and stops on the arm."""
+    step_s = torques.step_s
+    twist = angle - arm_angle
+    friction_speed = _friction_speed(speed, torques)
     new_speed, new_arm_speed = speed, arm_speed
     gear = stop = 0.0
     # Contact torques depend on the speeds that they cause. This fixed point takes two rounds.
@@ -215,24 +265,23 @@ def _kick(
         gear = _two_sided_contact(
             twist - (speed - arm_speed) * step_s / 2.0,
             twist + (new_speed - new_arm_speed) * step_s / 2.0,
-            equations.half_gap,
-            equations.gear_stiffness,
-            equations.gear_damping / step_s,
+            torques.half_gap,
+            torques.gear_stiffness,
+            torques.gear_damping,
         )
         stop = _two_sided_contact(
             arm_angle - arm_speed * step_s / 2.0,
             arm_angle + new_arm_speed * step_s / 2.0,
-            equations.stop_angle,
-            equations.stop_stiffness,
-            equations.stop_damping / step_s,
+            torques.stop_angle,
+            torques.stop_stiffness,
+            torques.stop_damping,
         )
-        new_speed = _speed_under_friction(speed, equations, torque_nm - gear, step_s)
-        new_arm_speed = arm_speed + step_s * equations.arm_mobility * (gear - stop)
+        free = speed + step_s * (torques.drive_nm - gear) / torques.motor_inertia
+        new_speed = _slowed(free, friction_speed)
+        new_arm_speed = arm_speed + step_s * torques.arm_mobility * (gear - stop)
         if gear == 0.0 and stop == 0.0:
             break
-    state[VELOCITY, MOTOR] = new_speed
-    for i in range(MODES):
-        state[VELOCITY, ARM + i] += step_s * equations.hub_angle[i] * (gear - stop)
+    return new_speed, gear - stop
 
 
 @compiled
@@ -265,21 +314,23 @@ def _contact(start: float, end: float, stiffness: float, damping_per_step: float
 
 
 @compiled
-def _speed_under_friction(
-    speed: float, equations: Equations, torque_nm: float, step_s: float
-) -> float:
-    """Return the motor's speed after a kick; dry friction reduces it, at most to zero."""
-    ratio = speed / equations.stribeck_speed
-    friction_nm = equations.coulomb_friction
+def _friction_speed(speed: float, torques: _Torques) -> float:
+    """Return by how much dry friction changes the motor's speed in a kick, at most."""
+    ratio = speed / torques.stribeck_speed
+    friction_nm = torques.coulomb_friction
     # At higher speeds the excess is below rounding, and its exponential would cost the most time.
     if abs(ratio) < _STRIBECK_END:
-        friction_nm *= 1.0 + equations.breakaway_excess * math.exp(-ratio * ratio)
-    free = speed + step_s * torque_nm / equations.motor_inertia
-    limit = step_s * friction_nm / equations.motor_inertia
-    if free > limit:
-        return free - limit
-    if free < -limit:
-        return free + limit
+        friction_nm *= 1.0 + torques.breakaway_excess * math.exp(-ratio * ratio)
+    return torques.step_s * friction_nm / torques.motor_inertia
+
+
+@compiled
+def _slowed(free_speed: float, friction_speed: float) -> float:
+    """Return a speed after dry friction, which reduces it, at most to zero."""
+    if free_speed > friction_speed:
+        return free_speed - friction_speed
+    if free_speed < -friction_speed:
+        return free_speed + friction_speed
     return 0.0
 
 

@@ -22,7 +22,7 @@ from flexarm_core.channels import CHANNELS
 from flexarm_core.errors import SettingError
 from flexarm_daq.rigs import integrator
 from flexarm_daq.rigs.beam import BeamModes, arm_modes, carried_over
-from flexarm_daq.rigs.integrator import (
+from flexarm_daq.rigs.equations import (
     ARM,
     COLUMNS,
     POSITION,
@@ -133,7 +133,7 @@ class Plant:
     def _load(self, parameters: RigParameters) -> None:
         self.parameters = parameters
         self._modes = arm_modes(parameters)
-        self._equations = _equations(parameters, self._modes)
+        self._equations = equations_of(parameters, self._modes)
         self._record = np.array([self._equations], RECORD)
 
 
@@ -183,7 +183,8 @@ def simulate(plant: Plant, command_v: ArrayLike, rate_hz: float) -> NDArray[np.f
     return plant.run(commands_v, 1.0 / rate_hz)
 
 
-def _equations(parameters: RigParameters, modes: BeamModes) -> Equations:
+def equations_of(parameters: RigParameters, modes: BeamModes) -> Equations:
+    """Return the coefficients of a rig whose arm moves in some modes."""
     cutoff_rad_per_s = 2.0 * math.pi * parameters.tacho_cutoff_hz
     motor_damping = parameters.viscous_friction_nm_s_per_rad / parameters.motor_inertia_kg_m2
     tacho_damping = 2.0 * parameters.tacho_damping_ratio * cutoff_rad_per_s

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 MAX_CATCH_UP_S: Final = 1.0
 """Longest gap of real time that is integrated, s; the rest of a longer gap is left out."""
-_HUM_STREAM: Final = 1
+HUM_STREAM: Final = 1
+"""Beside the seed: stream of the phase of the hum."""
 
 
 class SimulatedRig:
@@ -102,7 +103,7 @@ class SimulatedRig:
         self._plant.advance(0.0, 0.0)
         self._random = np.random.default_rng(self._seed)
         # A stream of its own: the noise of a seed is the same with and without hum.
-        hum_random = np.random.default_rng((self._seed, _HUM_STREAM))
+        hum_random = np.random.default_rng((self._seed, HUM_STREAM))
         self._hum_phase_rad = 2.0 * math.pi * hum_random.random()
         self._command_v = 0.0
         self._time_s = 0.0

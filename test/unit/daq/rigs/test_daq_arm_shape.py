@@ -7,7 +7,7 @@ import pytest
 
 from flexarm_daq.rigs.arm_shape import bend_angles, bends_at_m
 from flexarm_daq.rigs.beam import arm_modes
-from flexarm_daq.rigs.integrator import ARM, POSITION
+from flexarm_daq.rigs.equations import ARM, POSITION
 from flexarm_daq.rigs.plant import Plant
 from flexarm_daq.rigs.rig_parameters import RigParameters
 

@@ -11,7 +11,7 @@ import pytest
 from flexarm_core.errors import SettingError
 from flexarm_daq.rigs import plant as plant_module
 from flexarm_daq.rigs.beam import arm_modes
-from flexarm_daq.rigs.integrator import ARM, MOTOR, POSITION, VELOCITY
+from flexarm_daq.rigs.equations import ARM, MOTOR, POSITION, VELOCITY
 from flexarm_daq.rigs.plant import Plant, simulate
 from flexarm_daq.rigs.rig_parameters import RigParameters
 from support.rig_physics import arm_inertia_kg_m2, energy_j
