@@ -12,7 +12,11 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
-    extras_require={"nidaq": ["nidaqmx>=1.0,<2"], "test": ["pytest"]},
+    extras_require={
+        "gym": ["gymnasium>=1.1,<2"],
+        "nidaq": ["nidaqmx>=1.0,<2"],
+        "test": ["pytest"],
+    },
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",
     description="The rig: beam and motor simulation, DAQ driver node, recording and replay.",

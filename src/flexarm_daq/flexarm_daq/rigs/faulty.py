@@ -1,4 +1,4 @@
-"""Rig with one fault that sets in at a known sample, for tests of the loop."""
+"""Rig or sensor with one fault that sets in at a known sample, for tests of the loop."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from flexarm_core.errors import SettingError
 from flexarm_daq.rigs.rig_protocol import RigError, RigSample
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from flexarm_daq.rigs.rig_protocol import Rig
 
 _BURST_SAMPLES: Final = 30
@@ -55,6 +57,62 @@ SENSOR_FAULTS: Final = (
 """Faults of one channel."""
 
 
+class FaultySensor:
+    """One of the four sensors, with a fault.
+
+    Parameters
+    ----------
+    fault : Fault
+        One of `SENSOR_FAULTS`.
+    channel : str
+        Sensor.
+    after_samples : int
+        Number of good samples; also the seed of the noise of a burst.
+
+    Raises
+    ------
+    SettingError
+        If there is no such channel or the number of samples is negative.
+    """
+
+    def __init__(self, fault: Fault, channel: str, after_samples: int) -> None:
+        if channel not in CHANNEL_NAMES:
+            raise SettingError(f"channel must be one of {', '.join(CHANNEL_NAMES)}, got {channel}")
+        if after_samples < 0:
+            raise SettingError(f"after_samples must not be negative, got {after_samples}")
+        self._fault = fault
+        self._channel = CHANNEL_NAMES.index(channel)
+        self._after_samples = after_samples
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again, in good health."""
+        self._samples = 0
+        self._last_v = 0.0
+        self._random = np.random.default_rng(self._after_samples)
+
+    def spoiled(self, volts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the four readings of the next sample, V, with the fault once it has set in."""
+        self._samples += 1
+        spoiled_v = volts.copy()
+        if self._samples > self._after_samples:
+            spoiled_v[self._channel] = self._reading(float(volts[self._channel]))
+        self._last_v = float(spoiled_v[self._channel])
+        return spoiled_v
+
+    def _reading(self, healthy_v: float) -> float:
+        if self._fault is Fault.STUCK:
+            return self._last_v
+        if self._fault is Fault.OPEN:
+            return INPUT_RANGE_V - _OPEN_DECAY * (INPUT_RANGE_V - self._last_v)
+        if self._fault is Fault.SATURATED:
+            return -INPUT_RANGE_V
+        if self._fault is Fault.NOT_A_NUMBER:
+            return math.nan
+        is_over = self._samples > self._after_samples + _BURST_SAMPLES
+        return healthy_v + (0.0 if is_over else _BURST_V * self._random.standard_normal())
+
+
 class FaultyRig:
     """A `flexarm_daq.rigs.rig_protocol.Rig` around another one, with a fault.
 
@@ -78,21 +136,17 @@ class FaultyRig:
     def __init__(
         self, rig: Rig, fault: Fault, *, after_samples: int, channel: str = CHANNEL_NAMES[0]
     ) -> None:
-        if channel not in CHANNEL_NAMES:
-            raise SettingError(f"channel must be one of {', '.join(CHANNEL_NAMES)}, got {channel}")
-        if after_samples < 0:
-            raise SettingError(f"after_samples must not be negative, got {after_samples}")
         self._rig = rig
         self._fault = fault
         self._after_samples = after_samples
-        self._channel = CHANNEL_NAMES.index(channel)
+        self._sensor = FaultySensor(fault, channel, after_samples)
 
     def open(self) -> None:
         """Open the rig, in good health."""
         self._rig.open()
         self._samples = 0
-        self._last = RigSample(0.0, np.zeros(len(CHANNEL_NAMES)))
-        self._random = np.random.default_rng(self._after_samples)
+        self._last_s = 0.0
+        self._sensor.reset()
 
     def read(self) -> RigSample:
         """Sample the rig through the fault; see `Rig.read`.
@@ -104,9 +158,11 @@ class FaultyRig:
         """
         sample = self._rig.read()
         self._samples += 1
+        if self._fault in SENSOR_FAULTS:
+            return RigSample(sample.time_s, self._sensor.spoiled(sample.volts))
         if self._is_broken():
             sample = self._spoiled(sample)
-        self._last = sample
+        self._last_s = sample.time_s
         return sample
 
     def write(self, command_v: float) -> None:
@@ -127,29 +183,12 @@ class FaultyRig:
         return self._samples > self._after_samples
 
     def _spoiled(self, sample: RigSample) -> RigSample:
-        if self._fault in SENSOR_FAULTS:
-            volts = sample.volts.copy()
-            volts[self._channel] = self._reading(volts[self._channel])
-            return RigSample(sample.time_s, volts)
         if self._fault is Fault.SHORT_READ:
             return RigSample(sample.time_s, sample.volts[:-1])
         if self._fault is Fault.FROZEN_TIME:
-            return RigSample(self._last.time_s, sample.volts)
+            return RigSample(self._last_s, sample.volts)
         if self._fault is Fault.READ_ERROR:
             raise RigError("injected: the reading failed")
         if self._fault is Fault.EXCEPTION:
             raise ArithmeticError("injected: a defect of the driver")
         return sample
-
-    def _reading(self, healthy_v: float) -> float:
-        last_v = float(self._last.volts[self._channel])
-        if self._fault is Fault.STUCK:
-            return last_v
-        if self._fault is Fault.OPEN:
-            return INPUT_RANGE_V - _OPEN_DECAY * (INPUT_RANGE_V - last_v)
-        if self._fault is Fault.SATURATED:
-            return -INPUT_RANGE_V
-        if self._fault is Fault.NOT_A_NUMBER:
-            return math.nan
-        is_over = self._samples > self._after_samples + _BURST_SAMPLES
-        return healthy_v + (0.0 if is_over else _BURST_V * self._random.standard_normal())
