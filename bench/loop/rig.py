@@ -2,6 +2,7 @@
 
 `batch` simulates a whole record in one call, `sampled` reads and writes a rig sample by sample as
 the DAQ node does in virtual time. Both drive the arm with a 2.5 V square of 0.6 s at 300 Hz.
+`learning` steps the environment of many arms, with actions at random, on one core.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from rich.console import Console
 
 from bench.tools import json_option, make_table, write_json
 from flexarm_daq import RigParameters, SimulatedRig
+from flexarm_daq.rigs.gym import ArmVectorEnv
 from flexarm_daq.rigs.plant import Plant, simulate
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 RATE_HZ = 300.0
 _REPEATS = 5
 _PERIOD_S, _COMMAND_V = 0.6, 2.5
+_ARMS, _STEPS = 1024, 200
 
 
 @click.command()
@@ -33,16 +36,21 @@ def main(seconds: float, json_file: Path | None) -> None:
     samples = round(seconds * RATE_HZ)
     phase = np.arange(samples) / RATE_HZ / _PERIOD_S + 0.25
     command_v = np.where(phase % 1.0 < 1.0 / 2.0, _COMMAND_V, -_COMMAND_V)
+    steps_per_s = learning()
     figures = {
         "times_real_time": batch(command_v),
         "sampled_times_real_time": sampled(command_v),
+        "learning_times_real_time": steps_per_s / RATE_HZ,
+        "learning_steps_per_s": steps_per_s,
         "seconds": seconds,
     }
     title = f"{seconds:g} s of motion at {RATE_HZ:g} Hz, 10 kHz sub-steps, best of {_REPEATS}"
     table = make_table("way", "times real time", title=title)
     table.add_row("batch", f"{figures['times_real_time']:.0f}")
     table.add_row("sampled", f"{figures['sampled_times_real_time']:.0f}")
+    table.add_row(f"learning, {_ARMS} arms", f"{figures['learning_times_real_time']:.0f}")
     Console().print(table)
+    Console().print(f"learning: {steps_per_s:,.0f} steps/s on one core")
     write_json(json_file, figures)
 
 
@@ -69,6 +77,20 @@ def sampled(command_v: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
             rig.write(volts)
         took_s.append(time.perf_counter() - start_s)
     return len(command_v) / RATE_HZ / min(took_s)
+
+
+def learning() -> float:
+    """Return steps per second of all arms of the environment together."""
+    arms = ArmVectorEnv(_ARMS)
+    arms.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (_STEPS, _ARMS, 1)).astype(np.float32)
+    took_s = []
+    for _ in range(_REPEATS):
+        start_s = time.perf_counter()
+        for action in actions:
+            arms.step(action)
+        took_s.append(time.perf_counter() - start_s)
+    return _ARMS * _STEPS / min(took_s)
 
 
 if __name__ == "__main__":
