@@ -45,6 +45,19 @@ def test_kept_paths___set___what_the_script_of_colcon_sets() -> None:
         assert ours[name] == theirs[name]
 
 
+def test_pinned_packages___require_nothing_that_is_not_pinned() -> None:
+    if not (PROJECT / "requirements" / f"{os.environ.get('ROS_DISTRO')}.txt").is_file():
+        pytest.skip("this environment was not made from a list of pinned packages")
+    # The set-up installs the list as it is, without resolving it once more.
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", "check", "--disable-pip-version-check"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+
+
 def test_sources_of_a_build___are_not_the_bytecode_beside_them(tmp_path: Path) -> None:
     launch = tmp_path / "src" / "one" / "launch"
     (launch / "__pycache__").mkdir(parents=True)
