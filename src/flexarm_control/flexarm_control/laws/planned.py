@@ -3,9 +3,9 @@
 A change of the set-point plans a move of the flat model (`flexarm_control.planning`), as short as
 the wanted peak of the command allows. Its command is sent, and its outputs are the set-points of
 a PDP loop, which has to take only what the plan does not know. The compensation of friction
-follows the planned speed, which has no noise. A change during a move is a further move, and both
-are played at once: the model is linear. When all moves are over, the law is `pdpc_plus`, with its
-calm rest.
+follows the planned speed, which has no noise. A change during a move plans the difference that
+leads to the new end, and both are played at once: the model is linear, and the sum keeps the peak.
+When all moves are over, the law is `pdpc_plus`, with its calm rest.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from flexarm_control.laws.payload import (
 )
 from flexarm_control.laws.pdpc_plus import PdpcPlus
 from flexarm_control.planning.friction_observer import FrictionObserver
-from flexarm_control.planning.move import MoveSettings, plan, shortest_samples
+from flexarm_control.planning.move import MoveSettings, plan
+from flexarm_control.planning.rigid_move import MOST_PHASES, Limits, Phase, fastest, what_is_left
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,14 +34,16 @@ if TYPE_CHECKING:
     from flexarm_control.planning.flat_arm import FlatArm
     from flexarm_control.planning.friction_observer import FrictionSensing
     from flexarm_control.planning.move import Move
+    from flexarm_control.planning.rigid_move import Phases
 
 _MOST_MOVES = 8
 """Moves that are played at once; a stream of set-points is followed in as many parts."""
 _WEIGHED_HZ = 50.0
 """Least rate of the estimator of the payload: it takes means of samples, which saves time."""
 _ASK_EVERY = 5
-_NO_MOVE = (0.0, 0.0, 0.0, 0.0)
-"""Distance, payload, length and next sample of a move that is none, in the memory."""
+_HALF = 2 * MOST_PHASES
+_NO_MOVE = [0.0] * (3 + 2 * _HALF)
+"""Distance, payload, next sample and both rigid moves of a move that is none, in the memory."""
 
 
 class ArmByPayload(Protocol):
@@ -52,12 +55,19 @@ class ArmByPayload(Protocol):
 
 @dataclass
 class _Playing:
-    """Move, what it was planned for, and its next sample."""
+    """Move, what it was planned for, the rigid moves that it is the difference of, next sample."""
 
     height_v: float
     payload_kg: float
+    phases: Phases
+    instead_of: Phases
     move: Move
     at: int = 0
+
+    def numbers(self) -> list[float]:
+        """Return all but the move, which they give again."""
+        beginning = [self.height_v, self.payload_kg, float(self.at)]
+        return beginning + _numbers(self.phases) + _numbers(self.instead_of)
 
 
 class Planned:
@@ -93,6 +103,9 @@ class Planned:
     ) -> None:
         self._arm, self._settings = arm, settings
         self._level_v, self._rate_hz = level.compensation_v, rest.rate_hz
+        # Friction brakes too: the command has the same peak with the move and against it.
+        braking = 1.0 + 2.0 * level.compensation_v / settings.peak_v
+        self._limits = Limits(settings.peak_v, braking)
         self._loop = PdpcPlus(gains, level.compensation_v, rest)
         self._observer = FrictionObserver(sensing, rest.rate_hz)
         self._meaned = int(rest.rate_hz // _WEIGHED_HZ)
@@ -151,9 +164,13 @@ class Planned:
         """Plan the move to a set-point."""
         height_v = reference_v - self._target_v
         arm = self._arm.at(self._planned_kg)
-        samples = shortest_samples(arm, height_v, self._settings, self._rate_hz)
-        move = plan(arm, height_v, samples, self._rate_hz)
-        self._moves.append(_Playing(height_v, self._planned_kg, move))
+        left: Phases = ()
+        if self._moves:
+            last = self._moves[-1]
+            left = what_is_left(last.phases, last.at / self._rate_hz)
+        phases = fastest(arm, left, height_v, self._limits)
+        move = plan(arm, height_v, phases, left, self._rate_hz)
+        self._moves.append(_Playing(height_v, self._planned_kg, phases, left, move))
         self._target_v = reference_v
 
     def _weigh(self, base_v: float, speed_v: float) -> None:
@@ -174,7 +191,7 @@ class Planned:
 
     def memory(self) -> Memory:
         """Return moves, loop, observer and estimator; see `LawWithMemory.memory`."""
-        moves = [(each.height_v, each.payload_kg, len(each.move), each.at) for each in self._moves]
+        moves = [each.numbers() for each in self._moves]
         unused = [_NO_MOVE] * (_MOST_MOVES - len(moves))
         return {
             **self._loop.memory(),
@@ -196,7 +213,20 @@ class Planned:
         (self._target_v,) = memory["target_v"]
         numbers = iter(memory["moves"])
         self._moves = []
-        for height_v, payload_kg, count, at in zip(*[numbers] * len(_NO_MOVE), strict=True):
-            if count:
-                move = plan(self._arm.at(payload_kg), height_v, int(count), self._rate_hz)
-                self._moves.append(_Playing(height_v, payload_kg, move, int(at)))
+        for height_v, payload_kg, at, *phases in zip(*[numbers] * len(_NO_MOVE), strict=True):
+            if height_v:
+                new, old = _phases(phases[:_HALF]), _phases(phases[_HALF:])
+                move = plan(self._arm.at(payload_kg), height_v, new, old, self._rate_hz)
+                self._moves.append(_Playing(height_v, payload_kg, new, old, move, int(at)))
+
+
+def _numbers(phases: Phases) -> list[float]:
+    """Return phases as numbers, as many for each move."""
+    numbers = [number for phase in phases for number in phase]
+    return numbers + [0.0] * (_HALF - len(numbers))
+
+
+def _phases(numbers: Sequence[float]) -> Phases:
+    """Return the phases of some numbers."""
+    pairs = zip(numbers[::2], numbers[1::2], strict=True)
+    return tuple(Phase(lasts_s, command_v) for lasts_s, command_v in pairs if lasts_s)

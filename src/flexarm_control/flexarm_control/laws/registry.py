@@ -67,8 +67,8 @@ class LawSpec:
         Design of the law from a model and an instance of the first of `settings`, its weights; the
         rate of the law is that of the model.
     fit : callable or None
-        Function from an identified model to what the constructor takes in place of the first of
-        `settings`; without a model the law has these.
+        Function from an identified model and an instance of the first of `settings` to what the
+        constructor takes in place of these; without a model the law has these.
     tuning : str
         Name of the tuning of its gains, a key of `design.tuning_job.TUNINGS`; empty for none.
     payload : callable or None
@@ -82,7 +82,7 @@ class LawSpec:
     build: Callable[..., LawWithMemory]
     settings: tuple[type[Bounded], ...]
     design: Callable[[control.StateSpace, Any], IlqrDesign] | None = None
-    fit: Callable[[control.StateSpace], object] | None = None
+    fit: Callable[[control.StateSpace, Any], object] | None = None
     tuning: str = ""
     payload: Callable[[Any], PayloadEstimate] | None = None
     uses_outputs: tuple[int, ...] = (0, 1, 2, 3)
@@ -250,7 +250,7 @@ def build_law(
     refuse_unknown(name, spec.parameters, values)
     first, *others = (select(kind, values) for kind in spec.settings)
     if spec.fit is not None and model is not None:
-        return spec.build(spec.fit(model), *others)
+        return spec.build(spec.fit(model, first), *others)
     if spec.design is None:
         return spec.build(first, *others)
     return spec.build(_designed(spec.design, first, model), *others)

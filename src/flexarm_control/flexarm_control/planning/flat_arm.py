@@ -5,23 +5,14 @@ With the rigid position r and the mode's part q of the hub, both in volts of the
     r'' + d r' = g u,    q'' + 2 zeta w q' + w^2 q = r'' + d r'
     y1 = r + rho q,      y3 = mu w^2 q,      y4 = tau y1'
 
-The model is flat [1]_: command and outputs are sums of derivatives of one signal z, which at rest
-is the position. A move of z between two points of rest, smooth enough, is one of the whole arm::
-
-    u  = (z'''' + (2 zeta w + d) z''' + (w^2 + 2 zeta w d) z'' + w^2 d z') / (g w^2)
-    y1 = z + ((2 zeta w + rho d) z' + (1 + rho) z'') / w^2
-    y3 = mu (z'' + d z'),    y4 = tau y1'
-
-References
-----------
-.. [1] Fliess, M., Levine, J., Martin, P., and Rouchon, P. (1995). Flatness and defect of non-linear
-   systems: introductory theory and examples. International Journal of Control 61(6), 1327-1361.
+At rest r is the position and nothing else is left: a move ends at rest when r is where it should
+be and r', q and q' are zero. `flexarm_control.planning.move` plans such moves.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +28,7 @@ SPEED_PER_POSITION_S = SPEED_V_S_PER_RAD / POSITION_V_PER_RAD
 """Tachometer signal per rate of the position signal: tau."""
 
 _GAIN = (0.01, 1000.0, "1/s^2", "position signal: acceleration per volt of command")
-_DRAG = (0.0, 20.0, "1/s", "decay rate of the speed without friction")
+_DRAG = (0.001, 20.0, "1/s", "decay rate of the speed without friction")
 _FREQUENCY = (0.5, 100.0, "Hz", "first bending mode of the arm with free hub")
 _SHARE = (0.0, 500.0, "", "part of that mode in the position, over the rigid one's")
 _STRAIN = (-5.0, 5.0, "s^2", "middle gauge over the acceleration of the position signal")
@@ -52,7 +43,7 @@ class FlatArm:
     gain_per_s2 : float
         g, acceleration of the position signal per volt of command, 1/s^2.
     drag_per_s : float
-        d, 1/s.
+        d, above 0, 1/s.
     frequency_hz, damping_ratio : float
         w / (2 pi) and zeta of the mode with free hub.
     hub_share : float
@@ -68,24 +59,35 @@ class FlatArm:
     hub_share: float
     middle_strain_s2: float
 
-    def command_weights(self) -> FloatArray:
-        """Return the weights of z', z'', z''' and z'''' in the command."""
-        w, drag = 2.0 * pi * self.frequency_hz, self.drag_per_s
-        decay = 2.0 * self.damping_ratio * w
-        weights = np.array([w**2 * drag, w**2 + decay * drag, decay + drag, 1.0])
-        return weights / (self.gain_per_s2 * w**2)
+    @property
+    def decay_per_s(self) -> float:
+        """Decay rate of the mode, zeta w, 1/s."""
+        return self.damping_ratio * 2.0 * pi * self.frequency_hz
 
-    def output_weights(self) -> FloatArray:
-        """Return the weights of z to z''' in position, middle gauge and speed, (3, 4)."""
-        w = 2.0 * pi * self.frequency_hz
-        first = (2.0 * self.damping_ratio * w + self.hub_share * self.drag_per_s) / w**2
-        second = (1.0 + self.hub_share) / w**2
-        bend, tau = self.middle_strain_s2, SPEED_PER_POSITION_S
-        return np.array(
+    @property
+    def damped_period_s(self) -> float:
+        """Period of the mode as it decays, s."""
+        return 1.0 / (self.frequency_hz * sqrt(1.0 - self.damping_ratio**2))
+
+    def step_responses(self, time_s: FloatArray) -> FloatArray:
+        """Return r, r', q and q' after a step of 1 V, (4, times)."""
+        drag, decay = self.drag_per_s, self.decay_per_s
+        damped = 2.0 * pi / self.damped_period_s
+        grown = -np.expm1(-drag * time_s) / drag
+        swing, cosine = np.exp(-decay * time_s), np.cos(damped * time_s)
+        sine = np.sin(damped * time_s) / damped
+        mode = (1.0 - swing * (cosine + decay * sine)) / (damped**2 + decay**2)
+        return self.gain_per_s2 * np.stack([(time_s - grown) / drag, grown, mode, swing * sine])
+
+    def outputs(self, states: FloatArray) -> FloatArray:
+        """Return position, its rate and middle gauge of r, r', q and q', (3, ...)."""
+        rigid, rigid_rate, mode, mode_rate = states
+        stiffness = (2.0 * pi * self.frequency_hz) ** 2
+        return np.stack(
             [
-                [1.0, first, second, 0.0],
-                [0.0, bend * self.drag_per_s, bend, 0.0],
-                [0.0, tau, tau * first, tau * second],
+                rigid + self.hub_share * mode,
+                rigid_rate + self.hub_share * mode_rate,
+                self.middle_strain_s2 * stiffness * mode,
             ]
         )
 
@@ -146,3 +148,13 @@ class ArmFigures(Bounded):
             between("hub_share"),
             between("middle_strain_s2"),
         )
+
+    def drag_of(self, gain_per_s2: float) -> float:
+        """Return the drag, 1/s, of an arm with a gain, that is: with an inertia."""
+        rows = ("light", "medium", "heavy")
+        known = [
+            (1.0 / getattr(self, f"{row}_gain_per_s2"), getattr(self, f"{row}_drag_per_s"))
+            for row in rows
+        ]
+        inertias, drags_per_s = zip(*sorted(known), strict=True)
+        return float(np.interp(1.0 / gain_per_s2, inertias, drags_per_s))

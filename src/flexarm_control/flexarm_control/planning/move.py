@@ -1,27 +1,39 @@
-"""Rest-to-rest moves of the flat model, smooth enough that the command begins and ends at zero."""
+"""Moves of the flat model that end at rest: a rigid move, smoothed until nothing swings.
+
+The command of a rigid move is smoothed over one period of the mode, by a window that lets no motion
+of the mode's frequency and damping pass [1]_, and over a part of a period more, for the modes
+above. A window raises no peak, and changes neither where the move ends nor its speed there. What
+sampling leaves is taken out by the smallest change of the command that ends at rest exactly.
+
+References
+----------
+.. [1] Singhose, W., and Seering, W. (1990). Preshaping command inputs to reduce system vibration.
+   Journal of Dynamic Systems, Measurement, and Control 112(1), 76-82.
+"""
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, expm1
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.polynomial import Polynomial
-from numpy.polynomial.polynomial import polyval
 
+from flexarm_control.planning.flat_arm import SPEED_PER_POSITION_S
+from flexarm_control.planning.rigid_move import duration_s
 from flexarm_core.specs import Bounded, setting
 
 if TYPE_CHECKING:
     from flexarm_control.planning.flat_arm import FlatArm
+    from flexarm_control.planning.rigid_move import Phases
     from flexarm_core.arrays import FloatArray
 
-LONGEST_S = 10.0
-"""Longest move; with figures far from those of an arm it may need more than the wanted command."""
-
-_ORDER = 4
-"""Derivatives of z that vanish at both ends: the order of the model."""
+_SECOND_WINDOW = 0.1
+"""Length of the second window in periods of the mode."""
+_POINTS = 8
+"""Points at which it takes the mean of the first one."""
+_LEAST_PER_S = 1e-6
+"""Decay of a mode without damping, which keeps the quotient."""
 
 
 class Planned(NamedTuple):
@@ -52,36 +64,15 @@ Move: TypeAlias = tuple[Planned, ...]
 
 @dataclass(frozen=True)
 class MoveSettings(Bounded):
-    """Peak, least duration and first payload of the plans, and speed of the full compensation."""
+    """Peak and first payload of the plans, and speed of the full compensation."""
 
     peak_v: float = setting(6.0, 0.2, 9.0, "V", "largest command of a plan, without compensation")
-    shortest_s: float = setting(0.25, 0.05, 5.0, "s", "shortest duration of a plan")
     payload_kg: float = setting(0.0, 0.0, 1.0, "kg", "payload of the plans until one is detected")
     full_speed_v: float = setting(0.06, 0.001, 5.0, "V", "planned speed of the full compensation")
 
 
-def progress(share: FloatArray) -> FloatArray:
-    """Return a move of one from 0 to 1 and its derivatives up to the fourth, (5, points).
-
-    All four derivatives vanish at both ends. The move is the integral of a multiple of x^4 (1-x)^4.
-    """
-    return np.asarray(polyval(share, _PROGRESS), dtype=np.float64)
-
-
-def _progress() -> FloatArray:
-    """Return the coefficients of the move and its derivatives, one column each."""
-    x = Polynomial([0.0, 1.0])
-    rise = (x**_ORDER * (1.0 - x) ** _ORDER).integ()
-    columns = [(rise / rise(1.0)).deriv(order).coef for order in range(_ORDER + 1)]
-    return np.column_stack([np.pad(each, (0, len(rise.coef) - len(each))) for each in columns])
-
-
-_PROGRESS: FloatArray = _progress()
-_RATES: FloatArray = progress(np.linspace(0.0, 1.0, 65))[1:]
-
-
-def shortest_samples(arm: FlatArm, height_v: float, settings: MoveSettings, rate_hz: float) -> int:
-    """Return the fewest samples of a move whose command stays within the peak.
+def plan(arm: FlatArm, height_v: float, phases: Phases, instead_of: Phases, rate_hz: float) -> Move:
+    """Plan a move over a distance.
 
     Parameters
     ----------
@@ -89,32 +80,44 @@ def shortest_samples(arm: FlatArm, height_v: float, settings: MoveSettings, rate
         Arm.
     height_v : float
         Distance, V.
-    settings : MoveSettings
-        Peak and least duration; the duration is at most `LONGEST_S`.
+    phases, instead_of : Phases
+        Rigid move, and what is left of the one that it takes the place of. That one is played on:
+        the plan is the difference.
     rate_hz : float
         Sampling rate, Hz.
     """
-    rates = arm.command_weights()[:, None] * _RATES * abs(height_v)
-    orders = np.arange(1, _ORDER + 1)
-
-    def is_within(samples: int) -> bool:
-        command_v = (samples / rate_hz) ** -orders @ rates
-        return bool(np.abs(command_v).max() <= settings.peak_v)
-
-    least, most = ceil(settings.shortest_s * rate_hz), ceil(LONGEST_S * rate_hz)
-    return bisect_left(range(most), x=True, lo=least, key=is_within)
-
-
-def plan(arm: FlatArm, height_v: float, samples: int, rate_hz: float) -> Move:
-    """Plan a move over a number of samples.
-
-    A command is held over its period, so it is that of the middle of the period.
-    """
-    at = np.arange(samples + 1) / samples
-    scale = height_v * (samples / rate_hz) ** -np.arange(_ORDER + 1.0)[:, None]
-    outputs = arm.output_weights() @ (scale * progress(at))[:_ORDER]
-    held = scale * progress(at[:-1] + 0.5 / samples)
-    command_v = arm.command_weights() @ held[1:]
-    position_v, strain_v, speed_v = outputs
+    lasts_s = max(duration_s(phases), duration_s(instead_of)) + sum(_windows_s(arm))
+    time_s = np.arange(ceil(lasts_s * rate_hz) + 1) / rate_hz
+    # What a command that is held over one period moves, one period later and so on.
+    moved = np.diff(arm.step_responses(time_s))
+    command_v = _smoothed(arm, phases, time_s) - _smoothed(arm, instead_of, time_s)
+    scales = np.linalg.norm(moved, axis=1)
+    ends = moved[:, ::-1] / scales[:, None]
+    missing = np.array([height_v / scales[0], 0.0, 0.0, 0.0]) - ends @ command_v
+    command_v += np.linalg.lstsq(ends, missing, rcond=None)[0]
+    states = np.zeros((len(moved), len(time_s)))
+    for state, each in zip(states, moved, strict=True):
+        state[1:] = np.convolve(command_v, each)[: len(command_v)]
+    position_v, rate_v_per_s, strain_v = arm.outputs(states)
+    speed_v = SPEED_PER_POSITION_S * rate_v_per_s
     columns = (command_v, position_v[:-1] - height_v, strain_v[:-1], speed_v[:-1], speed_v[1:])
     return tuple(Planned(*row) for row in np.column_stack(columns).tolist())
+
+
+def _windows_s(arm: FlatArm) -> tuple[float, float]:
+    """Return the lengths of the two windows."""
+    return arm.damped_period_s, _SECOND_WINDOW * arm.damped_period_s
+
+
+def _smoothed(arm: FlatArm, phases: Phases, time_s: FloatArray) -> FloatArray:
+    """Return the smoothed command in the middle of every period."""
+    first_s, second_s = _windows_s(arm)
+    decay_per_s = max(arm.decay_per_s, _LEAST_PER_S)
+    back_s = (np.arange(_POINTS) + 0.5) / _POINTS * second_s
+    at_s = 0.5 * (time_s[1:] + time_s[:-1]) - back_s[:, None]
+    command_v, before_v = np.zeros(at_s.shape), 0.0
+    for lasts_s, level_v in (*phases, (0.0, 0.0)):
+        risen = np.expm1(-decay_per_s * np.clip(at_s, 0.0, first_s)) / expm1(-decay_per_s * first_s)
+        command_v += (level_v - before_v) * risen
+        at_s, before_v = at_s - lasts_s, level_v
+    return np.asarray(command_v.mean(axis=0))
