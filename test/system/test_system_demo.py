@@ -37,6 +37,7 @@ KEYS = {
     "lost",
     "missed_periods",
     "pdpc",
+    "planned",
     "versions",
     "seed",
 }
@@ -55,7 +56,12 @@ def test_demo___meets_its_figures_and_leaves_only_results(graph: Graph, tmp_path
     assert hello["hand"] is False
     assert samples > 0
     told = [each for each in dict.fromkeys(reason for _, reason in shown) if each in demo.printed]
-    assert [each.split()[0] for each in told] == ["Closed-loop", "Identifying", "Controlling"]
+    assert [each.split()[0] for each in told] == [
+        "Closed-loop",
+        "Identifying",
+        "Controlling",
+        "Moving",
+    ]
     assert ("OFF", told[1]) in shown
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary) >= KEYS
@@ -71,15 +77,20 @@ def test_demo___meets_its_figures_and_leaves_only_results(graph: Graph, tmp_path
     assert abs(pdpc["mean_error_v"]) <= 0.05
     assert pdpc["overshoot"] <= 0.08
     assert pdpc["settling_s"] is not None
+    planned = summary["planned"]
+    assert abs(planned["mean_error_v"]) <= 0.05
+    assert planned["overshoot"] <= 0.06
+    assert planned["settling_s"] <= min(1.0, 0.7 * pdpc["settling_s"])
     assert "Controlled step" in (out / "report.html").read_text()
     assert not (out / "bag").exists()
     assert "Traceback" not in (out / "nodes.log").read_text()
     assert graph.survivors() == []
-    assert summary["sha256_of_samples"] == in_one_process(tmp_path, payload_kg=0.4, seed=5)
+    hashes = [*summary["sha256_of_samples"], planned["sha256_of_samples"]]
+    assert hashes == in_one_process(tmp_path, payload_kg=0.4, seed=5)
 
 
 def in_one_process(folder: Path, *, payload_kg: float, seed: int) -> list[str]:
-    """Return the hashes of both records as they are made without nodes."""
+    """Return the hashes of all records as they are made without nodes."""
     settings = RunSettings(
         out=folder,
         payload_kg=payload_kg,
@@ -91,8 +102,13 @@ def in_one_process(folder: Path, *, payload_kg: float, seed: int) -> list[str]:
         namespace="/flexarm",
     )
     with one_process(settings) as run:
-        both = (run.excite(), run.step("step", {"law": "pdpc"}).recorded)
-    return [samples_hash(each.reading.data) for each in both]
+        law = {"law": "planned", "planned.payload_kg": payload_kg}
+        records = (
+            run.excite(),
+            run.step("step", {"law": "pdpc"}).recorded,
+            run.step("planned", law, length_s=3.0).recorded,
+        )
+    return [samples_hash(each.reading.data) for each in records]
 
 
 def looked_on(address: str) -> tuple[dict[str, Any], list[tuple[str, str]], int]:

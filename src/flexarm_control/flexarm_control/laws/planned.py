@@ -107,6 +107,7 @@ class Planned:
         braking = 1.0 + 2.0 * level.compensation_v / settings.peak_v
         self._limits = Limits(settings.peak_v, braking)
         self._loop = PdpcPlus(gains, level.compensation_v, rest)
+        self._observes = sensing.observer_hz > 0.0
         self._observer = FrictionObserver(sensing, rest.rate_hz)
         self._meaned = int(rest.rate_hz // _WEIGHED_HZ)
         self._estimator = PayloadEstimator(replace(detection, rate_hz=rest.rate_hz / self._meaned))
@@ -119,7 +120,7 @@ class Planned:
         self._estimator.reset()
         self._payload = NO_ESTIMATE
         self._planned_kg = self._settings.payload_kg
-        self._sums_v = (0.0, 0.0)
+        self._base_sum_v = self._speed_sum_v = 0.0
         self._samples = 0
         self._moves: list[_Playing] = []
         self._target_v = 0.0
@@ -131,10 +132,10 @@ class Planned:
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
-        for value_v in (*volts, reference_v):
-            if not -PLAUSIBLE_V < value_v < PLAUSIBLE_V:
-                return NO_EFFORT
         position_v, base_v, middle_v, speed_v = volts
+        sizes_v = abs(position_v) + abs(base_v) + abs(middle_v) + abs(speed_v) + abs(reference_v)
+        if not sizes_v < PLAUSIBLE_V:
+            return NO_EFFORT
         if not self._samples:
             self._target_v = position_v
         self._weigh(base_v, speed_v)
@@ -158,7 +159,9 @@ class Planned:
         elif self._loop.resting:
             self._observer.reset()
             return limited(effort_v, compensation_v)
-        return limited(effort_v, compensation_v + self._observer.step(volts, effort_v))
+        if self._observes:
+            compensation_v += self._observer.step(volts, effort_v)
+        return limited(effort_v, compensation_v)
 
     def _begin(self, reference_v: float) -> None:
         """Plan the move to a set-point."""
@@ -175,16 +178,15 @@ class Planned:
 
     def _weigh(self, base_v: float, speed_v: float) -> None:
         """Give the estimator of the payload the mean of some samples."""
-        base_sum_v, speed_sum_v = self._sums_v
-        self._sums_v = base_sum_v + base_v, speed_sum_v + speed_v
+        self._base_sum_v += base_v
+        self._speed_sum_v += speed_v
         self._samples += 1
-        count, left = divmod(self._samples, self._meaned)
-        if left:
+        meaned = self._meaned
+        if self._samples % meaned:
             return
-        base_sum_v, speed_sum_v = self._sums_v
-        self._sums_v = (0.0, 0.0)
-        self._estimator.step((0.0, base_sum_v / self._meaned, 0.0, speed_sum_v / self._meaned))
-        if count % _ASK_EVERY == 0:
+        self._estimator.step((0.0, self._base_sum_v / meaned, 0.0, self._speed_sum_v / meaned))
+        self._base_sum_v = self._speed_sum_v = 0.0
+        if self._samples % (_ASK_EVERY * meaned) == 0:
             self._payload = self._estimator.estimate
             if self._payload.detected:
                 self._planned_kg = self._payload.payload_kg
@@ -197,7 +199,12 @@ class Planned:
             **self._loop.memory(),
             **self._estimator.memory(),
             "friction_v": self._observer.state,
-            "weighed": (*self._sums_v, float(self._samples), self._planned_kg),
+            "weighed": (
+                self._base_sum_v,
+                self._speed_sum_v,
+                float(self._samples),
+                self._planned_kg,
+            ),
             "target_v": (self._target_v,),
             "moves": [float(number) for move in (*moves, *unused) for number in move],
         }
@@ -208,8 +215,8 @@ class Planned:
         left_v, low_speed_v, command_v = memory["friction_v"]
         self._observer.state = left_v, low_speed_v, command_v
         self._estimator.remember(memory)
-        base_sum_v, speed_sum_v, samples, self._planned_kg = memory["weighed"]
-        self._sums_v, self._samples = (base_sum_v, speed_sum_v), int(samples)
+        self._base_sum_v, self._speed_sum_v, samples, self._planned_kg = memory["weighed"]
+        self._samples = int(samples)
         (self._target_v,) = memory["target_v"]
         numbers = iter(memory["moves"])
         self._moves = []

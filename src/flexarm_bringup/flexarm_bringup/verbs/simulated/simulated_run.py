@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 ENTRY = experiment("C_dat3")
 # A reply takes about that long over DDS.
 REPLY_DELAY_S = 6e-4
-_STEP_SAMPLES = 3000
+_STEP_S = 10.0
 
 
 class SimulatedRun(ABC):
@@ -71,10 +71,13 @@ class SimulatedRun(ABC):
         model.show()
         return model
 
-    def step(self, name: str, law: Mapping[str, Any]) -> ControlledStep:
+    def step(
+        self, name: str, law: Mapping[str, Any], *, length_s: float = _STEP_S
+    ) -> ControlledStep:
         """Record a step to 3 V with a law, its parameters as those of the controller node."""
         controller = {**law, "reference": "step", "step.amplitude_v": SET_POINT_V}
-        recorded = self.record(controller, self._bags / name, _STEP_SAMPLES, text="stepping")
+        samples = round(length_s * ENTRY.rate_hz)
+        recorded = self.record(controller, self._bags / name, samples, text="stepping")
         return ControlledStep.of(recorded)
 
     @abstractmethod
