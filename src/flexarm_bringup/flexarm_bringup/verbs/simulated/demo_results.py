@@ -40,7 +40,7 @@ def write_results(settings: RunSettings, results: DemoResults) -> None:
     report = (results.model.folder / REPORT_FILE).read_text(encoding="utf-8")
     blocks = (
         *step.blocks("PDPC (4-6 to 4-8) with the packaged gains"),
-        *planned.blocks("Law `planned` with the figures of the payload"),
+        *planned.blocks("Law planned with the figures of the payload"),
     )
     (out / REPORT_FILE).write_text(append_section(report, "Controlled step", blocks), "utf-8")
     summary = _summary(settings, results)
