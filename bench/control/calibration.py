@@ -266,12 +266,16 @@ def main(
     write_json(json_file, {"best": best, "measured": measured})
 
 
-HEADINGS = ("parameter", "value", *(f"chapter {each}" for each in CHAPTERS), "all", "distance")
+HEADINGS = (
+    *("parameter", "value"),
+    *(f"{'appendix' if each == 'B' else 'chapter'} {each}" for each in CHAPTERS),
+    *("all", "distance"),
+)
 
 
 def effects(best: Point, measured: Sequence[Point]) -> list[tuple[str, ...]]:
     """Return rows of the rigs beside the best one, each with one parameter changed."""
-    rows = [_row("as it is", "", best)]
+    rows = [_row("best found", "", best)]
     for name in best.changes:
         others = {key: value for key, value in best.changes.items() if key != name}
         rows += [
