@@ -9,9 +9,7 @@ import numpy as np
 
 from flexarm_control.models.nominal_models import nominal_model
 from flexarm_core.channels import POSITION_V_PER_RAD, SPEED_V_S_PER_RAD
-from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
-from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_and_damping
@@ -33,6 +31,7 @@ from reproduction.framework.findings import (
 )
 from reproduction.framework.plots import range_plot
 from reproduction.framework.rig import simulated_record
+from reproduction.framework.study_rig import study_rig
 
 if TYPE_CHECKING:
     import control
@@ -62,22 +61,25 @@ def identified(
     payload_kg: float, record: str, full_order: int, order: int
 ) -> tuple[IdentifiedModel, ...]:
     """Identify and reduce as the thesis did for its nominal model, once per seed."""
-    known_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg))
-    found = []
-    for seed in SEEDS:
-        data = preprocess(simulated_record(record, seed, THESIS_NOISE_V))
-        half = data.head(len(data) // 2)
-        full = identify(
-            half, order=full_order, method=METHOD, block_rows=block_rows_for(full_order)
-        )
-        reduced = reduce_model(
-            full, half, ranking="mrmc", order=order, known_modes_hz=known_hz.tolist(), update="b"
-        ).model
-        found.append(_described(reduced))
-    return tuple(found)
+    return tuple(identified_once(payload_kg, record, full_order, order, seed) for seed in SEEDS)
 
 
-def _described(model: control.StateSpace) -> IdentifiedModel:
+def identified_once(
+    payload_kg: float, record: str, full_order: int, order: int, seed: int
+) -> IdentifiedModel:
+    """Do so with one seed; see `identified`."""
+    known_hz = natural_frequencies_hz(study_rig(payload_kg))
+    data = preprocess(simulated_record(record, seed))
+    half = data.head(len(data) // 2)
+    full = identify(half, order=full_order, method=METHOD, block_rows=block_rows_for(full_order))
+    reduced = reduce_model(
+        full, half, ranking="mrmc", order=order, known_modes_hz=known_hz.tolist(), update="b"
+    ).model
+    return described(reduced)
+
+
+def described(model: control.StateSpace) -> IdentifiedModel:
+    """Return the response and the modes of a model."""
     pairs = [complex(each) for each in np.linalg.eigvals(model.A) if each.imag > 0.0]
     return IdentifiedModel(
         frequency_response(model, FREQUENCIES_HZ)[:, :, 0],
@@ -87,10 +89,10 @@ def _described(model: control.StateSpace) -> IdentifiedModel:
 
 def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
     """Set a printed model beside ours."""
-    printed = _described(nominal_model(payload_kg))
-    beam_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg))
+    printed = described(nominal_model(payload_kg))
+    beam_hz = natural_frequencies_hz(study_rig(payload_kg))
     mode_rows, missing = _mode_rows(printed, found, beam_hz)
-    gaps_db = _gaps_db(printed, found)
+    gaps_db = gains_off_db(printed, found)
     rigid_db = np.median(gaps_db[:, 0], axis=0)
     gaps = ", ".join(f"{gap:+.1f}" for gap in rigid_db)
     contradiction = contradiction_db(printed)
@@ -172,7 +174,7 @@ def _reason(
     gaps_db: NDArray[np.float64],
 ) -> str:
     parts = []
-    bare = np.array([mode[0] for mode in _flexible(_described(nominal_model(0.0)))])
+    bare = np.array([mode[0] for mode in _flexible(described(nominal_model(0.0)))])
     for frequency_hz in missing:
         beam = beam_hz[np.argmin(np.abs(np.log(beam_hz / frequency_hz)))]
         words = f"the beam has {beam:.1f} Hz where {frequency_hz:.1f} Hz are printed"
@@ -249,7 +251,9 @@ def _nearest(model: IdentifiedModel, frequency_hz: float) -> tuple[float, float]
     return min(model.modes, key=lambda mode: abs(np.log(mode[0] / frequency_hz)))
 
 
-def _gaps_db(printed: IdentifiedModel, found: tuple[IdentifiedModel, ...]) -> NDArray[np.float64]:
+def gains_off_db(
+    printed: IdentifiedModel, found: tuple[IdentifiedModel, ...]
+) -> NDArray[np.float64]:
     """Return the median gap per seed, band and channel."""
     ratios = np.array([each.response / printed.response for each in found])
     ratios_db = _decibels(np.abs(ratios))

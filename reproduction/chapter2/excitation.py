@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 
 from flexarm_core.channels import BOUND_V, DRIVE_A_PER_V, MAX_COMMAND_V
-from flexarm_daq import RigParameters, SimulatedRig
+from flexarm_daq import SimulatedRig
 from flexarm_daq.experiments.excitation import DIRECTION_HZ, VARYING_HZ
 from flexarm_ident.series.picture import DOTTED, SOLID, STYLE, figure_of, inline_svg
 from reproduction.framework.findings import (
@@ -23,12 +23,14 @@ from reproduction.framework.findings import (
     subject,
 )
 from reproduction.framework.rig import simulated_record
+from reproduction.framework.study_rig import study_rig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
+    from flexarm_daq import RigParameters
     from reproduction.framework.findings import Results
 
 
@@ -77,7 +79,7 @@ class Signal:
 def drive_characteristic() -> tuple[float, ...]:
     """Return the current of each command, A, from how far it moves an arm without friction."""
     rig = replace(
-        RigParameters(),
+        study_rig(),
         coulomb_friction_nm=0.0,
         viscous_friction_nm_s_per_rad=0.0,
         backlash_deg=0.0,
@@ -100,7 +102,7 @@ def _moved_v(parameters: RigParameters, command_v: float) -> float:
 
 def signal(name: str, seed: int) -> Signal:
     """Return the beginning of an experiment's record."""
-    record = simulated_record(name, seed)
+    record = simulated_record(name, seed, calm=True)
     samples = round(SHOWN_S / record.dt_s)
     time_s = np.arange(samples, dtype=np.float64) * record.dt_s
     return Signal(time_s, record.u[:samples, 0], record.y[:samples, 0])

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import catalogue, experiment
-from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 from flexarm_ident.records.preprocess import preprocess
 from reproduction.chapter2.order_survey import CUTOFF_HZ, best_error, prepared
 from reproduction.chapter2.tables import METHOD_TEXT, survey_calls, survey_of
@@ -28,6 +26,7 @@ from reproduction.framework.findings import (
     subject,
 )
 from reproduction.framework.rig import run_experiment, simulated_record
+from reproduction.framework.study_rig import study_rig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -45,7 +44,9 @@ of the rig round in any case."""
 
 def least_error(name: str, seed: int, noise: bool, friction: bool) -> float:  # noqa: FBT001
     """Return the mean error of the best model, from a rig with or without noise and friction."""
-    rig = RigParameters(noise_v=THESIS_NOISE_V if noise else NOISELESS_V)
+    rig = study_rig()
+    if not noise:
+        rig = replace(rig, noise_v=NOISELESS_V, hum_v=NOISELESS_V)
     if not friction:
         rig = replace(rig, coulomb_friction_nm=0.0, backlash_deg=0.0)
     record = prepared(run_experiment(experiment(name), rig, seed))
@@ -107,7 +108,7 @@ ALL_STEPS = "all steps"
 
 def step_errors(name: str, seed: int) -> dict[str, float]:
     """Return the mean error with all steps and with each left out, on the prepared record."""
-    raw = simulated_record(name, seed, THESIS_NOISE_V)
+    raw = simulated_record(name, seed)
     whole = prepared(raw)
     biased = preprocess(
         replace(raw, y=raw.y + OFFSET_V),

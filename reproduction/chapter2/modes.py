@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_and_damping
@@ -38,6 +37,7 @@ from reproduction.framework.findings import (
     thesis_table,
 )
 from reproduction.framework.plots import range_plot
+from reproduction.framework.study_rig import study_rig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -82,7 +82,7 @@ RECORDS = {
     "random": "O_dat13",
 }
 """Records at 300 Hz with 2 V; the thesis does not say which it took."""
-MODES_HZ = natural_frequencies_hz(RigParameters())
+MODES_HZ = natural_frequencies_hz(study_rig())
 BETWEEN_HZ = np.sqrt(MODES_HZ[:-1] * MODES_HZ[1:])
 """Frequencies without a mode of the arm: what is found there is found by chance."""
 

@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import control
 import numpy as np
 
-from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_daq.rigs.rig_parameters import THESIS_NOISE_V
 from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.fitting.output_fit import fit_inputs
 from flexarm_ident.fitting.validation import Gains, frequency_response, validate_dmv, validate_sfv
@@ -26,11 +24,13 @@ from flexarm_ident.subspace.order import LARGEST_ORDER, SMALLEST_ORDER
 from flexarm_ident.subspace.orse import plain
 from reproduction.framework.findings import SEEDS, thesis_table
 from reproduction.framework.rig import run_experiment, simulated_record
+from reproduction.framework.study_rig import study_rig
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_daq import RigParameters
     from flexarm_ident import Identification, IoData
     from flexarm_ident.fitting.validation import Dmv, Sfv
 
@@ -125,7 +125,7 @@ def printed_order(record: str) -> int:
 
 def survey(record: str) -> OrderSurvey:
     """Identify models of all orders from an experiment, once per seed."""
-    rows = [_one_seed(record, seed) for seed in SEEDS]
+    rows = [survey_once(record, seed) for seed in SEEDS]
     return OrderSurvey(record, **{name: np.array([row[name] for row in rows]) for name in rows[0]})
 
 
@@ -138,12 +138,16 @@ def prepared(record: IoData, compensation: Compensation = "remove") -> IoData:
 
 def thesis_record(name: str, seed: int, compensation: Compensation = "remove") -> IoData:
     """Return an experiment's prepared record with noise as strong as the thesis's."""
-    return prepared(simulated_record(name, seed, THESIS_NOISE_V), compensation)
+    return prepared(simulated_record(name, seed), compensation)
+
+
+def set_point_record(rate_hz: float, payload_kg: float, seed: int) -> IoData:
+    """Return the prepared run of set-point following, with noise other than the record's."""
+    return _set_point_run(study_rig(payload_kg), rate_hz, seed)
 
 
 @lru_cache(maxsize=4 * len(SEEDS))
-def set_point_record(rate_hz: float, payload_kg: float, seed: int) -> IoData:
-    """Return the prepared run of set-point following, with noise other than the record's."""
+def _set_point_run(rig: RigParameters, rate_hz: float, seed: int) -> IoData:
     run = replace(
         experiment(_SET_POINT_RECORD),
         rate_hz=rate_hz,
@@ -154,7 +158,6 @@ def set_point_record(rate_hz: float, payload_kg: float, seed: int) -> IoData:
             "compensation_v": SET_POINT_COMPENSATION_V,
         },
     )
-    rig = RigParameters(payload_kg=payload_kg, noise_v=THESIS_NOISE_V)
     return prepared(run_experiment(run, rig, _SET_POINT_SEED + seed))
 
 
@@ -241,7 +244,8 @@ def loop_eigenvalue(model: control.StateSpace) -> complex:
     return _largest_eigenvalue(np.asarray(model.A - model.B @ feedback @ model.C))
 
 
-def _one_seed(name: str, seed: int) -> dict[str, Any]:
+def survey_once(name: str, seed: int) -> dict[str, Any]:
+    """Return what one seed adds to the arrays of an `OrderSurvey`."""
     whole = thesis_record(name, seed)
     entry = experiment(name)
     found = identified(fitted_half(whole))

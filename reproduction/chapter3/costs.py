@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
+from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V
 from reproduction.chapter2.order_survey import fitted_half, identified, matched, model_of, prepared
 from reproduction.chapter3.examples import (
     C_UPDATED,
@@ -49,6 +48,7 @@ from reproduction.framework.findings import (
     thesis_table,
 )
 from reproduction.framework.rig import run_experiment
+from reproduction.framework.study_rig import study_rig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -81,7 +81,7 @@ def full_model_errors(code: str, rig: str, seed: int) -> tuple[float, ...]:
     entry = experiment(example.experiment)
     if entry.law and "coulomb_friction_nm" in changed:
         entry = replace(entry, gains={**entry.gains, "compensation_v": 0.0})
-    parameters = RigParameters(payload_kg=entry.payload_kg, noise_v=THESIS_NOISE_V)
+    parameters = study_rig(entry.payload_kg)
     record = prepared(
         run_experiment(entry, replace(parameters, **changed), seed), example.compensation
     )

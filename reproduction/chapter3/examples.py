@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from flexarm_core.arrays import FloatArray
-from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from reproduction.framework.findings import thesis_table
+from reproduction.framework.study_rig import study_rig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -70,7 +70,7 @@ class Example:
     @property
     def known_modes_hz(self) -> tuple[float, ...]:
         """Bending modes of the arm with this payload, from the beam's equation."""
-        arm = RigParameters(payload_kg=experiment(self.experiment).payload_kg)
+        arm = study_rig(experiment(self.experiment).payload_kg)
         return tuple(natural_frequencies_hz(arm)[:BENDING_MODES].tolist())
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import control
 import numpy as np
 
 from flexarm_daq.experiments.catalogue import experiment
-from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V
 from flexarm_ident import IdentificationError, reduce_model
 from flexarm_ident.models.state_space import stabilise
 from flexarm_ident.records.preprocess import output_scale, preprocess
@@ -57,15 +55,12 @@ if TYPE_CHECKING:
     from reproduction.framework.findings import Results
 
 
-NOISE_V: Mapping[str, tuple[float, float, float, float]] = MappingProxyType(
-    {LOW: LOW_NOISE_V, THESIS: THESIS_NOISE_V, FILTERED: THESIS_NOISE_V}
-)
 SEARCHED = range(15, 37)
 """Orders among which an unstable model is looked for."""
 
 
 def reduction_trial(code: str, noise: str, seed: int) -> ReductionTrial:
-    """Identify, reduce and update one of the `EXAMPLES`, with one of the `NOISE_V`."""
+    """Identify, reduce and update one of the `EXAMPLES`, from a record of `LOW` and so on."""
     example = EXAMPLES[code]
     record = _record(example, noise, seed)
     trained = fitted_half(record)
@@ -114,8 +109,20 @@ def reduction_trial(code: str, noise: str, seed: int) -> ReductionTrial:
     )
 
 
+def unstable_order(code: str, noise: str, seed: int) -> int:
+    """Return the order of an unstable example's full model.
+
+    Raises
+    ------
+    IdentificationError
+        If no order has one unstable real eigenvalue.
+    """
+    example = EXAMPLES[code]
+    return _order(example, identified(fitted_half(_record(example, noise, seed))))
+
+
 def _record(example: Example, noise: str, seed: int) -> IoData:
-    record = simulated_record(example.experiment, seed, NOISE_V[noise])
+    record = simulated_record(example.experiment, seed, calm=noise == LOW)
     if noise != FILTERED:
         return prepared(record, example.compensation)
     return preprocess(record, compensation=example.compensation, bias="first", cutoff_hz=CUTOFF_HZ)

@@ -12,7 +12,6 @@ from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.ilqr import Ilqr
 from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.simulation import simulate_loop
-from flexarm_daq import RigParameters
 from reproduction.chapter4.ilqr_designs import (
     HUNTS,
     OURS,
@@ -37,6 +36,7 @@ from reproduction.framework.findings import (
 )
 from reproduction.framework.plots import time_plot
 from reproduction.framework.rig import step_to
+from reproduction.framework.study_rig import calm_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,7 +90,7 @@ def ilqr_trial(design: str, setpoint_v: float, seed: int) -> IlqrTrial:
         step_to(
             law,
             setpoint_v,
-            arm=RigParameters(payload_kg=PAYLOAD_KG),
+            arm=calm_rig(PAYLOAD_KG),
             seed=seed,
             length_s=LENGTH_S,
         )
@@ -127,7 +127,7 @@ def ilqr_run(setpoint_v: float, seed: int) -> IlqrRun:
     run = step_to(
         Ilqr(design),
         setpoint_v,
-        arm=RigParameters(payload_kg=PAYLOAD_KG),
+        arm=calm_rig(PAYLOAD_KG),
         seed=seed,
         length_s=LENGTH_S,
     )

@@ -15,7 +15,6 @@ import numpy as np
 
 from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, design_ilqr, quadratic_gain, radius
 from flexarm_control.models.nominal_models import identified_model
-from flexarm_daq import RigParameters
 from flexarm_ident.reduction.realisation import thesis_realisation
 from reproduction.chapter2.order_survey import BLOCK_ROWS, fitted_half, prepared
 from reproduction.framework.findings import (
@@ -33,6 +32,7 @@ from reproduction.framework.findings import (
 )
 from reproduction.framework.realisations import rounded_model
 from reproduction.framework.rig import simulated_record, step_to
+from reproduction.framework.study_rig import calm_rig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,7 +55,7 @@ def ilqr_design(name: str) -> IlqrDesign:
     """Return one of the designs by its name."""
     model = identified_model()
     if name == PRINTED:
-        record = fitted_half(prepared(simulated_record(_RECORD, SEEDS[0])))
+        record = fitted_half(prepared(simulated_record(_RECORD, SEEDS[0], calm=True)))
         return printed_design(thesis_realisation(model, record, block_rows=BLOCK_ROWS))
     design = design_ilqr(model)
     return design if name == OURS else replace(design, ki=thesis_table("section_4_4")["ki"])
@@ -99,7 +99,7 @@ _SEEDS = SEEDS[:5]
 
 def late_swing_v(law: str, arm: str, seed: int) -> float:
     """Return how far the arm still swings, peak to peak, from 30 to 40 s after a step of 5 V."""
-    rig = RigParameters(payload_kg=PAYLOAD_KG)
+    rig = calm_rig(PAYLOAD_KG)
     changed = {name: factor * getattr(rig, name) for name, factor in ARMS[arm].items()}
     run = step_to(
         Ilqr(ilqr_design(law)),

@@ -13,7 +13,6 @@ from flexarm_control.design.tuning import tune_pdp
 from flexarm_control.laws.gains import Compensation, PdpGains
 from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
-from flexarm_daq import RigParameters
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.series.picture import (
     DASHED,
@@ -41,6 +40,7 @@ from reproduction.framework.findings import (
     thesis_table,
 )
 from reproduction.framework.rig import STEP_S, step_to, step_trial
+from reproduction.framework.study_rig import calm_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -257,7 +257,7 @@ def louder_steps(louder_db: float, seed: int) -> tuple[bool, ...]:
             step_to(
                 Pdpc(gains, Compensation()),
                 SETPOINT_V,
-                arm=RigParameters(payload_kg=payload_kg),
+                arm=calm_rig(payload_kg),
                 seed=seed,
             )
         )

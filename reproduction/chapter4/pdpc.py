@@ -10,7 +10,6 @@ import numpy as np
 from flexarm_control.laws.pdpc import Pdpc
 from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
-from flexarm_daq import RigParameters
 from reproduction.framework.findings import (
     LEVEL,
     SEEDS,
@@ -29,6 +28,7 @@ from reproduction.framework.findings import (
 )
 from reproduction.framework.plots import time_plot
 from reproduction.framework.rig import AT_REST_S, RATE_HZ, StepTrial, run_law, step_to, step_trial
+from reproduction.framework.study_rig import calm_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +49,7 @@ ZERO_ERROR_V = 0.05
 OVERSHOOT = 0.10
 _BASE, _MIDDLE = 1, 2
 _WORST_KG, _WORST_V, _PERIOD_S, _PERIODS = 0.4, 5.0, 20.0, 2
-GAUGE_TEXT = prose("chapter-4.gauge", noise_v=RigParameters().noise_v[1])
+GAUGE_TEXT = prose("chapter-4.gauge", noise_v=calm_rig().noise_v[1])
 SETTLING_TEXT = prose("chapter-4.settling")
 
 
@@ -75,7 +75,7 @@ def pdpc_step(name: str, payload_kg: float, setpoint_v: float, seed: int) -> Loo
     """Step one payload under one law."""
     # The thesis's gains and thresholds are the defaults of the class.
     law = Pdpc() if name == "pdpc" else build_law(name)
-    return step_to(law, setpoint_v, arm=RigParameters(payload_kg=payload_kg), seed=seed)
+    return step_to(law, setpoint_v, arm=calm_rig(payload_kg), seed=seed)
 
 
 def pdpc_square(seed: int) -> SquareRun:
@@ -83,7 +83,7 @@ def pdpc_square(seed: int) -> SquareRun:
     reference = build_reference("square", {"amplitude_v": _WORST_V, "period_s": _PERIOD_S})
     samples = round(_PERIODS * _PERIOD_S * RATE_HZ)
     reference_v = np.array([reference(k / RATE_HZ) for k in range(samples)])
-    arm = RigParameters(payload_kg=_WORST_KG)
+    arm = calm_rig(_WORST_KG)
     run = run_law(Pdpc(), reference_v, arm=arm, seed=seed)
     since_s = run.time_s % (0.5 * _PERIOD_S)
     gauge_v = run.true_y[:, _BASE]

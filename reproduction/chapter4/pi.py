@@ -21,7 +21,6 @@ from flexarm_control.laws.gains import PiGains, Sampling
 from flexarm_control.laws.law_protocol import Effort
 from flexarm_control.laws.pi import Pi
 from flexarm_control.simulation import simulate_loop
-from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
 from flexarm_ident.workflow.request import Request
@@ -48,6 +47,7 @@ from reproduction.framework.findings import (
 from reproduction.framework.model_plots import match_plot
 from reproduction.framework.realisations import rounded_model
 from reproduction.framework.rig import RATE_HZ, STEP_S, simulated_record, step_to
+from reproduction.framework.study_rig import calm_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -128,9 +128,9 @@ def pi_case(code: str, seed: int) -> PiCase:
     """Identify, reduce and update one of the `CODES`, tune its PI law, step model and rig."""
     record, order, reduced_order, flexible_modes = CODES[code]["made"]
     entry = experiment(record)
-    arm = RigParameters(payload_kg=entry.payload_kg)
+    arm = calm_rig(entry.payload_kg)
     outcome = identify_record(
-        simulated_record(record, seed),
+        simulated_record(record, seed, calm=True),
         Request(
             train_fraction=0.5,
             method=METHOD,

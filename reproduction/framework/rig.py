@@ -15,11 +15,11 @@ from flexarm_control.laws.law_protocol import Effort
 from flexarm_control.laws.registry import build_law
 from flexarm_control.references import build_reference
 from flexarm_control.simulation import simulate
-from flexarm_daq import RigParameters, SimulatedRig
+from flexarm_daq import SimulatedRig
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.experiments.excitation import EXCITATIONS
-from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V
 from flexarm_ident import IoData
+from reproduction.framework.study_rig import calm_rig, study_rig
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from flexarm_control.laws.law_protocol import Law
     from flexarm_control.simulation import LoopRun
+    from flexarm_daq import RigParameters
     from flexarm_daq.experiments.catalogue import Experiment
     from flexarm_daq.experiments.excitation import Excitation
 
@@ -58,10 +59,8 @@ class StepTrial:
     vibration_v: float
 
 
-def simulated_record(
-    name: str, seed: int, noise_v: tuple[float, float, float, float] = LOW_NOISE_V
-) -> IoData:
-    """Run an experiment of the catalogue on the simulated rig; see `run_experiment`.
+def simulated_record(name: str, seed: int, *, calm: bool = False) -> IoData:
+    """Run an experiment of the catalogue on the rig of the study; see `run_experiment`.
 
     Parameters
     ----------
@@ -69,8 +68,8 @@ def simulated_record(
         An experiment of Tables A-1 to A-4.
     seed : int
         Seed of the sensor noise and of a random excitation or reference.
-    noise_v : tuple of float
-        Standard deviation of the noise of each sensor, V.
+    calm : bool
+        Whether the sensors have little noise.
 
     Raises
     ------
@@ -78,7 +77,8 @@ def simulated_record(
         For an unknown experiment.
     """
     entry = experiment(name)
-    return run_experiment(entry, RigParameters(payload_kg=entry.payload_kg, noise_v=noise_v), seed)
+    rig = calm_rig if calm else study_rig
+    return run_experiment(entry, rig(entry.payload_kg), seed)
 
 
 def run_experiment(entry: Experiment, parameters: RigParameters, seed: int) -> IoData:

@@ -201,7 +201,7 @@ def test_bounded___turns_elsewhere_or_other_magnitude___differs(
 
 @pytest.mark.parametrize("payload_kg", nominal_payloads_kg())
 def test_nominal_model___beside_itself___agrees(payload_kg: float) -> None:
-    same = nominal_models._described(nominal_model(payload_kg))
+    same = nominal_models.described(nominal_model(payload_kg))
     finding = nominal_models.compare(payload_kg, (same, same))
     assert finding.judgement.verdict is Verdict.AGREES
     assert len(finding.plots) == 4
@@ -209,7 +209,7 @@ def test_nominal_model___beside_itself___agrees(payload_kg: float) -> None:
 
 def changed(gain: float, mode: float = 1.0) -> IdentifiedModel:
     """Return the printed model without payload with all gains and its modes times a factor."""
-    printed = nominal_models._described(nominal_model(0.0))
+    printed = nominal_models.described(nominal_model(0.0))
     modes = tuple((mode * frequency_hz, damping) for frequency_hz, damping in printed.modes)
     return IdentifiedModel(gain * printed.response, modes)
 
@@ -235,7 +235,7 @@ def test_nominal_model___other_order_of_the_channels___differs() -> None:
 
 
 def test_nominal_model___mode_above_that_without_payload___is_said_to_be_impossible() -> None:
-    ours = nominal_models._described(nominal_model(0.2))
+    ours = nominal_models.described(nominal_model(0.2))
     moved = IdentifiedModel(ours.response, ((0.9, 0.5), (7.4, 0.05), (20.6, 0.02)))
     because = nominal_models.compare(0.2, (moved,)).judgement.because
     assert "a mass can only lower it" in because

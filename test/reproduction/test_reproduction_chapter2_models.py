@@ -48,7 +48,7 @@ def test_validated_model___of_the_closed_loop___follows_the_set_point() -> None:
 
 
 def test_survey___row_of_one_seed___is_that_of_its_models() -> None:
-    row = order_survey._one_seed("O_dat1", 1)
+    row = order_survey.survey_once("O_dat1", 1)
     whole = order_survey.thesis_record("O_dat1", 1)
     found = order_survey.identified(order_survey.fitted_half(whole))
     order = int(row["chosen_orders"])

@@ -72,6 +72,11 @@ _BENCHES = (
         "Tuned gains over a grid of payloads and on rigs drawn at random",
         ("--rigs 500 --spread 0.2",),
     ),
+    (
+        "calibration",
+        "Parameters of the study's rig beside the thesis's figures of all chapters",
+        ("--docs", "--only noise_v --seeds 2"),
+    ),
     ("faults", "The fault campaign: broken rigs, killed processes", ("--docs",)),
     (
         "schedules",

@@ -1,0 +1,1 @@
+"""Figures of the thesis that the rig of the study is calibrated by."""

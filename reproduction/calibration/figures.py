@@ -1,0 +1,178 @@
+"""Figures of the thesis, from all chapters, beside those of a rig, with few records.
+
+They are those that the subjects of the study are judged by, from a part of the experiments, so that
+one rig takes seconds and not minutes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_control.models.nominal_models import nominal_model
+from reproduction.appendices.nominal_models import described, gains_off_db, identified_once
+from reproduction.chapter2.order_survey import TABLE_OF, survey_once
+from reproduction.chapter3.examples import (
+    EXAMPLES,
+    FILTERED,
+    LOW,
+    TABLES,
+    THESIS,
+    thesis_rows,
+)
+from reproduction.chapter3.ranks import thesis_modes
+from reproduction.chapter3.trial import reduction_trial, unstable_order
+from reproduction.chapter4.pdpc import CASES, pdpc_step
+from reproduction.chapter4.pi import pi_case
+from reproduction.framework.findings import SENSORS, Call, thesis_table
+from reproduction.framework.rig import step_trial
+from reproduction.framework.study_rig import STUDY_RIG, studied_on
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from flexarm_daq import RigParameters
+
+Changes = tuple[tuple[str, float | tuple[float, ...]], ...]
+"""Parameters of a rig that differ from `STUDY_RIG`, by name."""
+
+RECORDS = ("O_dat2", "O_dat10", "B_dat9", "C_dat3", "C_dat6", "C_dat11")
+"""Experiments of Tables 2-1, 2-3 and 2-4."""
+PI_MODELS = ("Ao2r_9", "Ac3r_8")
+"""One model of type I and one of type II of Table 4-1."""
+NOISES = (LOW, THESIS, FILTERED)
+TRACKING = "tracking error"
+UNSTABLE = "Ac3_21u"
+
+
+SLACK = 0.05
+"""Errors agree within a twentieth of the signal, as in the figures of chapter 3."""
+
+
+class Figure(NamedTuple):
+    """A figure of the thesis beside ours.
+
+    Attributes
+    ----------
+    chapter : str
+        Chapter of the thesis.
+    name : str
+        Model and quantity.
+    thesis, ours : float
+        Its value there and here.
+    slack : float
+        Difference that no eye tells apart.
+    """
+
+    chapter: str
+    name: str
+    thesis: float
+    ours: float
+    slack: float = 0.0
+
+
+def rig_of(changes: Changes) -> RigParameters:
+    """Return the rig with some parameters changed."""
+    return replace(STUDY_RIG, **dict(changes))  # type: ignore[arg-type]
+
+
+def figures_of(part: str, subject: str, changes: Changes, seed: int) -> tuple[Figure, ...]:
+    """Return the figures of one model or record on a changed rig."""
+    with studied_on(rig_of(changes)):
+        return tuple(_PARTS[part](subject, seed))
+
+
+def parts(changes: Changes, seeds: Sequence[int]) -> tuple[Call, ...]:
+    """Return the computations of all figures of a rig."""
+    each = (
+        *(("table", record) for record in RECORDS),
+        *(("example", code) for code in TABLES.values()),
+        *(("pi", code) for code in PI_MODELS),
+        *(("tracking", f"{payload_kg:g}") for payload_kg, _ in CASES),
+        *(("nominal", f"{payload_kg:g}") for payload_kg in thesis_table("appendix_b")["models"]),
+    )
+    return tuple(Call(figures_of, (*part, changes, seed)) for part in each for seed in seeds)
+
+
+def unstable_order_of(changes: Changes, noise: str, seed: int) -> int:
+    """Return the order of the unstable example of chapter 3 on a changed rig.
+
+    Raises
+    ------
+    IdentificationError
+        If there is none: on such a rig the study is not defined.
+    """
+    with studied_on(rig_of(changes)):
+        return unstable_order(UNSTABLE, noise, seed)
+
+
+def _record(name: str, seed: int) -> list[Figure]:
+    row, ours = thesis_table(TABLE_OF[name[0]])[name], survey_once(name, seed)
+    return [
+        Figure("2", f"{name}, mean error", row["mean"], float(np.mean(ours["chosen_dmv"]))),
+        Figure("2", f"{name}, position", row["delta"][0], float(ours["chosen_dmv"][0]), SLACK),
+        Figure("2", f"{name}, stable orders", len(row["stable"]), float(ours["stable"].sum())),
+    ]
+
+
+def _example(code: str, seed: int) -> list[Figure]:
+    number = next(number for number, each in TABLES.items() if each == code).replace("-", "_")
+    trial = reduction_trial(code, THESIS, seed)
+    found = [
+        Figure(
+            "3",
+            f"{code}, {row.stage}, {row.validation}, {sensor}",
+            theirs,
+            getattr(trial.stages[row.stage], row.validation)[k],
+            SLACK,
+        )
+        for row in thesis_rows(thesis_table(f"table_{number}b"))
+        for k, (sensor, theirs) in enumerate(zip(SENSORS, row.delta, strict=True))
+    ]
+    table = thesis_table(f"table_{number}a")
+    printed = {mode.label: mode.damping for mode in thesis_modes(table)}
+    known_hz = EXAMPLES[code].known_modes_hz
+    ours = {mode.label: mode for mode in trial.modes}
+    bending = [ours[label] for label in trial.bending]
+    for label, hz in zip(table["bending"], known_hz, strict=True):
+        nearest = min(bending, key=lambda mode: abs(np.log(mode.frequency_hz / hz)), default=None)
+        if nearest is not None:
+            words = f"{code}, damping at {hz:.0f} Hz"
+            found.append(Figure("3", words, printed[label], nearest.damping_ratio))
+    return found
+
+
+def _pi(code: str, seed: int) -> list[Figure]:
+    printed, ours = thesis_table("table_4_1")[code], pi_case(code, seed)
+    return [
+        Figure("4", f"{code}, J", printed["criterion"], ours.criterion),
+        Figure("4", f"{code}, Kp", printed["kp"], ours.kp),
+    ]
+
+
+def _tracking(payload: str, seed: int) -> list[Figure]:
+    setpoint_v = dict(CASES)[float(payload)]
+    step = step_trial(pdpc_step("pdpc", float(payload), setpoint_v, seed))
+    return [Figure("4", f"{TRACKING} {payload} kg", 0.0, abs(step.mean_error_v), SLACK)]
+
+
+def _nominal(payload: str, seed: int) -> list[Figure]:
+    payload_kg = float(payload)
+    made = thesis_table("appendix_b")["models"][payload_kg]
+    ours = identified_once(payload_kg, made["record"], made["full_order"], made["order"], seed)
+    off_db = gains_off_db(described(nominal_model(payload_kg)), (ours,))[0, 0]
+    return [
+        Figure("B", f"{payload} kg, gain of the {sensor}", 1.0, float(10.0 ** (gap / 20.0)))
+        for sensor, gap in zip(SENSORS, off_db, strict=True)
+    ]
+
+
+_PARTS: dict[str, Callable[[str, int], list[Figure]]] = {
+    "table": _record,
+    "example": _example,
+    "pi": _pi,
+    "tracking": _tracking,
+    "nominal": _nominal,
+}
