@@ -1,0 +1,145 @@
+"""Trajectory of the arm that is known in advance, and the command that is played for it.
+
+A reference of steps or of any other shape is spread by the unit move of the flat model
+(`flexarm_control.planning`): each of its changes is a move of that shape, and all moves add up,
+since the model is linear. The move is the shortest one that keeps the command within its peak.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+from flexarm_control.planning.move import LONGEST_S, plan
+from flexarm_core.channels import TRAVEL_V
+from flexarm_core.errors import SettingError
+
+if TYPE_CHECKING:
+    from flexarm_control.planning.flat_arm import FlatArm
+    from flexarm_control.planning.move import MoveSettings
+    from flexarm_core.arrays import FloatArray
+
+_POSITION, _COMMAND = 0, 3
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Signals of the arm that are asked for, sample by sample, and the command that is played.
+
+    Attributes
+    ----------
+    rate_hz : float
+        Sampling rate, Hz.
+    position_v, middle_strain_v, speed_v : ndarray, (samples,)
+        Outputs that are asked for, V. The arm is at rest before the first sample and after the
+        last.
+    command_v : ndarray, (samples,)
+        Command that is played, without feedback and compensation of friction, V.
+
+    Raises
+    ------
+    SettingError
+        When there is no sample, signals differ in length, or a number has no sense.
+    """
+
+    rate_hz: float
+    position_v: FloatArray
+    middle_strain_v: FloatArray
+    speed_v: FloatArray
+    command_v: FloatArray
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rate_hz < np.inf:
+            raise SettingError(f"the trajectory's rate_hz must be positive, got {self.rate_hz}")
+        for name in SIGNALS:
+            values = getattr(self, name)
+            if values.shape != self.position_v.shape or values.ndim != 1 or not len(values):
+                raise SettingError(f"the trajectory's {name} must have a value for every sample")
+            if not np.isfinite(values).all():
+                raise SettingError(f"the trajectory's {name} must be finite")
+        if np.abs(self.position_v).max() > TRAVEL_V:
+            raise SettingError(
+                f"the trajectory's position_v leaves the travel of +-{TRAVEL_V:.3f} V"
+            )
+
+    def __len__(self) -> int:
+        return len(self.position_v)
+
+    @property
+    def end_v(self) -> float:
+        """Position at the end, V."""
+        return float(self.position_v[-1])
+
+    def playing(self, command_v: FloatArray) -> Trajectory:
+        """Return the same trajectory with another command."""
+        return replace(self, command_v=command_v)
+
+
+SIGNALS = ("position_v", "middle_strain_v", "speed_v", "command_v")
+"""Signals of a trajectory, in the order of its files."""
+
+
+def planned_trajectory(
+    reference_v: FloatArray, arm: FlatArm, settings: MoveSettings, rate_hz: float
+) -> Trajectory:
+    """Return the trajectory of a reference, with the command of the model.
+
+    Parameters
+    ----------
+    reference_v : ndarray, (samples,)
+        Reference, V. Before it the arm is at rest in the middle of the travel.
+    arm : FlatArm
+        Figures of the arm.
+    settings : MoveSettings
+        Peak of the command and least duration of the move.
+    rate_hz : float
+        Sampling rate, Hz.
+
+    Returns
+    -------
+    Trajectory
+        The reference spread by the move, and held until the last move is over; it is longer than
+        the reference by a move.
+
+    Raises
+    ------
+    SettingError
+        When the reference has no sample, is not finite or leaves the travel, or needs a larger
+        command however slow the move is.
+    """
+    if not len(reference_v) or not np.isfinite(reference_v).all():
+        raise SettingError("the reference must have samples, and all must be finite")
+
+    def signals(samples: int) -> FloatArray:
+        return _spread(reference_v, arm, samples, rate_hz)
+
+    def is_within(samples: int) -> bool:
+        return bool(np.abs(signals(samples)[_COMMAND]).max() <= settings.peak_v)
+
+    least, most = ceil(settings.shortest_s * rate_hz), ceil(LONGEST_S * rate_hz)
+    samples = bisect_left(range(most), x=True, lo=least, key=is_within)
+    if samples == most:
+        raise SettingError(
+            f"the reference needs a command above {settings.peak_v:g} V even if every change takes "
+            f"{LONGEST_S:g} s: ask for less, or raise peak_v"
+        )
+    return Trajectory(rate_hz, *signals(samples))
+
+
+def _spread(reference_v: FloatArray, arm: FlatArm, samples: int, rate_hz: float) -> FloatArray:
+    """Return position, middle gauge, speed and command of the spread reference, (4, ...)."""
+    move = plan(arm, 1.0, samples, rate_hz)
+    unit = np.array(
+        [(1.0 + at.left_v, at.middle_strain_v, at.speed_v, at.command_v) for at in move]
+    ).T
+    # Each change is a move that stays at its end: a change of the position is what ends.
+    unit[_POSITION] = np.diff(unit[_POSITION], append=1.0)
+    changes_v = np.diff(reference_v, prepend=0.0)
+    spread = np.array([fftconvolve(changes_v, each) for each in unit])
+    spread[_POSITION] = np.concatenate([[0.0], np.cumsum(spread[_POSITION])[:-1]])
+    return spread
