@@ -30,7 +30,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.specs import Bounded, setting
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from flexarm_control.laws.gains import PdpGains
     from flexarm_control.learning.trajectory import Trajectory
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 _STEEPNESS = 8
 _LAST_SAMPLES = 100
-_PATIENCE = 2
+_PATIENCE = 3
 """Repetitions without a new best one that end the learning."""
 
 
@@ -47,7 +47,7 @@ _PATIENCE = 2
 class LearningSettings(Bounded):
     """Share of a change that is taken, weight of the gauge, and cutoff of what is learned."""
 
-    share: float = setting(1.0, 0.05, 1.5, "", "part of the computed change that is taken")
+    share: float = setting(0.7, 0.05, 1.5, "", "part of the computed change that is taken")
     strain_weight: float = setting(0.3, 0.0, 10.0, "", "weight of the middle gauge, squared")
     cutoff_hz: float = setting(8.0, 0.5, 50.0, "Hz", "nothing is learned above")
 
@@ -171,6 +171,53 @@ def mended(
     return played.playing(np.clip(command_v, -MAX_COMMAND_V, MAX_COMMAND_V))
 
 
+def without_model(trajectory: Trajectory, gains: PdpGains) -> Trajectory:
+    """Return a trajectory whose command leaves the loop nothing but the position to follow.
+
+    It takes away what the loop would send for the speed and the gauge that are asked for.
+    """
+    of_speed_v = gains.kd * trajectory.speed_v
+    return trajectory.playing(-of_speed_v - gains.ksg * trajectory.middle_strain_v)
+
+
+def learned(
+    run: Callable[[int, Trajectory], FloatArray],
+    first: Trajectory,
+    mend: Callable[[Trajectory, FloatArray], Trajectory],
+    *,
+    repetitions: int,
+    settings: LearningSettings | None = None,
+) -> list[Repetition]:
+    """Run a trajectory, and again with its command mended, until nothing is gained any more.
+
+    Parameters
+    ----------
+    run : callable
+        Function that plays a trajectory from rest and returns the outputs, V, (samples, 4); it gets
+        the number of the repetition too.
+    first : Trajectory
+        What repetition 0 plays.
+    mend : callable
+        Function from what was played and its outputs to what is played next: `mended` with an arm.
+    repetitions : int
+        Most repetitions after the first run.
+    settings : LearningSettings, optional
+        Settings, for the weight of the gauge.
+
+    Returns
+    -------
+    list of Repetition
+        All runs in their order; `best` tells which one to keep.
+    """
+    done: list[Repetition] = []
+    played = first
+    while len(done) <= repetitions and not (done and is_over(done)):
+        y = run(len(done), played)
+        done.append(repetition(played, y, settings))
+        played = mend(played, y)
+    return done
+
+
 def best(repetitions: Sequence[Repetition]) -> int:
     """Return the number of the repetition with the least differences, position and gauge weighted.
 
@@ -182,7 +229,7 @@ def best(repetitions: Sequence[Repetition]) -> int:
 
 
 def is_over(repetitions: Sequence[Repetition]) -> bool:
-    """Return whether the last two repetitions have brought no better one."""
+    """Return whether the last three repetitions have brought no better one."""
     return len(repetitions) - 1 - best(repetitions) >= _PATIENCE
 
 
