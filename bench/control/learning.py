@@ -10,13 +10,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
 from rich.console import Console
 
-from bench.tools import count_option, json_option, make_table, run_trials, write_json
+from bench.tools import count_option, json_option, make_table, run_trials, write_json, write_table
 from flexarm_control import build_law
 from flexarm_control.laws.gains import CompensationLevel, TunedPdpGains
 from flexarm_control.laws.registry import LAWS
@@ -29,8 +30,6 @@ from flexarm_daq import RigParameters
 from reproduction.framework.rig import RATE_HZ, run_law
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from flexarm_control.learning.trajectory import Trajectory
     from flexarm_core.arrays import FloatArray
 
@@ -38,6 +37,7 @@ PAYLOADS_KG = (0.0, 0.2, 0.4)
 NOTHING, MODEL = "from nothing", "model, gain +20 %"
 REPETITIONS = 8
 _GAIN = 1.2
+_PAGE = Path(__file__).parents[2] / "docs" / "control.md"
 _LENGTH_S = 20.0
 _EARLY = 3
 _HEADS = (
@@ -82,16 +82,22 @@ class Learning:
 @count_option("--seeds", 3)
 @click.option("--law", type=click.Choice(("planned", "pdpc")), default="planned", show_default=True)
 @json_option
-def main(*, seeds: int, law: str, json_file: Path | None) -> None:
+@click.option("--docs", is_flag=True, help="Write the table of docs/control.md.")
+def main(*, seeds: int, law: str, json_file: Path | None, docs: bool) -> None:
     """Learn every reference with every payload, and print what is left of the first run."""
     grid = product((NOTHING, MODEL), references(), PAYLOADS_KG, (law,), range(seeds))
     made = run_trials(learning, [Case(*each) for each in grid])
+    rows = [
+        (start, reference, *figures([m for m in made if m.case[:2] == (start, reference)]))
+        for start, reference in product((NOTHING, MODEL), references())
+    ]
     table = make_table(*_HEADS, title="mean / worst, of the first run", words=2)
-    for start, reference in product((NOTHING, MODEL), references()):
-        some = [each for each in made if each.case[:2] == (start, reference)]
-        table.add_row(start, reference, *figures(some))
+    for row in rows:
+        table.add_row(*row)
     Console().print(table)
     write_json(json_file, [asdict(each) for each in made])
+    if docs:
+        write_table(_PAGE, "learning", _HEADS, rows)
 
 
 def references() -> dict[str, FloatArray]:

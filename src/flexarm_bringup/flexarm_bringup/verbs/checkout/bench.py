@@ -70,7 +70,7 @@ _BENCHES = (
     (
         "learning",
         "Learning of a command by repetition: what is left of the first run's differences",
-        ("--seeds 1", "--law pdpc --seeds 1"),
+        ("--docs", "--law pdpc --seeds 1"),
     ),
     (
         "robustness",
