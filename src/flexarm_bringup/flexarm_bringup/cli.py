@@ -31,6 +31,7 @@ GROUPS = {
     "Control": {
         "tune": "offline.tune:tune",
         "design": "simulated.design:design",
+        "learn": "simulated.learn:learn",
         "replay": "offline.replay:replay",
     },
     "Run the laboratory": {

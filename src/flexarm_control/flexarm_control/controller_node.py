@@ -238,7 +238,10 @@ class ControllerNode(AnsweringNode):
         """Return why a set-point does not come into force; empty when it does."""
         refused = f"reference {reference_v:g} V refused: "
         if self._setup.profile is not None:
-            name = self.parameters.values()["reference"]
+            values = self.parameters.values()
+            if values["trajectory"]:
+                return f"{refused}the controller plays a trajectory: set trajectory to nothing"
+            name = values["reference"]
             return f"{refused}the controller follows its own, {name}: set reference to {TOPIC}"
         if not abs(reference_v) <= TRAVEL_V:
             return f"{refused}the travel is +-{TRAVEL_V:.3f} V"

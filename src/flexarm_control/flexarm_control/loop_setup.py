@@ -10,7 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexarm_control.laws.registry import LAWS, LawSpec, build_law
+from flexarm_control.learning.columns import read_trajectory
+from flexarm_control.learning.following import FollowingLaw
 from flexarm_control.models.chosen_model import PREFIX, chosen_model
+from flexarm_control.planning.move import MoveSettings
 from flexarm_control.references import REFERENCES, Reference, build_reference
 from flexarm_control.sample_rate import suits
 from flexarm_control.shaping.shaped_law import ShapedLaw
@@ -82,7 +85,7 @@ class Setup:
     rate_hz : float or None
         Sampling rate of law and shaper, Hz; None when they suit any.
     profile : Reference or None
-        Built-in reference, or None when it comes from the topic.
+        Built-in reference or that of a trajectory, or None when it comes from the topic.
     text : str
         All that the setup was built from, as JSON; `parameters_in` reads it.
     """
@@ -113,7 +116,14 @@ class Setup:
         payload = partial(law_spec.payload, law) if law_spec.payload else None
         used = _used(values)
         _replace_model(used, f"{name}.model", "", model)
-        if values.get("shaper", NONE) != NONE:
+        if values.get("trajectory"):
+            _refuse_beside_trajectory(values, law_spec)
+            following = _following(law_spec, law, gains, values["trajectory"])
+            law, rate_hz = following, following.rate_hz
+            payload = None
+            profile = following.asked_v
+            used["trajectory"] = values["trajectory"]
+        elif values.get("shaper", NONE) != NONE:
             shaper = {key: values.get(key, _SPECS[key].default) for key in _OF_SHAPER}
             named = chosen_model(shaper["shaper_model"], values)
             rate_hz = rate_hz or shaper["shaper_rate_hz"]
@@ -197,6 +207,34 @@ def _replace_model(
     choice = prefix + re.sub(r"\W", "_", Path(used[key]).stem).removeprefix(prefix)
     used[key] = choice
     used |= model_parameters(choice, model, provenance={})
+
+
+def _refuse_beside_trajectory(values: Mapping[str, Any], law_spec: LawSpec) -> None:
+    """Refuse what a trajectory takes the place of, and laws without a PDP loop."""
+    if values["reference"] != TOPIC:
+        raise SettingError(
+            f"a trajectory takes the place of the reference {values['reference']}: set reference "
+            f"to {TOPIC}, or trajectory to nothing"
+        )
+    if values.get("shaper", NONE) != NONE:
+        raise SettingError(f"a trajectory is not shaped: set shaper to {NONE}")
+    if law_spec.plays is None:
+        playing = ", ".join(name for name, row in LAWS.items() if row.plays)
+        raise SettingError(f"law {law_spec.name} plays no trajectory; choose one of {playing}")
+
+
+def _following(
+    law_spec: LawSpec, law: LawWithMemory, gains: Mapping[str, Any], path: str
+) -> FollowingLaw:
+    """Return a law's loop that plays the trajectory of a file."""
+    assert law_spec.plays is not None  # noqa: S101 - refused before
+    usual = {spec.name: spec.default for spec in law_spec.parameters} | dict(gains)
+    return FollowingLaw(
+        law_spec.plays(law),
+        read_trajectory(Path(path)),
+        compensation_v=usual.get("compensation_v", 0.0),
+        full_speed_v=usual.get("full_speed_v", MoveSettings().full_speed_v),
+    )
 
 
 def _shaped(

@@ -17,6 +17,9 @@ def parsed(assignment: str) -> tuple[str, Any]:
     name, sign, text = assignment.partition("=")
     if not (name and sign):
         raise LaunchError(f"{shown(assignment)}: write NAME=VALUE")
+    if not text:
+        # Nothing is the empty text here, and not the null of YAML.
+        return name, ""
     try:
         return name, yaml_content(text)
     except YamlError:

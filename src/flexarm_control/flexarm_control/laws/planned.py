@@ -130,6 +130,11 @@ class Planned:
         """Present estimate of the payload."""
         return self._payload
 
+    @property
+    def loop(self) -> PdpcPlus:
+        """Loop that takes the differences."""
+        return self._loop
+
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
         position_v, base_v, middle_v, speed_v = volts

@@ -75,6 +75,8 @@ class LawSpec:
         Function from the law to its estimate of the payload, if it has one.
     uses_outputs : tuple of int
         Places of the outputs that the law uses, in the order of the channels.
+    plays : callable or None
+        Function from the law to its PDP loop, which plays a trajectory; None if it has none.
     """
 
     name: str
@@ -86,6 +88,7 @@ class LawSpec:
     tuning: str = ""
     payload: Callable[[Any], PayloadEstimate] | None = None
     uses_outputs: tuple[int, ...] = (0, 1, 2, 3)
+    plays: Callable[[Any], LawWithMemory] | None = None
 
     @property
     def parameters(self) -> tuple[ParameterSpec, ...]:
@@ -117,6 +120,10 @@ class LawSpec:
         return float(rate_hz) if isinstance(rate_hz, int | float) else None
 
 
+def _itself(law: LawWithMemory) -> LawWithMemory:
+    return law
+
+
 _POSITION = (0,)
 _POSITION_AND_SPEED = (0, 3)
 _PDP_OUTPUTS = (0, 2, 3)
@@ -144,6 +151,7 @@ _ROWS = (
         (PdpGains,),
         tuning="pdp",
         uses_outputs=_PDP_OUTPUTS,
+        plays=_itself,
     ),
     LawSpec(
         "pdpc",
@@ -152,6 +160,7 @@ _ROWS = (
         (TunedPdpGains, TunedCompensation),
         tuning="pdp",
         uses_outputs=_PDP_OUTPUTS,
+        plays=_itself,
     ),
     LawSpec(
         "pdpc_unconditional",
@@ -160,6 +169,7 @@ _ROWS = (
         (PdpGains, CompensationLevel),
         tuning="pdp",
         uses_outputs=_PDP_OUTPUTS,
+        plays=_itself,
     ),
     LawSpec(
         "ilqr",
@@ -184,6 +194,7 @@ _ROWS = (
         lambda gains, level, rest: PdpcPlus(gains, level.compensation_v, rest),
         (TunedPdpGains, CompensationLevel, Rest),
         tuning="pdp",
+        plays=_itself,
     ),
     LawSpec(
         "pdpc_scheduled",
@@ -209,6 +220,7 @@ _ROWS = (
         fit=fitted_arm,
         tuning="pdp",
         payload=lambda law: law.payload,
+        plays=lambda law: law.loop,
     ),
 )
 

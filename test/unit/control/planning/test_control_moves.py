@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import expm
 
 from flexarm_control.models.arm_model import OUTPUTS
 from flexarm_control.planning.fitted_arm import fitted_arm
-from flexarm_control.planning.flat_arm import SPEED_PER_POSITION_S, ArmFigures, FlatArm
+from flexarm_control.planning.flat_arm import ArmFigures, FlatArm
 from flexarm_control.planning.move import plan
 from flexarm_control.planning.rigid_move import Limits, duration_s, fastest, what_is_left
 from flexarm_core.errors import SettingError
 from flexarm_ident.models.state_space import state_space
+from support.flat_model import held
 
 RATE_HZ = 300.0
 ARMS = st.builds(
@@ -31,24 +31,6 @@ ARMS = st.builds(
 )
 LIMITS = Limits(6.0, 1.2)
 HEIGHTS_V = st.floats(0.1, 6.0).flatmap(lambda size: st.sampled_from([size, -size]))
-
-
-def equations(arm: FlatArm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B and C of the model: r, r', q, q'; position, middle gauge and speed."""
-    w, drag, gain = 2.0 * pi * arm.frequency_hz, arm.drag_per_s, arm.gain_per_s2
-    decay, share, tau = 2.0 * arm.damping_ratio * w, arm.hub_share, SPEED_PER_POSITION_S
-    A = np.array([[0, 1, 0, 0], [0, -drag, 0, 0], [0, 0, 0, 1], [0, 0, -(w**2), -decay]])
-    B = np.array([[0.0], [gain], [0.0], [gain]])
-    bend = arm.middle_strain_s2 * w**2
-    C = np.array([[1, 0, share, 0], [0, 0, bend, 0], [0, tau, 0, tau * share]])
-    return A, B, C
-
-
-def held(arm: FlatArm, rate_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the model with its input held over a period."""
-    A, B, C = equations(arm)
-    transition = expm(np.block([[A, B], [np.zeros((1, 5))]]) / rate_hz)
-    return transition[:4, :4], transition[:4, 4:], C
 
 
 def played(arm: FlatArm, command_v: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:

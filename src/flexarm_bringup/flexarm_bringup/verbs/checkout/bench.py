@@ -68,6 +68,11 @@ _BENCHES = (
         ("--docs", "--law planned --law pdpc_plus --seeds 2 --variant nominal"),
     ),
     (
+        "learning",
+        "Learning of a command by repetition: what is left of the first run's differences",
+        ("--docs", "--law pdpc --seeds 1"),
+    ),
+    (
         "robustness",
         "Tuned gains over a grid of payloads and on rigs drawn at random",
         ("--rigs 500 --spread 0.2",),

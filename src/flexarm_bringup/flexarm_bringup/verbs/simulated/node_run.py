@@ -56,6 +56,10 @@ class NodeRun(SimulatedRun):
         self._operator.set_parameters("controller", controller)
         return record_run(self._operator, "controller", bag, samples, text=text)
 
+    def change_seed(self, seed: int) -> None:
+        """Set the DAQ node's parameter; see `SimulatedRun.change_seed`."""
+        self._operator.set_parameters("daq", {"seed": seed})
+
     def identified(self, bag: Path, request: Request) -> IdentifiedModel:
         """Call the service; see `SimulatedRun.identified`."""
         return _model(self._operator.identify(_asked(bag, request)))

@@ -34,10 +34,7 @@ class OneProcess(SimulatedRun):
     def __init__(self, bags: Path, settings: RunSettings) -> None:
         super().__init__(bags, settings)
         self._controller: dict[str, Any] = {}
-        parameters = RigParameters(
-            payload_kg=settings.payload_kg, noise_v=LOW_NOISE_V, loop_delay_s=REPLY_DELAY_S
-        )
-        self._rig = SimulatedRig(parameters, rate_hz=ENTRY.rate_hz, seed=settings.seed)
+        self.change_seed(settings.seed)
 
     def record(
         self, controller: Mapping[str, Any], bag: Path, samples: int, *, text: str
@@ -52,6 +49,13 @@ class OneProcess(SimulatedRun):
             namespace=self.settings.namespace,
         )
         return run.record(self._controller, bag, text=text)
+
+    def change_seed(self, seed: int) -> None:
+        """Make a rig with that noise; see `SimulatedRun.change_seed`."""
+        parameters = RigParameters(
+            payload_kg=self.settings.payload_kg, noise_v=LOW_NOISE_V, loop_delay_s=REPLY_DELAY_S
+        )
+        self._rig = SimulatedRig(parameters, rate_hz=ENTRY.rate_hz, seed=seed)
 
     def identified(self, bag: Path, request: Request) -> IdentifiedModel:
         """Identify here; see `SimulatedRun.identified`."""

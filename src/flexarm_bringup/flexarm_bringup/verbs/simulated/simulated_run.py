@@ -80,6 +80,16 @@ class SimulatedRun(ABC):
         recorded = self.record(controller, self._bags / name, samples, text="stepping")
         return ControlledStep.of(recorded)
 
+    def repeat(self, number: int, controller: Mapping[str, Any], samples: int) -> RecordedRun:
+        """Record a repetition of a run, each with noise of its own."""
+        self.change_seed(self.settings.seed + number)
+        bag = self._bags / f"repetition_{number}"
+        return self.record(controller, bag, samples, text=f"repetition {number}")
+
+    @abstractmethod
+    def change_seed(self, seed: int) -> None:
+        """Change the seed of the noise of the following runs."""
+
     @abstractmethod
     def record(
         self, controller: Mapping[str, Any], bag: Path, samples: int, *, text: str

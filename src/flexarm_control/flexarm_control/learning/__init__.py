@@ -1,0 +1,1 @@
+"""Learning of a command by repetition, and playing of what was learned."""
