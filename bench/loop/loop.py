@@ -48,6 +48,8 @@ _PERCENTILES = {"p50": "p50", "p99": "p99", "p999": "p999", "max": "maximum"}
 class Row:
     """Figures of a run or of its rounds; times in ms, CPU as a share of one core per process.
 
+    `composed` tells that daq and controller were one process.
+
     `peer_reply_ms` and `udp_reply_ms` are those of the peers, empty where they cannot be built, and
     `ratio_to_peer` is that of the reply.
     """
@@ -65,6 +67,7 @@ class Row:
     cpu: dict[str, float]
     realtime: bool
     load: bool
+    composed: bool = False
     peer_reply_ms: dict[str, float] = field(default_factory=dict)
     udp_reply_ms: dict[str, float] = field(default_factory=dict)
     ratio_to_peer: dict[str, float] = field(default_factory=dict)
@@ -85,7 +88,11 @@ def main(
     console = Console()
     programs, missing = peers.built(Path("out/bench/peer"))
     try:
-        rows = [compared(rate_hz, 60.0 * minutes, programs, load=load) for rate_hz in rates_hz]
+        rows = [
+            row
+            for rate_hz in rates_hz
+            for row in compared(rate_hz, 60.0 * minutes, programs, load=load)
+        ]
     except LaunchError as error:
         raise click.ClickException(str(error)) from None
     console.print(table(rows))
@@ -98,18 +105,23 @@ def main(
     write_json(json_file, rows)
 
 
-def compared(rate_hz: float, length_s: float, programs: Mapping[str, Path], *, load: bool) -> Row:
-    """Measure the loop and its peers in turns, and return their figures together."""
+def compared(
+    rate_hz: float, length_s: float, programs: Mapping[str, Path], *, load: bool
+) -> tuple[Row, Row]:
+    """Measure the loop in two processes, in one, and its peers, in turns; return both rows."""
     rounds = max(1, round(length_s / _ROUND_S))
-    rows = []
+    apart: list[Row] = []
+    composed: list[Row] = []
     for _ in range(rounds):
         with beside(_burn) if load else nullcontext():
             replies = {
                 name: peers.measured(program, rate_hz, length_s / rounds)
                 for name, program in programs.items()
             }
-        rows.append(_beside_peers(measure(rate_hz, length_s / rounds, load=load), replies))
-    return joined(rows)
+        for rows, compose in ((apart, False), (composed, True)):
+            row = measure(rate_hz, length_s / rounds, load=load, compose=compose)
+            rows.append(_beside_peers(row, replies))
+    return joined(apart), joined(composed)
 
 
 def _beside_peers(row: Row, replies: Mapping[str, Mapping[str, float]]) -> Row:
@@ -140,7 +152,7 @@ def joined(rows: Sequence[Row]) -> Row:
     return Row(**together)
 
 
-def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:
+def measure(rate_hz: float, length_s: float, *, load: bool, compose: bool = False) -> Row:
     """Run the loop for that long and return what it and the floor report."""
     parameters: dict[str, dict[str, Any]] = {
         "daq": {"rate_hz": rate_hz, "statistics_s": length_s, "time": "real"},
@@ -149,7 +161,7 @@ def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:
     log = Path("out/bench/loop.log")
     with ExitStack() as stack:
         operator, processes = stack.enter_context(
-            running_graph(parameters, log, nodes=("controller", "daq"))
+            running_graph(parameters, log, nodes=("controller", "daq"), compose=compose)
         )
         if load:
             stack.enter_context(beside(_burn))
@@ -185,12 +197,16 @@ def measure(rate_hz: float, length_s: float, *, load: bool) -> Row:
             cpu={name: value / elapsed_s for name, value in used_s.items()},
             realtime=_may_take_priority(),
             load=load,
+            composed=compose,
         )
 
 
 def table(rows: list[Row]) -> Table:
-    """Return the table that is printed: one column per rate."""
-    result = Table("", *(f"{row.asked_hz:g} Hz{' + load' * row.load}" for row in rows))
+    """Return the table that is printed: one column per rate and number of processes."""
+    heads = (
+        f"{row.asked_hz:g} Hz{' + load' * row.load}{', one process' * row.composed}" for row in rows
+    )
+    result = Table("", *heads)
     lines: dict[str, list[str]] = {
         "rate, Hz": [f"{row.rate_hz:.2f}" for row in rows],
         "missed periods (floor)": [f"{row.missed} ({row.floor_missed})" for row in rows],

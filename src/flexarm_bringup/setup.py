@@ -23,4 +23,5 @@ setup(
     maintainer_email="flexarm@example.org",
     description="Launch files, configuration and the flexarm command.",
     license="Apache-2.0",
+    entry_points={"console_scripts": ["loop_node = flexarm_bringup.graph.loop_node:main"]},
 )

@@ -41,6 +41,15 @@ _DOUBLES = PROJECT / "test/support/doubles"
 _CLOCK = "/clock"
 _LAST_SERVED = list(TOPICS)[-1]
 _HIDDEN = "/_action/"
+LOOP = "loop"
+"""Enclave of the process that two nodes share."""
+_ENCLAVES = {
+    OPERATOR: (OPERATOR,),
+    REMOTE: (OPERATOR,),
+    "controller": ("controller", LOOP),
+    "daq": ("daq", LOOP),
+}
+"""Enclaves of a node that has others than its own."""
 
 
 class Rule(NamedTuple):
@@ -130,20 +139,25 @@ def policy(uses: Mapping[str, Uses]) -> str:
     root = ET.Element("policy", version=_VERSION)
     enclaves = ET.SubElement(root, "enclaves")
     places: dict[str, ET.Element] = {}
-    for full_name, allowed in sorted(uses.items()):
+    pairs = [(path, full_name) for full_name in uses for path in _enclaves(full_name)]
+    for path, full_name in sorted(pairs):
         namespace, _, node = full_name.rpartition("/")
-        path = f"{namespace}/{OPERATOR}" if node in (OPERATOR, REMOTE) else full_name
         if path not in places:
             enclave = ET.SubElement(enclaves, "enclave", path=path)
             places[path] = ET.SubElement(enclave, "profiles")
         profile = ET.SubElement(places[path], "profile", ns=namespace, node=node)
-        for rule, names in allowed.items():
+        for rule, names in uses[full_name].items():
             if names:
                 group = ET.SubElement(profile, f"{rule.kind}s", {rule.verb: "ALLOW"})
                 for name in sorted(_shortened(names, full_name, namespace)):
                     ET.SubElement(group, rule.kind).text = name
     ET.indent(root)
     return _HEAD + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _enclaves(full_name: str) -> list[str]:
+    namespace, _, node = full_name.rpartition("/")
+    return [f"{namespace}/{enclave}" for enclave in _ENCLAVES.get(node, (node,))]
 
 
 def _shortened(names: set[str], full_name: str, namespace: str) -> Iterator[str]:

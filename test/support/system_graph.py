@@ -54,6 +54,7 @@ PACKAGES = {
     "foxglove": "flexarm_live",
 }
 """Nodes by name, and the package that each belongs to."""
+_COMPOSED = "flexarm_bringup"
 
 PATIENCE_S = 400.0
 """Deadline of everything that usually takes a moment; the machine may be busy."""
@@ -71,8 +72,8 @@ _DOMAINS = count(os.getpid())
 
 
 def executable(name: str) -> Path:
-    """Return where a node's executable must be."""
-    package = PACKAGES[name]
+    """Return where the executable of a node must be, or of `loop`, daq and controller in one."""
+    package = PACKAGES.get(name, _COMPOSED)
     return INSTALL / package / "lib" / package / f"{name}_node"
 
 

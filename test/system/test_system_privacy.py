@@ -14,7 +14,7 @@ import pytest
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import OPERATOR
 from flexarm_node.parameter_files import NODE_NAMES
-from support.security_policy import POLICY, policy, start_every_node, uses_by_node
+from support.security_policy import LOOP, POLICY, policy, start_every_node, uses_by_node
 from support.system_graph import PATIENCE_S, ROOT, Graph, executable
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def test_policies___are_as_sros2_has_them() -> None:
     root = ET.fromstring(POLICY.read_text("utf-8"))  # noqa: S314 - our own file
     assert (root.tag, root.attrib) == ("policy", {"version": "0.2.0"})
     assert {each.attrib["path"] for each in root.findall("enclaves/enclave")} == {
-        f"/flexarm/{name}" for name in (*NODE_NAMES, OPERATOR)
+        f"/flexarm/{name}" for name in (*NODE_NAMES, OPERATOR, LOOP)
     }
     rules = {
         (group.tag, rule, each.tag)

@@ -28,11 +28,12 @@ from flexarm_node.stamps import set_stamp
 from flexarm_node.topics.shared_topic import SharedTopic
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from rclpy.publisher import Publisher
 
     from flexarm_control.laws.law_protocol import Effort, Memory
+    from flexarm_node.topics.handover import DirectHandover
     from flexarm_node.topics.layout import Numbers
 
 # An unchanged reference is published again, for a recorder that was not yet there when it changed.
@@ -58,9 +59,17 @@ class ControllerNode(AnsweringNode):
 
     Samples arrive in the thread of the loop, parameters, references and transitions in that of the
     executor. The two share the setup and the reference, each replaced by one assignment.
+
+    Parameters
+    ----------
+    direct : DirectHandover, optional
+        Way from a DAQ node in the same process.
+    cli_args : sequence of str
+        ROS arguments of this node alone.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, direct: DirectHandover | None = None, cli_args: Sequence[str] = ()) -> None:
+        self.direct = direct
         super().__init__(
             "controller",
             PARAMETERS,
@@ -68,6 +77,7 @@ class ControllerNode(AnsweringNode):
             accept=self._on_request,
             apply=self._on_parameters,
             expected=(SettingError,),
+            cli_args=cli_args,
         )
         self._setup = self._accepted
         self._reference_v = 0.0

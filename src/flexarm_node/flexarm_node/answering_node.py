@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from abc import abstractmethod
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from rclpy.publisher import Publisher
 
+    from flexarm_node.topics.handover import DirectHandover
     from flexarm_node.topics.layout import Numbers
 
 _WAIT_S = 0.1
@@ -36,6 +38,8 @@ class AnsweringNode(LoopNode):
     """
 
     _heard_s = math.inf
+    direct: DirectHandover | None = None
+    """Way from a DAQ node in the same process, whose samples alone are answered then."""
 
     @property
     def run_start_ns(self) -> int:
@@ -80,7 +84,11 @@ class AnsweringNode(LoopNode):
         self._answer_s = Window(_STATISTICS_SAMPLES)
         frame = {"header.frame_id": self.frame}
         self._layout = Layout(MotorCommand, frame)
-        self._states = TopicWaiter(self, Layout(ArmState, frame), "state", qos.NEWEST)
+        self._states = (
+            TopicWaiter(self, Layout(ArmState, frame), "state", qos.NEWEST)
+            if self.direct is None
+            else self.direct.states
+        )
         self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
         self._commander_out = self.create_publisher(CommanderInfo, "commander", qos.STATUS)
 
@@ -109,26 +117,9 @@ class AnsweringNode(LoopNode):
         """Answer until told to stop; a count of samples that goes back begins a new run."""
         self._count.restart()
         self._heard_s = math.inf
-        while not stopping.is_set():
-            state = self._states.wait_newest(_WAIT_S)
-            if state is None:
-                self.spare_time()
-                continue
-            taken_ns = joined_ns(state.header_stamp_sec, state.header_stamp_nanosec)
-            if not self._count.is_new(state.sequence, taken_ns):
-                self.spare_time()
-                continue
-            received_s = self._heard_s = time.monotonic()
-            if self._count.begins(state.sequence, taken_ns):
-                self.begin()
-            effort_v, compensation_v = self.answer(state, taken_ns)
-            stamp = stamp_members(self.time.now_ns())
-            sequences = self._count.next(), state.sequence
-            command = self._layout.pack(*stamp, *sequences, effort_v, compensation_v)
-            self._commands.publish(command)
-            self.answered(taken_ns)
-            self._answer_s.add(time.monotonic() - received_s)
-            self.spare_time()
+        with nullcontext() if self.direct is None else self.direct.answering():
+            while not stopping.is_set():
+                self._answer_next()
         await_acknowledged(*self.publishers())
 
     def warning(self) -> str:
@@ -146,3 +137,25 @@ class AnsweringNode(LoopNode):
             "answer p50 ms": f"{answer.p50 * 1e3:.3f}",
             "answer p99 ms": f"{answer.p99 * 1e3:.3f}",
         }
+
+    def _answer_next(self) -> None:
+        state = self._states.wait_newest(_WAIT_S)
+        if state is None:
+            self.spare_time()
+            return
+        taken_ns = joined_ns(state.header_stamp_sec, state.header_stamp_nanosec)
+        if not self._count.is_new(state.sequence, taken_ns):
+            self.spare_time()
+            return
+        received_s = self._heard_s = time.monotonic()
+        if self._count.begins(state.sequence, taken_ns):
+            self.begin()
+        effort_v, compensation_v = self.answer(state, taken_ns)
+        stamp = stamp_members(self.time.now_ns())
+        command = (*stamp, self._count.next(), state.sequence, effort_v, compensation_v)
+        if self.direct is not None:
+            self.direct.give(self._layout.named(*command))
+        self._commands.publish(self._layout.pack(*command))
+        self.answered(taken_ns)
+        self._answer_s.add(time.monotonic() - received_s)
+        self.spare_time()

@@ -58,6 +58,8 @@ class LoopNode(LifecycleNode):
         The node's parameters, see `Parameters`.
     expected : tuple of type
         Errors with a complete message. Others are reported with their place in the code.
+    cli_args : sequence of str
+        ROS arguments of this node alone, beside those of its process.
     """
 
     def __init__(
@@ -69,8 +71,14 @@ class LoopNode(LifecycleNode):
         accept: Callable[[Mapping[str, Any]], object] | None = None,
         apply: Callable[[Mapping[str, Any]], None] | None = None,
         expected: tuple[type[Exception], ...] = (),
+        cli_args: Sequence[str] = (),
     ) -> None:
-        super().__init__(name, namespace="/flexarm", allow_undeclared_parameters=bool(open_group))
+        super().__init__(
+            name,
+            namespace="/flexarm",
+            allow_undeclared_parameters=bool(open_group),
+            cli_args=[*cli_args],
+        )
         self.parameters = Parameters(
             self,
             (*specs, *PARAMETERS),
@@ -166,12 +174,8 @@ class LoopNode(LifecycleNode):
             self.trigger_activate()
 
     def stop(self) -> None:
-        """End the loop, if it runs, and wait for it."""
-        self._stopping.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-            self._idle_reports.reset()
+        """End the loop, since the process ends."""
+        self._end_loop()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
         """Make the topics."""
@@ -200,7 +204,7 @@ class LoopNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the loop."""
-        self.stop()
+        self._end_loop()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
@@ -210,8 +214,16 @@ class LoopNode(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
         """End the loop."""
-        self.stop()
+        self._end_loop()
         return TransitionCallbackReturn.SUCCESS
+
+    def _end_loop(self) -> None:
+        """End the loop, if it runs, and wait for it."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+            self._idle_reports.reset()
 
     def _on_change_state(
         self, request: ChangeState.Request, response: ChangeState.Response

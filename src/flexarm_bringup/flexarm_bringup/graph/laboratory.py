@@ -36,6 +36,7 @@ _NODES = {
     "live": ("flexarm_live", "live_node"),
     "foxglove": ("flexarm_live", "foxglove_node"),
 }
+_LOOP = ("daq", "controller")
 LABORATORY = ("recorder", "ident", "controller", "daq")
 """The nodes of a running laboratory, in the order in which they start."""
 
@@ -49,6 +50,7 @@ def running_graph(
     idle: Sequence[str] = (),
     files: tuple[Path, ...] = (),
     namespace: str = NAMESPACE,
+    compose: bool = False,
 ) -> Iterator[tuple[Operator, NodeProcesses]]:
     """Start nodes in this order, configure the managed ones, and stop all of them at the end.
 
@@ -66,6 +68,8 @@ def running_graph(
         Parameter files for all of them; a node takes its own section.
     namespace : str
         Namespace of the arm.
+    compose : bool
+        Run the nodes daq and controller in one process.
 
     Raises
     ------
@@ -76,9 +80,12 @@ def running_graph(
     for file in files:
         for name in unknown_nodes(file, known):
             terminal.CONSOLE.print(f"note: {file} is also for {name}, no node here", markup=False)
+    alone = [name for name in nodes if not (compose and name in _LOOP)]
     programs = [
-        NodeProgram(*_NODES[name], parameters.get(name, {}), files, namespace) for name in nodes
+        NodeProgram(*_NODES[name], parameters.get(name, {}), files, namespace) for name in alone
     ]
+    if compose:
+        programs.append(_loop_program(parameters, files, namespace))
     processes = NodeProcesses(programs, log)
     checks = processes.check, processes.complaint
     with (
@@ -93,6 +100,17 @@ def running_graph(
             if "recorder" in nodes:
                 operator.await_recorder()
             yield operator, processes
+
+
+def _loop_program(
+    parameters: Mapping[str, Mapping[str, Any]], files: tuple[Path, ...], namespace: str
+) -> NodeProgram:
+    own = {
+        f"{node}.{name}": value
+        for node in _LOOP
+        for name, value in parameters.get(node, {}).items()
+    }
+    return NodeProgram("flexarm_bringup", "loop_node", own, files, namespace, has_several=True)
 
 
 @contextmanager

@@ -21,7 +21,8 @@ NAMESPACE = "/flexarm"
 MANAGED = ("daq", "controller", "experiment")
 """The nodes with a lifecycle."""
 _PATIENCE_S = 8.0
-_AFTER = {"daq_node": ": a board keeps its last voltage, so at a real rig press the emergency stop"}
+_KEPT_VOLTAGE = ": a board keeps its last voltage, so at a real rig press the emergency stop"
+_AFTER = dict.fromkeys(("daq_node", "loop_node"), _KEPT_VOLTAGE)
 """Advice for the user when the process of a node was killed."""
 _LOGGER = re.compile(r"\] \[[\w.]+\.(\w+)\]: ")
 
@@ -34,7 +35,8 @@ class LaunchError(FlexarmError):
 class NodeProgram:
     """Node to start, named as for `ros2 run`; its parameters come after those of its files.
 
-    It has the name of its executable, or one of its own beside another one of that executable.
+    It has the name of its executable, or one of its own beside another one of that executable. An
+    executable of several nodes is given each parameter as that of one of them, `daq.rate_hz`.
     """
 
     package: str
@@ -43,10 +45,15 @@ class NodeProgram:
     files: tuple[Path, ...] = ()
     namespace: str = NAMESPACE
     name: str = ""
+    has_several: bool = False
 
     def command(self) -> list[str]:
         """Return the command line that starts it."""
+        assignments = [f"{name}:={_as_yaml(value)}" for name, value in self.parameters.items()]
         line = [str(find_executable(self.package, self.executable))]
+        if self.has_several:
+            line += assignments
+            assignments = []
         line += ["--ros-args", "-r", f"__ns:={self.namespace}"]
         if self.name:
             line += ["-r", f"__node:={self.name}"]
@@ -54,8 +61,8 @@ class NodeProgram:
         line += ["--enclave", f"{self.namespace.rstrip('/')}/{name}"]
         for file in self.files:
             line += ["--params-file", str(file)]
-        for name, value in self.parameters.items():
-            line += ["-p", f"{name}:={_as_yaml(value)}"]
+        for assignment in assignments:
+            line += ["-p", assignment]
         return line
 
 

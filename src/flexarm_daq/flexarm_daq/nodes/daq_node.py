@@ -40,8 +40,9 @@ from flexarm_node.statistics import Rate
 
 if TYPE_CHECKING:
     import threading
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
+    from flexarm_node.topics.handover import DirectHandover
 
 _NO_FAULT = "none"
 
@@ -66,26 +67,38 @@ _SLOWEST_PACE = 0.01
 
 
 class DaqNode(LoopNode):
-    """Node that connects parameters, topics and services to an `Acquisition`."""
+    """Node that connects parameters, topics and services to an `Acquisition`.
+
+    Parameters
+    ----------
+    handover : DirectHandover, optional
+        Way to a commander in the same process.
+    cli_args : sequence of str
+        ROS arguments of this node alone.
+    """
 
     # Parameters are checked before the rest of the node is there.
     _acquisition: Acquisition | None = None
 
-    def __init__(self) -> None:
+    def __init__(
+        self, handover: DirectHandover | None = None, cli_args: Sequence[str] = ()
+    ) -> None:
         super().__init__(
             "daq",
             PARAMETERS,
             accept=self._accept,
             apply=self._on_changed,
             expected=(RigError,),
+            cli_args=cli_args,
         )
+        self._handover = handover
         self._rig: Rig | None = None
         self.create_service(Trigger, "emergency_stop", self._on_emergency_stop)
         self.start_if_asked()
 
     def make_topics(self) -> None:
         """Make the topics of the loop."""
-        self._link = TopicLink(self)
+        self._link = TopicLink(self, self._handover)
 
     def release_topics(self) -> None:
         """Release the topics."""

@@ -17,6 +17,7 @@ from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_node import qos
 from flexarm_node.node_time import beside_steady_clock
 from flexarm_node.stamps import joined_ns, set_stamp, stamp_members, stamp_text
+from flexarm_node.topics.handover import CommandWaiter
 from flexarm_node.topics.layout import Layout
 from flexarm_node.topics.waiting import TopicWaiter, await_acknowledged, node_names, wait_until
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from flexarm_daq.loop.exchange import Record
     from flexarm_node.loop_node import LoopNode
+    from flexarm_node.topics.handover import DirectHandover
 
 _POSITION, _, _, _SPEED = CHANNELS
 _ARM = RigParameters()
@@ -37,15 +39,30 @@ _CLOCK = "/clock"
 
 
 class TopicLink:
-    """Two topics of the loop, used by the sampling thread alone."""
+    """Two topics of the loop, used by the sampling thread alone.
 
-    def __init__(self, node: LoopNode) -> None:
+    Parameters
+    ----------
+    node : LoopNode
+        Owner of the topics.
+    handover : DirectHandover, optional
+        Way to a commander in the same process.
+    """
+
+    def __init__(self, node: LoopNode, handover: DirectHandover | None = None) -> None:
         self._node = node
+        self._handover = handover
         self._publisher = node.create_publisher(ArmState, "state", qos.SENT)
         self._joint_states = node.create_publisher(JointState, "joint_states", qos.SENT)
         frame = {"header.frame_id": node.frame}
         self._layout = Layout(ArmState, frame)
-        self._commands = TopicWaiter(node, Layout(MotorCommand, frame), "command", qos.NEWEST)
+        commands = Layout(MotorCommand, frame)
+        self._commands = (
+            TopicWaiter(node, commands, "command", qos.NEWEST)
+            if handover is None
+            # Its own commands come there too, and must not hide another one.
+            else CommandWaiter(handover, TopicWaiter(node, commands, "command", qos.EVERY))
+        )
         self._clock: Publisher[Clock] | None = None
         self._told = False
         self._now = Clock()
@@ -64,7 +81,8 @@ class TopicLink:
         if virtual and await_commander and not wait_until(self.has_commander):
             self._node.get_logger().warning("no commander is there: the arm moves on without")
         self._node.await_listeners(self._publisher)
-        self._commands.wait_newest(0.0)
+        while self._commands.wait_newest(0.0) is not None:
+            pass
         self._joint_every = max(1, round(rate_hz / _JOINT_STATES_HZ))
 
     @property
@@ -84,7 +102,7 @@ class TopicLink:
             clock = self._node.time.now_ns if self._clock is None else time.time_ns
             self._start_ns = record.start_ns(*beside_steady_clock(clock))
         self._newest_ns = self._start_ns + round(record.time_s * 1e9)
-        state = self._layout.pack(
+        state = (
             *stamp_members(self._newest_ns),
             record.sequence,
             *record.volts.tolist(),
@@ -92,7 +110,10 @@ class TopicLink:
             record.compensation_v,
             record.command_sequence,
         )
-        self._publisher.publish(state)
+        if self._handover is not None:
+            # Its thread wakes up while this one publishes.
+            self._handover.states.put(self._layout.named(*state))
+        self._publisher.publish(self._layout.pack(*state))
         if self._clock is not None and self._clock.get_subscription_count():
             set_stamp(self._now.clock, self._newest_ns)
             self._clock.publish(self._now)

@@ -101,7 +101,7 @@ class RawMessage(NamedTuple):
 
 
 class TopicWaiter:
-    """A subscription that one thread waits on, for the numbers of the newest message.
+    """A subscription that one thread waits on, for the numbers of the messages.
 
     Parameters
     ----------
@@ -128,22 +128,28 @@ class TopicWaiter:
 
     def wait_newest(self, timeout_s: float) -> Numbers | None:
         """Return the newest message, dropping older ones, or None when none came in time."""
-        newest = self._take_newest()
-        if newest is None and timeout_s > 0.0:
+        messages = self.wait_all(timeout_s)
+        return messages[-1] if messages else None
+
+    def wait_all(self, timeout_s: float) -> list[Numbers]:
+        """Return all waiting messages, or those that come within the time; possibly none."""
+        messages = self._take_all()
+        if not messages and timeout_s > 0.0:
             self._waiting.wait(timeout_s)
-            newest = self._take_newest()
-        return newest
+            messages = self._take_all()
+        return messages
 
     def close(self) -> None:
         """Remove the subscription. No thread may be waiting any more."""
         self._waiting.close()
 
-    def _take_newest(self) -> Numbers | None:
-        newest = None
+    def _take_all(self) -> list[Numbers]:
+        messages = []
         while (taken := self._waiting.take(0)) is not None:
             numbers = self._read(taken[0])
-            newest = newest if numbers is None else numbers
-        return newest
+            if numbers is not None:
+                messages.append(numbers)
+        return messages
 
     def _read(self, raw: bytes) -> Numbers | None:
         """Return the numbers of a message; None for bytes of no message, which rclpy drops too."""

@@ -34,6 +34,20 @@ def test_node_program___parameter___is_read_back_as_given(
     assert yaml.safe_load(text) == read
 
 
+def test_node_program___of_several_nodes___gives_each_its_parameters_before_those_of_ros(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(processes, "find_executable", lambda *_: Path("/bin/node"))
+    own = {"daq.seed": 3, "controller.law": "pd"}
+    program = NodeProgram("flexarm_bringup", "loop_node", own, has_several=True)
+    assert program.command() == [
+        "/bin/node",
+        "daq.seed:=3",
+        "controller.law:='pd'",
+        *("--ros-args", "-r", "__ns:=/flexarm", "--enclave", "/flexarm/loop"),
+    ]
+
+
 def rig_node(
     monkeypatch: pytest.MonkeyPatch, folder: Path, printed: list[str]
 ) -> tuple[list[NodeProgram], Path]:

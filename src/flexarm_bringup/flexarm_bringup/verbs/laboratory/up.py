@@ -70,6 +70,7 @@ class _Settings:
     namespace: str
     page: PageSettings | None
     foxglove_port: int | None
+    compose: bool
 
 
 # What is changed in a run is in its record: `law` tells the law, this the payload and the limits.
@@ -96,6 +97,7 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
 )
 @click.option("--bag", type=click.Path(path_type=Path), help="Record into this new folder.")
 @click.option("--law", default="pdpc", show_default=True, help=f"Law: {', '.join(LAWS)}.")
+@click.option("--compose", is_flag=True, help="Run daq and controller in one process: 1 to 2 kHz.")
 @REAL_TIME
 @PARAMETER_FILES
 @ARM
@@ -107,6 +109,7 @@ _RECORDED = ["commander", "state", "command", "reference", "law", "/parameter_ev
     "up --bag out/run1 --law pdpc_plus --params-file out/gains.yaml",
     "up --namespace arm2",
     "up --no-page --foxglove",
+    "up --compose --rate 1000 --real-time",
 )
 def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
     """Run the nodes of an arm and its page, until Ctrl-C.
@@ -119,7 +122,8 @@ def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
     runs in real time.
 
     A controller that ends leaves the arm to itself, with the drive at zero: another one may be
-    started in its place.
+    started in its place. With --compose it shares a process with the DAQ node and ends with it; a
+    deactivated one leaves its place as well.
     """
     _run_graph(_Settings(pace=chosen_pace(real_time=real_time), **settings))
 
@@ -154,6 +158,7 @@ def _run_graph(settings: _Settings) -> None:
                 idle=_IDLE,
                 files=settings.parameter_files,
                 namespace=settings.namespace,
+                compose=settings.compose,
             ) as (operator, processes):
                 _start(operator, settings)
                 addresses: list[Address] = []
