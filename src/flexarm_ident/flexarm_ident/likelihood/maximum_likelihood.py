@@ -2,10 +2,13 @@
 
 Model and noise are those of Box and Jenkins: the free simulation, and for each output noise that an
 autoregressive model colours. A, B, C and the initial states maximise the likelihood for given
-noise, the noise follows from the errors that are left, and so on. With the inverse of the noise's
-filter the errors are white, so that the likelihood is a sum of squares; the input may come from a
+noise, and the noise follows from the errors that are left. With the inverse of the noise's filter
+the errors are white, so that the likelihood is a sum of squares; the input may come from a
 controller. What holds of maximum likelihood holds for noise alone: where the errors recur with the
 input, there is no result.
+
+Records without holes are fitted in the frequency domain, in a time that hardly depends on their
+length; others sample by sample.
 
 Ljung, "System Identification", 2nd ed., Prentice Hall (1999), sections 7.4 and 9.4.
 """
@@ -18,9 +21,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
+from flexarm_ident.diagnostics.uncertainty import ResponseUncertainty
 from flexarm_ident.fitting.levenberg_marquardt import steps_told
 from flexarm_ident.fitting.modal_error import ModalError
-from flexarm_ident.fitting.noise_filter import is_noise, whitening_filter
+from flexarm_ident.fitting.modal_parameters import PoleForm
+from flexarm_ident.fitting.output_fit import fit_initial_states
+from flexarm_ident.fitting.validation import frequency_response
+from flexarm_ident.likelihood.noise_filter import is_noise, whitening_filter
+from flexarm_ident.likelihood.spectral_error import SpectralError
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import (
     ModeUncertainty,
@@ -32,13 +40,15 @@ from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import control
 
     from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.records.iodata import IoData
+
+    Problem = ModalError | SpectralError
 
 # Fewer say more about the noise than about the model.
 _ERRORS_PER_PARAMETER = 20
@@ -66,6 +76,38 @@ class LikelihoodFit:
     x0: tuple[FloatArray, ...]
     filters: tuple[FloatArray, ...]
     modes: tuple[ModeUncertainty, ...]
+    _parameters: Problem
+    _theta: FloatArray
+    _covariance: FloatArray
+
+    def response_uncertainty(self, frequencies_hz: FloatArray) -> ResponseUncertainty:
+        """Return the frequency response (2-4) with the deviations of the Cramer-Rao bound."""
+        z = np.exp(2j * np.pi * np.asarray(frequencies_hz) * float(self.model.dt))
+        form, n, r = PoleForm(self._parameters, self._theta), self.model.nstates, self.model.ninputs
+        near = 1.0 / (z[:, np.newaxis] - form.poles)
+        deviation = np.empty((len(z), self.model.noutputs, r))
+        for output, gamma in enumerate(form.gamma):
+            place = self._parameters.columns(output, 0)
+            place = np.concatenate([place[: n * (1 + r)], place[n * (2 + r) :]])
+            covariance = self._covariance[np.ix_(place, place)]
+            by_own_B = form.of_input_kind(near * gamma)
+            for given in range(r):
+                by_A = form.of_output_kind(near**2 * gamma * form.beta[given])
+                by_B = np.zeros((len(z), n, r), dtype=complex)
+                by_B[:, :, given] = by_own_B
+                by_C = form.of_output_kind(near * form.beta[given] * form.half)
+                slopes = np.column_stack([by_A, by_B.reshape(len(z), -1), by_C])
+                variance = np.einsum("zi,ij,zj->z", slopes, covariance, slopes.conj()).real
+                deviation[:, output, given] = np.sqrt(variance.clip(min=0.0))
+        grid = np.asarray(frequencies_hz, dtype=np.float64)
+        return ResponseUncertainty(grid, frequency_response(self.model, grid), deviation)
+
+    def refitted(self, records: Sequence[IoData]) -> control.StateSpace:
+        """Return the model of maximum likelihood of other records, for the same noise."""
+        problem = _problem(self.model, records, self.filters)
+        start = problem.start(fit_initial_states(self.model, records))
+        found = problem.minimised(start, iterations=_ITERATIONS, on_step=lambda: None)
+        return problem.model(found.theta)
 
 
 def maximise_likelihood(
@@ -74,6 +116,7 @@ def maximise_likelihood(
     data: IoData | Sequence[IoData],
     *,
     order_open: bool = False,
+    at_once: bool = False,
     progress: Progress | None = None,
 ) -> LikelihoodFit | None:
     """Maximise the likelihood over A, B, C and the initial states; D stays.
@@ -88,6 +131,9 @@ def maximise_likelihood(
         Records.
     order_open : bool
         Leave out modes, the faintest first, as long as Schwarz's criterion prefers that.
+    at_once : bool
+        Whether an input of the same sample tells the errors from noise as well. A controller may
+        answer within the sample.
     progress : callable, optional
         Called with the stage "refinement" and the completed part.
 
@@ -99,37 +145,51 @@ def maximise_likelihood(
         overflows.
     """
     records = as_records(data)
-    starts = tuple(x0)
-    parameters = model.nstates * (1 + model.ninputs + model.noutputs + len(starts))
-    errors = model.noutputs * sum(int(record.usable.sum()) for record in records)
-    if errors < _ERRORS_PER_PARAMETER * parameters:
+    parameters = model.nstates * (1 + model.ninputs + model.noutputs + len(x0))
+    samples = model.noutputs * sum(int(record.usable.sum()) for record in records)
+    if samples < _ERRORS_PER_PARAMETER * parameters:
         return None
     if is_defective(modal_form(model).vectors):
         return None
     on_step = steps_told(progress, "refinement", _ROUNDS * _ITERATIONS)
-    for _ in range(_ROUNDS):
+    starts = tuple(x0)
+    for turn in range(_ROUNDS):
         filters = _filters(_errors(model, starts, records))
-        problem = ModalError(model, records, filters)
-        found = problem.minimised(starts, iterations=_ITERATIONS, on_step=on_step)
+        problem = _problem(model, records, filters)
+        found = problem.minimised(problem.start(starts), iterations=_ITERATIONS, on_step=on_step)
         if not np.isfinite(found.cost):
             return None
+        # With modes too many, the noise is known well enough to tell which ones.
+        while (
+            order_open
+            and turn == 0
+            and (simpler := _simpler(problem, found, samples, on_step)) is not None
+        ):
+            problem, found = simpler
         model, starts = problem.unpack(found.theta)
-    while order_open and (simpler := _simpler(problem, found, filters, records)) is not None:
-        problem, found = simpler
-    model, starts = problem.unpack(found.theta)
     white = [_white(e, filters) for e in _errors(model, starts, records)]
-    if not is_noise(white, [record.u for record in records]):
+    inputs = [record.u for record in records]
+    if at_once:
+        white, inputs = [e[:-1] for e in white], [u[1:] for u in inputs]
+    if not is_noise(white, inputs):
         return None
-    modes = _modes(problem, found.theta, found.matrix, model)
-    return LikelihoodFit(model, starts, tuple(filters), modes)
+    inverse = truncated_inverse(found.matrix, equilibrated=True)
+    covariance = (inverse.vectors / inverse.values) @ inverse.vectors.T
+    modes = _modes(problem, found.theta, covariance, model)
+    return LikelihoodFit(model, starts, tuple(filters), modes, problem, found.theta, covariance)
+
+
+def _problem(
+    model: control.StateSpace, records: Sequence[IoData], filters: Sequence[FloatArray]
+) -> Problem:
+    if all(record.usable.all() for record in records):
+        return SpectralError(model, records, filters)
+    return ModalError(model, records, filters)
 
 
 def _simpler(
-    problem: ModalError,
-    found: Minimum,
-    filters: Sequence[FloatArray],
-    records: Sequence[IoData],
-) -> tuple[ModalError, Minimum] | None:
+    problem: Problem, found: Minimum, errors: int, on_step: Callable[[], None]
+) -> tuple[Problem, Minimum] | None:
     """Return the fit without the faintest mode where Schwarz's criterion prefers it.
 
     A mode too many follows the noise.
@@ -137,12 +197,8 @@ def _simpler(
     if len(problem.groups) == 1:
         return None
     faintest = problem.groups[int(np.argmin(problem.powers(found.theta)))]
-    model, starts = problem.without(found.theta, faintest)
-    if is_defective(modal_form(model).vectors):
-        return None
-    simpler = ModalError(model, records, filters)
-    again = simpler.minimised(starts, iterations=_ITERATIONS, on_step=lambda: None)
-    errors = sum(int(record.usable.sum()) for record in records) * model.noutputs
+    simpler, start = problem.simpler(found.theta, faintest)
+    again = simpler.minimised(start, iterations=_ITERATIONS, on_step=on_step)
     # The scale of a state, and the angle of a pair, are no parameters of the model.
     fewer = len(found.theta) - len(again.theta) - len(faintest)
     return (simpler, again) if again.cost <= found.cost + fewer * np.log(errors) else None
@@ -170,11 +226,9 @@ def _white(errors: FloatArray, filters: Sequence[FloatArray]) -> FloatArray:
 
 
 def _modes(
-    problem: ModalError, theta: FloatArray, information: FloatArray, model: control.StateSpace
+    problem: Problem, theta: FloatArray, covariance: FloatArray, model: control.StateSpace
 ) -> tuple[ModeUncertainty, ...]:
     """Return frequencies and damping with deviations, in the order of the model's modal form."""
-    inverse = truncated_inverse(information, equilibrated=True)
-    covariance = (inverse.vectors / inverse.values) @ inverse.vectors.T
     found = []
     for group in problem.groups:
         entries = list(group)

@@ -9,8 +9,8 @@ import pytest
 import scipy
 
 from flexarm_ident import IoData, identify
-from flexarm_ident.fitting.likelihood import maximise_likelihood
-from flexarm_ident.fitting.noise_filter import is_noise, whitening_filter
+from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
+from flexarm_ident.likelihood.noise_filter import is_noise, whitening_filter
 from flexarm_ident.models.modes import modal_form
 from support.ident_systems import (
     DT_S,
