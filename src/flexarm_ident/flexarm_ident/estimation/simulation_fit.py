@@ -157,10 +157,7 @@ def likely(found: Identification, *, progress: Progress | None = None) -> Identi
         return None
     at_once = not METHODS[found.method].bears_feedback
     better = _most_likely(found, order_open=True, at_once=at_once, progress=progress)
-    if better is None or better.start_error is None:
-        return None
-    limit = _NO_WORSE * mean_error(better.start_error)
-    if mean_error(better.fit_error) > limit:
+    if better is None or mean_error(better.fit_error) > _NO_WORSE * mean_error(found.fit_error):
         return None
     reason = (
         f"{found.choice}; maximum likelihood made it order {better.order}, and what its simulation "
@@ -232,8 +229,8 @@ def _most_likely(
         model=fit.model,
         x0=fit.x0,
         order=fit.model.nstates,
-        fit_error=_errors(_simulated(fit.model, fit.x0, records), records),
-        start_error=_errors(_simulated(found.model, found.x0, records), records),
+        fit_error=fit.error,
+        start_error=found.fit_error,
         likelihood=fit,
         notes=(*found.notes, _likely_note(found.order, fit.model.nstates)),
     )

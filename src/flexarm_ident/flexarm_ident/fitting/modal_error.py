@@ -50,36 +50,22 @@ class ModalError(ModalParameters):
         filters: Sequence[FloatArray],
     ) -> None:
         super().__init__(model)
-        self._records, self._filters = records, filters
-        self._known = [[_known(record, len(taps)) for taps in filters] for record in records]
+        self._records = records
+        self.filters = filters
 
-    def start(self, x0: Sequence[FloatArray]) -> FloatArray:
-        """Return the parameters of the start."""
-        return self.pack(x0)
+    @property
+    def filters(self) -> Sequence[FloatArray]:
+        """Filter of each output's errors."""
+        return self._filters
+
+    @filters.setter
+    def filters(self, filters: Sequence[FloatArray]) -> None:
+        self._filters = filters
+        self._known = [[_known(each, len(taps)) for taps in filters] for each in self._records]
 
     def unpack(self, theta: FloatArray) -> tuple[control.StateSpace, tuple[FloatArray, ...]]:
         """Return model and initial states, in the coordinates of the start."""
         return self.model(theta), self.ends(theta)
-
-    def simpler(self, theta: FloatArray, group: tuple[int, ...]) -> tuple[ModalError, FloatArray]:
-        """Return the problem without one mode, and the parameters that are left."""
-        model, starts = self.without(theta, group)
-        problem = ModalError(model, self._records, self._filters)
-        return problem, problem.pack(starts)
-
-    def powers(self, theta: FloatArray) -> FloatArray:
-        """Return the sum of squares that each mode alone gives behind the filters, (modes,)."""
-        A, B, C, starts = self.split(theta)
-        powers = np.zeros(len(self.groups))
-        direct = np.zeros((self.m, self.r))
-        for mode, group in enumerate(map(list, self.groups)):
-            own = (A[np.ix_(group, group)], B[group], C[:, group], direct)
-            for record, start, known in zip(self._records, starts, self._known, strict=True):
-                y = BlockSimulation(*own, start[group]).advance(record.u)
-                for alone, taps, rows in zip(y.T, self._filters, known, strict=True):
-                    passed = scipy.signal.lfilter(taps, [1.0], alone)
-                    powers[mode] += float(np.sum(passed[rows] ** 2))
-        return powers
 
     def cost(self, theta: FloatArray) -> float:
         """Return the sum of squares."""

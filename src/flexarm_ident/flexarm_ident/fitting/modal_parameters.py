@@ -61,13 +61,19 @@ class ModalParameters(ABC):
         """Return cost, gradient and the product of the Jacobian with itself."""
 
     def minimised(
-        self, theta: FloatArray, *, iterations: int, on_step: Callable[[], None]
+        self,
+        theta: FloatArray,
+        *,
+        iterations: int,
+        tolerance: float = 1e-5,
+        on_step: Callable[[], None] = lambda: None,
     ) -> Minimum:
         """Return the minimum that is found from some parameters, see `minimise`."""
         return minimise(
             *(theta, self.cost, self.normal),
             allowed=self.allowed,
             iterations=iterations,
+            tolerance=tolerance,
             on_step=on_step,
         )
 
@@ -146,8 +152,6 @@ class ModalParameters(ABC):
 class PoleForm:
     """Model as a sum over its poles: ``y = sum of gamma (beta u) / (z - pole)``.
 
-    The real parameters of a pair are combinations of those of its two poles.
-
     Attributes
     ----------
     poles : ndarray, (states,)
@@ -156,46 +160,47 @@ class PoleForm:
         Factors of the inputs, and of the end vectors.
     gamma : ndarray, (outputs, states)
         Factors of the outputs.
-    half : ndarray, (states,)
-        Part of each pole in the entries of C: one half of a pair.
     """
 
     def __init__(self, parameters: ModalParameters, theta: FloatArray) -> None:
         A, B, C, ends = parameters.split(theta)
-        first, second = _pairs(parameters.groups)
-        self._pairs = first, second
-        self.poles: ComplexArray = np.diag(A).astype(complex)
+        n = parameters.n
+        pairs = [group for group in parameters.groups if len(group) > 1]
+        first, second = (np.array([group[side] for group in pairs], dtype=int) for side in (0, 1))
+        self.poles = np.diag(A).astype(complex)
         self.poles[first] += 1j * A[first, second]
         self.poles[second] -= 1j * A[first, second]
-        driven = np.vstack([B.T, np.array(ends).reshape(-1, parameters.n)])
-        self.beta = self._sides(driven, -1.0)
-        self.half = np.ones(parameters.n)
-        self.half[[*first, *second]] = 0.5
-        self.gamma = self.half * self._sides(C, 1.0)
+        # The entries of a pair are real and imaginary part of one side; the other is its conjugate.
+        self._sides = np.eye(n, dtype=complex)
+        self._sides[first, second], self._sides[second, first] = 1j, 1.0
+        self._sides[second, second] = -1j
+        half = np.ones(n)
+        half[first] = half[second] = 0.5
+        self._half = half
+        driven = np.vstack([B.T, np.reshape(ends, (-1, n))])
+        self.beta = driven @ self._sides.conj().T
+        self.gamma = half * (C @ self._sides.T)
 
-    def of_output_kind(self, columns: ComplexArray) -> ComplexArray:
-        """Return derivatives by the entries of A or C from those by poles or gamma."""
-        return self._joined(columns, 1.0)
+    def beta_of(self, record: int, inputs: int) -> ComplexArray:
+        """Return the factors of the inputs, and of the end vector of one record."""
+        return self.beta[[*range(inputs), inputs + record]]
 
-    def of_input_kind(self, columns: ComplexArray) -> ComplexArray:
-        """Return derivatives by the entries of B or of end vectors from those by beta."""
-        return self._joined(columns, -1.0)
+    def derivatives(self, output: int, inputs: int) -> ComplexArray:
+        """Return what turns derivatives by poles into those by the parameters of an output.
 
-    def _sides(self, entries: FloatArray, sign: float) -> ComplexArray:
-        first, second = self._pairs
-        sides = entries.astype(complex)
-        sides[:, first] += sign * 1j * entries[:, second]
-        sides[:, second] = sides[:, first].conj()
-        return sides
-
-    def _joined(self, columns: ComplexArray, sign: float) -> ComplexArray:
-        first, second = self._pairs
-        joined = columns.copy()
-        joined[..., first] = columns[..., first] + columns[..., second]
-        joined[..., second] = sign * 1j * (columns[..., first] - columns[..., second])
-        return joined
-
-
-def _pairs(groups: Sequence[tuple[int, ...]]) -> tuple[list[int], list[int]]:
-    pairs = [group for group in groups if len(group) > 1]
-    return [group[0] for group in pairs], [group[1] for group in pairs]
+        The former are, each for all poles: the response to beta over the square of ``z - pole``,
+        the response to each input and to the end vector, the response to beta. The latter stand in
+        the order of `ModalParameters.columns`.
+        """
+        n, gamma = len(self.poles), self.gamma[output][:, np.newaxis]
+        turn = np.zeros((n * (inputs + 3),) * 2, dtype=complex)
+        states = np.arange(n)
+        turn[np.ix_(states, states)] = gamma * self._sides
+        for given in range(inputs):
+            turn[np.ix_(n * (1 + given) + states, n + inputs * states + given)] = (
+                gamma * self._sides.conj()
+            )
+        end, row = n * (1 + inputs) + states, n * (2 + inputs) + states
+        turn[np.ix_(end, end)] = gamma * self._sides.conj()
+        turn[np.ix_(row, row)] = self._half[:, np.newaxis] * self._sides
+        return turn

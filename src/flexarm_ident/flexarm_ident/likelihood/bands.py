@@ -21,18 +21,17 @@ import numpy as np
 import scipy
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
-
-    IntArray = NDArray[np.intp]
 
 _NODES = 5
 # Width of a band in units of its distance from the nearest pole, and in radians: noise is taken for
 # white inside a band.
 _WIDTH = 0.5
 _WIDEST_RAD = 0.1
+# Shift of a pole in units of its distance from the unit circle.
+_MOVED = 0.5
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,22 +44,30 @@ class Bands:
         Points exp(j w) of the unit circle.
     centres : ndarray, (bands,)
         The bands' middle, in radians a sample.
-    band : ndarray, (rows,)
-        Band of each row.
-    drive : ndarray, (rows, inputs + 1, nodes)
+    drive : ndarray, (bands, rows of a band * (inputs + 1), nodes)
         Factors of a response at the nodes for each input, and at last for the end states.
-    y : ndarray, (rows, outputs)
+    inputs : ndarray, (bands, rows of a band, inputs)
+        Inputs. What fills a band up is zero.
+    y : ndarray, (bands, rows of a band, outputs)
         Outputs. Squares of all rows and `rest` add up to those of the samples.
     rest : ndarray, (bands, outputs)
         Squares that no response which is smooth in the bands can explain.
+    poles : ndarray, (poles,)
+        Eigenvalues that the bands were made for.
     """
 
     nodes: ComplexArray
     centres: FloatArray
-    band: IntArray
     drive: ComplexArray
+    inputs: ComplexArray
     y: ComplexArray
     rest: FloatArray
+    poles: ComplexArray
+
+    def suit(self, poles: ComplexArray) -> bool:
+        """Return whether the bands are narrow enough for a model with other poles."""
+        moved = np.abs(np.subtract.outer(poles, self.poles)).min(axis=1)
+        return bool(np.all(moved <= _MOVED * np.abs(1.0 - np.abs(poles)) + _ROUNDING))
 
 
 def spectral_bands(record: IoData, poles: ComplexArray) -> Bands:
@@ -83,32 +90,35 @@ def spectral_bands(record: IoData, poles: ComplexArray) -> Bands:
     # The end states act like an input that is one at every frequency.
     drive, y = weight * np.column_stack([u, np.ones(len(u))]), weight * y
     angles = 2.0 * np.pi / samples * np.arange(len(u))
-    nodes, centres, band, rows, values, rest = [], [], [], [], [], []
-    for number, lines in enumerate(_cut(angles, poles)):
-        at = angles[lines]
-        points, shapes = _interpolation(at)
-        factors = (drive[lines][:, :, np.newaxis] * shapes[:, np.newaxis]).reshape(len(at), -1)
+    cut = _cut(angles, poles)
+    height = _NODES * drive.shape[1]
+    nodes = np.empty((len(cut), _NODES), dtype=complex)
+    rows = np.zeros((len(cut), height, drive.shape[1], _NODES), dtype=complex)
+    values = np.zeros((len(cut), height, y.shape[1]), dtype=complex)
+    rest = np.zeros((len(cut), y.shape[1]))
+    for number, lines in enumerate(cut):
+        points, shapes, inverse = _interpolation(angles[lines])
+        factors = (drive[lines][:, :, np.newaxis] * shapes[:, np.newaxis]).reshape(-1, height)
         left = y[lines]
-        power = np.sum(np.abs(left) ** 2, axis=0)
-        if len(at) > factors.shape[1]:
+        if len(left) > height:
             basis, factors = scipy.linalg.qr(factors, mode="economic", check_finite=False)
+            power = np.sum(np.abs(left) ** 2, axis=0)
             left = basis.conj().T @ left
-        nodes.append(np.exp(1j * points))
-        centres.append(0.5 * (at[0] + at[-1]))
-        band.append(np.full(len(left), number))
-        factors = factors.reshape(len(left), drive.shape[1], -1)
-        # By the end states the transform of z x follows, not that of x.
-        factors[:, -1] *= np.exp(1j * points)
-        rows.append(factors)
-        values.append(left)
-        rest.append((power - np.sum(np.abs(left) ** 2, axis=0)).clip(min=0.0))
+            rest[number] = (power - np.sum(np.abs(left) ** 2, axis=0)).clip(min=0.0)
+        nodes[number] = np.exp(1j * points)
+        rows[number, : len(left)] = factors.reshape(len(left), -1, _NODES) @ inverse
+        values[number, : len(left)] = left
+    inputs = rows[:, :, :-1].sum(axis=-1)
+    # By the end states the transform of z x follows, not that of x.
+    rows[:, :, -1] *= nodes[:, np.newaxis]
     return Bands(
-        np.array(nodes),
-        np.array(centres),
-        np.concatenate(band),
-        np.concatenate(rows),
-        np.concatenate(values),
-        np.array(rest),
+        nodes,
+        np.array([0.5 * (angles[each][0] + angles[each][-1]) for each in cut]),
+        rows.reshape(len(cut), -1, _NODES),
+        inputs,
+        values,
+        rest,
+        poles,
     )
 
 
@@ -133,17 +143,27 @@ def _cut(angles: FloatArray, poles: ComplexArray) -> list[slice]:
     return bands
 
 
-def _interpolation(at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return nodes and the polynomials that are one at one of them, (lines, nodes)."""
+def _interpolation(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return nodes, functions of the lines, (lines, nodes), and those at the nodes, inverted.
+
+    The functions are Chebyshev's polynomials. Of a band of few lines these are the nodes.
+    """
     if len(at) <= _NODES:
-        # The lines themselves; what fills up has no weight.
-        shapes = np.zeros((len(at), _NODES))
-        np.fill_diagonal(shapes, 1.0)
-        return np.append(at, np.full(_NODES - len(at), at[-1])), shapes
-    unit = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
-    x = (2.0 * at - at[0] - at[-1]) / (at[-1] - at[0])
-    shapes = np.ones((len(at), _NODES))
-    for node, place in enumerate(unit):
-        for other in np.delete(unit, node):
-            shapes[:, node] *= (x - other) / (place - other)
-    return 0.5 * (at[0] + at[-1]) + 0.5 * (at[-1] - at[0]) * unit, shapes
+        # What fills up has no weight.
+        nodes = np.append(at, np.full(_NODES - len(at), at[-1]))
+        return nodes, np.eye(len(at), _NODES), np.eye(_NODES)
+    middle, half = 0.5 * (at[0] + at[-1]), 0.5 * (at[-1] - at[0])
+    return middle + half * _UNIT_NODES, _polynomials((at - middle) / half), _TO_POLYNOMIALS
+
+
+def _polynomials(x: FloatArray) -> FloatArray:
+    """Return Chebyshev's polynomials, (points, nodes)."""
+    values = np.ones((len(x), _NODES))
+    values[:, 1] = x
+    for degree in range(2, _NODES):
+        values[:, degree] = 2.0 * x * values[:, degree - 1] - values[:, degree - 2]
+    return values
+
+
+_UNIT_NODES = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
+_TO_POLYNOMIALS = np.linalg.inv(_polynomials(_UNIT_NODES))

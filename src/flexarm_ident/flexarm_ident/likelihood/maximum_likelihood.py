@@ -23,11 +23,11 @@ import scipy
 
 from flexarm_ident.diagnostics.uncertainty import ResponseUncertainty
 from flexarm_ident.fitting.levenberg_marquardt import steps_told
-from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.fitting.modal_parameters import PoleForm
 from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.likelihood.noise_filter import is_noise, whitening_filter
+from flexarm_ident.likelihood.noise_filter import is_noise
+from flexarm_ident.likelihood.sampled_error import SampledError
 from flexarm_ident.likelihood.spectral_error import SpectralError
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import (
@@ -48,12 +48,17 @@ if TYPE_CHECKING:
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
     from flexarm_ident.records.iodata import IoData
 
-    Problem = ModalError | SpectralError
+    Problem = SampledError | SpectralError
 
 # Fewer say more about the noise than about the model.
 _ERRORS_PER_PARAMETER = 20
-_ROUNDS = 3
 _ITERATIONS = 15
+# Relative decrease of the cost that ends a search before the last one.
+_ROUGH = 1e-4
+# Steps after which the fit without a mode shows whether the mode is needed: it is where the cost is
+# above the limit by so many times what the limit allows.
+_FIRST_ITERATIONS = 4
+_HOPELESS = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +71,8 @@ class LikelihoodFit:
         The model.
     x0 : tuple of ndarray, (states,)
         Initial state of each record.
+    error : ndarray, (outputs,)
+        Relative simulation error of each output over the records (2-25).
     filters : tuple of ndarray, (taps,)
         Filter of each output that makes its errors white, with unit variance.
     modes : tuple of ModeUncertainty
@@ -74,6 +81,7 @@ class LikelihoodFit:
 
     model: control.StateSpace
     x0: tuple[FloatArray, ...]
+    error: FloatArray
     filters: tuple[FloatArray, ...]
     modes: tuple[ModeUncertainty, ...]
     _parameters: Problem
@@ -86,25 +94,23 @@ class LikelihoodFit:
         form, n, r = PoleForm(self._parameters, self._theta), self.model.nstates, self.model.ninputs
         near = 1.0 / (z[:, np.newaxis] - form.poles)
         deviation = np.empty((len(z), self.model.noutputs, r))
-        for output, gamma in enumerate(form.gamma):
+        for output, given in np.ndindex(deviation.shape[1:]):
+            driven = near * form.beta[given]
+            slopes = np.zeros((len(z), n * (r + 3)), dtype=complex)
+            slopes[:, :n], slopes[:, -n:] = near * driven, driven
+            slopes[:, n * (1 + given) : n * (2 + given)] = near
+            slopes = slopes @ form.derivatives(output, r)
             place = self._parameters.columns(output, 0)
-            place = np.concatenate([place[: n * (1 + r)], place[n * (2 + r) :]])
             covariance = self._covariance[np.ix_(place, place)]
-            by_own_B = form.of_input_kind(near * gamma)
-            for given in range(r):
-                by_A = form.of_output_kind(near**2 * gamma * form.beta[given])
-                by_B = np.zeros((len(z), n, r), dtype=complex)
-                by_B[:, :, given] = by_own_B
-                by_C = form.of_output_kind(near * form.beta[given] * form.half)
-                slopes = np.column_stack([by_A, by_B.reshape(len(z), -1), by_C])
-                variance = np.einsum("zi,ij,zj->z", slopes, covariance, slopes.conj()).real
-                deviation[:, output, given] = np.sqrt(variance.clip(min=0.0))
+            variance = np.sum((slopes @ covariance) * slopes.conj(), axis=1).real
+            deviation[:, output, given] = np.sqrt(variance.clip(min=0.0))
         grid = np.asarray(frequencies_hz, dtype=np.float64)
         return ResponseUncertainty(grid, frequency_response(self.model, grid), deviation)
 
     def refitted(self, records: Sequence[IoData]) -> control.StateSpace:
         """Return the model of maximum likelihood of other records, for the same noise."""
-        problem = _problem(self.model, records, self.filters)
+        problem = _problem(self.model, records)
+        problem.filters = self.filters
         start = problem.start(fit_initial_states(self.model, records))
         found = problem.minimised(start, iterations=_ITERATIONS, on_step=lambda: None)
         return problem.model(found.theta)
@@ -151,23 +157,23 @@ def maximise_likelihood(
         return None
     if is_defective(modal_form(model).vectors):
         return None
-    on_step = steps_told(progress, "refinement", _ROUNDS * _ITERATIONS)
-    starts = tuple(x0)
-    for turn in range(_ROUNDS):
-        filters = _filters(_errors(model, starts, records))
-        problem = _problem(model, records, filters)
-        found = problem.minimised(problem.start(starts), iterations=_ITERATIONS, on_step=on_step)
-        if not np.isfinite(found.cost):
-            return None
-        # With modes too many, the noise is known well enough to tell which ones.
-        while (
-            order_open
-            and turn == 0
-            and (simpler := _simpler(problem, found, samples, on_step)) is not None
-        ):
-            problem, found = simpler
-        model, starts = problem.unpack(found.theta)
-    white = [_white(e, filters) for e in _errors(model, starts, records)]
+    on_step = steps_told(progress, "refinement", 3 * _ITERATIONS)
+    problem = _problem(model, records)
+    theta = problem.start(x0)
+    problem.settle(theta)
+    found = problem.minimised(theta, iterations=_ITERATIONS, tolerance=_ROUGH, on_step=on_step)
+    # With modes too many, the noise is known well enough to tell which ones.
+    while order_open and (simpler := _simpler(problem, found, samples, on_step)) is not None:
+        problem, found = simpler
+    if not np.isfinite(found.cost):
+        return None
+    problem.settle(found.theta)
+    found = problem.minimised(found.theta, iterations=_ITERATIONS, on_step=on_step)
+    theta = found.theta
+    model, starts = problem.unpack(theta)
+    filters = problem.filters
+    errors = _errors(model, starts, records)
+    white = [_white(e, filters) for e in errors]
     inputs = [record.u for record in records]
     if at_once:
         white, inputs = [e[:-1] for e in white], [u[1:] for u in inputs]
@@ -176,15 +182,23 @@ def maximise_likelihood(
     inverse = truncated_inverse(found.matrix, equilibrated=True)
     covariance = (inverse.vectors / inverse.values) @ inverse.vectors.T
     modes = _modes(problem, found.theta, covariance, model)
-    return LikelihoodFit(model, starts, tuple(filters), modes, problem, found.theta, covariance)
+    return LikelihoodFit(
+        model,
+        starts,
+        _relative(errors, records),
+        tuple(filters),
+        modes,
+        problem,
+        found.theta,
+        covariance,
+    )
 
 
-def _problem(
-    model: control.StateSpace, records: Sequence[IoData], filters: Sequence[FloatArray]
-) -> Problem:
+def _problem(model: control.StateSpace, records: Sequence[IoData]) -> Problem:
+    unfiltered = [np.ones(1)] * model.noutputs
     if all(record.usable.all() for record in records):
-        return SpectralError(model, records, filters)
-    return ModalError(model, records, filters)
+        return SpectralError(model, records, unfiltered)
+    return SampledError(model, records, unfiltered)
 
 
 def _simpler(
@@ -198,10 +212,13 @@ def _simpler(
         return None
     faintest = problem.groups[int(np.argmin(problem.powers(found.theta)))]
     simpler, start = problem.simpler(found.theta, faintest)
-    again = simpler.minimised(start, iterations=_ITERATIONS, on_step=on_step)
     # The scale of a state, and the angle of a pair, are no parameters of the model.
-    fewer = len(found.theta) - len(again.theta) - len(faintest)
-    return (simpler, again) if again.cost <= found.cost + fewer * np.log(errors) else None
+    fewer = len(found.theta) - len(start) - len(faintest)
+    limit = found.cost + fewer * np.log(errors)
+    again = simpler.minimised(start, iterations=_FIRST_ITERATIONS, on_step=on_step)
+    if limit < again.cost < limit + _HOPELESS * (limit - found.cost):
+        again = simpler.minimised(again.theta, iterations=_ITERATIONS, tolerance=_ROUGH)
+    return (simpler, again) if again.cost <= limit else None
 
 
 def _errors(
@@ -214,9 +231,11 @@ def _errors(
         ]
 
 
-def _filters(errors: Sequence[FloatArray]) -> list[FloatArray]:
-    outputs = errors[0].shape[1]
-    return [whitening_filter([e[:, output] for e in errors]) for output in range(outputs)]
+def _relative(errors: Sequence[FloatArray], records: Sequence[IoData]) -> FloatArray:
+    missed = np.sum([np.nansum(e**2, axis=0) for e in errors], axis=0)
+    power = np.sum([np.nansum(record.y_usable**2, axis=0) for record in records], axis=0)
+    part = np.divide(missed, power, out=np.full_like(power, np.nan), where=power > 0.0)
+    return np.asarray(np.sqrt(part))
 
 
 def _white(errors: FloatArray, filters: Sequence[FloatArray]) -> FloatArray:

@@ -68,6 +68,12 @@ def whitening_filter(errors: Sequence[FloatArray], longest: int = _LONGEST) -> F
     return np.asarray(best)
 
 
+def whitening_filters(errors: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return the filter of each output; see `whitening_filter`."""
+    outputs = errors[0].shape[1]
+    return [whitening_filter([e[:, output] for e in errors]) for output in range(outputs)]
+
+
 def is_noise(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> bool:
     """Return whether white errors are uncorrelated with the inputs of the 150 samples before them.
 

@@ -12,15 +12,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from flexarm_ident.fitting.levenberg_marquardt import Normal
 from flexarm_ident.fitting.modal_parameters import ModalParameters, PoleForm
 from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.likelihood.bands import spectral_bands, whole_length
+from flexarm_ident.likelihood.noise_filter import whitening_filters
 from flexarm_ident.models.free_run import simulate_states
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     import control
 
@@ -52,17 +54,38 @@ class SpectralError(ModalParameters):
         bands: Sequence[Bands] | None = None,
     ) -> None:
         super().__init__(model)
-        self._records, self._filters = records, filters
+        self._records = records
         poles = np.linalg.eigvals(model.A).astype(complex)
-        self.bands = bands or [spectral_bands(record, poles) for record in records]
-        self._weights = [
-            np.stack([np.abs(np.polyval(taps, np.exp(1j * each.centres))) for taps in filters], 1)
-            for each in self.bands
-        ]
-        self._rest = sum(
-            float(np.sum(weight**2 * each.rest))
-            for weight, each in zip(self._weights, self.bands, strict=True)
-        )
+        self._bands = bands or [spectral_bands(record, poles) for record in records]
+        self.filters = filters
+
+    @property
+    def filters(self) -> Sequence[FloatArray]:
+        """Filter of each output's errors."""
+        return self._filters
+
+    @filters.setter
+    def filters(self, filters: Sequence[FloatArray]) -> None:
+        self._filters = filters
+        self._gains, self._rest = [], 0.0
+        for bands in self._bands:
+            z = np.exp(1j * bands.centres)
+            gain = np.abs(np.stack([np.polyval(taps, z) for taps in filters], axis=1)) ** 2
+            self._rest += float(np.sum(gain * bands.rest))
+            self._gains.append(gain)
+
+    def errors(self, theta: FloatArray) -> list[FloatArray]:
+        """Return the errors of the outputs in each record, but for a few samples at its end."""
+        form, errors = PoleForm(self, theta), []
+        for number, record in enumerate(self._records):
+            samples = whole_length(record)
+            u = scipy.fft.rfft(record.u[:samples], axis=0)
+            z = np.exp(2j * np.pi / samples * np.arange(len(u)))[:, np.newaxis]
+            states = (np.column_stack([u, z]) @ form.beta_of(number, self.r)) / (z - form.poles)
+            spectrum = states @ form.gamma.T + u @ self._start.D.T
+            y = scipy.fft.irfft(spectrum, samples, axis=0)
+            errors.append(np.asarray(record.y[:samples] - y))
+        return errors
 
     def start(self, x0: Sequence[FloatArray]) -> FloatArray:
         """Return the parameters of the start, with initial states of the records."""
@@ -74,6 +97,13 @@ class SpectralError(ModalParameters):
             ends.append(np.asarray(first - last))
         return self.pack(ends)
 
+    def settle(self, theta: FloatArray) -> None:
+        """Make the bands suit the poles of some parameters, and the weights their errors."""
+        poles = PoleForm(self, theta).poles
+        if not all(each.suit(poles) for each in self._bands):
+            self._bands = [spectral_bands(record, poles) for record in self._records]
+        self.filters = whitening_filters(self.errors(theta))
+
     def unpack(self, theta: FloatArray) -> tuple[control.StateSpace, tuple[FloatArray, ...]]:
         """Return the model, and initial states that are fitted to the records."""
         model = self.model(theta)
@@ -84,25 +114,25 @@ class SpectralError(ModalParameters):
     ) -> tuple[SpectralError, FloatArray]:
         """Return the problem without one mode, and the parameters that are left."""
         model, ends = self.without(theta, group)
-        problem = SpectralError(model, self._records, self._filters, self.bands)
+        problem = SpectralError(model, self._records, self._filters, self._bands)
         return problem, problem.pack(ends)
 
     def powers(self, theta: FloatArray) -> FloatArray:
         """Return the sum of squares that each mode alone gives behind the filters, (modes,)."""
         powers = np.zeros(len(self.groups))
         form = PoleForm(self, theta)
-        for states, _, weight, _ in self._responses(form, slopes=False):
+        for number, gain in enumerate(self._gains):
+            states, _, _ = self._responses(form, number)
             for mode, group in enumerate(map(list, self.groups)):
-                alone = states[:, group] @ form.gamma[:, group].T
-                powers[mode] += float(np.sum(np.abs(weight * alone) ** 2))
+                powers[mode] += _weighted(states[..., group] @ form.gamma[:, group].T, gain)
         return powers
 
     def cost(self, theta: FloatArray) -> float:
         """Return the sum of squares."""
         form, total = PoleForm(self, theta), self._rest
-        for number, (states, _, weight, direct) in enumerate(self._responses(form, slopes=False)):
-            e = states @ form.gamma.T + direct - self.bands[number].y
-            total += float(np.sum(np.abs(weight * e) ** 2))
+        for number, gain in enumerate(self._gains):
+            _, e, _ = self._responses(form, number)
+            total += _weighted(e, gain)
         return total
 
     def normal(self, theta: FloatArray) -> Normal:
@@ -110,41 +140,42 @@ class SpectralError(ModalParameters):
         form = PoleForm(self, theta)
         cost, gradient = self._rest, np.zeros(len(theta))
         matrix = np.zeros((len(theta), len(theta)))
-        for number, (states, shares, weight, direct) in enumerate(
-            self._responses(form, slopes=True)
-        ):
-            e = states @ form.gamma.T + direct - self.bands[number].y
-            steeper = np.einsum("sjp,jp->sp", shares[..., self.n :], self._beta(form, number))
-            by_C = form.of_output_kind(states * form.half)
-            for output, gamma in enumerate(form.gamma):
-                by_A = form.of_output_kind(steeper * gamma)
-                driven = form.of_input_kind(shares[..., : self.n] * gamma)
-                by_B = driven[:, :-1].transpose(0, 2, 1).reshape(len(e), -1)
-                block = np.column_stack([by_A, by_B, driven[:, -1], by_C, e[:, output]])
-                block *= weight[:, [output]]
-                real = np.vstack([block.real, block.imag])
-                product = real.T @ real
+        turns = [form.derivatives(output, self.r) for output in range(self.m)]
+        for number, gain in enumerate(self._gains):
+            states, e, near = self._responses(form, number)
+            beta = form.beta_of(number, self.r)
+            shares = self._shares(number, near)
+            steeper = np.einsum("bsjp,jp->bsp", self._shares(number, near**2), beta)
+            flat = shares.reshape(*shares.shape[:2], -1)
+            rows = np.concatenate([steeper, flat, states, e], axis=-1)
+            # The noise is white in a band: its products serve all outputs.
+            products = np.matmul(rows.conj().transpose(0, 2, 1), rows)
+            for output, turn in enumerate(turns):
+                product = np.tensordot(gain[:, output], products, axes=1)
+                slopes, error = slice(len(turn)), len(turn) + output
                 place = self.columns(output, number)
-                cost += float(product[-1, -1])
-                gradient[place] += product[:-1, -1]
-                matrix[np.ix_(place, place)] += product[:-1, :-1]
+                cost += float(product[error, error].real)
+                gradient[place] += np.real(turn.conj().T @ product[slopes, error])
+                matrix[np.ix_(place, place)] += np.real(
+                    turn.conj().T @ product[slopes, slopes] @ turn
+                )
         return Normal(cost, gradient, matrix)
 
-    def _beta(self, form: PoleForm, record: int) -> ComplexArray:
-        """Return the factors of the inputs, and of the end vector of one record."""
-        return form.beta[[*range(self.r), self.r + record]]
-
     def _responses(
-        self, form: PoleForm, *, slopes: bool
-    ) -> Iterator[tuple[ComplexArray, ComplexArray, FloatArray, ComplexArray]]:
-        """Yield states, (rows, poles), shares of each input in them, weights, and the part of D.
+        self, form: PoleForm, record: int
+    ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return states, (bands, rows, poles), errors of the outputs, and 1 / (z - pole)."""
+        bands = self._bands[record]
+        near = 1.0 / (bands.nodes[..., np.newaxis] - form.poles)
+        beta = form.beta_of(record, self.r)
+        states = np.einsum("bsjp,jp->bsp", self._shares(record, near), beta)
+        return states, states @ form.gamma.T + bands.inputs @ self._start.D.T - bands.y, near
 
-        With `slopes` the derivatives of the shares by the poles follow them.
-        """
-        for number, (bands, weight) in enumerate(zip(self.bands, self._weights, strict=True)):
-            near = 1.0 / (bands.nodes[..., np.newaxis] - form.poles)
-            response = np.concatenate([near, near**2], axis=-1) if slopes else near
-            shares = np.matmul(bands.drive, response[bands.band])
-            states = np.einsum("sjp,jp->sp", shares[..., : self.n], self._beta(form, number))
-            direct = bands.drive[:, :-1].sum(axis=-1) @ self._start.D.T
-            yield states, shares, weight[bands.band], direct
+    def _shares(self, record: int, response: ComplexArray) -> ComplexArray:
+        """Return the responses to each input and to the ends, (bands, rows, inputs, poles)."""
+        found = np.matmul(self._bands[record].drive, response)
+        return found.reshape(len(found), -1, self.r + 1, self.n)
+
+
+def _weighted(e: ComplexArray, gain: FloatArray) -> float:
+    return float(np.sum(gain * np.sum(np.abs(e) ** 2, axis=1)))
