@@ -50,7 +50,7 @@ class ModalParameters(ABC):
             if len(group) > 1:
                 self._basis[:, group[1]] = vector.imag
         self._largest = max(INTEGRATOR_RADIUS, float(np.abs(form.eigenvalues).max(initial=0.0)))
-        self.n, self.r, self.m = model.nstates, model.ninputs, model.noutputs
+        self.n, self.r, self.m = int(model.nstates), int(model.ninputs), int(model.noutputs)
 
     @abstractmethod
     def cost(self, theta: FloatArray) -> float:

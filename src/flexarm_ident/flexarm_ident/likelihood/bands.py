@@ -89,7 +89,7 @@ def spectral_bands(record: IoData, poles: ComplexArray) -> Bands:
         weight[-1] = weight[0]
     # The end states act like an input that is one at every frequency.
     drive, y = weight * np.column_stack([u, np.ones(len(u))]), weight * y
-    angles = 2.0 * np.pi / samples * np.arange(len(u))
+    angles = 2.0 * np.pi / samples * np.arange(len(u), dtype=np.float64)
     cut = _cut(angles, poles)
     height = _NODES * drive.shape[1]
     nodes = np.empty((len(cut), _NODES), dtype=complex)
@@ -101,10 +101,11 @@ def spectral_bands(record: IoData, poles: ComplexArray) -> Bands:
         factors = (drive[lines][:, :, np.newaxis] * shapes[:, np.newaxis]).reshape(-1, height)
         left = y[lines]
         if len(left) > height:
-            basis, factors = scipy.linalg.qr(factors, mode="economic", check_finite=False)
+            basis, small = scipy.linalg.qr(factors, mode="economic", check_finite=False)
+            factors = np.asarray(small)
             power = np.sum(np.abs(left) ** 2, axis=0)
             left = basis.conj().T @ left
-            rest[number] = (power - np.sum(np.abs(left) ** 2, axis=0)).clip(min=0.0)
+            rest[number] = np.maximum(power - np.sum(np.abs(left) ** 2, axis=0), 0.0)
         nodes[number] = np.exp(1j * points)
         rows[number, : len(left)] = factors.reshape(len(left), -1, _NODES) @ inverse
         values[number, : len(left)] = left
@@ -165,5 +166,5 @@ def _polynomials(x: FloatArray) -> FloatArray:
     return values
 
 
-_UNIT_NODES = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
-_TO_POLYNOMIALS = np.linalg.inv(_polynomials(_UNIT_NODES))
+_UNIT_NODES: FloatArray = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
+_TO_POLYNOMIALS: FloatArray = np.asarray(np.linalg.inv(_polynomials(_UNIT_NODES)), np.float64)

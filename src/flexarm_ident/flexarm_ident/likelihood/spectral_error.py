@@ -174,7 +174,7 @@ class SpectralError(ModalParameters):
     def _shares(self, record: int, response: ComplexArray) -> ComplexArray:
         """Return the responses to each input and to the ends, (bands, rows, inputs, poles)."""
         found = np.matmul(self._bands[record].drive, response)
-        return found.reshape(len(found), -1, self.r + 1, self.n)
+        return np.asarray(found.reshape(len(found), -1, self.r + 1, self.n))
 
 
 def _weighted(e: ComplexArray, gain: FloatArray) -> float:
