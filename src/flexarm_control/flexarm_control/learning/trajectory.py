@@ -2,7 +2,8 @@
 
 A reference of steps or of any other shape is spread by the unit move of the flat model
 (`flexarm_control.learning.smooth_move`): each of its changes is a move of that shape, and all moves
-add up, since the model is linear. The move is the shortest one that keeps the command within its peak.
+add up, since the model is linear. The move is the shortest one that keeps the command within its
+peak.
 """
 
 from __future__ import annotations

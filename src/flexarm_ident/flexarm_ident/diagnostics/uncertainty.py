@@ -114,12 +114,21 @@ def jackknife(
         )
         for gram in grams
     )
-    return Jackknife(
-        estimate(whole),
-        replicates,
-        tuple(_without(checked, block_rows, part) for part in parts),
-        tuple(_left_out(part, block_rows) for part in parts),
-    )
+    remainders, left_out = zip(*_halves(checked, block_rows, parts), strict=True)
+    return Jackknife(estimate(whole), replicates, remainders, left_out)
+
+
+def blocks_left_out(
+    records: Sequence[IoData], block_rows: int, segments: int
+) -> list[tuple[tuple[IoData, ...], Rows]]:
+    """Return for each segment of the records what remains without it, and its rows.
+
+    Raises
+    ------
+    DataError
+        If the records are too short for four segments.
+    """
+    return _halves(records, block_rows, cut(records, block_rows, segments))
 
 
 def mode_uncertainty(found: Jackknife, model: control.StateSpace) -> tuple[ModeUncertainty, ...]:
@@ -167,6 +176,12 @@ def _deviation(replicates: FloatArray | ComplexArray) -> FloatArray:
     count = len(replicates)
     scatter = np.abs(replicates - replicates.mean(axis=0)) ** 2
     return np.asarray(np.sqrt((count - 1) / count * scatter.sum(axis=0)))
+
+
+def _halves(
+    records: Sequence[IoData], block_rows: int, parts: Sequence[Segment]
+) -> list[tuple[tuple[IoData, ...], Rows]]:
+    return [(_without(records, block_rows, each), _left_out(each, block_rows)) for each in parts]
 
 
 def _without(records: Sequence[IoData], block_rows: int, segment: Segment) -> tuple[IoData, ...]:

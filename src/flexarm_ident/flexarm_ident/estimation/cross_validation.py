@@ -15,16 +15,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.diagnostics.uncertainty import jackknife
+from flexarm_ident.diagnostics.uncertainty import blocks_left_out, jackknife
 from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.state_space import state_space
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
+
+    import control
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.diagnostics.uncertainty import Rows
+    from flexarm_ident.likelihood.maximum_likelihood import LikelihoodFit
     from flexarm_ident.models.state_space import Way
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.gram import BlockGram
@@ -83,17 +87,51 @@ def cross_validate(
         If a model without a block is too unstable to simulate.
     """
     found = jackknife(records, block_rows, estimate, segments=_BLOCKS)
-    missed, power = [], []
-    for matrices, others, block in zip(
-        found.replicates, found.remainders, found.left_out, strict=True
-    ):
+
+    def model(matrices: StateMatrices, others: Sequence[IoData]) -> control.StateSpace:
         A, fit, *_ = fit_stable(
             *(matrices.A, matrices.C, others, ways),
             feedthrough=feedthrough,
             noise_weighted=noise_weighted,
         )
+        return state_space(A, fit.B, matrices.C, fit.D, others[0].dt_s)
+
+    pairs = zip(found.replicates, found.remainders, strict=True)
+    return _judged(records, zip((model(*pair) for pair in pairs), found.left_out, strict=True))
+
+
+def cross_validate_likelihood(
+    records: Sequence[IoData], block_rows: int, fit: LikelihoodFit
+) -> CrossValidation:
+    """Maximise the likelihood without each of five blocks in turn, and simulate the block.
+
+    Parameters
+    ----------
+    records : sequence of IoData
+        Records of one rig.
+    block_rows : int
+        Fewest rows of a block, or between two blocks.
+    fit : LikelihoodFit
+        Fit to all data, from which the others start.
+
+    Raises
+    ------
+    DataError
+        If the records are too short for blocks.
+    IdentificationError
+        If a model without a block cannot be simulated.
+    """
+    blocks = blocks_left_out(records, block_rows, _BLOCKS)
+    return _judged(records, ((fit.refitted(others), rows) for others, rows in blocks))
+
+
+def _judged(
+    records: Sequence[IoData], models: Iterable[tuple[control.StateSpace, Rows]]
+) -> CrossValidation:
+    """Return the errors of each model over the rows that it has not seen."""
+    missed, power = [], []
+    for model, block in models:
         record = records[block.record]
-        model = state_space(A, fit.B, matrices.C, fit.D, record.dt_s)
         y = simulate(model, record.u, fit_initial_states(model, [record])[0])
         measured = record.y_measured[block.rows]
         missed.append(np.nansum((measured - y[block.rows]) ** 2, axis=0))

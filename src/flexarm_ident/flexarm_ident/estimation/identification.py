@@ -22,7 +22,7 @@ from flexarm_ident.diagnostics.uncertainty import (
     jackknife,
     mode_uncertainty,
 )
-from flexarm_ident.estimation.cross_validation import cross_validate
+from flexarm_ident.estimation.cross_validation import cross_validate, cross_validate_likelihood
 from flexarm_ident.estimation.physical_modes import judged_modes
 from flexarm_ident.estimation.plots import plot_response, plot_stabilisation
 from flexarm_ident.friction.dry_friction import net_records
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from flexarm_ident.estimation.physical_modes import JudgedMode
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.friction.levels import CoulombEstimate
+    from flexarm_ident.likelihood.maximum_likelihood import LikelihoodFit
     from flexarm_ident.models.modes import Mode, ModeUncertainty
     from flexarm_ident.records.iodata import DataWarning, IoData
     from flexarm_ident.subspace.gram import BlockGram
@@ -98,8 +99,8 @@ class Identification:
     start_error : ndarray, (outputs,) or None
         `fit_error` of the subspace model that a model fitted by simulation replaced. Both leave out
         samples without a working sensor.
-    likely_modes : tuple of ModeUncertainty
-        Modes of a model of maximum likelihood with their deviations; else empty.
+    likelihood : LikelihoodFit or None
+        Fit of maximum likelihood that gave the model.
     friction : DryFriction or None
         Dry friction at the model's inputs.
     coulomb : CoulombEstimate or None
@@ -125,7 +126,7 @@ class Identification:
     samples: tuple[int, ...] = field(repr=False)
     choice: str = ""
     start_error: FloatArray | None = None
-    likely_modes: tuple[ModeUncertainty, ...] = ()
+    likelihood: LikelihoodFit | None = None
     friction: DryFriction | None = None
     coulomb: CoulombEstimate | None = None
 
@@ -202,8 +203,8 @@ class Identification:
 
         It is empty for records that are too short or streamed, and for an arm with friction.
         """
-        if self.likely_modes:
-            return self.likely_modes
+        if self.likelihood is not None:
+            return self.likelihood.modes
         found = self._jackknife
         return mode_uncertainty(found, self.model) if found else ()
 
@@ -220,6 +221,8 @@ class Identification:
         ResponseUncertainty or None
             None where `mode_uncertainty` is empty.
         """
+        if self.likelihood is not None:
+            return self.likelihood.response_uncertainty(frequencies_hz)
         if self._jackknife is None:
             return None
         direct = bool(np.any(self.model.D))
@@ -234,9 +237,15 @@ class Identification:
         None for records that are too short or streamed, for models that were fitted by simulation
         error, and where a model without a block cannot be simulated.
         """
-        if self.start_error is not None or not self._is_in_memory:
+        if not self._is_in_memory:
+            return None
+        if self.start_error is not None and self.likelihood is None:
             return None
         try:
+            if self.likelihood is not None:
+                return cross_validate_likelihood(
+                    self.records, self.gram.block_rows, self.likelihood
+                )
             return cross_validate(
                 self.records,
                 self.gram.block_rows,

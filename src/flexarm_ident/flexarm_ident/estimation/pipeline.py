@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from flexarm_core.labels import counted
 from flexarm_ident.estimation.candidates import fitted
 from flexarm_ident.estimation.direct_term import calls_for_feedthrough
 from flexarm_ident.estimation.identification import Identification
-from flexarm_ident.estimation.simulation_fit import refined, with_friction
+from flexarm_ident.estimation.simulation_fit import likely, refined, with_friction
 from flexarm_ident.estimation.streaming import excerpt
 from flexarm_ident.estimation.weighing import Choice, weigh
 from flexarm_ident.models.state_space import is_stable
@@ -86,84 +86,116 @@ def identify(
         If the data or the request do not allow an identification.
     """
     records: Sequence[Source] = [data] if isinstance(data, IoData) else data
-    excerpts = as_records([excerpt(record) for record in records])
+    excerpts = tuple(as_records([excerpt(record) for record in records]))
     report = progress or _silent
     check_request(records, order, block_rows, method)
     check_channels(excerpts)
     report("gram", 0.0)
 
-    def choice(*, direct: bool) -> Choice:
-        return _choice(
-            records,
-            excerpts,
-            method=method,
-            order=order,
-            threshold=singular_value_threshold,
-            block_rows=block_rows,
-            stable=stable,
-            feedthrough=direct,
-            progress=report,
-        )
-
-    chosen = choice(direct=feedthrough is True)
-    if feedthrough is None:
-        feedthrough = calls_for_feedthrough(chosen, excerpts, stable=stable)
-        chosen = choice(direct=True) if feedthrough else chosen
-    linear = _linear_model(
-        chosen, records, block_rows=block_rows, stable=stable, feedthrough=feedthrough
+    fit = _Fit(
+        records, excerpts, method, order, singular_value_threshold, block_rows, stable, report
     )
+    chosen, found = fit.model(feedthrough=feedthrough is True)
+    asked = feedthrough is None and found.likelihood is None
+    feedthrough = bool(feedthrough)
+    if asked and calls_for_feedthrough(chosen, excerpts, stable=stable):
+        feedthrough = True
+        found = fit.model(feedthrough=True)[1]
     report("fit", 1.0)
-    found = replace(linear, records=excerpts)
-    if not all(isinstance(record, IoData) for record in records):
+    if not fit.in_memory:
         return found
     if friction:
         replaceable = method == AUTO and order is None and not feedthrough
         found = with_friction(found, replaceable=replaceable, progress=progress)
-    if refine and found.friction is None:
+    if refine and found.friction is None and found.likelihood is None:
         order_open = order is None and singular_value_threshold is None
         found = refined(found, order_open=order_open, progress=progress)
     return found
 
 
-def _choice(
-    records: Sequence[Source],
-    excerpts: Sequence[IoData],
-    *,
-    method: str,
-    order: int | None,
-    threshold: float | None,
-    block_rows: int,
-    stable: bool,
-    feedthrough: bool,
-    progress: Progress,
-) -> Choice:
-    """Return estimator and order; what is left open is chosen."""
-    known = any(record.closed_loop for record in excerpts)
-    selection = (
-        select_method(records, block_rows, closed_loop=known, order=order, feedthrough=feedthrough)
-        if method == AUTO
-        else estimate(records, excerpts, method, block_rows, feedthrough=feedthrough)
-    )
-    progress("range space", 1.0)
-    gram, space = selection.gram.leading(block_rows), selection.space
-    if order is None and threshold is not None:
-        order = order_above(threshold, space)
-    if order is not None:
-        return Choice(selection, order)
-    states = choose_order(gram, space, excerpts, stable=stable, feedthrough=feedthrough)
-    if method != AUTO:
-        progress("order", 1.0)
-        return Choice(selection, states)
-    reason = f"{selection.reason}; order {states} by the one-step errors"
-    return weigh(
-        Choice(selection._replace(reason=reason), states),
-        records,
-        excerpts,
-        block_rows=block_rows,
-        stable=stable,
-        feedthrough=feedthrough,
-        progress=progress,
-    )
+class _Fit(NamedTuple):
+    """Records with what was asked for; `excerpts` are in memory."""
+
+    records: Sequence[Source]
+    excerpts: tuple[IoData, ...]
+    method: str
+    order: int | None
+    threshold: float | None
+    block_rows: int
+    stable: bool
+    progress: Progress
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether the excerpts are the records themselves."""
+        return all(isinstance(record, IoData) for record in self.records)
+
+    def model(self, *, feedthrough: bool) -> tuple[Choice, Identification]:
+        """Return the choice of what was left open, and its model.
+
+        Where the likelihood tells that nothing is left in the data but noise, no other estimator
+        is weighed.
+        """
+        first = self._first_choice(feedthrough=feedthrough)
+        if self.method != AUTO or self.order is not None or self.threshold is not None:
+            return first, self._linear(first, feedthrough=feedthrough)
+        if self.in_memory:
+            linear = self._linear(first, feedthrough=feedthrough)
+            better = likely(linear, progress=self.progress)
+            if better is not None:
+                return first, better
+        chosen = weigh(
+            *(first, self.records, self.excerpts),
+            block_rows=self.block_rows,
+            stable=self.stable,
+            feedthrough=feedthrough,
+            progress=self.progress,
+        )
+        linear = self._linear(chosen, feedthrough=feedthrough)
+        other = (chosen.selection.method, chosen.order) != (first.selection.method, first.order)
+        better = likely(linear, progress=self.progress) if self.in_memory and other else None
+        return chosen, better or linear
+
+    def _first_choice(self, *, feedthrough: bool) -> Choice:
+        """Return estimator and order, by one-step errors where they are left open."""
+        known = any(record.closed_loop for record in self.excerpts)
+        selection = (
+            select_method(
+                *(self.records, self.block_rows),
+                closed_loop=known,
+                order=self.order,
+                feedthrough=feedthrough,
+            )
+            if self.method == AUTO
+            else estimate(
+                *(self.records, self.excerpts, self.method, self.block_rows),
+                feedthrough=feedthrough,
+            )
+        )
+        self.progress("range space", 1.0)
+        order = self.order
+        if order is None and self.threshold is not None:
+            order = order_above(self.threshold, selection.space)
+        if order is not None:
+            return Choice(selection, order)
+        gram = selection.gram.leading(self.block_rows)
+        states = choose_order(
+            *(gram, selection.space, self.excerpts), stable=self.stable, feedthrough=feedthrough
+        )
+        if self.method != AUTO:
+            self.progress("order", 1.0)
+            return Choice(selection, states)
+        reason = f"{selection.reason}; order {states} by the one-step errors"
+        return Choice(selection._replace(reason=reason), states)
+
+    def _linear(self, chosen: Choice, *, feedthrough: bool) -> Identification:
+        linear = _linear_model(
+            *(chosen, self.records),
+            block_rows=self.block_rows,
+            stable=self.stable,
+            feedthrough=feedthrough,
+        )
+        return replace(linear, records=self.excerpts)
 
 
 def _linear_model(

@@ -16,15 +16,18 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_core.labels import label_and_unit
-from flexarm_ident.fitting.likelihood import maximise_likelihood
 from flexarm_ident.fitting.refinement import refine_model
+from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error, relative_errors
 from flexarm_ident.friction.arm import Rung
 from flexarm_ident.friction.arm_fit import fit_arm
 from flexarm_ident.friction.layout import arm_layout
 from flexarm_ident.friction.levels import estimate_coulomb
+from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
 from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.records.signals import live_samples
+from flexarm_ident.subspace.methods import METHODS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,6 +46,10 @@ ARM = "arm"
 # Samples of all records together; more would take minutes for little more accuracy.
 _REFINED_SAMPLES = 20_000
 _LIKELY_SAMPLES = 100_000
+# The same where there are no holes: in the frequency domain.
+_LIKELY_WHOLE_SAMPLES = 1_000_000
+# The likelihood weights outputs by their noise, so that their mean error may rise.
+_NO_WORSE = 1.03
 _STANDS_OUT = 3.0
 # Half the range of a level, in units of its middle.
 _UNDETERMINED = 0.1
@@ -121,6 +128,7 @@ def with_friction(
                     fit_error=fit.error,
                     start_error=start_error,
                     friction=fit.friction,
+                    likelihood=None,
                     moved_eigenvalues=0,
                     notes=_notes(fit),
                     choice=_choice(fit, start_error, found.choice),
@@ -130,6 +138,43 @@ def with_friction(
         return found
     note = f"dry friction was found, {levels_text(coulomb)}, but is not in the model: {obstacle}"
     return replace(found, notes=(*found.notes, note))
+
+
+def likely(found: Identification, *, progress: Progress | None = None) -> Identification | None:
+    """Return the model of maximum likelihood, or None where it is not that of the records.
+
+    It must simulate the records as well as the start does, and as well as its own dynamics can with
+    other inputs, or as an integrator. Its errors must be noise: then there is nothing left in the
+    data that another model could know. Records with holes are not asked, as that takes long.
+
+    Parameters
+    ----------
+    found : Identification
+        Subspace model.
+    progress : callable, optional
+        Called with the stage "refinement" and the completed part.
+    """
+    if not is_stable(found.model.A) or not all(each.usable.all() for each in found.records):
+        return None
+    at_once = not METHODS[found.method].bears_feedback
+    better = _most_likely(found, order_open=True, at_once=at_once, progress=progress)
+    if better is None:
+        return None
+    # Slow drift of a free hub passes for coloured noise, but not for a good simulation.
+    row = METHODS[found.method]
+    same_dynamics = fit_stable(
+        *(better.model.A, better.model.C, found.records, row.ways),
+        feedthrough=bool(np.any(found.model.D)),
+        noise_weighted=False,
+    )
+    possible = min(mean_error(found.fit_error), mean_error(same_dynamics.fit.error))
+    if mean_error(better.fit_error) > _NO_WORSE * possible:
+        return None
+    reason = (
+        f"{found.choice}; maximum likelihood made it order {better.order}, and what its simulation "
+        "misses is noise"
+    )
+    return replace(better, choice=reason, notes=found.notes)
 
 
 def refined(
@@ -153,38 +198,52 @@ def refined(
     Identification
         The refined model with a note; the start when it simulates all records no worse.
     """
+    better = _most_likely(found, order_open=order_open, at_once=False, progress=progress)
+    if better is not None:
+        return better
     records = found.records
     start_error = _errors(_simulated(found.model, found.x0, records), records)
-    likely = None
-    if sum(map(len, records)) <= _LIKELY_SAMPLES:
-        likely = maximise_likelihood(
-            found.model, found.x0, records, order_open=order_open, progress=progress
-        )
-    if likely is not None:
-        return replace(
-            found,
-            model=likely.model,
-            x0=likely.x0,
-            order=likely.model.nstates,
-            fit_error=_errors(_simulated(likely.model, likely.x0, records), records),
-            start_error=start_error,
-            likely_modes=likely.modes,
-            notes=(*found.notes, _likely_note(found.order, likely.model.nstates)),
-        )
     most = -(-_REFINED_SAMPLES // len(records))
     heads = [record.head(most) for record in records]
-    better = refine_model(found.model, found.x0, heads, progress=progress)
-    error = _errors(_simulated(better.model, better.x0, records), records)
+    lower = refine_model(found.model, found.x0, heads, progress=progress)
+    error = _errors(_simulated(lower.model, lower.x0, records), records)
     if not _better(error, start_error):
         return found
     note = "refined by the simulation error, as the errors recur with the input and are no noise"
     return replace(
         found,
-        model=better.model,
-        x0=better.x0,
+        model=lower.model,
+        x0=lower.x0,
         fit_error=error,
         start_error=start_error,
         notes=(*found.notes, note),
+    )
+
+
+def _most_likely(
+    found: Identification, *, order_open: bool, at_once: bool, progress: Progress | None
+) -> Identification | None:
+    records = found.records
+    whole = all(record.usable.all() for record in records)
+    if sum(map(len, records)) > (_LIKELY_WHOLE_SAMPLES if whole else _LIKELY_SAMPLES):
+        return None
+    fit = maximise_likelihood(
+        *(found.model, found.x0, records),
+        order_open=order_open,
+        at_once=at_once,
+        progress=progress,
+    )
+    if fit is None:
+        return None
+    return replace(
+        found,
+        model=fit.model,
+        x0=fit.x0,
+        order=fit.model.nstates,
+        fit_error=fit.error,
+        start_error=found.fit_error,
+        likelihood=fit,
+        notes=(*found.notes, _likely_note(found.order, fit.model.nstates)),
     )
 
 

@@ -87,7 +87,7 @@ def refine_model(
         return unchanged
     problem = ModalError(model, records, relative_weights(records))
     on_step = steps_told(progress, "refinement", iterations)
-    found = problem.minimised(x0, iterations=iterations, on_step=on_step)
+    found = problem.minimised(problem.pack(x0), iterations=iterations, on_step=on_step)
     if not np.isfinite(found.cost):
         return unchanged
     refined, starts = problem.unpack(found.theta)

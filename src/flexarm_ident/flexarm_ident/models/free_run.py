@@ -73,6 +73,11 @@ class BlockSimulation:
             self._observe = np.vstack([C @ power for power in self._powers[:_BLOCK]])
             self._pulses = _pulse_responses(self._observe, B, C, D)
 
+    @property
+    def state(self) -> FloatArray:
+        """State at the next sample, (states,)."""
+        return self._x
+
     def advance(self, u: FloatArray) -> FloatArray:
         """Return the outputs, (samples, outputs), for the next inputs, (samples, inputs)."""
         samples, inputs = u.shape

@@ -258,7 +258,10 @@ def test_stream_bag___sqlite___raises_with_a_remedy(tmp_path: Path) -> None:
 def test_run___record_in_pieces___is_the_outcome_of_the_whole_record() -> None:
     data = arm_record(6001, 0.05)
     shifted = replace(data, y=data.y + np.array([0.0, 0.3, -0.2, 0.0]))
-    request = Request(block_rows=15, reduction="mrm", reduced_order=7, friction=False)
+    # A record in pieces is not refined.
+    request = Request(
+        method="orse_iv", block_rows=15, reduction="mrm", reduced_order=7, friction=False
+    )
     whole, stream = run(shifted, request), run([Pieces(shifted, [977, 64])], request)
     assert (stream.samples, stream.fitted) == (whole.samples, whole.fitted) == ((6001,), (6001,))
     np.testing.assert_allclose(stream.model.A, whole.model.A, atol=1e-9)

@@ -118,7 +118,7 @@ def test_choose_order___filtered_outputs___counts_the_states_of_the_filter(seed:
     data = record(random_model(seed, states=4), 6000, seed, noise=0.05)
     b, a = signal.butter(2, 50.0, fs=1.0 / DT_S)
     filtered = replace(data, y=signal.lfilter(b, a, data.y, axis=0))
-    found = identify(filtered, method="auto")
+    found = identify(filtered, method="orse_iv")
     # Two for each of the three outputs.
     assert found.order == 4 + 6
 

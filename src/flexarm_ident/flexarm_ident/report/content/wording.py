@@ -102,7 +102,7 @@ def shortened(outcome: Outcome, text: str) -> str:
 def deviation_words(outcome: Outcome) -> str:
     """Return the origin of the standard deviations, or the reason for their absence."""
     found = outcome.identification
-    if found.likely_modes:
+    if found.likelihood is not None:
         return "± is the standard deviation, from the curvature of the likelihood."
     if found.mode_uncertainty:
         return "± is the standard deviation, from leaving out one tenth of the data at a time."

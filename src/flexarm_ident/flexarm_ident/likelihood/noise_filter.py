@@ -68,6 +68,12 @@ def whitening_filter(errors: Sequence[FloatArray], longest: int = _LONGEST) -> F
     return np.asarray(best)
 
 
+def whitening_filters(errors: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return the filter of each output; see `whitening_filter`."""
+    outputs = errors[0].shape[1]
+    return [whitening_filter([e[:, output] for e in errors]) for output in range(outputs)]
+
+
 def is_noise(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> bool:
     """Return whether white errors are uncorrelated with the inputs of the 150 samples before them.
 
@@ -78,24 +84,48 @@ def is_noise(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> bool
     inputs : sequence of ndarray, (samples, inputs)
         Inputs of each record.
     """
-    channels = errors[0].shape[1], inputs[0].shape[1]
-    size = _LAGS * channels[1]
-    gram, cross, samples = np.zeros((size, size)), np.zeros((size, channels[0])), 0
-    power = np.zeros(channels[0])
+    size = _LAGS * inputs[0].shape[1]
+    gram, cross, samples = np.zeros((size, size)), np.zeros((size, errors[0].shape[1])), 0
+    power = np.zeros(errors[0].shape[1])
     for e, u in zip(errors, inputs, strict=True):
         if len(e) <= _LAGS:
             continue
-        past = np.hstack([u[_LAGS - lag : len(u) - lag] for lag in range(1, _LAGS + 1)])
-        present = e[_LAGS:]
-        known = ~np.isnan(present).any(axis=1)
-        past, present = past[known], present[known]
-        gram += past.T @ past
-        cross += past.T @ present
+        unknown = _LAGS + np.flatnonzero(np.isnan(e[_LAGS:]).any(axis=1))
+        present = e[_LAGS:].copy()
+        present[unknown - _LAGS] = 0.0
+        gram += _lag_products(u)
+        for lag in range(1, _LAGS + 1):
+            rows = slice((lag - 1) * u.shape[1], lag * u.shape[1])
+            cross[rows] += u[_LAGS - lag : len(u) - lag].T @ present
+        if len(unknown):
+            past = np.hstack([u[unknown - lag] for lag in range(1, _LAGS + 1)])
+            gram -= past.T @ past
         power += np.sum(present**2, axis=0)
-        samples += len(present)
+        samples += len(present) - len(unknown)
     if samples <= size or not np.all(power > 0.0):
         return False
     inverse = truncated_inverse(gram, equilibrated=True)
     explained = np.sum(cross * inverse.solve(cross), axis=0) / power
-    degrees = inverse.rank * channels[0]
+    degrees = inverse.rank * len(power)
     return bool(scipy.special.chdtrc(degrees, samples * explained.sum()) > _SIGNIFICANCE)
+
+
+def _lag_products(u: FloatArray) -> FloatArray:
+    """Return the products of the inputs of the 150 samples before a sample, over all of them.
+
+    Those of two lags differ from those of the lags before them by the ends of the sums.
+    """
+    count, r = len(u), u.shape[1]
+
+    def edge(row: int, lag: int) -> FloatArray:
+        others = u[row - np.arange(_LAGS - 1)]
+        return np.asarray(u[row - lag][:, np.newaxis] * others[:, np.newaxis])
+
+    products = np.empty((_LAGS, _LAGS, r, r))
+    latest = u[_LAGS - 1 : count - 1].T
+    for lag in range(_LAGS):
+        products[0, lag] = latest @ u[_LAGS - 1 - lag : count - 1 - lag]
+        products[lag, 0] = products[0, lag].T
+    for lag in range(_LAGS - 1):
+        products[lag + 1, 1:] = products[lag, :-1] + edge(_LAGS - 2, lag) - edge(count - 2, lag)
+    return products.transpose(0, 2, 1, 3).reshape(_LAGS * r, _LAGS * r)

@@ -9,8 +9,8 @@ import pytest
 import scipy
 
 from flexarm_ident import IoData, identify
-from flexarm_ident.fitting.likelihood import maximise_likelihood
-from flexarm_ident.fitting.noise_filter import is_noise, whitening_filter
+from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
+from flexarm_ident.likelihood.noise_filter import is_noise, whitening_filter
 from flexarm_ident.models.modes import modal_form
 from support.ident_systems import (
     DT_S,
@@ -124,7 +124,7 @@ def test_likelihood___deviations___hold_over_many_records() -> None:
     scores = []
     for seed in range(40):
         found = identify(noisy(seed, 800), order=4, block_rows=10, method="orse_iv", refine=True)
-        assert found.likely_modes
+        assert found.likelihood is not None
         modes = sorted(found.mode_uncertainty)
         scores.append(
             [(m.frequency_hz - hz) / m.frequency_std_hz for m, hz in zip(modes, truth, strict=True)]
@@ -162,7 +162,7 @@ def test_likelihood___missing_dynamics___gives_way_to_the_simulation_error() -> 
     assert maximise_likelihood(start.model, start.x0, data) is None
     refined = identify(data, order=5, block_rows=15, refine=True, method="orse")
     assert "refined by the simulation error" in refined.notes[-1]
-    assert not refined.likely_modes
+    assert refined.likelihood is None
 
 
 def test_likelihood___few_samples_or_defective_model___gives_none() -> None:

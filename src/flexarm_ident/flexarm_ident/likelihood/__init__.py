@@ -1,0 +1,1 @@
+"""Maximum likelihood of a linear model beside noise: spectra, noise filters, the fit."""
