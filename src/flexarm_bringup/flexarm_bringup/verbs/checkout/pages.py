@@ -5,7 +5,8 @@ output, where the page may leave lines out. Comments of Markdown before a block 
 
 - `output of: COMMAND`: the whole block is the output of a command,
 - `file: NAME`: the block is a file, for the commands after it,
-- `together`: the block's commands run side by side, until the last of them has ended,
+- `together until: WORDS`: its commands run side by side until the last one prints a line with the
+  words, and get Ctrl-C then,
 - `not run: REASON`: the block is left alone.
 
 `drawn by: COMMAND` before a picture draws it anew: the name of a file is added to the command.
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 _BLOCK = re.compile(
     r"^<!-- drawn by: (?P<drawn>.+?) -->\n+!\[[^\]]*\]\((?P<picture>[^)]+)\)"
-    r"|(?:^<!-- (?P<mark>output of|file|together|not run)(?:: (?P<said>[^\n]*?))? -->\n+)?"
+    r"|(?:^<!-- (?P<mark>output of|file|together until|not run)(?:: (?P<said>[^\n]*?))? -->\n+)?"
     r"(?:^(?P<fence> *```)(?P<language>[^\n`]*)\n(?P<fenced>.*?)^ *```$"
     r"|(?P<indented>(?:^ {4,}\S[^\n]*\n(?:^ *\n(?= {4}))*)+))",
     re.MULTILINE | re.DOTALL,
@@ -54,6 +55,8 @@ class Step:
         Name and content of a file.
     picture : str
         Path, seen from the page, of a picture that the command draws.
+    until : str
+        Words in the output of the last command, after which all of them are interrupted.
     """
 
     line: int
@@ -62,6 +65,7 @@ class Step:
     file: str = ""
     text: str = ""
     picture: str = ""
+    until: str = ""
 
 
 def folders(page: str) -> list[str]:
@@ -78,8 +82,8 @@ def steps(page: str) -> Iterator[Step]:
             yield Step(line, (block["drawn"],), picture=block["picture"])
         elif mark == "file":
             yield Step(line, file=said, text=text)
-        elif mark == "together":
-            yield Step(line, tuple(command for _, command in typed(text)))
+        elif mark == "together until":
+            yield Step(line, tuple(command for _, command in typed(text)), until=said)
         elif mark == "output of":
             yield Step(line, (said,), tuple(text.splitlines()))
         elif mark is None and not block["language"]:
@@ -105,7 +109,7 @@ def plain_blocks(page: str) -> Iterator[tuple[int, str]]:
     """Yield the commands without a prompt of a page, and the line of each from 1."""
     for block in _BLOCK.finditer(page):
         first, text = _content(page, block)
-        shell = block["mark"] in (None, "together") and not block["language"]
+        shell = block["mark"] in (None, "together until") and not block["language"]
         if shell and not re.search(r"^ *\$ ", text, re.MULTILINE):
             for number, command in typed(text):
                 yield first + number, command

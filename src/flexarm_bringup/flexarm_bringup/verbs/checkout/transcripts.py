@@ -56,7 +56,9 @@ def _otherwise(step: Step, folder: Path, page: Path, root: Path) -> Iterator[str
     """Draw a picture anew; yield that it is another one."""
     shown = page.parent / step.picture
     drawn = folder / shown.name
-    yield from _wrong(Step(step.line, (f"{step.commands[0]} {drawn.name}",)), folder)
+    again = Step(step.line, (f"{step.commands[0]} {drawn.name}",))
+    name = f"{page.relative_to(root)}:{step.line}"
+    yield from (f"{name}: {each}" for each in _wrong(again, folder))
     if drawn.exists() and not (
         shown.exists() and drawn_alike(shown.read_text("utf-8"), drawn.read_text("utf-8"))
     ):
@@ -64,33 +66,43 @@ def _otherwise(step: Step, folder: Path, page: Path, root: Path) -> Iterator[str
         new.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(drawn, new)
         yield (
-            f"{page.relative_to(root)}:{step.line}: another picture now: look at {new}, and copy "
-            f"it to {shown.relative_to(root)}"
+            f"{name}: another picture now: look at {new}, and copy it to {shown.relative_to(root)}"
         )
 
 
 def _wrong(step: Step, folder: Path) -> Iterator[str]:
     # Away from the graphs that run on this machine.
     environment = {**os.environ, "ROS_DOMAIN_ID": str(_FIRST_DOMAIN + os.getpid() % _DOMAINS)}
-    *others, last = step.commands
-    # `exec`: the signal at the end is for the command, not for the shell that started it.
-    started = [
-        _started(f"exec {command}", folder, environment, subprocess.DEVNULL) for command in others
-    ]
-    try:
-        running = _started(last, folder, environment, subprocess.PIPE)
-        printed, _ = running.communicate()
-    finally:
-        for other in started:
-            other.send_signal(signal.SIGINT)
-        for other in started:
-            other.wait(_END_S)
+    if step.until:
+        yield from _together(step, folder, environment)
+        return
+    running = _started(step.commands[0], folder, environment, subprocess.PIPE)
+    printed, _ = running.communicate()
     fails = any(line.strip().startswith(_ERROR) for line in step.shown)
     if (running.returncode != 0) != fails:
         end = "\n    ".join(printed.strip().splitlines()[-3:])
         yield f"exit code {running.returncode}\n    {end}"
     # A page is of no folder.
     yield from differences(step.shown, printed.replace(f"{folder}/", ""))
+
+
+def _together(step: Step, folder: Path, environment: Mapping[str, str]) -> Iterator[str]:
+    """Run commands side by side until the last says its words, and interrupt them."""
+    outputs = [subprocess.DEVNULL] * (len(step.commands) - 1) + [subprocess.PIPE]
+    # `exec`: the signal is for the command, not for the shell that started it.
+    running = [
+        _started(f"exec {command}", folder, environment, output)
+        for command, output in zip(step.commands, outputs, strict=True)
+    ]
+    said = running[-1].stdout
+    try:
+        if said is not None and not any(step.until in line for line in said):
+            yield f"ended without {step.until!r}"
+    finally:
+        for each in running:
+            each.send_signal(signal.SIGINT)
+        for each in running:
+            each.communicate(timeout=_END_S)
 
 
 def _started(

@@ -44,7 +44,7 @@ print(1)
 four
 ```
 
-<!-- together -->
+<!-- together until: at zero -->
 
     ./flexarm record out/a
     ./flexarm run node \\
@@ -66,7 +66,11 @@ def test_page___steps___are_its_commands_with_their_lines_and_its_files() -> Non
         Step(14, ("third",), ("      three",)),
         Step(19, file="look.py", text="print(1)\n"),
         Step(30, ("fourth",), ("four",)),
-        Step(35, ("./flexarm record out/a", "./flexarm run node -p law:=pd")),
+        Step(
+            35,
+            ("./flexarm record out/a", "./flexarm run node -p law:=pd"),
+            until="at zero",
+        ),
         Step(39, ("python draw.py",), picture="images/curve.svg"),
     ]
     assert folders(PAGE) == ["examples/own"]

@@ -28,10 +28,10 @@ print(7)
     flexarm: no such bag
     $ {last}
 
-<!-- together -->
+<!-- together until: at zero -->
 
-    sh -c 'trap "echo ended > kept.txt; exit" INT; while :; do sleep .05; done'
-    sleep .3
+    sh -c 'trap "echo ended > kept.txt; exit" INT; echo > ready; while :; do sleep .05; done'
+    sh -c 'until [ -e ready ]; do sleep .05; done; echo is at zero now; exec sleep 100'
 
 Then:
 
