@@ -93,7 +93,7 @@ def stabilisation(bags: tuple[Path, ...], out: Path) -> None:
 def steps(bags: tuple[Path, ...], out: Path) -> None:
     """Draw the steps of three controllers."""
     axes = new()
-    looks = (("tuned", "#0072b2"), ("thesis's gains", "#b35900"), ("no compensation", "#777777"))
+    looks = (("tuned", "#0072b2"), ("defaults", "#b35900"), ("no compensation", "#777777"))
     for bag, (name, color) in zip(bags, looks, strict=True):
         run = read_bag(bag)
         start = int(np.argmax(run.reference > 0.0))
