@@ -7,7 +7,7 @@ page shows.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -18,7 +18,7 @@ from flexarm_ident import identify, preprocess, read_bag
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LOOK = {
+LOOK: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "flexarm",
     "path.simplify": False,
@@ -49,7 +49,8 @@ def new() -> Axes:
 
 def save(axes: Axes, out: Path) -> None:
     """Write the figure, the same at any time."""
-    axes.figure.savefig(out, metadata={"Date": None, "Creator": None})
+    plt.sca(axes)
+    plt.savefig(out, metadata={"Date": None, "Creator": None})
 
 
 @click.group()
@@ -96,7 +97,7 @@ def steps(bags: tuple[Path, ...], out: Path) -> None:
     looks = (("tuned", "#0072b2"), ("defaults", "#b35900"), ("no compensation", "#777777"))
     for bag, (name, color) in zip(bags, looks, strict=True):
         run = read_bag(bag)
-        start = int(np.argmax(run.reference > 0.0))
+        start = 0 if run.reference is None else int(np.argmax(run.reference > 0.0))
         shown = slice(start, start + round(STEP_S / run.dt_s), EVERY)
         time_s = run.dt_s * (np.arange(len(run)) - start)
         axes.plot(time_s[shown], run.y[shown, 0], color=color, label=name)
