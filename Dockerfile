@@ -1,26 +1,22 @@
-# flexarm on an installed ROS 2: the steps of docs/howto/ros2_installation.md, as commands.
+# All of flexarm on a bare Python: what `./flexarm` sets up by itself, without the compiler that it needed for it.
 #   docker build -t flexarm .
-#   docker run --rm -it flexarm                       the arm, simulated
-#   docker exec -it CONTAINER /ros_entrypoint.sh bash -c '. install/setup.bash && flexarm reference 2'
-FROM ros:jazzy
+#   docker run --rm -it -v "$PWD/out:/flexarm/out" flexarm ./flexarm demo
+# On an installed ROS 2: Dockerfile.ros
+FROM python:3.12-slim AS build
 
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends python3-venv ros-jazzy-robot-state-publisher \
+    && apt-get install -y --no-install-recommends build-essential \
     && rm -rf /var/lib/apt/lists/*
 
 WORKDIR /flexarm
-COPY src src
-COPY requirements requirements
+COPY . .
+# pip keeps no copies of what it fetched.
+RUN PIP_NO_CACHE_DIR=1 ./flexarm exec true && rm -rf log
 
-# What has a key of rosdep comes from Ubuntu and ROS, the rest from PyPI into an environment that sees those.
-RUN apt-get update && rosdep update \
-    && rosdep install --from-paths src --ignore-src -y --skip-keys python3-rosbags-pip \
-    && rm -rf /var/lib/apt/lists/*
-RUN python3 -m venv --system-site-packages /opt/flexarm \
-    && /opt/flexarm/bin/pip install --no-cache-dir -r requirements/base.in -r requirements/colcon.in
+# The environment stays where it was made, since its scripts name the place.
+FROM python:3.12-slim
 
-# colcon of the environment: the nodes run with the Python that built them.
-ENV PATH=/opt/flexarm/bin:$PATH
-RUN . /opt/ros/jazzy/setup.sh && colcon build --base-paths src
+WORKDIR /flexarm
+COPY --from=build /flexarm .
 
-CMD ["bash", "-c", ". install/setup.bash && exec ros2 launch flexarm_bringup laboratory.launch.py"]
+CMD ["./flexarm", "--help"]

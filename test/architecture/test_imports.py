@@ -40,6 +40,19 @@ USERS_OF_THE_RIG = {
     "flexarm_live.foxglove_node",
 }
 MOST_FLOORS = 8
+# Of the standard library after Python 3.10, the oldest that is supported: no linter looks for them.
+NEWER = {
+    "asyncio.Runner", "asyncio.TaskGroup", "asyncio.timeout", "contextlib.chdir", "datetime.UTC",
+    "enum.ReprEnum", "enum.StrEnum", "enum.verify", "hashlib.file_digest", "itertools.batched",
+    "tomllib", "typing.LiteralString", "typing.Never", "typing.NotRequired", "typing.Required",
+    "typing.Self", "typing.TypeVarTuple", "typing.Unpack", "typing.assert_never",
+    "typing.assert_type", "typing.override",
+}  # fmt: skip
+
+
+def test_modules___load_only_what_the_oldest_python_has() -> None:
+    loaded = {module.name: NEWER & module.loaded for module in MODULES}
+    assert {name: names for name, names in loaded.items() if names} == {}
 
 
 def test_circle___of_arrows_with_one___is_found() -> None:

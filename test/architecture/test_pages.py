@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 from typing import TYPE_CHECKING
 
+import click
+import pytest
+
+from flexarm_bringup.cli import main
+from flexarm_bringup.verbs.checkout.pages import plain_blocks, steps
 from support.import_graph import project_modules
 from support.project import PROJECT
 
@@ -64,6 +70,27 @@ def test_pages_on_the_front___links___lead_to_files_and_headings() -> None:
             if "://" not in target and not leads_to(PROJECT / path, anchor):
                 missing.append(f"{page.name}: {target}")
     assert missing == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(PROJECT)))
+def test_page___commands_of_flexarm___have_verbs_and_options_that_exist(page: Path) -> None:
+    """Those with a prompt are run when the site is built; the others are read here."""
+    text = page.read_text("utf-8")
+    lines = [line for _, line in plain_blocks(text)]
+    lines += [command for step in steps(text) for command in step.commands]
+    for command in re.split(r"\n|; (?=\./)", "\n".join(lines)):
+        if command.startswith("./flexarm "):
+            read_as_typed(shlex.split(command)[1:])
+
+
+def read_as_typed(words: list[str]) -> None:
+    """Read a command line up to its options; what they name need not be there."""
+    command: click.Command | None = main
+    while isinstance(command, click.Group) and not words[0].startswith("-"):
+        _, command, words = command.resolve_command(click.Context(command), words)
+    assert command is not None
+    context = click.Context(command, **command.context_settings)
+    command.make_parser(context).parse_args(list(words))
 
 
 def leads_to(file: Path, anchor: str) -> bool:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from flexarm_ident.models.modes import RankTable, rank_table
     from flexarm_ident.reading.channels import Selection, selection
     from flexarm_ident.reading.read import read_bag, read_bag_report, read_channels
+    from flexarm_ident.records.columns import from_columns, to_columns
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.preprocess import preprocess
     from flexarm_ident.reduction.balanced import BalancedTruncation, balanced_truncation
@@ -52,6 +53,7 @@ __all__ = [
     "balanced_truncation",
     "estimate_coulomb",
     "fit_arm",
+    "from_columns",
     "identify",
     "load_friction",
     "load_model",
@@ -67,6 +69,7 @@ __all__ = [
     "selection",
     "simulate_with_friction",
     "thesis_realisation",
+    "to_columns",
     "validate_dmv",
     "validate_sfv",
 ]

@@ -108,6 +108,10 @@ class StepFigures:
     settling_s: float
     rise_s: float
 
+    def __str__(self) -> str:
+        figures = ", ".join(f"{name}={value:.4g}" for name, value in vars(self).items())
+        return f"StepFigures({figures})"
+
 
 def step_figures(
     time_s: RealArray, position_v: RealArray, reference_v: float, start_v: float = 0.0

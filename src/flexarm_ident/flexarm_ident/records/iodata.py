@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, replace
-from enum import StrEnum
+from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -27,12 +27,15 @@ if TYPE_CHECKING:
 ARM_OUTPUTS = CHANNEL_NAMES
 
 
-class Grade(StrEnum):
+class Grade(str, Enum):
     """Weight of a note, the heaviest first."""
 
     DO_NOT_USE = "do not use"
     CAUTION = "caution"
     INFORMATION = "information"
+
+    # `StrEnum` came with Python 3.11.
+    __str__ = str.__str__
 
 
 @dataclass(frozen=True)

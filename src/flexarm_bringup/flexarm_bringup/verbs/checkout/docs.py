@@ -1,4 +1,4 @@
-"""Verb docs: site of the pages that works offline, and a run of their examples."""
+"""Verb docs: site of the pages that works offline, and a run of what they show."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.checks import EXAMPLES, passes
 from flexarm_bringup.verbs.checkout.folder import checkout
+from flexarm_bringup.verbs.checkout.pages import steps
+from flexarm_bringup.verbs.checkout.transcripts import outdated
 from flexarm_core.outputs import MARK, is_replaceable
 
 _BUILD = ".buildinfo"
@@ -31,6 +33,7 @@ Not in this checkout. `./flexarm reproduce all -o docs/reproduction` makes it.
 
 
 @click.command()
+@click.argument("pages", nargs=-1, type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option(
     "-o",
     "--out",
@@ -40,19 +43,33 @@ Not in this checkout. `./flexarm reproduce all -o docs/reproduction` makes it.
     help="Folder of the site.",
 )
 @FORCE
-@examples("docs")
-def docs(out: Path, *, force: bool) -> None:
-    """Build the pages as a site, and run their examples.
+@examples("docs", "docs docs/tutorial.md")
+def docs(pages: tuple[Path, ...], out: Path, *, force: bool) -> None:
+    """Build the pages as a site, and run what they show.
 
-    The site works offline.
+    Runs the examples and the commands of all pages, compares the outputs and figures with those
+    that the pages show, and builds the site, which works offline. With PAGES, only their commands
+    are run, and nothing is built.
     """
     root = checkout("pages")
-    hold = passes("examples", EXAMPLES, root)
-    terminal.step(f"site: {out / 'index.html'}")
-    warnings = build_site(root, out, force=force)
-    if warnings:
-        terminal.CONSOLE.print(warnings, markup=False)
-    sys.exit(0 if hold and not warnings else 1)
+    hold = bool(pages) or passes("examples", EXAMPLES, root)
+    for page in [page.resolve() for page in pages] or _pages(root):
+        terminal.step(f"commands: {page.relative_to(root)}")
+        for line in outdated(root, page):
+            hold = False
+            terminal.CONSOLE.print(line, markup=False)
+    if not pages:
+        terminal.step(f"site: {out / 'index.html'}")
+        if warnings := build_site(root, out, force=force):
+            hold = False
+            terminal.CONSOLE.print(warnings, markup=False)
+    sys.exit(0 if hold else 1)
+
+
+def _pages(root: Path) -> list[Path]:
+    """Return the pages with commands that are run."""
+    written = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+    return [page for page in written if next(steps(page.read_text("utf-8")), None) is not None]
 
 
 def build_site(root: Path, out: Path, *, force: bool = False) -> str:

@@ -1,0 +1,55 @@
+"""Record from named columns and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexarm_core.errors import DataError
+from flexarm_ident import from_columns, to_columns
+
+
+def a_table() -> dict[str, list[float]]:
+    return {
+        "t": [0.0, 0.5, 1.0, 1.5],
+        "drive_v": [1.0, 2.0, 3.0, 4.0],
+        "angle_deg": [0.1, float("nan"), 0.3, 0.4],
+        "remark": [0.0, 0.0, 0.0, 0.0],
+    }
+
+
+def test_columns___there_and_back___are_the_same_record() -> None:
+    record = from_columns(a_table(), inputs=["drive_v"], outputs=["angle_deg"], time="t")
+    assert record.dt_s == pytest.approx(0.5)
+    assert (record.inputs, record.outputs) == (("drive_v",), ("angle_deg",))
+    columns = to_columns(record)
+    assert list(columns) == ["time_s", "drive_v", "angle_deg"]
+    for name, given in (("time_s", "t"), ("drive_v", "drive_v"), ("angle_deg", "angle_deg")):
+        np.testing.assert_allclose(columns[name], a_table()[given])
+    again = from_columns(columns, inputs=record.inputs, outputs=record.outputs)
+    np.testing.assert_allclose(again.y_measured, record.y_measured)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("t", [0.0, 0.5, 1.2, 1.5], r"column t: .*equal steps.* at row 2 "),
+        ("t", [0.0, 0.0, 0.0, 0.0], r"column t: .*equal steps"),
+        ("t", [0.0, 0.5, float("nan"), 1.5], r"column t: .*equal steps"),
+        ("drive_v", ["a", "b", "c", "d"], r"column drive_v holds something else than numbers"),
+    ],
+)
+def test_columns___without_even_time_or_numbers___are_refused(
+    name: str, values: list[object], words: str
+) -> None:
+    with pytest.raises(DataError, match=words):
+        from_columns(
+            {**a_table(), name: values}, inputs=["drive_v"], outputs=["angle_deg"], time="t"
+        )
+
+
+def test_columns___unknown_name___is_told_with_those_that_there_are() -> None:
+    with pytest.raises(
+        DataError, match=r"no column time_s; there are: t, drive_v, angle_deg, remark"
+    ):
+        from_columns(a_table(), inputs=["drive_v"], outputs=["angle_deg"])
