@@ -3,7 +3,7 @@
 Every figure is noise-free, since the sensors' noise hides settling and vibration. `planned` is
 given the payload, `planned_blind` detects it; `planned_observer` has the observer of friction, and
 `planned_model` plans on a model that was identified from the simulated C_dat3 with the payload.
-The second move goes back to zero: what a law has learned of the payload, it knows by then.
+`lqg_limited` has a limit on the gauge. The second move goes back to zero: what a law has learned of the payload, it knows by then.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ _OWN: dict[str, dict[str, float]] = {
     "planned_blind": {},
     "planned_model": {},
 }
-NAMES = (*(name for name in LAWS if name != "planned"), *_OWN)
+_LIMITED, _LIMIT_V = "lqg_limited", 2.0
+NAMES = (*(name for name in LAWS if name != "planned"), _LIMITED, *_OWN)
 _MODEL = "planned_model"
 _PAGE = Path(__file__).parents[2] / "docs" / "control.md"
 _HEADING = "## Which law\n"
@@ -161,6 +162,8 @@ def step(case: Case) -> Step:
     if case.law in ("planned", "planned_observer"):
         values["payload_kg"] = case.payload_kg
     name = "planned" if case.law in _OWN else case.law
+    if case.law == _LIMITED:
+        name, values = "lqg", {"strain_limit_v": _LIMIT_V}
     law = build_law(name, values, identified_model(case.payload_kg) if case.law == _MODEL else None)
     reference_v = np.full(round(LENGTH_S * RATE_HZ), case.setpoint_v)
     if case.variant == SECOND:
