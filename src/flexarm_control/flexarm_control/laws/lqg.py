@@ -203,7 +203,11 @@ class Lqg:
         self._payloads_kg = [each.payload_kg for each in designs]
         self._observers = [Observer(each.design) for each in designs]
         limit_v = limit.strain_limit_v
-        self._limiters = [StrainLimiter(each.design, limit_v) for each in designs if limit_v]
+        self._limiters = [
+            StrainLimiter(each.design.model, each.design.kc, each.design.kp, limit_v)
+            for each in designs
+            if limit_v
+        ]
         self._rest = CalmRest(thresholds, rate_hz)
         self._estimator = PayloadEstimator(PayloadDetection(**asdict(sensing), rate_hz=rate_hz))
         self.reset()
