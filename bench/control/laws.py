@@ -69,7 +69,8 @@ The two tables come from `./flexarm bench laws --docs`: steps to 1, 3 and 5 V wi
 {seeds} seed(s) a case, mean and worst settling. Overshoot, error, the gauge's peak and the command
 are the worst; the gauge's RMS from 3 to 10 s is a mean. All figures are noise-free. `planned` and
 `planned_observer` know the payload, `planned_blind` detects it, and `planned_model` plans on a
-model identified from the simulated C_dat3. `lqg_limited` has a limit of 2 V. 10 s means that some steps never settle.
+model identified from the simulated C_dat3. `lqg_limited` has a limit of 2 V. 10 s means that some
+steps never settle.
 
 """
 
