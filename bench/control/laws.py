@@ -3,7 +3,8 @@
 Every figure is noise-free, since the sensors' noise hides settling and vibration. `planned` is
 given the payload, `planned_blind` detects it; `planned_observer` has the observer of friction, and
 `planned_model` plans on a model that was identified from the simulated C_dat3 with the payload.
-The second move goes back to zero: what a law has learned of the payload, it knows by then.
+`lqg_limited` has a limit on the gauge. The second move goes back to zero: what a law has learned of
+the payload, it knows by then.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ _OWN: dict[str, dict[str, float]] = {
     "planned_blind": {},
     "planned_model": {},
 }
-NAMES = (*(name for name in LAWS if name != "planned"), *_OWN)
+_LIMITED, _LIMIT_V = "lqg_limited", 2.0
+NAMES = (*(name for name in LAWS if name != "planned"), _LIMITED, *_OWN)
 _MODEL = "planned_model"
 _PAGE = Path(__file__).parents[2] / "docs" / "control.md"
 _HEADING = "## Which law\n"
@@ -59,6 +61,7 @@ also `planned.observer_hz` 5 |
 | move on your own arm | `planned` with `planned.model`, from `identify` |
 | keep the command and the gauge's peak small, or bear noise in the set-point | `pdpc_plus` |
 | settle with a payload that changes, without a plan | `pdpc_scheduled` |
+| bear a delay, or limit the gauge's peak in a fast move (`lqg.strain_limit_v`) | `lqg` |
 | control from the position alone | `ilqr` |
 | repeat the thesis | `pd`, `pi`, `pdp`, `pdpc` and `pdpc_unconditional` with its values |
 
@@ -66,7 +69,8 @@ The two tables come from `./flexarm bench laws --docs`: steps to 1, 3 and 5 V wi
 {seeds} seed(s) a case, mean and worst settling. Overshoot, error, the gauge's peak and the command
 are the worst; the gauge's RMS from 3 to 10 s is a mean. All figures are noise-free. `planned` and
 `planned_observer` know the payload, `planned_blind` detects it, and `planned_model` plans on a
-model identified from the simulated C_dat3. 10 s means that some steps never settle.
+model identified from the simulated C_dat3. `lqg_limited` has a limit of 2 V. 10 s means that some
+steps never settle.
 
 """
 
@@ -161,6 +165,8 @@ def step(case: Case) -> Step:
     if case.law in ("planned", "planned_observer"):
         values["payload_kg"] = case.payload_kg
     name = "planned" if case.law in _OWN else case.law
+    if case.law == _LIMITED:
+        name, values = "lqg", {"strain_limit_v": _LIMIT_V}
     law = build_law(name, values, identified_model(case.payload_kg) if case.law == _MODEL else None)
     reference_v = np.full(round(LENGTH_S * RATE_HZ), case.setpoint_v)
     if case.variant == SECOND:

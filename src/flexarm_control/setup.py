@@ -8,7 +8,7 @@ setup(
     packages=find_packages(),
     package_data={
         PACKAGE: ["controller.yaml"],
-        f"{PACKAGE}.models": ["*.yaml", "identified/*.yaml"],
+        f"{PACKAGE}.models": ["*.yaml", "identified/*.yaml", "rig/*.yaml"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -164,11 +164,13 @@ def _tune_schedule(models: Models, request: TuneRequest) -> TuneResult:
 
 
 def _tune_ilqr(models: Models, request: TuneRequest) -> TuneResult:
-    return _tune_regulator("ilqr", design_ilqr, IlqrWeights(ki=_REGULATOR_KI), models, request)
+    weights, more = IlqrWeights(ki=_REGULATOR_KI), asdict(Compensation())
+    return _tune_regulator("ilqr", design_ilqr, weights, models, request, more=more)
 
 
 def _tune_lqg(models: Models, request: TuneRequest) -> TuneResult:
-    return _tune_regulator("lqg", design_lqg, LqgWeights(ki=_REGULATOR_KI), models, request)
+    weights = LqgWeights(loop_delay_s=request.delay_s)
+    return _tune_regulator("lqg", design_lqg, weights, models, request)
 
 
 def _tune_regulator(
@@ -177,12 +179,15 @@ def _tune_regulator(
     weights: _WeightsT,
     models: Models,
     request: TuneRequest,
+    *,
+    more: Mapping[str, float] = MappingProxyType({}),
 ) -> TuneResult:
+    """Tune a regulator; `more` are the other parameters of the law that the result names."""
     wanted = request.requirements()
     found = tune_regulator(list(models.values()), design, weights, wanted, delay_s=request.delay_s)
     first = next(iter(models))
     name = parameter_name(first)
-    values = {"model": name, **asdict(found.weights), **asdict(Compensation())}
+    values = {"model": name, **asdict(found.weights), **more}
     modes = ", ".join(f"{mode_hz:.1f}" for mode_hz in found.modes_hz)
     return TuneResult(
         _prefixed(law, values) | model_parameters(name, models[first], provenance={}),

@@ -41,7 +41,7 @@ _COMMON_DIGITS = 9
 
 @dataclass(frozen=True)
 class RegulatorWeights(Bounded):
-    """Weights of the design of a regulator: Q and R of (4-9), and K_I of Figure 4-13.
+    """Weights of the design of a regulator: Q and R of (4-9).
 
     The thesis weighs the states of its own realisation, which is not printed. Here the outputs are
     weighed, which any realisation has. The defaults were found by trial on the simulated rig.
@@ -51,13 +51,13 @@ class RegulatorWeights(Bounded):
     strain: float = setting(0.3, 0.0, 1e3, "1/V^2", "weight of the gauges")
     speed: float = setting(20.0, 0.0, 1e3, "1/V^2", "weight of the speed")
     effort: float = setting(0.6, 1e-3, 1e3, "1/V^2", "weight of the effort")
-    ki: float = setting(0.0005, 0.0, 1.0, "", "gain on the sum of the errors")
 
 
 @dataclass(frozen=True)
 class IlqrWeights(RegulatorWeights):
-    """Weights of the design of Figure 4-13; the thesis's observer is twice as fast."""
+    """Weights of the design of Figure 4-13 and its K_I; the thesis's observer is twice as fast."""
 
+    ki: float = setting(0.0005, 0.0, 1.0, "", "gain on the sum of the errors")
     observer_speed: float = setting(2.0, 1.0, 5.0, "", "least speed ratio to the regulator")
 
 
@@ -129,7 +129,7 @@ def design_ilqr(model: control.StateSpace, weights: IlqrWeights | None = None) -
     order, position = model.nstates, model.C[[POSITION]]
     speed_up = regulator_radius**-weights.observer_speed
     dual = quadratic_gain(speed_up * model.A.T, position.T, np.eye(order), np.eye(1))
-    observer = _rounded(dual.T / speed_up)
+    observer = rounded(dual.T / speed_up)
     return IlqrDesign(
         model=model,
         channels=(POSITION,),
@@ -173,7 +173,55 @@ def design_regulator(
     weighted = np.sqrt(per_output)[:, None] * c
     kc = quadratic_gain(a, b, weighted.T @ weighted, np.array([[weights.effort]]))
     steady = c[[POSITION]] @ np.linalg.solve(np.eye(len(a)) - a + b @ kc, b)
-    return kc.ravel(), float(_rounded(1.0 / steady[0, 0]))
+    return kc.ravel(), float(rounded(1.0 / steady[0, 0]))
+
+
+class Observer:
+    """Observer of a design, one sample at a time.
+
+    The products of a sample are summed in one order: the same samples give the same states on
+    every machine.
+
+    Parameters
+    ----------
+    design : IlqrDesign
+        Gains of the controller.
+
+    Attributes
+    ----------
+    state : ndarray, (states,)
+        State before the sample.
+    """
+
+    def __init__(self, design: IlqrDesign) -> None:
+        model, measured = design.model, list(design.channels)
+        self._kc, self._kp = design.kc, design.kp
+        a = model.A - np.einsum("ij,jk", design.observer, model.C[measured])
+        # One product gives the next state from state, effort and measured outputs.
+        self._move = np.ascontiguousarray(np.hstack([a, model.B, design.observer]))
+        self._measured = tuple(enumerate(measured, len(a) + 1))
+        self._at_rest = rounded(_at_rest(model))
+        self._order = len(a)
+        self._known = np.zeros(self._move.shape[1])
+        self.state = self._known[: self._order]
+        self._next = np.zeros(self._order)
+
+    def begin(self, position_v: float) -> None:
+        """Start at rest at a position, V."""
+        np.multiply(self._at_rest, position_v, out=self.state)
+
+    def effort_v(self, reference_v: float) -> float:
+        """Return the effort of the state feedback K_P R - K_C x, V."""
+        return self._kp * reference_v - float(np.einsum("i,i", self._kc, self.state))
+
+    def move(self, volts: Sequence[float], effort_v: float) -> None:
+        """Go on to the next sample with the outputs and the effort of this one, V."""
+        known = self._known
+        for place, channel in self._measured:
+            known[place] = volts[channel]
+        known[self._order] = effort_v
+        np.einsum("ij,j", self._move, known, out=self._next)
+        self.state[:] = self._next
 
 
 class Ilqr:
@@ -183,8 +231,8 @@ class Ilqr:
     saturation, and the sum of the errors is held while the drive is saturated, so neither winds up.
     A measurement beyond 100 V is a fault: the answer is zero and the states do not change.
 
-    The gains have nine digits, and the products of a step are summed in one order: the same samples
-    give the same commands on every machine.
+    The gains have nine digits, and the observer sums in one order: the same samples give the same
+    commands on every machine.
 
     A model from data without the compensation is that of an arm whose friction is compensated. So
     the law can compensate as well, as in (4-8), with the speed of the observer.
@@ -200,51 +248,39 @@ class Ilqr:
     def __init__(
         self, design: IlqrDesign, compensation: OptionalCompensation | None = None
     ) -> None:
-        model, measured = design.model, list(design.channels)
         self._design = design
         self._compensation = compensation if compensation is not None else OptionalCompensation()
-        self._speed = np.array(model.C[SPEED])
-        a = model.A - np.einsum("ij,jk", design.observer, model.C[measured])
-        # One product gives the next state from state, effort and measured outputs.
-        self._move = np.ascontiguousarray(np.hstack([a, model.B, design.observer]))
-        self._measured = tuple(enumerate(measured, len(a) + 1))
-        self._at_rest = _rounded(_at_rest(model))
-        self._order = len(a)
-        self._known = np.zeros(self._move.shape[1])
-        self._state = self._known[: self._order]
-        self._next = np.zeros(self._order)
+        self._speed = np.array(design.model.C[SPEED])
+        self._observer = Observer(design)
         self._started = False
         self._integral_v = 0.0
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
-        design, known = self._design, self._known
-        for place, channel in self._measured:
+        design, observer = self._design, self._observer
+        for channel in design.channels:
             if not -PLAUSIBLE_V < volts[channel] < PLAUSIBLE_V:
                 return NO_EFFORT
-            known[place] = volts[channel]
         if not -PLAUSIBLE_V < reference_v < PLAUSIBLE_V:
             return NO_EFFORT
         if not self._started:
-            np.multiply(self._at_rest, volts[POSITION], out=self._state)
+            observer.begin(volts[POSITION])
             self._started = True
         error_v = reference_v - volts[POSITION]
         integral_v = self._integral_v + error_v
-        feedback_v = float(np.einsum("i,i", design.kc, self._state))
+        feedback_v = float(np.einsum("i,i", design.kc, observer.state))
         effort_v = design.kp * reference_v + design.ki * integral_v - feedback_v
         answer = limited(effort_v, self._compensation_v(effort_v, error_v))
         if effort_v == answer.effort_v or effort_v * error_v < 0.0:
             self._integral_v = integral_v
-        known[self._order] = answer.effort_v
-        np.einsum("ij,j", self._move, known, out=self._next)
-        self._state[:] = self._next
+        observer.move(volts, answer.effort_v)
         return answer
 
     def _compensation_v(self, effort_v: float, error_v: float) -> float:
         """Return the compensation (4-8), V."""
         if not self._compensation.compensation_v:
             return 0.0
-        speed_v = float(np.einsum("i,i", self._speed, self._state))
+        speed_v = float(np.einsum("i,i", self._speed, self._observer.state))
         return self._compensation.command_v(effort_v, error_v, speed_v)
 
     def reset(self) -> None:
@@ -255,14 +291,14 @@ class Ilqr:
     def memory(self) -> Memory:
         """Return observer and sum of the errors; see `LawWithMemory.memory`."""
         return {
-            "observer": self._state.tolist(),
+            "observer": self._observer.state.tolist(),
             "integral_v": (self._integral_v,),
             "started": (float(self._started),),
         }
 
     def remember(self, memory: Memory) -> None:
         """Go on from an observer and a sum of the errors; see `LawWithMemory.remember`."""
-        self._state[:] = memory["observer"]
+        self._observer.state[:] = memory["observer"]
         (self._integral_v,) = memory["integral_v"]
         self._started = bool(memory["started"][0])
 
@@ -278,7 +314,7 @@ def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -
     from control import dlqr  # noqa: PLC0415 - it loads matplotlib
 
     try:
-        return _rounded(dlqr(A, B, Q, R)[0])
+        return rounded(dlqr(A, B, Q, R)[0])
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SettingError(
             f"no regulator or observer for this model and these weights ({error}); weigh the "
@@ -291,7 +327,7 @@ def radius(a: FloatArray) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(a))))
 
 
-def _rounded(gains: FloatArray | float) -> FloatArray:
+def rounded(gains: FloatArray | float) -> FloatArray:
     """Return gains to the `_COMMON_DIGITS` of the largest one."""
     largest = float(np.max(np.abs(gains)))
     digits = _COMMON_DIGITS - 1 - (math.floor(math.log10(largest)) if largest else 0)

@@ -54,8 +54,8 @@ _MOVING_V = 0.01
 
 
 @dataclass(frozen=True)
-class PayloadDetection(Bounded):
-    """Settings of the payload estimator.
+class PayloadSensing(Bounded):
+    """Settings of the payload estimator, without the rate of its signals.
 
     The default stiffness 3 EI / L^3 is that of section 2.3. The tare is the share of the arm
     itself, the holder and the higher modes. A move without payload measures it: the estimate plus
@@ -70,6 +70,12 @@ class PayloadDetection(Bounded):
     bandwidth_hz: float = setting(2.0, 0.2, 10.0, "Hz", "low-pass of the signals")
     memory_s: float = setting(3.0, 0.5, 60.0, "s", "motion that is remembered")
     detected_kg: float = setting(0.08, 0.001, 1.0, "kg", "largest deviation of a detected payload")
+
+
+@dataclass(frozen=True)
+class PayloadDetection(PayloadSensing):
+    """Settings of the payload estimator."""
+
     rate_hz: float = setting(300.0, 50.0, 2000.0, "Hz", "sampling rate of the signals")
 
 

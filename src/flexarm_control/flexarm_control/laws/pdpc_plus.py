@@ -30,7 +30,7 @@ _COMPENSATION_V = 0.7
 
 
 @dataclass(frozen=True)
-class Rest(Bounded):
+class RestThresholds(Bounded):
     """Thresholds of the rest at the set-point, and the help to the bent arm.
 
     The set-point is reached when the filtered position error and speed are both below their
@@ -47,7 +47,80 @@ class Rest(Bounded):
     strain_bandwidth_hz: float = setting(5.0, 0.5, 1000.0, "Hz", "low-pass of the base strain")
     release_v: float = setting(0.55, 0.0, 2.0, "V", "largest help to the bent arm at rest")
     release_strain_v: float = setting(0.05, 0.001, 5.0, "V", "base strain of the full help")
+
+
+@dataclass(frozen=True)
+class Rest(RestThresholds):
+    """Thresholds of the rest with the sampling rate of the law."""
+
     rate_hz: float = setting(300.0, 50.0, 2000.0, "Hz", "sampling rate of the signals")
+
+
+class CalmRest:
+    """State of the rest, one sample at a time.
+
+    Parameters
+    ----------
+    thresholds : RestThresholds
+        Thresholds of the rest, and the help to the bent arm.
+    rate_hz : float
+        Sampling rate of the signals, Hz.
+
+    Attributes
+    ----------
+    resting : bool
+        Whether the set-point counts as reached.
+    """
+
+    def __init__(self, thresholds: RestThresholds, rate_hz: float) -> None:
+        self._thresholds = thresholds
+        self._error_share = _share(thresholds.error_bandwidth_hz, rate_hz)
+        self._strain_share = _share(thresholds.strain_bandwidth_hz, rate_hz)
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the state before the first sample."""
+        self._error_v = self._speed_v = self._strain_v = 0.0
+        self._started = self.resting = False
+
+    def step(self, error_v: float, strain_v: float, speed_v: float) -> float:
+        """Take a sample, and return the help to the bent arm, V: zero when there is no rest.
+
+        Parameters
+        ----------
+        error_v, strain_v, speed_v : float
+            Error of the position, base strain and speed, V, all finite.
+        """
+        rest = self._thresholds
+        if not self._started:
+            self._error_v, self._started = error_v, True
+        # The sums are weighted, since a difference of finite numbers may overflow.
+        share = self._error_share
+        self._error_v = (1.0 - share) * self._error_v + share * error_v
+        self._speed_v = (1.0 - share) * self._speed_v + share * speed_v
+        share = self._strain_share
+        self._strain_v = (1.0 - share) * self._strain_v + share * strain_v
+        error_limit_v, speed_limit_v = rest.rest_error_v, rest.rest_speed_v
+        if self.resting:
+            error_limit_v += rest.error_hysteresis_v
+            speed_limit_v += rest.speed_hysteresis_v
+        self.resting = abs(self._error_v) < error_limit_v and abs(self._speed_v) < speed_limit_v
+        if not self.resting:
+            return 0.0
+        return -rest.release_v * min(1.0, max(-1.0, self._strain_v / rest.release_strain_v))
+
+    def memory(self) -> Memory:
+        """Return the filtered signals and the rest; see `LawWithMemory.memory`."""
+        return {
+            "filtered_v": (self._error_v, self._speed_v, self._strain_v),
+            "started": (float(self._started),),
+            "resting": (float(self.resting),),
+        }
+
+    def remember(self, memory: Memory) -> None:
+        """Go on from filtered signals and a rest; see `LawWithMemory.remember`."""
+        self._error_v, self._speed_v, self._strain_v = memory["filtered_v"]
+        self._started, self.resting = bool(memory["started"][0]), bool(memory["resting"][0])
 
 
 class PdpcPlus:
@@ -71,60 +144,38 @@ class PdpcPlus:
     ) -> None:
         self._gains = gains if gains is not None else PdpGains()
         self._compensation_v = compensation_v
-        self._rest = rest if rest is not None else Rest()
-        self._error_share = _share(self._rest.error_bandwidth_hz, self._rest.rate_hz)
-        self._strain_share = _share(self._rest.strain_bandwidth_hz, self._rest.rate_hz)
-        self._error_v = self._speed_v = self._strain_v = 0.0
-        self._started = self._resting = False
+        rest = rest if rest is not None else Rest()
+        self._rest = CalmRest(rest, rest.rate_hz)
 
     @property
     def resting(self) -> bool:
         """Whether the set-point counts as reached."""
-        return self._resting
+        return self._rest.resting
 
     def step(self, volts: Sequence[float], reference_v: float) -> Effort:
         """Answer one sample; see `flexarm_control.laws.law_protocol.Law.step`."""
-        gains, rest = self._gains, self._rest
+        gains = self._gains
         error_v, strain_v, speed_v = reference_v - volts[0], volts[1], volts[3]
         effort_v = gains.kp * error_v - gains.kd * speed_v - gains.ksg * volts[2]
         if not (isfinite(effort_v) and isfinite(strain_v) and isfinite(error_v + speed_v)):
             return NO_EFFORT
-        if not self._started:
-            self._error_v, self._started = error_v, True
-        # The sums are weighted, since a difference of finite numbers may overflow.
-        share = self._error_share
-        self._error_v = (1.0 - share) * self._error_v + share * error_v
-        self._speed_v = (1.0 - share) * self._speed_v + share * speed_v
-        share = self._strain_share
-        self._strain_v = (1.0 - share) * self._strain_v + share * strain_v
-        error_limit_v, speed_limit_v = rest.rest_error_v, rest.rest_speed_v
-        if self._resting:
-            error_limit_v += rest.error_hysteresis_v
-            speed_limit_v += rest.speed_hysteresis_v
-        self._resting = abs(self._error_v) < error_limit_v and abs(self._speed_v) < speed_limit_v
-        if self._resting:
-            bent = min(1.0, max(-1.0, self._strain_v / rest.release_strain_v))
-            return limited(effort_v, -rest.release_v * bent)
+        help_v = self._rest.step(error_v, strain_v, speed_v)
+        if self._rest.resting:
+            return limited(effort_v, help_v)
         level_v = self._compensation_v
         return limited(effort_v, level_v if effort_v >= 0.0 else -level_v)
 
     def reset(self) -> None:
         """Return to the state before the first sample."""
-        self._error_v = self._speed_v = self._strain_v = 0.0
-        self._started = self._resting = False
+        self._rest.reset()
 
     def memory(self) -> Memory:
         """Return the filtered signals and the rest; see `LawWithMemory.memory`."""
-        return {
-            "filtered_v": (self._error_v, self._speed_v, self._strain_v),
-            "started": (float(self._started),),
-            "resting": (float(self._resting),),
-        }
+        return self._rest.memory()
 
     def remember(self, memory: Memory) -> None:
         """Go on from filtered signals and a rest; see `LawWithMemory.remember`."""
-        self._error_v, self._speed_v, self._strain_v = memory["filtered_v"]
-        self._started, self._resting = bool(memory["started"][0]), bool(memory["resting"][0])
+        self._rest.remember(memory)
 
 
 def _share(bandwidth_hz: float, rate_hz: float) -> float:

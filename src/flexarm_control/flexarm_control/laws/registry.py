@@ -19,11 +19,17 @@ from flexarm_control.laws.gains import (
     TunedPdpGains,
 )
 from flexarm_control.laws.ilqr import Ilqr, IlqrDesign, IlqrWeights, design_ilqr
-from flexarm_control.laws.lqg import LqgWeights, design_lqg
-from flexarm_control.laws.payload import PayloadDetection, PayloadEstimate
+from flexarm_control.laws.lqg import (
+    Lqg,
+    LqgSettings,
+    LqgWeights,
+    design_lqg,
+    packaged_designs,
+)
+from flexarm_control.laws.payload import PayloadDetection, PayloadEstimate, PayloadSensing
 from flexarm_control.laws.pd import Pd
 from flexarm_control.laws.pdpc import Pdp, Pdpc
-from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest
+from flexarm_control.laws.pdpc_plus import PdpcPlus, Rest, RestThresholds
 from flexarm_control.laws.pdpc_scheduled import ScheduledPdpc, ScheduleGains
 from flexarm_control.laws.pi import Pi
 from flexarm_control.laws.planned import Planned
@@ -33,6 +39,7 @@ from flexarm_control.planning.fitted_arm import fitted_arm
 from flexarm_control.planning.flat_arm import ArmFigures
 from flexarm_control.planning.friction_observer import FrictionSensing
 from flexarm_control.planning.move import MoveSettings
+from flexarm_control.predicting.strain_limit import StrainLimit
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import (
     Bounded,
@@ -66,6 +73,9 @@ class LawSpec:
     design : callable or None
         Design of the law from a model and an instance of the first of `settings`, its weights; the
         rate of the law is that of the model.
+    packaged : callable or None
+        Function from the weights to what the constructor takes without a model; None takes the
+        design on `identified_model`.
     fit : callable or None
         Function from an identified model and an instance of the first of `settings` to what the
         constructor takes in place of these; without a model the law has these.
@@ -84,6 +94,7 @@ class LawSpec:
     build: Callable[..., LawWithMemory]
     settings: tuple[type[Bounded], ...]
     design: Callable[[control.StateSpace, Any], IlqrDesign] | None = None
+    packaged: Callable[[Any], object] | None = None
     fit: Callable[[control.StateSpace, Any], object] | None = None
     tuning: str = ""
     payload: Callable[[Any], PayloadEstimate] | None = None
@@ -182,11 +193,13 @@ _ROWS = (
     ),
     LawSpec(
         "lqg",
-        "integral plus LQR control from all four signals, designed on a model: a baseline",
-        Ilqr,
-        (LqgWeights, OptionalCompensation),
+        "LQG control from all four signals that bears delay and follows the payload (chapter 5)",
+        Lqg,
+        (LqgWeights, LqgSettings, StrainLimit, RestThresholds, PayloadSensing),
         design=design_lqg,
+        packaged=packaged_designs,
         tuning="lqg",
+        payload=lambda law: law.payload,
     ),
     LawSpec(
         "pdpc_plus",
@@ -242,8 +255,8 @@ def build_law(
     values : mapping of str to float, optional
         Parameters that differ from their defaults.
     model : control.StateSpace, optional
-        Identified model that a law with a design is designed on, by default the packaged model of
-        the arm with 300 g; or that a law with a fit takes its figures from. Other laws have none.
+        Identified model that a law with a design is designed on, by default a packaged one; or that
+        a law with a fit takes its figures from. Other laws have none.
 
     Returns
     -------
@@ -265,6 +278,8 @@ def build_law(
         return spec.build(spec.fit(model, first), *others)
     if spec.design is None:
         return spec.build(first, *others)
+    if spec.packaged is not None and model is None:
+        return spec.build(spec.packaged(first), *others)
     return spec.build(_designed(spec.design, first, model), *others)
 
 

@@ -63,7 +63,7 @@ def controller_model(design: IlqrDesign) -> control.StateSpace:
     -------
     control.StateSpace
         Model from the four outputs and the reference to the effort; its last state is the sum of
-        the errors.
+        the errors, which a design with K_I = 0 has not.
     """
     # The identification is loaded only to make a model.
     from flexarm_ident.models.state_space import state_space  # noqa: PLC0415
@@ -77,10 +77,11 @@ def controller_model(design: IlqrDesign) -> control.StateSpace:
     effort_now = design.kp * np.eye(1, inputs, len(OUTPUTS)) + design.ki * error
     # The observer moves with the effort that is sent.
     moves = np.hstack([A - corrects[:, : len(OUTPUTS)] @ C, np.zeros((order, 1))]) + B @ effort
+    kept = order + bool(design.ki)
     return state_space(
-        np.vstack([moves, np.eye(1, order + 1, order)]),
-        np.vstack([corrects + B @ effort_now, error]),
-        effort,
+        np.vstack([moves, np.eye(1, order + 1, order)])[:kept, :kept],
+        np.vstack([corrects + B @ effort_now, error])[:kept],
+        effort[:, :kept],
         effort_now,
         float(design.model.dt),
         inputs=(*OUTPUTS, "reference_v"),

@@ -1,4 +1,4 @@
-"""Models of the arm that come with the package: those of the thesis, and an identified one."""
+"""Models of the arm that come with the package: of thesis and rig, and an identified one."""
 
 from __future__ import annotations
 
@@ -77,6 +77,24 @@ def identified_model() -> control.StateSpace:
     """
     file = files("flexarm_control.models") / "identified" / "payload_300g.yaml"
     return _read(file.read_text("utf-8"))
+
+
+def rig_model(payload_kg: float) -> control.StateSpace:
+    """Return the model of the simulated rig without friction, gap and delay, as a design needs it.
+
+    Parameters
+    ----------
+    payload_kg : float
+        Payload at the tip, kg: 0, 0.2 or 0.4.
+
+    Returns
+    -------
+    control.StateSpace
+        Model of order 8 at 300 Hz: rigid motion and three bending modes. Its file says how it was
+        made. Its signals are those of `nominal_model`.
+    """
+    name = f"payload_{1000 * payload_kg:03.0f}g.yaml"
+    return _read((files("flexarm_control.models") / "rig" / name).read_text("utf-8"))
 
 
 def _read(text: str) -> control.StateSpace:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flexarm_control.laws.ilqr import RegulatorWeights
 
 DELAY_S = 0.001
-DESIGNS = [(design_ilqr, IlqrWeights(ki=1e-4)), (design_lqg, LqgWeights(ki=1e-4))]
+DESIGNS = [(design_ilqr, IlqrWeights(ki=1e-4)), (design_lqg, LqgWeights(loop_delay_s=DELAY_S))]
 
 
 def stepped_criterion(design: IlqrDesign) -> float:

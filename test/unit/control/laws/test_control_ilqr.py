@@ -11,7 +11,7 @@ from scipy.linalg import solve_discrete_are
 
 from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
-from flexarm_control.laws.lqg import LqgWeights, design_lqg
+from flexarm_control.laws.lqg import design_lqg
 from flexarm_control.models.nominal_models import identified_model, nominal_model
 from flexarm_control.simulation import simulate
 from flexarm_core.errors import SettingError
@@ -114,33 +114,6 @@ def test_integral___takes_out_a_constant_disturbance() -> None:
         state = model.A @ state + model.B[:, 0] * (law.step(volts, 2.0).effort_v - 0.3)
 
     assert model.C[0] @ state == pytest.approx(2.0, abs=1e-3)
-
-
-def test_lqg___filter___is_the_solution_of_the_riccati_equation() -> None:
-    model = identified_model()
-    weights = LqgWeights(disturbance_v=0.5, strain_noise_v=0.1)
-    a, b, c = model.A, model.B, model.C
-    noise = np.diag(np.square([0.005, 0.1, 0.1, 0.02]))
-
-    design = design_lqg(model, weights)
-
-    moved = 0.25 * (b @ b.T + 1e-6 * np.eye(8))
-    p = solve_discrete_are(a.T, c.T, moved, noise)
-    expected = a @ p @ c.T @ np.linalg.inv(noise + c @ p @ c.T)
-    np.testing.assert_allclose(design.observer, expected, rtol=1e-5, atol=1e-8)
-    assert design.observer_radius < 1.0
-
-
-def test_lqg___filter___hears_the_gauges_and_ilqr_does_not() -> None:
-    for design, hears in (
-        (design_ilqr(identified_model()), False),
-        (design_lqg(identified_model()), True),
-    ):
-        quiet, loud = Ilqr(design), Ilqr(design)
-        for law, strain_v in ((quiet, 0.0), (loud, 0.5)):
-            law.step((0.0, strain_v, 0.0, 0.0), 3.0)
-        after = [law.step((0.0, 0.0, 0.0, 0.0), 3.0) for law in (quiet, loud)]
-        assert (after[0] != after[1]) is hears
 
 
 def test_model_without_the_outputs_of_the_arm___is_refused() -> None:

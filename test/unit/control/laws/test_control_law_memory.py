@@ -12,7 +12,7 @@ from flexarm_control.laws.switching import Handover
 RATE_HZ = 300.0
 SAMPLES = 1200
 TAKEN = 700
-GAINS = {"ilqr": {"compensation_v": 0.7}, "lqg": {"compensation_v": 0.7}}
+GAINS = {"ilqr": {"compensation_v": 0.7}, "lqg": {"strain_limit_v": 0.5}}
 HAVE_NONE = {"pd", "pdp", "pdpc", "pdpc_unconditional"}
 
 

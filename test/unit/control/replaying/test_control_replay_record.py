@@ -108,7 +108,7 @@ def test_parameters___of_a_law_on_a_model_file___have_the_model_and_not_its_plac
 ) -> None:
     file = tmp_path / "my arm.json"
     save_model(file, identified_model(), name="printed", provenance={})
-    values = {"law": "lqg", "reference": "topic", "lqg.model": str(file), "lqg.ki": 0.001}
+    values = {"law": "lqg", "reference": "topic", "lqg.model": str(file), "lqg.effort": 0.5}
 
     told = Setup.of(values | {"pd.kp": 2.0}).text
 

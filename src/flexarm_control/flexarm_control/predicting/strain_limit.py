@@ -1,0 +1,124 @@
+"""Soft limit on the base gauge: the effort is corrected when a peak beyond the limit is predicted.
+
+The loop of state feedback and model predicts the gauge. Half of what the gauge measures beyond the
+model counts, as a constant: friction that turns round bends the arm more than the model knows. The
+cost of a correction is that of the regulator: about its optimum it is the square alone, times
+R + B' P B at every sample [1]_. So only the ratio of that weight to the one of the slack matters,
+and no prediction beyond the limit means no correction.
+
+References
+----------
+.. [1] Kouvaritakis, B., Rossiter, J. A., and Schuurmans, J. (2000). Efficient robust predictive
+   control. IEEE Transactions on Automatic Control 45(8), 1545-1549.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_control.models.arm_model import BASE_STRAIN
+from flexarm_control.predicting.soft_bound import least_correction
+from flexarm_core.specs import Bounded, setting
+
+if TYPE_CHECKING:
+    import control
+
+    from flexarm_core.arrays import FloatArray
+
+_HELD = 2
+"""Samples of one correction; longer ones would excite the higher modes."""
+_CORRECTIONS = 10
+"""Corrections of a prediction: 67 ms at 300 Hz, half a period of bending."""
+_SLACK = 100.0
+"""Weight of the slack over that of a correction; both are squares of V."""
+_PREDICTED = 0.6
+"""Part of the limit that a prediction may reach; friction and gap take the rest by surprise."""
+_COUNTED = 0.5
+"""Part of the gauge beyond the model that counts; all of it makes a loop that may swing."""
+
+
+@dataclass(frozen=True)
+class StrainLimit(Bounded):
+    """Limit on the peak of the base gauge."""
+
+    strain_limit_v: float = setting(
+        0.0, 0.0, 20.0, "V", "soft limit on the base gauge's peak, 0 for none"
+    )
+
+
+class StrainLimiter:
+    """Correction of the effort of one state feedback.
+
+    Parameters
+    ----------
+    model : control.StateSpace
+        Model that predicts.
+    kc : ndarray, (states,)
+        State feedback K_C.
+    kp : float
+        Gain of the reference.
+    limit_v : float
+        Limit on the magnitude of the base gauge, V, positive.
+    """
+
+    def __init__(
+        self, model: control.StateSpace, kc: FloatArray, kp: float, limit_v: float
+    ) -> None:
+        self._bound_v = _PREDICTED * limit_v
+        self._from_state, self._from_reference, self.moves = predictions(model, kc, kp)
+        self._gauge = np.array(model.C[BASE_STRAIN])
+        self._weights = np.full(_CORRECTIONS, float(_HELD))
+
+    def correction_v(self, state: FloatArray, base_v: float, reference_v: float) -> float:
+        """Return the correction of the effort of this sample, V.
+
+        Parameters
+        ----------
+        state : ndarray, (states,)
+            State of the observer before the sample.
+        base_v : float
+            Base gauge, V.
+        reference_v : float
+            Reference, V; it counts as constant.
+        """
+        unknown_v = _COUNTED * (base_v - self._gauge @ state)
+        free_v = self._from_state @ state + self._from_reference * reference_v + unknown_v
+        if np.abs(free_v).max() <= self._bound_v:
+            return 0.0
+        return float(least_correction(self._weights, _SLACK, self.moves, free_v, self._bound_v)[0])
+
+
+def predictions(
+    model: control.StateSpace, kc: FloatArray, kp: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what state, reference and corrections make of the gauge at the samples ahead.
+
+    The parameters are those of `StrainLimiter`.
+
+    Returns
+    -------
+    from_state : ndarray, (samples, states)
+        Gauge per state.
+    from_reference : ndarray, (samples,)
+        Gauge per reference, V/V.
+    from_corrections : ndarray, (samples, corrections)
+        Gauge per correction, V/V.
+    """
+    samples = _HELD * _CORRECTIONS
+    b, gauge = np.asarray(model.B)[:, 0], np.asarray(model.C)[BASE_STRAIN]
+    loop = np.asarray(model.A) - np.outer(b, kc)
+    rows = [gauge @ loop]
+    for _ in range(samples - 1):
+        rows.append(rows[-1] @ loop)
+    # The response to an effort of one sample, then its sums over the corrections.
+    impulse = np.array([gauge @ b, *(row @ b for row in rows[:-1])])
+    step = np.concatenate([[0.0], np.cumsum(impulse)])
+    ahead = np.arange(1, samples + 1)
+    moves = [
+        step[np.maximum(ahead - start, 0)] - step[np.maximum(ahead - start - _HELD, 0)]
+        for start in range(0, samples, _HELD)
+    ]
+    return np.array(rows), kp * step[1:], np.column_stack(moves)

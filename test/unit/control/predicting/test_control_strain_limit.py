@@ -1,0 +1,82 @@
+"""Prediction of the gauge by stepping the loop, and the limit on the simulated rig."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from flexarm_control import build_law
+from flexarm_control.laws.lqg import design_lqg
+from flexarm_control.models.arm_model import BASE_STRAIN
+from flexarm_control.models.nominal_models import rig_model
+from flexarm_control.predicting.strain_limit import StrainLimiter, predictions
+from flexarm_control.simulation import simulate
+from flexarm_daq import RigParameters, SimulatedRig
+
+if TYPE_CHECKING:
+    from flexarm_control.laws.ilqr import IlqrDesign
+
+
+def limiter_of(design: IlqrDesign, limit_v: float) -> StrainLimiter:
+    """Return the limiter of a design."""
+    return StrainLimiter(design.model, design.kc, design.kp, limit_v)
+
+
+def test_predictions___are_those_of_the_loop_sample_by_sample() -> None:
+    design = design_lqg(rig_model(0.2))
+    from_state, from_reference, from_corrections = predictions(design.model, design.kc, design.kp)
+    samples, corrections = from_corrections.shape
+    draw = np.random.default_rng(0)
+    state, corrections_v, reference_v = draw.normal(size=10), draw.normal(size=corrections), 2.0
+
+    found = from_state @ state + from_reference * reference_v + from_corrections @ corrections_v
+
+    expected = []
+    for correction_v in np.repeat(corrections_v, samples // corrections):
+        effort_v = design.kp * reference_v - design.kc @ state + correction_v
+        state = design.model.A @ state + design.model.B[:, 0] * effort_v
+        expected.append(design.model.C[BASE_STRAIN] @ state)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_correction___is_zero_below_the_limit_and_against_the_peak_beyond_it() -> None:
+    design = design_lqg(rig_model(0.2))
+    at_rest = np.zeros(design.model.nstates)
+
+    assert limiter_of(design, 20.0).correction_v(at_rest, 0.0, 1.0) == 0.0
+    # Bent more than the model knows: that counts too.
+    assert limiter_of(design, 20.0).correction_v(at_rest, 40.0, 1.0) < 0.0
+    for reference_v in (3.0, 5.0):
+        limiter = limiter_of(design, 1.0)
+        forward_v = limiter.correction_v(at_rest, 0.0, reference_v)
+        backward_v = limiter.correction_v(at_rest, 0.0, -reference_v)
+        assert backward_v == pytest.approx(-forward_v)
+        assert forward_v != 0.0
+
+
+def test_corrections___on_the_model___keep_the_gauge_at_the_limit() -> None:
+    """The loop of the model alone, which the predictions describe."""
+    design = design_lqg(rig_model(0.2))
+    limiter, state, gauge_v = limiter_of(design, 2.0), np.zeros(design.model.nstates), []
+
+    for _ in range(900):
+        gauge_v.append(float(design.model.C[BASE_STRAIN] @ state))
+        effort_v = design.kp * 5.0 - design.kc @ state
+        effort_v += limiter.correction_v(state, gauge_v[-1], 5.0)
+        state = design.model.A @ state + design.model.B[:, 0] * effort_v
+
+    assert 0.5 * 2.0 <= np.abs(gauge_v).max() <= 2.0
+    assert design.model.C[0] @ state == pytest.approx(5.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("payload_kg", "setpoint_v"), [(0.0, 5.0), (0.4, 5.0)])
+def test_limit___on_the_rig___is_kept_softly(payload_kg: float, setpoint_v: float) -> None:
+    rig = SimulatedRig(RigParameters(payload_kg=payload_kg, loop_delay_s=1.67e-3), seed=1)
+    law = build_law("lqg", {"strain_limit_v": 2.0})
+
+    run = simulate(rig, law, np.full(1200, setpoint_v), true_outputs=rig.outputs_v)
+
+    assert np.abs(run.true_y[:, BASE_STRAIN]).max() <= 1.5 * 2.0
+    assert run.true_y[-1, 0] == pytest.approx(setpoint_v, abs=0.05 * setpoint_v)
