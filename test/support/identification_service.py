@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def identify(graph: Graph, *bags: Path | str, **fields: Any) -> Identify.Response:  # noqa: ANN401
     """Call the service for some bags."""
     request = Identify.Request(bag_uris=[str(bag) for bag in bags], **fields)
-    response: Identify.Response = graph.call(Identify, "identify", request, 120.0)
+    response: Identify.Response = graph.call(Identify, "identify", request)
     return response
 
 

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from flexarm_bags.check import check_bag
+from flexarm_bringup.cli import main
 from flexarm_core.channels import BOUND_V
 from flexarm_ident.models.ros_yaml import write_parameter_file
 from flexarm_msgs.msg import ArmState
@@ -193,14 +195,14 @@ def test_experiment_overwriting___when_no_node_can_start___leaves_the_old_bag(
     ],
 )
 def test_experiment_that_cannot_be___is_refused_in_one_line(
-    graph: Graph, tmp_path: Path, arguments: list[str], complaint: str
+    tmp_path: Path, arguments: list[str], complaint: str
 ) -> None:
     for name in ("O_dat1", "O_dat4.new"):
         (tmp_path / name).mkdir()
     (tmp_path / "experiments.json").write_text('{"O_dat1": {"sam')
 
-    process = graph.run([*COMMAND, *arguments, "-o", str(tmp_path)])
+    done = CliRunner().invoke(main, ["experiment", *arguments, "-o", str(tmp_path)])
 
-    assert process.exit_code() == 1
-    (line,) = process.printed.strip().splitlines()
+    assert done.exit_code == 1
+    (line,) = done.output.strip().splitlines()
     assert complaint in line

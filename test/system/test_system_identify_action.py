@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import signal
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -14,12 +15,11 @@ from flexarm_ident.models.model_parameters import model_from_parameters
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.srv import Identify
 from support.project import BAGS
+from support.system_graph import Graph
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-    from support.system_graph import Graph, Process
 
 pytestmark = pytest.mark.system
 
@@ -72,18 +72,36 @@ def models(tmp_path: Path) -> Path:
     return tmp_path / "models"
 
 
-@pytest.fixture
-def ident(graph: Graph, models: Path) -> Process:
-    return graph.start("ident", {"output_folder": str(models), "exports": "json,mat,h"})
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """Return one graph with a node for all goals that leave it alive."""
+    with Graph(tmp_path_factory.mktemp("running")) as graph:
+        graph.start("ident", {"exports": "json,mat,h"})
+        yield graph
+
+
+@pytest.fixture(scope="module")
+def client(running: Graph) -> Iterator[ActionClient]:
+    with client_of(running) as made:
+        yield made
 
 
 @pytest.fixture
-def client(graph: Graph, ident: Process) -> Iterator[ActionClient]:
+def laboratory(running: Graph, models: Path) -> Graph:
+    """Return that graph, its node with a folder of this test alone."""
+    assert running.refusal("ident", {"output_folder": str(models)}) == ""
+    return running
+
+
+@contextmanager
+def client_of(graph: Graph) -> Iterator[ActionClient]:
     client = ActionClient(graph.node, IdentifyBags, "identify_bags")
-    graph.wait(client.server_is_ready, f"the action server of {ident.log.name}")
+    graph.wait(client.server_is_ready, "the action server")
     graph.operator.acquaint("ident")
-    yield client
-    client.destroy()
+    try:
+        yield client
+    finally:
+        client.destroy()
 
 
 def files_in(folder: Path) -> list[str]:
@@ -91,27 +109,28 @@ def files_in(folder: Path) -> list[str]:
 
 
 def test_goal___tells_its_stages_and_answers_as_the_service_does(
-    graph: Graph, client: ActionClient, models: Path
+    laboratory: Graph, client: ActionClient, models: Path
 ) -> None:
     fields: dict[str, Any] = {
         "bag_uris": [str(BAG)],
+        "block_rows": 20,
         "reduction": "mrm",
         "remove_compensation": True,
         "stabilise": True,
     }
-    goal = Goal(graph, client, **fields)
+    goal = Goal(laboratory, client, **fields)
     status, result = goal.result()
 
     assert status == GoalStatus.STATUS_SUCCEEDED, result.message
     assert result.success
-    graph.wait(lambda: goal.feedback[-1].stage == "writing", "the last feedback")
+    laboratory.wait(lambda: goal.feedback[-1].stage == "writing", "the last feedback")
     fractions = [each.fraction for each in goal.feedback]
     assert fractions == sorted(fractions)
     assert 0.0 <= fractions[0] < 0.1
     assert fractions[-1] <= 1.0
     assert list(dict.fromkeys(each.stage for each in goal.feedback)) == STAGES
 
-    response = graph.call(Identify, "identify", Identify.Request(**fields))
+    response = laboratory.call(Identify, "identify", Identify.Request(**fields))
     assert response.success
     for field in ("parameters", "modes", "dmv", "sfv", "warnings", "report_path"):
         assert getattr(result, field) == getattr(response, field)
@@ -138,9 +157,9 @@ def test_goal___tells_its_stages_and_answers_as_the_service_does(
 
 
 def test_cancelled_goal___ends_so_and_leaves_no_file(
-    graph: Graph, client: ActionClient, models: Path
+    laboratory: Graph, client: ActionClient, models: Path
 ) -> None:
-    goal = Goal(graph, client, bag_uris=[str(BAG)])
+    goal = Goal(laboratory, client, bag_uris=[str(BAG)])
     goal.wait_for_feedback()
 
     assert goal.cancel() == 1
@@ -151,22 +170,22 @@ def test_cancelled_goal___ends_so_and_leaves_no_file(
     assert "cancelled" in result.message
     assert not result.parameters
     assert files_in(models) == []
-    again = Goal(graph, client, bag_uris=[str(BAG)], order=8, block_rows=20)
+    again = Goal(laboratory, client, bag_uris=[str(BAG)], order=8, block_rows=20)
     assert again.result()[0] == GoalStatus.STATUS_SUCCEEDED
 
 
 def test_node_at_work___answers_and_says_that_it_is_busy(
-    graph: Graph, client: ActionClient
+    laboratory: Graph, client: ActionClient
 ) -> None:
-    goal = Goal(graph, client, bag_uris=[str(BAG)])
+    goal = Goal(laboratory, client, bag_uris=[str(BAG)])
     goal.wait_for_feedback()
 
     names = ["output_folder", "exports"]
-    values = graph.call(
+    values = laboratory.call(
         GetParameters, "ident/get_parameters", GetParameters.Request(names=names)
     ).values
-    refused = graph.call(Identify, "identify", Identify.Request(bag_uris=[str(BAG)]))
-    status, result = Goal(graph, client, bag_uris=[str(BAG)]).result()
+    refused = laboratory.call(Identify, "identify", Identify.Request(bag_uris=[str(BAG)]))
+    status, result = Goal(laboratory, client, bag_uris=[str(BAG)]).result()
 
     assert not goal.ended
     assert parameter_value_to_python(values[1]) == "json,mat,h"
@@ -178,27 +197,31 @@ def test_node_at_work___answers_and_says_that_it_is_busy(
     assert status == GoalStatus.STATUS_SUCCEEDED, result.message
 
 
-def test_goal_that_fails___is_aborted_with_one_line(graph: Graph, client: ActionClient) -> None:
-    status, result = Goal(graph, client, bag_uris=["/nowhere/run"]).result()
+def test_goal_that_fails___is_aborted_with_one_line(
+    laboratory: Graph, client: ActionClient
+) -> None:
+    status, result = Goal(laboratory, client, bag_uris=["/nowhere/run"]).result()
     assert status == GoalStatus.STATUS_ABORTED
     assert result.message == "/nowhere/run: no such bag"
 
 
 @pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
 def test_signal_at_work___ends_the_node_and_leaves_no_file(
-    graph: Graph, ident: Process, client: ActionClient, models: Path, told: signal.Signals
+    graph: Graph, models: Path, told: signal.Signals
 ) -> None:
-    goal = Goal(graph, client, bag_uris=[str(BAG)])
-    goal.wait_for_feedback()
+    ident = graph.start("ident", {"output_folder": str(models), "exports": "json,mat,h"})
+    with client_of(graph) as client:
+        goal = Goal(graph, client, bag_uris=[str(BAG)])
+        goal.wait_for_feedback()
 
-    assert graph.stop(ident, told) == 0
+        assert graph.stop(ident, told) == 0
 
     assert "Traceback" not in ident.printed
     assert "terminate called" not in ident.printed
     assert files_in(models) == []
 
 
-def test_exports_that_are_unknown___are_refused(graph: Graph, ident: Process) -> None:
-    refusal = graph.refusal("ident", {"exports": "json,slx"})
+def test_exports_that_are_unknown___are_refused(laboratory: Graph) -> None:
+    refusal = laboratory.refusal("ident", {"exports": "json,slx"})
     assert refusal == "parameter exports: no format 'slx' to export: choose from json, mat, h"
-    assert ident.popen.poll() is None
+    laboratory.check()

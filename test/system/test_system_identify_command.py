@@ -5,7 +5,9 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import pytest
+from click.testing import CliRunner
 
+from flexarm_bringup.cli import main
 from flexarm_bringup.verbs.offline.identify import identify, report
 from flexarm_ident.models.files import load_model
 from flexarm_ident.workflow.request import Request
@@ -108,11 +110,12 @@ def test_command___interrupted___leaves_no_folder(graph: Graph, tmp_path: Path) 
     ],
 )
 def test_command___that_makes_no_sense___ends_with_one_line(
-    graph: Graph, tmp_path: Path, arguments: tuple[str, ...], complaint: str
+    tmp_path: Path, arguments: tuple[str, ...], complaint: str
 ) -> None:
-    process = command(graph, *arguments, "-o", str(tmp_path / "out"))
-    assert process.exit_code() == 1
-    last = process.printed.splitlines()[-1]
+    words = ["identify", str(BAG), *arguments, "-o", str(tmp_path / "out")]
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 1
+    last = done.output.splitlines()[-1]
     assert last.startswith("flexarm: ")
     assert complaint in last
     assert not (tmp_path / "out").exists()

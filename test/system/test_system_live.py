@@ -15,7 +15,7 @@ from flexarm_live.graph.samples import COLUMNS
 from flexarm_live.serving.encoding import HEAD
 from flexarm_live.terminal_socket import connect as connect_terminal
 from support.live_server import ask
-from support.system_graph import ROOT
+from support.system_graph import PATIENCE_S, ROOT
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,7 +32,7 @@ COLUMN = {name: number for number, name in enumerate(COLUMNS, start=1)}
 def frame_after(page: ClientConnection, wanted: Any) -> FloatArray:  # noqa: ANN401 - any condition
     """Return the first frame of samples for which a condition holds."""
     while True:
-        message = page.recv(60.0)
+        message = page.recv(PATIENCE_S)
         if isinstance(message, bytes):
             _, rows, columns, _, _ = HEAD.unpack_from(message)
             frame = np.frombuffer(message, "<f4", offset=HEAD.size).reshape(rows, columns)
@@ -49,7 +49,7 @@ def test_up___its_page___shows_samples_and_drives_the_arm(
     address = next(line for line in process.printed.splitlines() if line.startswith("http"))
     url = address.replace("http", "ws", 1).replace("/#", "/live?")
     with connect(url, compression=None, ping_interval=None) as page:
-        hello = json.loads(page.recv(60.0))
+        hello = json.loads(page.recv(PATIENCE_S))
         assert hello["hand"] is True
         assert hello["simulated"] is True
         kp = next(each for each in hello["nodes"]["controller"] if each["name"] == "pdpc.kp")

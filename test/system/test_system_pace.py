@@ -154,14 +154,13 @@ def test_lone_daq___samples_at_once_and_its_clock_is_followed(graph: Graph) -> N
     times: list[Clock] = []
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
     graph.node.create_subscription(Clock, "/clock", times.append, qos.NEWEST)
-    started_s = time.monotonic()
     graph.start(
         "daq",
         {"autostart": True, "rate_hz": 50.0, "answer_timeout_s": LONGEST_TIMEOUT_S},
     )
-    graph.wait(lambda: len(states) > 20, "samples")
-    # Far below the time that a sample may wait for its answer.
-    assert time.monotonic() - started_s < 0.8 * LONGEST_TIMEOUT_S
+    graph.wait(lambda: bool(states), "a sample")
+    # Of samples that waited for an answer, one would come in that time, on a machine of any speed.
+    graph.wait(lambda: len(states) > 20, "samples", 2.0 * LONGEST_TIMEOUT_S)
     graph.node.set_parameters([Parameter("use_sim_time", value=True)])
     clock = graph.node.get_clock()
 
@@ -197,7 +196,7 @@ def test_pace_that_cannot_be___is_refused_in_one_line(graph: Graph) -> None:
     assert both.exit_code() == 2
     assert "--fast and --real-time exclude each other" in both.printed
     daq = graph.start("daq", {"real_time_factor": 0.001})
-    assert daq.popen.wait(60.0) == 2
+    assert daq.exit_code() == 2
     assert daq.printed.splitlines() == [
         "parameter real_time_factor = 0.001: must be 0, as fast as it goes, or 0.01 to 100"
     ]

@@ -82,7 +82,7 @@ def test_start___with_a_value_that_does_not_do___ends_with_one_line(
     graph: Graph, name: str, parameters: dict[str, object], complaint: str
 ) -> None:
     process = graph.start(name, parameters)
-    code = process.popen.wait(60.0)
+    code = process.exit_code()
     (line,) = process.printed.splitlines()
     assert re.search(complaint, line)
     assert code == 2

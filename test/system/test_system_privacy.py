@@ -77,7 +77,7 @@ def test_policies___are_what_the_nodes_use(every_node: tuple[Graph, dict[str, Pr
     shipped = POLICY.read_text("utf-8")
     # A publisher may be discovered after the services that were made behind it.
     with suppress(LaunchError):
-        graph.wait(lambda: policy(uses_by_node(graph)) == shipped, "the policies", 20.0)
+        graph.wait(lambda: policy(uses_by_node(graph)) == shipped, "the policies")
     assert policy(uses_by_node(graph)) == shipped
     enclaves = {
         name: enclave

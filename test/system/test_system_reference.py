@@ -15,6 +15,7 @@ from flexarm_node.topics.shared_topic import SharedTopic
 from support.system_graph import ROOT, Graph
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 pytestmark = pytest.mark.system
@@ -62,6 +63,14 @@ def test_set_points_by_the_service___beside_a_recorder___are_all_in_force_and_to
     ]
     running.wait(lambda: told[-100:] == given, "every set-point on the topic")
     assert in_force(running) == pytest.approx(given[-1])
+
+
+@pytest.fixture(scope="module")
+def lone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """Return a controller that nobody asks for commands."""
+    with Graph(tmp_path_factory.mktemp("lone")) as graph:
+        graph.start("controller")
+        yield graph
 
 
 def test_shared_topic___hears_others_and_not_itself(graph: Graph) -> None:
@@ -114,13 +123,13 @@ def test_set_points_by_the_verb_and_by_a_stream___are_in_force(running: Graph) -
     ],
 )
 def test_set_point_that_cannot_be_in_force___is_refused_with_the_one_that_is(
-    graph: Graph, reference_v: float, profile: str, reason: str
+    lone: Graph, reference_v: float, profile: str, reason: str
 ) -> None:
-    graph.start("controller", {"reference": "topic"})
-    assert set_reference(graph, 0.5).success
-    assert graph.refusal("controller", {"reference": profile}) == ""
+    assert lone.refusal("controller", {"reference": "topic"}) == ""
+    assert set_reference(lone, 0.5).success
+    assert lone.refusal("controller", {"reference": profile}) == ""
 
-    response = set_reference(graph, reference_v)
+    response = set_reference(lone, reference_v)
 
     assert (response.success, response.message) == (False, reason)
     assert response.reference_v == pytest.approx(0.5)

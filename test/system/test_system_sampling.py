@@ -64,6 +64,14 @@ def virtual_loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
         yield graph
 
 
+@pytest.fixture(scope="module")
+def driven_loop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Graph]:
+    """Return a loop at 300 Hz that waits to be activated, with a restless controller."""
+    with Graph(tmp_path_factory.mktemp("driven")) as graph:
+        start_loop(graph, {"rate_hz": 300.0})
+        yield graph
+
+
 def test_virtual_time___same_seed_same_numbers___other_seed_others(
     virtual_loop: Graph, tmp_path: Path
 ) -> None:
@@ -188,15 +196,17 @@ def test_killed_controller___drive_goes_to_zero_and_stays(graph: Graph, tmp_path
     assert not np.any(run.command_sequence[after])
 
 
-def test_emergency_stop___holds_zero_until_the_node_is_activated_again(graph: Graph) -> None:
+def test_emergency_stop___holds_zero_until_the_node_is_activated_again(
+    driven_loop: Graph,
+) -> None:
+    graph = driven_loop
     states: list[ArmState] = []
-    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    heard = graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
 
     def emergency_stop() -> Trigger.Response:
         response: Trigger.Response = graph.call(Trigger, "emergency_stop", Trigger.Request())
         return response
 
-    start_loop(graph, {"rate_hz": 300.0})
     assert emergency_stop().message == "not active: the drive is at zero"
 
     assert graph.transition("daq", "activate")
@@ -213,9 +223,12 @@ def test_emergency_stop___holds_zero_until_the_node_is_activated_again(graph: Gr
     states.clear()
     assert graph.transition("daq", "activate")
     graph.wait(lambda: any(state.command_v != 0.0 for state in states), "a driven arm again")
+    assert graph.transition("daq", "deactivate")
+    graph.node.destroy_subscription(heard)
 
 
-def test_emergency_stop___is_reported_at_once(graph: Graph) -> None:
+def test_emergency_stop___is_reported_at_once(driven_loop: Graph) -> None:
+    graph = driven_loop
     reports: list[str] = []
     graph.node.create_subscription(
         DiagnosticArray,
@@ -225,7 +238,6 @@ def test_emergency_stop___is_reported_at_once(graph: Graph) -> None:
         ),
         qos.EVERY,
     )
-    start_loop(graph, {"rate_hz": 300.0})
 
     def reports_within_half_a_second() -> bool:
         """Return whether a stop right behind a report shows long before the next one is due."""
@@ -239,7 +251,7 @@ def test_emergency_stop___is_reported_at_once(graph: Graph) -> None:
         assert graph.transition("daq", "deactivate")
         return passed_s < 0.5
 
-    assert any(reports_within_half_a_second() for _ in range(5))
+    assert any(reports_within_half_a_second() for _ in range(20))
 
 
 def test_real_time___500_hz_while_a_model_is_identified___records_every_sample(
@@ -263,12 +275,12 @@ def test_real_time___500_hz_while_a_model_is_identified___records_every_sample(
             answers.append(identify.call_async(request))
 
     graph.operator.record(str(tmp_path / "run"))
-    sampled = graph.operator.sample(4000, keep_identifying)
+    sampled = graph.operator.sample(2500, keep_identifying)
     graph.operator.record(None)
 
     run = States(tmp_path / "run")
     assert len(run.sequence) == sampled.taken
-    assert run.sequence[-1] == sampled.taken + sampled.missed >= 4000
+    assert run.sequence[-1] == sampled.taken + sampled.missed >= 2500
     late = (run.stamp_s - run.stamp_s[0]) * 500.0 - (run.sequence - 1)
     # Each sample was taken in the period of its number, but for an interruption on the way to it.
     assert np.mean((late > -0.1) & (late < 1.1)) > 0.99

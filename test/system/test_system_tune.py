@@ -34,7 +34,7 @@ def test_service___gives_gains_that_keep_the_margins_and_that_the_controller_tak
 ) -> None:
     tuner.start("controller")
 
-    response: Tune.Response = tuner.call(Tune, "tune", Tune.Request(models=NOMINAL), 120.0)
+    response: Tune.Response = tuner.call(Tune, "tune", Tune.Request(models=NOMINAL))
 
     assert response.success, response.message
     assert min(response.gain_margins_db) >= 9.99
@@ -89,7 +89,7 @@ def test_service___gives_a_regulator_with_its_model_that_a_running_controller_ta
     for name in ("tuner", "controller"):
         graph.start(name)
 
-    response = graph.call(Tune, "tune", Tune.Request(law="ilqr", models=[str(file)]), 120.0)
+    response = graph.call(Tune, "tune", Tune.Request(law="ilqr", models=[str(file)]))
 
     assert response.success, response.message
     assert min(response.gain_margins_db) >= 10.0

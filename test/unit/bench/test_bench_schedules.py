@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PARTS = 4
-SEEDS = 200
+SEEDS = 100
 MOST_EVENTS = 10
 
 
