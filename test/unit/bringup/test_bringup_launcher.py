@@ -131,12 +131,19 @@ def test_clean___removes_what_the_set_up_made_alone(bare: Path) -> None:
 
 
 STAND_IN = f"""#!/bin/bash
-# Answers as {sys.executable}; as `-m venv` it makes an environment whose pip does nothing.
+# Answers as {sys.executable}; as `-m venv` it makes an environment whose pip does nothing, and
+# whose wheels need no repair.
 case "$1 $2" in
 "-m venv")
     mkdir -p "${{@: -1}}/bin"
-    printf '#!/bin/sh\n[ "$2" = pip ] && echo "$@" >"%s" && exit\nexec {sys.executable} "$@"\n' \
-        "$PIP_CALLED" >"${{@: -1}}/bin/python"
+    cat >"${{@: -1}}/bin/python" <<EOF
+#!/bin/sh
+case "\\$2 \\$1" in
+"pip "*) echo "\\$@" >>"$PIP_CALLED" ;;
+*/fix_wheels.py) ;;
+*) exec {sys.executable} "\\$@" ;;
+esac
+EOF
     chmod +x "${{@: -1}}/bin/python" ;;
 *) exec {sys.executable} "$@" ;;
 esac
@@ -173,6 +180,46 @@ def test_without_ros___needs_no_compiler_and_runs_the_verbs_from_the_sources(
 
     called(bare, "clean", **without_ros)
     assert not (bare / ".venv-none").exists()
+
+
+@pytest.fixture
+def with_ros(bare: Path) -> dict[str, str]:
+    """Return what to call a checkout with that sets it up with stand-ins for pip and colcon."""
+    tools = bare / "stand_ins"
+    tools.mkdir()
+    for name, text in (("python3", STAND_IN), ("colcon", COLCON)):
+        (tools / name).write_text(text, "utf-8")
+        (tools / name).chmod(0o755)
+    return {
+        "python": str(tools / "python3"),
+        "PATH": f"{tools}:/usr/bin:/bin",
+        "PIP_CALLED": str(bare / "pip_called"),
+    }
+
+
+COLCON = """#!/bin/sh
+cd "$FLEXARM_ROOT" && mkdir -p install/flexarm_bringup/bin
+touch install/_local_setup_util_sh.py
+printf '#!/bin/sh\\necho "called: $@"\\n' >install/flexarm_bringup/bin/flexarm
+chmod +x install/flexarm_bringup/bin/flexarm
+"""
+
+
+def test_tools_of_test_and_docs___are_installed_for_the_first_verb_that_needs_them(
+    bare: Path, with_ros: dict[str, str]
+) -> None:
+    def installed(*arguments: str) -> str:
+        (bare / "pip_called").write_text("", "utf-8")
+        done = called(bare, *arguments, **with_ros)
+        assert done.stdout == f"called: {' '.join(arguments)}\n", done.stderr
+        return (bare / "pip_called").read_text("utf-8")
+
+    assert "-r jazzy.txt" in installed("demo")
+    assert installed("test", "--help") == ""
+    tools = installed("test")
+    assert "--require-hashes -r dev.txt" in tools
+    assert "jazzy.txt" not in tools
+    assert installed("docs") == installed("demo") == ""
 
 
 def test_platform_without_wheels_of_ros___is_set_up_without_ros_or_told(bare: Path) -> None:
