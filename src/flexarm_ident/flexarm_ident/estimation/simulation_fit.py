@@ -46,7 +46,7 @@ ARM = "arm"
 # Samples of all records together; more would take minutes for little more accuracy.
 _REFINED_SAMPLES = 20_000
 _LIKELY_SAMPLES = 100_000
-# The same where there are no holes: in the frequency domain.
+# The same where there are no holes and it was asked for: in the frequency domain.
 _LIKELY_WHOLE_SAMPLES = 1_000_000
 # The likelihood weights outputs by their noise, so that their mean error may rise.
 _NO_WORSE = 1.03
@@ -145,7 +145,8 @@ def likely(found: Identification, *, progress: Progress | None = None) -> Identi
 
     It must simulate the records as well as the start does, and as well as its own dynamics can with
     other inputs, or as an integrator. Its errors must be noise: then there is nothing left in the
-    data that another model could know. Records with holes are not asked, as that takes long.
+    data that another model could know. Records that are long or have holes are not asked, as that
+    takes several times as long as the choice among estimators.
 
     Parameters
     ----------
@@ -154,7 +155,9 @@ def likely(found: Identification, *, progress: Progress | None = None) -> Identi
     progress : callable, optional
         Called with the stage "refinement" and the completed part.
     """
-    if not is_stable(found.model.A) or not all(each.usable.all() for each in found.records):
+    if sum(map(len, found.records)) > _LIKELY_SAMPLES or not is_stable(found.model.A):
+        return None
+    if not all(record.usable.all() for record in found.records):
         return None
     at_once = not METHODS[found.method].bears_feedback
     better = _most_likely(found, order_open=True, at_once=at_once, progress=progress)
