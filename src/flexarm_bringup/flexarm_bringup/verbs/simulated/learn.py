@@ -115,7 +115,8 @@ def _run_learn(settings: LearnSettings) -> None:
         done = learned(play, first, mend, repetitions=settings.repetitions)
     _write(settings, done, outputs_v[best(done)])
     file = (settings.out / TRAJECTORY_FILE).absolute()
-    terminal.next_step(f"flexarm set controller trajectory={file}, beside flexarm up")
+    changes = f"law={settings.law} trajectory={file}"
+    terminal.next_step(f"flexarm set controller {changes}, beside flexarm up")
 
 
 def _played(
