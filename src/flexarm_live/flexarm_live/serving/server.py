@@ -172,7 +172,8 @@ class Server:
             server_header=None,
             logger=silent,
         )
-        terminals = await asyncio.start_unix_server(
+        # `start_unix_server` of Python 3.13 looks for the file by the name that it was bound with.
+        terminals = await asyncio.start_server(
             self._on_terminal, sock=self._terminal, limit=LARGEST_MESSAGE
         )
         async with pages:
