@@ -25,7 +25,17 @@ pytestmark = pytest.mark.system
 
 # Takes some seconds, most of them for the choice of the order.
 BAG = BAGS / "c_dat3_0g"
-STAGES = ["reading", "gram", "range space", "order", "fit", "reduction", "validation", "writing"]
+STAGES = [
+    "reading",
+    "gram",
+    "range space",
+    "refinement",
+    "order",
+    "fit",
+    "reduction",
+    "validation",
+    "writing",
+]
 
 
 class Goal:
