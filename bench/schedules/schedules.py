@@ -164,7 +164,7 @@ def examined(outcome: Outcome) -> Failure:
     smallest = shrunk_schedule(schedule)
     return Failure(
         outcome.seed,
-        run(smallest).violation,
+        run(smallest).violation or outcome.violation,
         replace(again, cpu_s=0.0) == replace(outcome, cpu_s=0.0),
         str(smallest),
         len(smallest.events),

@@ -11,8 +11,12 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function; keep the result on disk where the folder is writable."""
+    """Compile a function; keep the result on disk where the folder is writable.
+
+    A division by zero gives what NumPy's gives. A check for it would keep the compiler from vector
+    instructions.
+    """
     try:
-        return cast("Function", njit(cache=True)(function))
+        return cast("Function", njit(cache=True, error_model="numpy")(function))
     except RuntimeError:
-        return cast("Function", njit(function))
+        return cast("Function", njit(error_model="numpy")(function))

@@ -77,6 +77,7 @@ class RigBatch:
         self._states = np.zeros((rigs, 2, COLUMNS))
         self._records = np.zeros(rigs, RECORD)
         self._ways = np.zeros((rigs, 2), WAY)
+        self._neighbours = np.arange(rigs)
         self._samples = np.zeros(rigs, np.int64)
         self._random = [np.random.default_rng() for _ in range(rigs)]
         self._noise = np.zeros((rigs, _NOISE_SAMPLES, len(CHANNELS)))
@@ -108,8 +109,13 @@ class RigBatch:
         SettingError
             If the loop delay is not within a period.
         """
-        record, self._ways[rig] = _kept(parameters, self._rate_hz)
+        record, ways = _kept(parameters, self._rate_hz)
         self._records[rig] = record[0]
+        same_steps = np.array_equal(self._ways["steps"][rig], ways["steps"])
+        self._ways[rig] = ways
+        if not same_steps:
+            # Rigs with equal numbers of sub-steps in a period are neighbours: they move together.
+            self._neighbours = np.lexsort(self._ways["steps"].T)
         self._states[rig] = 0.0
         self.outputs_v[rig] = 0.0
         self.command_v[rig] = 0.0
@@ -159,7 +165,7 @@ class RigBatch:
         codes = np.minimum(np.rint(np.abs(command_v) / self._dac_step_v), self._dac_top)
         driven_v = np.copysign(codes * self._dac_step_v, command_v)
         both_v = np.column_stack([self.command_v, driven_v])
-        rigs = np.flatnonzero(moving)
+        rigs = self._neighbours[moving[self._neighbours]]
         integrator.advance_all(
             self._states, self._records, both_v, self._ways, rigs, self.outputs_v
         )

@@ -68,6 +68,27 @@ def test_commands_of_a_converter_s_steps___move_as_one_call_does() -> None:
     np.testing.assert_allclose(found_v, simulate(Plant(fine), command_v, 300.0), atol=1e-12)
 
 
+def test_many_rigs_in_blocks___move_as_each_of_them_alone() -> None:
+    delays_s = np.random.default_rng(0).choice([0.0, 1e-4, 1e-3], 41)
+    rigs = tuple(
+        RigParameters(payload_kg=0.01 * rig, backlash_deg=0.02 * (rig % 5), loop_delay_s=delay_s)
+        for rig, delay_s in enumerate(delays_s.tolist())
+    )
+    # The arm reaches its stops: a long push, then the other way.
+    command_v = np.where(np.arange(200) < 120, 6.0, -6.0)[:, np.newaxis] + np.arange(41) / 41.0
+    step_v = 10.0 / 2 ** rigs[0].dac_bits
+    command_v = np.rint(command_v / step_v) * step_v
+    batch = at_rest(rigs)
+    found_v = np.empty((len(command_v), len(rigs), 4))
+    for sample, each_v in enumerate(command_v):
+        found_v[sample] = batch.outputs_v
+        batch.write(each_v, all_moving(batch))
+    assert np.abs(found_v[:, :, 0]).max() > 6.8
+    for rig, parameters in enumerate(rigs):
+        alone_v = simulate(Plant(parameters), command_v[:, rig], 300.0)
+        np.testing.assert_allclose(found_v[:, rig], alone_v, rtol=0.0, atol=1e-12)
+
+
 def test_rig_that_does_not_move___stays_while_the_others_go_on() -> None:
     batch = at_rest()
     batch.write(np.full(3, 3.0), all_moving(batch))
