@@ -11,6 +11,7 @@ Statistics 17 (1989).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -41,12 +42,19 @@ class Jackknife:
     """Estimates of A and C from all data and without one segment each.
 
     `remainders` are the data of each of the latter, without the rows `left_out` of one record.
+    `gram` holds the products of all data.
     """
 
-    whole: StateMatrices
+    gram: BlockGram
+    estimate: Callable[[BlockGram], StateMatrices]
     replicates: tuple[StateMatrices, ...]
     remainders: tuple[tuple[IoData, ...], ...]
     left_out: tuple[Rows, ...]
+
+    @cached_property
+    def whole(self) -> StateMatrices:
+        """Estimate from all data."""
+        return self.estimate(self.gram)
 
 
 class Rows(NamedTuple):
@@ -115,7 +123,7 @@ def jackknife(
         for gram in grams
     )
     remainders, left_out = zip(*_halves(checked, block_rows, parts), strict=True)
-    return Jackknife(estimate(whole), replicates, remainders, left_out)
+    return Jackknife(whole, estimate, replicates, remainders, left_out)
 
 
 def blocks_left_out(

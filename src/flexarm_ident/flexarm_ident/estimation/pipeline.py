@@ -9,7 +9,7 @@ from flexarm_core.labels import counted
 from flexarm_ident.estimation.candidates import fitted
 from flexarm_ident.estimation.direct_term import calls_for_feedthrough
 from flexarm_ident.estimation.identification import Identification
-from flexarm_ident.estimation.simulation_fit import likely, refined, with_friction
+from flexarm_ident.estimation.simulation_fit import likely, may_be_likely, refined, with_friction
 from flexarm_ident.estimation.streaming import excerpt
 from flexarm_ident.estimation.weighing import Choice, weigh
 from flexarm_ident.models.state_space import is_stable
@@ -139,7 +139,8 @@ class _Fit(NamedTuple):
         first = self._first_choice(feedthrough=feedthrough)
         if self.method != AUTO or self.order is not None or self.threshold is not None:
             return first, self._linear(first, feedthrough=feedthrough)
-        if self.in_memory:
+        asked = may_be_likely(self.records)
+        if asked:
             linear = self._linear(first, feedthrough=feedthrough)
             better = likely(linear, progress=self.progress)
             if better is not None:
@@ -153,7 +154,7 @@ class _Fit(NamedTuple):
         )
         linear = self._linear(chosen, feedthrough=feedthrough)
         other = (chosen.selection.method, chosen.order) != (first.selection.method, first.order)
-        better = likely(linear, progress=self.progress) if self.in_memory and other else None
+        better = likely(linear, progress=self.progress) if asked and other else None
         return chosen, better or linear
 
     def _first_choice(self, *, feedthrough: bool) -> Choice:

@@ -26,6 +26,7 @@ from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.state_space import is_stable
+from flexarm_ident.records.iodata import IoData
 from flexarm_ident.records.signals import live_samples
 from flexarm_ident.subspace.methods import METHODS
 
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.arm_fit import ArmFit
     from flexarm_ident.friction.layout import ArmLayout
     from flexarm_ident.friction.levels import CoulombEstimate
-    from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.source import Source
 
 ARM = "arm"
 """Method of a model that is an arm with dry friction."""
@@ -140,13 +141,22 @@ def with_friction(
     return replace(found, notes=(*found.notes, note))
 
 
+def may_be_likely(records: Sequence[Source]) -> bool:
+    """Return whether `likely` is worth its time: where records are in memory, short, without holes.
+
+    For others it takes several times as long as the choice among estimators.
+    """
+    if sum(map(len, records)) > _LIKELY_SAMPLES:
+        return False
+    return all(isinstance(record, IoData) and record.usable.all() for record in records)
+
+
 def likely(found: Identification, *, progress: Progress | None = None) -> Identification | None:
     """Return the model of maximum likelihood, or None where it is not that of the records.
 
     It must simulate the records as well as the start does, and as well as its own dynamics can with
     other inputs, or as an integrator. Its errors must be noise: then there is nothing left in the
-    data that another model could know. Records that are long or have holes are not asked, as that
-    takes several times as long as the choice among estimators.
+    data that another model could know. The records are such that `may_be_likely`.
 
     Parameters
     ----------
@@ -155,9 +165,7 @@ def likely(found: Identification, *, progress: Progress | None = None) -> Identi
     progress : callable, optional
         Called with the stage "refinement" and the completed part.
     """
-    if sum(map(len, found.records)) > _LIKELY_SAMPLES or not is_stable(found.model.A):
-        return None
-    if not all(record.usable.all() for record in found.records):
+    if not is_stable(found.model.A):
         return None
     at_once = not METHODS[found.method].bears_feedback
     better = _most_likely(found, order_open=True, at_once=at_once, progress=progress)

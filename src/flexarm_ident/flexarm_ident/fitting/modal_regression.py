@@ -142,6 +142,10 @@ class ModalRegression:
             rows[:, :starts_end] = states.reshape(blocks + 1, -1).view(float)
             y_rows = np.full((blocks + 1, _BLOCK * self.outputs), np.nan)
             y_rows.reshape(-1, self.outputs)[: len(y)] = y
+            if not np.isnan(y.min(initial=0.0)):
+                last = slice(blocks, blocks + min(len(y) % _BLOCK, 1))
+                yield Lift(rows[:blocks], y_rows[:blocks], rows[last], y_rows[last])
+                continue
             known = ~np.isnan(y_rows)
             whole = known.all(axis=1)
             part = known.any(axis=1) & ~whole

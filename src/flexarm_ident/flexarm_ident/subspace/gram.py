@@ -119,6 +119,9 @@ def block_gram(records: Sequence[Source], block_rows: int) -> BlockGram:
 
 def stretches(y: FloatArray) -> Iterator[slice]:
     """Yield the rows of each stretch of outputs, (samples, outputs), without a row of NaN."""
+    if len(y) and not np.isnan(y.min()):
+        yield slice(0, len(y))
+        return
     unusable = np.flatnonzero(np.isnan(y).any(axis=1))
     edges = np.concatenate([[-1], unusable, [len(y)]])
     for before, after in pairwise(edges.tolist()):

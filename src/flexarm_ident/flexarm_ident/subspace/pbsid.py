@@ -12,6 +12,7 @@ Automatica 43 (2007).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
+# The largest that the choice of the order and the stabilisation diagram ask for.
+_USUAL_ORDER = 36
 
 
 class Innovation(NamedTuple):
@@ -87,9 +90,10 @@ class PredictorSpace:
     @property
     def output_scale(self) -> FloatArray:
         """Factors that scale the one-step innovations of all outputs to one."""
-        variance = np.diag(self.innovation(self.largest_order).covariance)
-        floor = (_SMALLEST_INNOVATION * self.rms[: self.outputs]) ** 2
-        return np.asarray(1.0 / np.sqrt(np.maximum(variance, floor)))
+        found = self._signals(self.largest_order)
+        _, e = self._one_step(self.largest_order, found)
+        variance = np.maximum(np.diag(e @ found.products @ e.T), _SMALLEST_INNOVATION**2)
+        return np.asarray(1.0 / (np.sqrt(variance) * self.rms[: self.outputs]))
 
     def matrices(self, order: int) -> StateMatrices:
         """Return A and C of one order; see `innovation`."""
@@ -105,19 +109,19 @@ class PredictorSpace:
             If the past does not determine as many states.
         """
         m, r = self.outputs, len(self.rms) - self.outputs
-        size, channels = len(self.gram), len(self.rms)
-        coefficients, given, e = self._one_step(order)
-        x, x_next = given[:order], np.zeros((order, size))
-        x_next[:, channels:] = self.rows[:order]
-        u = np.zeros((r, size))
-        u[:, size - r :] = np.eye(r)
+        found = self._signals(order)
+        coefficients, e = self._one_step(order, found)
         C, D = coefficients[:, :order], np.zeros((m, r))
         if self.feedthrough:
             D = coefficients[:, order:]
-        covariance = e @ self.gram @ e.T
+        covariance = e @ found.products @ e.T
         # An innovation of rounding does not drive the states.
         heard = np.diag(covariance) > _SMALLEST_INNOVATION**2
-        dynamics = self._regression(x_next, np.vstack([x, u, e[heard]]))
+        states, _, inputs, following = found.rows(order)
+        one = np.eye(len(found.products))
+        dynamics = _regression(
+            found.products, one[following], np.vstack([one[states], one[inputs], e[heard]])
+        )
         A, B, driven = np.split(dynamics, [order, order + r], axis=1)
         K = np.zeros((order, m))
         K[:, heard] = driven
@@ -136,34 +140,68 @@ class PredictorSpace:
 
         The data must have the same channels and as many block rows.
         """
-        _, _, e = self._one_step(order)
-        e = e / np.tile(self.rms, gram.block_rows)
+        found = self._signals(order)
+        _, e = self._one_step(order, found)
+        e = e @ found.combinations / np.tile(self.rms, gram.block_rows)
         covariance = e @ gram.matrix @ e.T / gram.columns
         covariance[np.diag_indices(self.outputs)] += _SMALLEST_INNOVATION**2
         y_rms = self.rms[: self.outputs]
         return np.asarray(covariance * np.outer(y_rms, y_rms))
 
-    def _one_step(self, order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the regression of the outputs on the states, its regressors and its remainder."""
+    def _one_step(self, order: int, found: _Signals) -> tuple[FloatArray, FloatArray]:
+        """Return the regression of the outputs on the states, and its remainder, by the signals."""
+        states, outputs, inputs, _ = found.rows(order)
+        one = np.eye(len(found.products))
+        given = np.vstack([one[states], one[inputs]]) if self.feedthrough else one[states]
+        coefficients = _regression(found.products, one[outputs], given)
+        return coefficients, one[outputs] - coefficients @ given
+
+    def _signals(self, order: int) -> _Signals:
+        """Return the signals of the regressions of one order."""
         if not 1 <= order <= self.largest_order:
             raise IdentificationError(
                 f"order must lie between 1 and {self.largest_order} for {self.past} past samples "
                 f"of {self.outputs} outputs: {order}; lower it, or raise block_rows"
             )
-        m, r = self.outputs, len(self.rms) - self.outputs
-        size, channels = len(self.gram), len(self.rms)
-        x, y, u = np.zeros((order, size)), np.zeros((m, size)), np.zeros((r, size))
-        x[:, :-channels] = self.rows[:order]
-        y[:, size - channels : size - r] = np.eye(m)
-        u[:, size - r :] = np.eye(r)
-        given = np.vstack([x, u]) if self.feedthrough else x
-        coefficients = self._regression(y, given)
-        return coefficients, given, y - coefficients @ given
+        return self._few if order <= self._few.states else self._made(order)
 
-    def _regression(self, of: FloatArray, on: FloatArray) -> FloatArray:
-        """Return the regression of combinations of the data, given as rows, on others."""
-        inverse = truncated_inverse(on @ self.gram @ on.T, equilibrated=True)
-        return inverse.solve(on @ self.gram @ of.T).T
+    @cached_property
+    def _few(self) -> _Signals:
+        """Signals that serve all orders which are usually asked for."""
+        return self._made(min(_USUAL_ORDER, self.largest_order))
+
+    def _made(self, states: int) -> _Signals:
+        size, channels = len(self.gram), len(self.rms)
+        combinations = np.zeros((2 * states + channels, size))
+        combinations[:states, :-channels] = self.rows[:states]
+        combinations[states : 2 * states, channels:] = self.rows[:states]
+        combinations[2 * states :, size - channels :] = np.eye(channels)
+        products = combinations @ self.gram @ combinations.T
+        return _Signals(combinations, products, states, self.outputs)
+
+
+class _Signals(NamedTuple):
+    """States, states of the next sample, outputs and inputs, as combinations of the data.
+
+    All regressions are on few of them, so that their products replace those of the data.
+    """
+
+    combinations: FloatArray
+    products: FloatArray
+    states: int
+    outputs: int
+
+    def rows(self, order: int) -> tuple[slice, slice, slice, slice]:
+        """Return the rows of states, outputs, inputs and next states of one order."""
+        outputs = slice(2 * self.states, 2 * self.states + self.outputs)
+        following = slice(self.states, self.states + order)
+        return slice(0, order), outputs, slice(outputs.stop, None), following
+
+
+def _regression(products: FloatArray, of: FloatArray, on: FloatArray) -> FloatArray:
+    """Return the regression of combinations of signals, given as rows, on others."""
+    inverse = truncated_inverse(on @ products @ on.T, equilibrated=True)
+    return inverse.solve(on @ products @ of.T).T
 
 
 def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorSpace:
