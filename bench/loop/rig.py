@@ -1,7 +1,8 @@
 """Benchmark of the simulated rig: seconds of motion for each second of computing.
 
-`batch` simulates a whole record in one call, `sampled` reads and writes a rig sample by sample as
+`one` simulates a whole record in one call, `sampled` reads and writes a rig sample by sample as
 the DAQ node does in virtual time. Both drive the arm with a 2.5 V square of 0.6 s at 300 Hz.
+`many` moves a batch of rigs by a sample in each call, with the same square on all.
 `learning` steps the environment of many arms, with actions at random, on one core.
 """
 
@@ -16,6 +17,7 @@ from rich.console import Console
 
 from bench.tools import json_option, make_table, write_json
 from flexarm_daq import RigParameters, SimulatedRig
+from flexarm_daq.rigs.batch import RigBatch
 from flexarm_daq.rigs.gym import ArmVectorEnv
 from flexarm_daq.rigs.plant import Plant, simulate
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 RATE_HZ = 300.0
 _REPEATS = 5
 _PERIOD_S, _COMMAND_V = 0.6, 2.5
+_RIGS = 256
 _ARMS, _STEPS = 1024, 200
 
 
@@ -38,7 +41,8 @@ def main(seconds: float, json_file: Path | None) -> None:
     command_v = np.where(phase % 1.0 < 1.0 / 2.0, _COMMAND_V, -_COMMAND_V)
     steps_per_s = learning()
     figures = {
-        "times_real_time": batch(command_v),
+        "times_real_time": one(command_v),
+        "many_times_real_time": many(command_v[: round(_PERIOD_S * RATE_HZ)]),
         "sampled_times_real_time": sampled(command_v),
         "learning_times_real_time": steps_per_s / RATE_HZ,
         "learning_steps_per_s": steps_per_s,
@@ -46,7 +50,8 @@ def main(seconds: float, json_file: Path | None) -> None:
     }
     title = f"{seconds:g} s of motion at {RATE_HZ:g} Hz, 10 kHz sub-steps, best of {_REPEATS}"
     table = make_table("way", "times real time", title=title)
-    table.add_row("batch", f"{figures['times_real_time']:.0f}")
+    table.add_row("one", f"{figures['times_real_time']:.0f}")
+    table.add_row(f"many, {_RIGS} rigs", f"{figures['many_times_real_time']:.0f}")
     table.add_row("sampled", f"{figures['sampled_times_real_time']:.0f}")
     table.add_row(f"learning, {_ARMS} arms", f"{figures['learning_times_real_time']:.0f}")
     Console().print(table)
@@ -54,7 +59,7 @@ def main(seconds: float, json_file: Path | None) -> None:
     write_json(json_file, figures)
 
 
-def batch(command_v: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+def one(command_v: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
     """Return seconds of motion per second in one call; the first compiles and is not counted."""
     took_s = []
     for _ in range(1 + _REPEATS):
@@ -63,6 +68,20 @@ def batch(command_v: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
         simulate(plant, command_v, RATE_HZ)
         took_s.append(time.perf_counter() - start_s)
     return len(command_v) / RATE_HZ / min(took_s[1:])
+
+
+def many(command_v: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    """Return seconds of motion of all rigs per second, on one core."""
+    rigs, moving = RigBatch(_RIGS, rate_hz=RATE_HZ), np.ones(_RIGS, np.bool_)
+    for rig in range(_RIGS):
+        rigs.rest(rig, RigParameters(), seed=rig)
+    took_s = []
+    for _ in range(1 + _REPEATS):
+        start_s = time.perf_counter()
+        for volts in command_v.tolist():
+            rigs.write(np.full(_RIGS, volts), moving)
+        took_s.append(time.perf_counter() - start_s)
+    return _RIGS * len(command_v) / RATE_HZ / min(took_s[1:])
 
 
 def sampled(command_v: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
