@@ -68,7 +68,7 @@ def test_tools___where_python_shall_leave_no_bytecode___leave_it_for_one_another
 
     def note(
         command: list[str], env: dict[str, str], **_: object
-    ) -> subprocess.CompletedProcess[str]:
+    ) -> subprocess.CompletedProcess[bytes]:
         said.append(env)
         return run(command)
 
