@@ -31,9 +31,8 @@ from bench.loop import peers
 from bench.tools import json_option, write_json
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_node import qos
+from flexarm_node import machine_floor, qos
 from flexarm_node.process import prefer_realtime
-from flexarm_node.statistics import Percentiles, Window
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -179,7 +178,7 @@ def measure(rate_hz: float, length_s: float, *, load: bool, compose: bool = Fals
         used_s = {name: value - cpu_s[name] for name, value in processes.cpu_s().items()}
         operator.wait(lambda: float(heard["time_s"]) >= first_s + length_s, "the last report")
         elapsed_s = float(heard["time_s"]) - first_s
-        floor_late, floor_missed = floor.recv()
+        bare = floor.recv()
         samples = int(heard["samples"])
         return Row(
             asked_hz=rate_hz,
@@ -187,11 +186,11 @@ def measure(rate_hz: float, length_s: float, *, load: bool, compose: bool = Fals
             reply_ms=_read(heard, "reply"),
             late_ms=_read(heard, "late"),
             floor_late_ms={
-                name: 1e3 * getattr(floor_late, field) for name, field in _PERCENTILES.items()
+                name: 1e3 * getattr(bare.late, field) for name, field in _PERCENTILES.items()
             },
             samples=samples,
             missed=int(heard["missed periods"]),
-            floor_missed=floor_missed,
+            floor_missed=bare.missed,
             unanswered=int(heard["unanswered samples"]),
             fell_safe=int(heard["events: stale"]),
             cpu={name: value / elapsed_s for name, value in used_s.items()},
@@ -247,20 +246,9 @@ def beside(work: Any, *arguments: object) -> Iterator[Connection]:  # noqa: ANN4
 
 
 def sleep_floor(result: Connection, rate_hz: float, length_s: float) -> None:
-    """Sleep until each deadline, and send how late that was and how many periods were missed."""
+    """Send what the bare loop did."""
     prefer_realtime()
-    period_s = 1.0 / rate_hz
-    late = Window(round(rate_hz * length_s))
-    missed = 0
-    deadline_s = start_s = time.monotonic()
-    while deadline_s < start_s + length_s:
-        skipped = max(0, int((time.monotonic() - deadline_s) / period_s - 1.0))
-        missed += skipped
-        deadline_s += (1 + skipped) * period_s
-        time.sleep(max(0.0, deadline_s - time.monotonic()))
-        late.add(time.monotonic() - deadline_s)
-    figures: tuple[Percentiles, int] = (late.percentiles(), missed)
-    result.send(figures)
+    result.send(machine_floor.sleep_floor(rate_hz, length_s))
 
 
 def _burn(_: Connection) -> None:

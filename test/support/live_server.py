@@ -7,9 +7,10 @@ import json
 import socket
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from flexarm_core.errors import FlexarmError
@@ -139,6 +140,14 @@ def received(page: ClientConnection) -> dict[str, Any]:
         pass
     message: dict[str, Any] = json.loads(text)
     return message
+
+
+def until_closed(page: ClientConnection) -> tuple[int | None, str | None]:
+    """Take messages until the server closes a page; return its code and its reason, if it came."""
+    with suppress(ConnectionClosed):
+        while True:
+            page.recv(PATIENCE_S)
+    return page.protocol.close_code, page.protocol.close_reason
 
 
 def until(condition: Callable[[], bool]) -> None:

@@ -79,7 +79,9 @@ def passes(name: str, command: tuple[str, ...], root: Path) -> bool:
     """Announce and run a Python tool in the checkout; return whether it succeeded."""
     terminal.step(f"{name}: {' '.join(command)}")
     started_s = time.monotonic()
-    done = subprocess.run(_line(command), cwd=root, check=False)  # noqa: S603 - our own tools
+    done = subprocess.run(  # noqa: S603 - our own tools
+        _line(command), cwd=root, check=False, env=_environment()
+    )
     _tell_time(name, started_s)
     return done.returncode == 0
 
@@ -96,6 +98,7 @@ def _failed_side_by_side(checks: tuple[Check, ...], root: Path) -> Iterator[str]
             _line(check[1]),
             cwd=root,
             check=False,
+            env=_environment(),
             text=True,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -112,6 +115,11 @@ def _failed_side_by_side(checks: tuple[Check, ...], root: Path) -> Iterator[str]
 
 def _line(command: tuple[str, ...]) -> list[str]:
     return [sys.executable, "-m", *command]
+
+
+def _environment() -> dict[str, str]:
+    # Each worker and each program of a test would compile every module again.
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
 def _tell_time(name: str, started_s: float) -> None:

@@ -32,6 +32,7 @@ _EXECUTABLES = (
 
 @click.command()
 @click.option("--licences", is_flag=True, help="List the licence of every installed package.")
+@click.option("--realtime", is_flag=True, help="Measure which rates this machine can keep.")
 @click.option("--hardware", is_flag=True, help="Examine the board and the sensors; moves nothing.")
 @click.option("--device", default="Dev1", show_default=True, help="Name of the board.")
 @click.option(
@@ -49,18 +50,20 @@ _EXECUTABLES = (
 @examples(
     "doctor",
     "doctor --licences",
+    "doctor --realtime",
     "doctor --hardware",
     "doctor --hardware --device Dev2 --terminals diff",
 )
 def doctor(
     *,
     licences: bool,
+    realtime: bool,
     hardware: bool,
     sensors: str,
     rate: float,
     **names: Any,  # noqa: ANN401
 ) -> None:
-    """Examine this environment, or the hardware.
+    """Examine this environment, its real time, or the hardware.
 
     Without options: its parts, and whether nodes can talk.
     """
@@ -73,6 +76,11 @@ def doctor(
 
         rows = licensed()
         click.echo("\n".join([*licence_lines(rows), summary(rows)]))
+        return
+    if realtime:
+        from flexarm_bringup.verbs.health.realtime import examine_realtime  # noqa: PLC0415
+
+        examine_realtime()
         return
     if hardware:
         from flexarm_bringup.verbs.health.hardware import examine_hardware  # noqa: PLC0415

@@ -58,6 +58,28 @@ def test_arguments___go_to_pytest_alone(commands: list[list[str]]) -> None:
     assert commands == [["pytest", "test/unit", "-k", "margins"]]
 
 
+@pytest.mark.parametrize("arguments", [[], ["--quick"], ["test/unit"]])
+def test_tools___where_python_shall_leave_no_bytecode___leave_it_for_one_another(
+    monkeypatch: pytest.MonkeyPatch, commands: list[list[str]], arguments: list[str]
+) -> None:
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    said: list[dict[str, str]] = []
+    run = subprocess.run
+
+    def note(
+        command: list[str], env: dict[str, str], **_: object
+    ) -> subprocess.CompletedProcess[bytes]:
+        said.append(env)
+        return run(command)
+
+    monkeypatch.setattr(subprocess, "run", note)
+    CliRunner().invoke(verb, arguments)
+    assert len(said) == len(commands)
+    for environment in said:
+        assert "PYTHONDONTWRITEBYTECODE" not in environment
+        assert environment["PATH"] == os.environ["PATH"]
+
+
 def test_quick___with_arguments___is_refused() -> None:
     result = CliRunner().invoke(verb, ["--quick", "test/unit"])
     assert result.exit_code == 2
