@@ -22,6 +22,7 @@ from rich.console import Console
 from bench.control.control import LENGTH_S, SETTLED_S, step_cost_us
 from bench.tools import count_option, json_option, make_table, run_trials, write_json
 from flexarm_control import LAWS, build_law, step_figures
+from flexarm_core.labels import counted
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.workflow.request import Request
@@ -66,7 +67,7 @@ also `planned.observer_hz` 5 |
 | repeat the thesis | `pd`, `pi`, `pdp`, `pdpc` and `pdpc_unconditional` with its values |
 
 The two tables come from `./flexarm bench laws --docs`: steps to 1, 3 and 5 V with 0, 200 and 400 g,
-{seeds} seed(s) a case, mean and worst settling. Overshoot, error, the gauge's peak and the command
+{seeds} a case, mean and worst settling. Overshoot, error, the gauge's peak and the command
 are the worst; the gauge's RMS from 3 to 10 s is a mean. All figures are noise-free. `planned` and
 `planned_observer` know the payload, `planned_blind` detects it, and `planned_model` plans on a
 model identified from the simulated C_dat3. `lqg_limited` has a limit of 2 V. 10 s means that some
@@ -238,7 +239,7 @@ def write_section(steps: Sequence[Step], seeds: int) -> None:
         "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
         for _, head, rows in tables(steps)
     ]
-    text = _SECTION.format(seeds=seeds) + "\n\n".join(blocks) + "\n"
+    text = _SECTION.format(seeds=counted(seeds, "seed")) + "\n\n".join(blocks) + "\n"
     before, *_ = _PAGE.read_text("utf-8").partition(_HEADING)
     _PAGE.write_text(before + _HEADING + text, "utf-8")
 
