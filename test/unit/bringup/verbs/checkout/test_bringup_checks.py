@@ -67,14 +67,14 @@ def test_tools___where_python_shall_leave_no_bytecode___leave_it_for_one_another
     run = subprocess.run
 
     def note(
-        command: list[str], env: dict[str, str], **_: object
+        command: list[str], env: dict[str, str] | None = None, **_: object
     ) -> subprocess.CompletedProcess[bytes]:
-        said.append(env)
+        said.append(dict(os.environ) if env is None else env)
         return run(command)
 
     monkeypatch.setattr(subprocess, "run", note)
     CliRunner().invoke(verb, arguments)
-    assert len(said) == len(commands)
+    assert len(said) == len(commands) > 0
     for environment in said:
         assert "PYTHONDONTWRITEBYTECODE" not in environment
         assert environment["PATH"] == os.environ["PATH"]
