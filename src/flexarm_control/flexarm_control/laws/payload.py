@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from operator import sub
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -116,30 +117,33 @@ class PayloadEstimator:
         self._keep = 1.0 - min(1.0, dt_s / detection.memory_s)
         # Filtered residuals are correlated over the memory of the filter.
         self._alike = max(1.0, 1.0 / (2.0 * math.pi * detection.bandwidth_hz * dt_s))
-        self._next = np.zeros(len(self._a))
+        self._next, self._driven = np.zeros((2, len(self._a)))
         self._input = np.zeros(2)
+        self._factors = np.zeros((3, len(_INSTRUMENT_PAYLOADS_KG)))
         self.reset()
 
     def reset(self) -> None:
         """Return to the state before the first sample."""
         self._state = np.zeros(len(self._a))
-        self._zv, self._zw, self._zz = np.zeros((3, len(_INSTRUMENT_PAYLOADS_KG)))
+        # Of each instrument z: z v, z w, z z.
+        self._z_sums = np.zeros((3, len(_INSTRUMENT_PAYLOADS_KG)))
         self._vv = self._vw = self._ww = self._count = 0.0
 
     def memory(self) -> Memory:
         """Return filters and sums; see `flexarm_control.laws.law_protocol.LawWithMemory.memory`."""
+        zv, zw, zz = self._z_sums.tolist()
         return {
             "filters": self._state.tolist(),
-            "zv": self._zv.tolist(),
-            "zw": self._zw.tolist(),
-            "zz": self._zz.tolist(),
+            "zv": zv,
+            "zw": zw,
+            "zz": zz,
             "sums": (self._vv, self._vw, self._ww, self._count),
         }
 
     def remember(self, memory: Memory) -> None:
         """Go on from filters and sums, as a law does."""
         self._state = np.array(memory["filters"])
-        self._zv, self._zw, self._zz = (np.array(memory[name]) for name in ("zv", "zw", "zz"))
+        self._z_sums = np.array([memory[name] for name in ("zv", "zw", "zz")])
         self._vv, self._vw, self._ww, self._count = memory["sums"]
 
     def step(self, volts: Sequence[float]) -> None:
@@ -149,7 +153,8 @@ class PayloadEstimator:
             return
         self._input[0], self._input[1] = base_v, speed_v
         np.dot(self._a, self._state, out=self._next)
-        self._next += self._b @ self._input
+        np.dot(self._b, self._input, out=self._driven)
+        self._next += self._driven
         self._state, self._next = self._next, self._state
         v, _, curvature, speed, acceleration = self._state[:5].tolist()
         if abs(speed) < _MOVING_V:
@@ -157,9 +162,9 @@ class PayloadEstimator:
         w = self._detection.strain_per_speed_s2 * acceleration - curvature
         z = self._state[2 * _FILTER_ORDER :: 2]
         keep = self._keep
-        self._zv = keep * self._zv + z * v
-        self._zw = keep * self._zw + z * w
-        self._zz = keep * self._zz + z * z
+        self._factors[0], self._factors[1], self._factors[2] = v, w, z
+        self._z_sums *= keep
+        self._z_sums += self._factors * z
         self._vv = keep * self._vv + v * v
         self._vw = keep * self._vw + v * w
         self._ww = keep * self._ww + w * w
@@ -171,17 +176,21 @@ class PayloadEstimator:
         if self._count < self._alike:
             return NO_ESTIMATE
         detection = self._detection
-        with np.errstate(divide="ignore", invalid="ignore"):
-            a = np.where(self._zw > 0.0, self._zv / self._zw, np.inf)
-        weights_kg = detection.cantilever_n_per_m * a - detection.tare_kg
-        best = int(np.argmin(np.abs(weights_kg - _INSTRUMENT_PAYLOADS_KG)))
-        if not math.isfinite(a[best]):
+        # Of a few numbers, lists are faster than arrays.
+        ratios = [v / w if w > 0.0 else math.inf for v, w in self._z_sums[:2].T.tolist()]
+        weights_kg = [detection.cantilever_n_per_m * each - detection.tare_kg for each in ratios]
+        misses_kg = list(map(abs, map(sub, weights_kg, _INSTRUMENT_PAYLOADS_KG.tolist())))
+        best = misses_kg.index(min(misses_kg))
+        if not math.isfinite(ratios[best]):
             return NO_ESTIMATE
-        residual = max(0.0, self._vv - 2.0 * a[best] * self._vw + a[best] ** 2 * self._ww)
-        variance = residual / self._count * self._alike * self._zz[best] / self._zw[best] ** 2
+        # Numbers of NumPy: a square beyond all floats is infinite, not an error.
+        a = np.float64(ratios[best])
+        _, zw, zz = self._z_sums[:, best]
+        residual = max(0.0, self._vv - 2.0 * a * self._vw + a**2 * self._ww)
+        variance = residual / self._count * self._alike * zz / zw**2
         deviation_kg = detection.cantilever_n_per_m * math.sqrt(variance)
         return PayloadEstimate(
-            min(max(float(weights_kg[best]), 0.0), MAX_PAYLOAD_KG),
+            min(max(weights_kg[best], 0.0), MAX_PAYLOAD_KG),
             deviation_kg,
             deviation_kg <= detection.detected_kg,
         )
