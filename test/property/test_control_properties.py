@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 ANY = st.floats()
 VOLTS = st.floats(-10.0, 10.0)
+WITH_REST = {"lqg", "pdpc_plus", "planned"}
+"""Laws whose compensation is no switch of one level: at the set-point they help the bent arm."""
 
 
 def _values(table: dict[str, object], names: st.SearchStrategy[str]) -> st.SearchStrategy[object]:
@@ -112,7 +114,7 @@ def test_switch___any_two_laws___moves_the_command_by_no_more_than_the_slew_limi
 
 
 @given(
-    _values(dict(LAWS), st.sampled_from(sorted(set(LAWS) - {"pdpc_plus", "planned"}))),
+    _values(dict(LAWS), st.sampled_from(sorted(set(LAWS) - WITH_REST))),
     st.tuples(VOLTS, VOLTS, VOLTS, VOLTS),
     VOLTS,
 )
@@ -124,6 +126,23 @@ def test_law___any_measurement___compensates_along_the_effort(
     level_v = law[1].get("compensation_v", 0.0)
     assert abs(effort.compensation_v) in (0.0, level_v)
     assert effort.compensation_v * effort.effort_v >= 0.0
+
+
+@given(
+    _values(dict(LAWS), st.sampled_from(["lqg", "pdpc_plus"])),
+    st.tuples(VOLTS, VOLTS, VOLTS, VOLTS),
+    VOLTS,
+)
+def test_law_with_a_rest___any_measurement___compensates_along_the_effort_or_helps_the_bent_arm(
+    law: tuple[str, dict[str, float]], volts: tuple[float, ...], reference_v: float
+) -> None:
+    effort = built(*law).step(volts, reference_v)
+
+    _, values = law
+    help_v = -math.copysign(values["release_v"], volts[1])
+    if effort.compensation_v * effort.effort_v < 0.0:
+        assert 0.0 < effort.compensation_v / help_v <= 1.0
+    assert abs(effort.compensation_v) <= max(values["compensation_v"], values["release_v"])
 
 
 @given(st.tuples(VOLTS, VOLTS, VOLTS, VOLTS), VOLTS)
