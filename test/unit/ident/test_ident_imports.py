@@ -2,6 +2,9 @@
 
 import subprocess
 import sys
+from pathlib import Path
+
+from support.project import BAGS
 
 _LOADED = """
 import sys
@@ -15,3 +18,19 @@ def test_import__slow_libraries___wait_until_they_are_needed() -> None:
     command = [sys.executable, "-c", _LOADED]
     run = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603 - ours
     assert not run.stdout.split()
+
+
+def test_identification__whole_way_to_the_report___needs_no_matplotlib_and_no_statistics(
+    tmp_path: Path,
+) -> None:
+    program = (
+        "import sys; from flexarm_ident.job import identify_bags, report_bags\n"
+        "from pathlib import Path; from flexarm_ident.workflow.request import Request\n"
+        f"bags, out = [Path({str(BAGS / 'c_dat3_0g')!r})], Path({str(tmp_path)!r})\n"
+        "identify_bags(bags, out / 'found', Request())\n"
+        "report_bags(bags, out / 'report.html', Request(reduction='mrm', update='b'))\n"
+        "print({'matplotlib', 'scipy.stats', 'numba'} & set(sys.modules))"
+    )
+    command = [sys.executable, "-c", program]
+    run = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603 - ours
+    assert run.stdout == "set()\n"

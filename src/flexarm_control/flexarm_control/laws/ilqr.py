@@ -311,10 +311,11 @@ def quadratic_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -
     SettingError
         When the Riccati equation has no stabilising solution.
     """
-    from control import dlqr  # noqa: PLC0415 - it loads matplotlib
+    # With the first design: it takes long to import.
+    from flexarm_ident.models.control_library import control_library  # noqa: PLC0415
 
     try:
-        return rounded(dlqr(A, B, Q, R)[0])
+        return rounded(control_library().dlqr(A, B, Q, R)[0])
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SettingError(
             f"no regulator or observer for this model and these weights ({error}); weigh the "

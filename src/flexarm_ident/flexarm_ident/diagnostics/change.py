@@ -147,7 +147,7 @@ def _strongest(matrices: FloatArray, known: list[int], told: list[int]) -> _Chan
         variance = np.sum([side.var(axis=0, ddof=1) / len(side) for side in sides], axis=0)
         scatter = 0.5 * np.sqrt(variance)
         # Signals without a remainder lose nothing.
-        p_values = scipy.stats.t.sf(mean / np.where(scatter > 0.0, scatter, np.inf), count - 2)
+        p_values = scipy.special.stdtr(count - 2, -mean / np.where(scatter > 0.0, scatter, np.inf))
         row = int(np.argmin(p_values))
         p_value = min(1.0, float(len(_CUTS) * len(told) * p_values[row]))
         tried.append(_Change(middle, float(np.expm1(0.5 * mean[row])), p_value))

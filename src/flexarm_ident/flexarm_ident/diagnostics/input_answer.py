@@ -112,7 +112,7 @@ def static_outputs(record: IoData) -> dict[str, float]:
     # An input that seldom changes shows no dynamics: the changes have to be told as well.
     told = np.maximum(at_once, _left(np.diff(u, axis=0), np.diff(y, axis=0)))
     is_told = told < 1.0 - _TOLD_AT_ONCE
-    chance = scipy.stats.chi2.isf(_ANSWER_CHANCE, past.shape[1]) / len(past)
+    chance = scipy.special.chdtri(past.shape[1], _ANSWER_CHANCE) / len(past)
     is_static = at_once - later < np.maximum(_TOLD_LATER, chance * later)
     return {record.outputs[i]: float(1.0 - at_once[i]) for i in np.flatnonzero(is_told & is_static)}
 
@@ -137,7 +137,7 @@ def _delays(record: IoData, news: News) -> Iterator[DataWarning]:
         repeated = float(_correlation(fresh[:, np.newaxis] / fresh.std(), fresh).share.max())
         if repeated > _LARGEST_REPETITION:
             continue
-        chance = scipy.stats.chi2.isf(SIGNIFICANCE / len(evidence), degrees)
+        chance = scipy.special.chdtri(degrees, SIGNIFICANCE / len(evidence))
         above = np.flatnonzero((evidence > chance) & (share > _LEAK * repeated * share.max()))
         if not len(above) or above[0] < _SHORTEST_DELAY:
             continue
@@ -196,9 +196,9 @@ def _is_correlated(e: FloatArray, fresh: FloatArray) -> bool:
     power = np.array(
         [_correlation(e[:, np.newaxis] / deviation, each).evidence for each in fresh.T]
     )
-    single = scipy.stats.chi2.isf(_ANSWER_CHANCE / power.size, 1)
+    single = scipy.special.chdtri(1, _ANSWER_CHANCE / power.size)
     near = power[:, :_ANSWER_LAGS]
-    joint = scipy.stats.chi2.isf(_ANSWER_CHANCE, near.size)
+    joint = scipy.special.chdtri(near.size, _ANSWER_CHANCE)
     return bool(power.max() > single or near.sum() > joint)
 
 

@@ -76,7 +76,7 @@ class Spectra:
         Without coherence the biased one has a beta distribution.
         """
         inputs = self.response.shape[2]
-        biased = scipy.stats.beta.isf(level, inputs, self.segments - inputs)
+        biased = scipy.special.betainccinv(inputs, self.segments - inputs, level)
         return float(_unbiased(np.array(biased), self.segments, inputs))
 
 

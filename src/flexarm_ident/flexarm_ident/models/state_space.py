@@ -1,7 +1,6 @@
 """Discrete state-space models with named channels, and the stabilisation of eigenvalues.
 
-python-control loads matplotlib's pyplot, which takes longer than all other imports together. It is
-therefore imported with the first model.
+python-control takes longer to import than all else together: it comes with the first model.
 """
 
 from __future__ import annotations
@@ -9,6 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+
+from flexarm_ident.models.control_library import control_library
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,10 +61,9 @@ def state_space(
     name : str, optional
         Name of the model.
     """
-    import control  # noqa: PLC0415
-
     names = {"inputs": inputs and list(inputs), "outputs": outputs and list(outputs), "name": name}
-    return control.StateSpace(A, B, C, D, dt_s, **names)
+    model: control.StateSpace = control_library().StateSpace(A, B, C, D, dt_s, **names)
+    return model
 
 
 def with_matrices(

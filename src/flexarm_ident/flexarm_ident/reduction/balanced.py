@@ -18,6 +18,7 @@ from flexarm_core.errors import IdentificationError
 from flexarm_ident.models.modes import modal_form
 from flexarm_ident.models.state_space import with_matrices
 from flexarm_ident.reduction.modal import truncate
+from flexarm_ident.subspace.inverse import factor
 
 if TYPE_CHECKING:
     import control
@@ -82,9 +83,9 @@ def balanced_truncation(
         return BalancedTruncation(model, np.empty(0), len(unstable))
     part = truncate(model, stable)
     scale = np.ones(model.noutputs) if output_scale is None else output_scale
-    reach = _factor(scipy.linalg.solve_discrete_lyapunov(part.A, part.B @ part.B.T))
+    reach = factor(scipy.linalg.solve_discrete_lyapunov(part.A, part.B @ part.B.T))
     C = scale[:, np.newaxis] * part.C
-    sight = _factor(scipy.linalg.solve_discrete_lyapunov(part.A.T, C.T @ C))
+    sight = factor(scipy.linalg.solve_discrete_lyapunov(part.A.T, C.T @ C))
     left, values, right = scipy.linalg.svd(sight.T @ reach)
     usable = int(np.sum(values > _REACHABLE * values[0]))
     size = min(order - len(unstable), usable)
@@ -99,9 +100,3 @@ def balanced_truncation(
         C=np.hstack([part.C @ expand, kept.C]),
     )
     return BalancedTruncation(reduced, values, len(unstable))
-
-
-def _factor(gramian: FloatArray) -> FloatArray:
-    """Return L of L L', also for a Gramian that is slightly indefinite by rounding."""
-    values, vectors = scipy.linalg.eigh(0.5 * (gramian + gramian.T))
-    return np.asarray(vectors * np.sqrt(values.clip(min=0.0)))

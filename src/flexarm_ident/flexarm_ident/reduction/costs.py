@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.fitting.validation import mean_error, relative_errors, validate_dmv, validate_sfv
+from flexarm_ident.fitting.validation import (
+    mean_error,
+    recover_gains,
+    relative_errors,
+    validate_dmv,
+    validate_sfv,
+)
 from flexarm_ident.reduction.modal import reduce_model
 
 if TYPE_CHECKING:
@@ -19,6 +25,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.fitting.validation import Gains
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.reduction.modal import Reduction
 
@@ -82,11 +89,12 @@ def step_costs(
     """
     model = identification.model
     labels = tuple(mode.label for mode in identification.modes)
+    law = recover_gains(records[0])
 
     def cost(
         model: control.StateSpace, ranking: str | None, update: str, kept: tuple[str, ...]
     ) -> StepCost:
-        errors, sfv = _errors(model, records), _following(model, records)
+        errors, sfv = _errors(model, records), _following(model, records[0], law)
         return StepCost(ranking, update, kept, model.nstates, errors, sfv)
 
     costs = [cost(model, None, "none", labels)]
@@ -154,10 +162,10 @@ def _errors(model: control.StateSpace, records: Sequence[IoData]) -> FloatArray:
     )
 
 
-def _following(model: control.StateSpace, records: Sequence[IoData]) -> float | None:
-    if records[0].reference is None:
+def _following(model: control.StateSpace, record: IoData, law: Gains | None) -> float | None:
+    if law is None:
         return None
     try:
-        return validate_sfv(model, records[0]).mean
+        return validate_sfv(model, record, law).mean
     except IdentificationError:
         return None

@@ -1,4 +1,4 @@
-"""Truncated inverse of a product matrix."""
+"""Truncated inverse and factor of a product matrix."""
 
 from __future__ import annotations
 
@@ -69,3 +69,16 @@ def truncated_inverse(
     condition = largest / max(float(values[0]), rounding) if largest > 0.0 else np.inf
     vectors = vectors[:, kept] / scale[:, np.newaxis]
     return TruncatedInverse(vectors, values[kept], condition)
+
+
+def factor(matrix: FloatArray) -> FloatArray:
+    """Return R with ``R @ R.T`` the symmetric matrix, (size, size), of any rank.
+
+    It is positive semidefinite but for rounding. Where it is clear of that, Cholesky's factor takes
+    a tenth of the time of the eigenvectors.
+    """
+    try:
+        return np.asarray(scipy.linalg.cholesky(matrix, lower=True))
+    except scipy.linalg.LinAlgError:
+        values, vectors = scipy.linalg.eigh(matrix, driver="evd")
+        return np.asarray(vectors * np.sqrt(values.clip(min=0.0)))

@@ -20,7 +20,7 @@ import scipy
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.subspace.gram import equilibrated
-from flexarm_ident.subspace.inverse import truncated_inverse
+from flexarm_ident.subspace.inverse import factor, truncated_inverse
 from flexarm_ident.subspace.subspace_protocol import StateMatrices, normalised
 
 if TYPE_CHECKING:
@@ -234,8 +234,7 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
         # Prediction of a later sample from the past alone.
         future[ahead, :, ahead * channels :] = responses[:, : history - ahead * channels]
     future = (weight[:, np.newaxis] * future).reshape(past * m, history)
-    values, vectors = scipy.linalg.eigh(scaled[:history, :history], driver="evd")
-    root = vectors * np.sqrt(values.clip(min=0.0))
+    root = factor(scaled[:history, :history])
     left_vectors, singular_values, _ = scipy.linalg.svd(future @ root, full_matrices=False)
     rank = int(np.sum(singular_values > np.finfo(float).eps * singular_values[0] * history))
     basis = left_vectors[:, :rank] / np.sqrt(singular_values[:rank])

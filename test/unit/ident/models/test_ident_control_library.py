@@ -1,0 +1,77 @@
+"""Tests of python-control without what takes long: it comes with its first use, and still works."""
+
+import subprocess
+import sys
+
+_LIGHT = """
+import sys
+from flexarm_ident.models.control_library import control_library
+control = control_library()
+assert control_library() is control
+print(*(name for name in ("matplotlib", "control.grid", "scipy.stats") if name in sys.modules))
+"""
+_PLOTS = (
+    _LIGHT
+    + """
+import matplotlib
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+model, other = control.ss(-1.0, 1.0, 1.0, 0.0), control.tf([1.0], [1.0, 1.0, 4.0])
+draw = {
+    "bode": lambda: control.bode_plot(model),
+    "nyquist": lambda: control.nyquist_plot(model),
+    "nichols": lambda: control.nichols_plot(other),
+    "poles": lambda: control.pole_zero_plot(other, grid=True),
+    "discrete poles": lambda: control.pole_zero_plot(control.sample_system(other, 0.1), grid=True),
+    "root locus": lambda: control.root_locus_plot(other, grid=True),
+    "step": lambda: control.step_response(model).plot(),
+    "singular values": lambda: control.singular_values_plot(model),
+}
+for name, call in draw.items():
+    figure = plt.figure()
+    call()
+    print(name, len(figure.axes) > 0)
+"""
+)
+_STATISTICS = (
+    _LIGHT
+    + """
+import numpy as np, scipy
+print(scipy.signal.find_peaks_cwt(np.sin(np.arange(0.0, 6.0, 0.1)), np.arange(5, 10)))
+print(scipy.stats.norm.cdf(0.0))
+"""
+)
+_KNOWN = """
+import matplotlib.pyplot, sys
+before = sys.modules["matplotlib.pyplot"]
+from flexarm_ident.models.control_library import control_library
+print(sys.modules["matplotlib.pyplot"] is before, control_library().ctrlplot.plt is before)
+"""
+
+
+def output(program: str) -> list[str]:
+    command = [sys.executable, "-W", "ignore", "-c", program]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603 - ours
+    return done.stdout.splitlines()
+
+
+def test_control_library___loads_neither_plots_nor_statistics() -> None:
+    assert output(_LIGHT) == [""]
+
+
+def test_control_library__plots___draw_as_ever() -> None:
+    light, *drawn = output(_PLOTS)
+    assert light == ""
+    assert len(drawn) == 8
+    assert [line for line in drawn if not line.endswith("True")] == []
+
+
+def test_control_library__statistics___come_with_their_first_use() -> None:
+    light, peaks, half = output(_STATISTICS)
+    assert light == ""
+    assert abs(int(peaks.strip("[]")) - 16) <= 1  # the sine's maximum is at pi / 2
+    assert abs(float(half) - 0.5) < 1e-12
+
+
+def test_control_library__pyplot_imported_before___stays() -> None:
+    assert output(_KNOWN) == ["True True"]
