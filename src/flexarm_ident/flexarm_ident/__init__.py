@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.friction.levels import estimate_coulomb
     from flexarm_ident.models.files import load_model, save_model
+    from flexarm_ident.models.mode_shapes import ModeShape, mode_shapes
     from flexarm_ident.models.modes import RankTable, rank_table
     from flexarm_ident.reading.channels import Selection, selection
     from flexarm_ident.reading.read import read_bag, read_bag_report, read_channels
@@ -45,6 +46,7 @@ __all__ = [
     "Identification",
     "IdentificationError",
     "IoData",
+    "ModeShape",
     "RankTable",
     "Reduction",
     "Refinement",
@@ -57,6 +59,7 @@ __all__ = [
     "identify",
     "load_friction",
     "load_model",
+    "mode_shapes",
     "preprocess",
     "rank_table",
     "read_bag",

@@ -133,18 +133,36 @@ def test_render_report___outcome___has_no_name_twice(text: str) -> None:
     assert set(used) == set(names)
 
 
-def test_render_report___outcome___has_a_plot_per_output_and_kind(text: str) -> None:
-    # The card's, an input, two each for order and poles, one for the reduction; for each output
-    # one gain, two correlations, and twice the whole record with a part of it.
-    assert views_of(text) == 1 + 1 + 2 + 2 + 1 + 4 * (1 + 2 + 2 * 2)
+def test_render_report___outcome___has_a_plot_per_output_and_kind(
+    outcome: Outcome, text: str
+) -> None:
+    # The card's, an input, two each for order and poles, one for the reduction; one for each mode
+    # that oscillates; for each output one gain, two correlations, and twice the whole record with a
+    # part of it.
+    shapes = sum(mode.kept and mode.is_pair for mode in outcome.modes)
+    assert shapes > 0
+    assert views_of(text) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 2 + 2 * 2)
     for words in (
         "Residuals",
         "Data matching",
         "Set-point following",
         "Frequency response",
+        "Mode shapes",
         "Poles",
     ):
         assert f"<h2>{words}</h2>" in text
+
+
+def test_render_report___outcome___lists_every_shape(outcome: Outcome, text: str) -> None:
+    table = text.split("<h2>Mode shapes</h2>")[1].split("</table>", maxsplit=1)[0]
+    rows = [re.findall(r"<t[hd][^>]*>(.*?)</t", row) for row in table.split("</tr>")][1:-1]
+    kept = sorted(mode.frequency_hz for mode in outcome.modes if mode.kept and mode.is_pair)
+    assert [float(row[0]) for row in rows] == pytest.approx(kept, abs=1e-3)
+    for _, *cells in rows:
+        sizes, phases = zip(*(cell.rstrip("\u00b0").split(", ") for cell in cells), strict=True)
+        largest = max(range(len(sizes)), key=lambda i: float(sizes[i]))
+        assert (sizes[largest], phases[largest]) == ("1.00", "0")
+        assert all(-180 < int(phase.replace("\u2212", "-")) <= 180 for phase in phases)
 
 
 def test_render_report___outcome___lists_every_mode(outcome: Outcome, text: str) -> None:
@@ -217,7 +235,7 @@ def test_render_report___several_inputs_outputs_and_records___shows_three_record
 ) -> None:
     text = rendered(many_channels)
     page = Page(text)
-    assert views_of(text) == 1 + 2 + 2 + 2 + 2 * 3 * 3 + 2 * 3 + 2 * 3
+    assert views_of(text) == 1 + 2 + 2 + 2 + 2 + 2 * 3 * 3 + 2 * 3 + 2 * 3
     assert len(text.encode()) < 0.8e6
     assert "The first 3 of 4 records are shown." in page.text
     assert "bag 3" in page.text

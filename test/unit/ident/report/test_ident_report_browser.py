@@ -218,12 +218,22 @@ def test_report___at_400_pixels___has_no_small_and_no_cut_text(seen: Visit) -> N
 
 def test_report___in_a_browser___shows_every_part(seen: Visit) -> None:
     figures = seen.figures
-    parts = ["Data", "Order", "Modes", "Poles", "Reduction", "Errors"]
+    parts = ["Data", "Order", "Modes", "Mode shapes", "Poles", "Reduction", "Errors"]
     galleries = ["Data matching", "Set-point following", "Residuals", "Frequency response"]
     assert figures["headings"] == [*parts, *galleries, "The model"]
     assert figures["lost"] == 0
     assert set(figures["headers"]) == {
-        *("records", "channels", "clusters", "modes", "costs", "ranks", "errors", "residuals")
+        *(
+            "records",
+            "channels",
+            "clusters",
+            "modes",
+            "shapes",
+            "costs",
+            "ranks",
+            "errors",
+            "residuals",
+        )
     }
     assert figures["headers"]["ranks"][1::3] == ["By MRM: states", "By MSV: states"]
     errors = ["Full, DMV", "Full, left out", "Reduced, DMV", "Reduced, SFV"]
@@ -249,9 +259,12 @@ def test_report___in_a_browser___zooms_reads_out_and_hides(seen: Visit) -> None:
 
 def test_report___in_a_browser___names_every_plot(seen: Visit) -> None:
     plots = seen.figures["plots"]
-    # The card's, an input, two each for order and poles, one for the reduction; for each output
-    # one gain, two correlations, and twice the whole record with a part of it.
-    assert len(plots) == 1 + 1 + 2 + 2 + 1 + 4 * (1 + 2 + 2 * 2)
+    # The card's, an input, two each for order and poles, one for the reduction; one for each mode
+    # that oscillates; for each output one gain, two correlations, and twice the whole record with a
+    # part of it.
+    shapes = sum(plot["label"].startswith("shape of the mode") for plot in plots)
+    assert shapes >= 3
+    assert len(plots) == 1 + 1 + 2 + shapes + 2 + 1 + 4 * (1 + 2 + 2 * 2)
     assert all(plot["label"] and plot["caption"] for plot in plots)
     flat = {plot["label"]: plot["ratio"] for plot in plots if not 0.3 < plot["ratio"] < 1.5}
     assert flat == {}

@@ -1,0 +1,68 @@
+"""Mode shapes section: how the sensors move against each other in each oscillating mode."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexarm_core.labels import label_and_unit
+from flexarm_ident.models.mode_shapes import mode_shapes
+from flexarm_ident.records.preprocess import output_scale
+from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
+from flexarm_ident.report.plots.axis import plain
+from flexarm_ident.report.plots.shape_plot import shape_plot
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flexarm_ident.models.mode_shapes import ModeShape
+    from flexarm_ident.report.content.blocks import Block, Subject
+
+# With many outputs the bars of a plot have no room for their names.
+_SHAPES, _OUTPUTS = 6, 6
+_HALF_TURN = 180
+
+
+def _build(subject: Subject) -> Iterator[Block]:
+    records = subject.outcome.records
+    shapes, outputs = _shapes(subject), records[0].outputs
+    if len(outputs) <= _OUTPUTS:
+        yield Plots(
+            tuple(
+                (f"{shape.frequency_hz:.4g} Hz", shape_plot(shape, outputs))
+                for shape in shapes[:_SHAPES]
+            )
+        )
+    header = ("Frequency, Hz", *(label_and_unit(name)[0] for name in outputs))
+    yield Table("shapes", "Shapes of the modes", header, tuple(map(_row, shapes)))
+    more = f" The plots show the first {_SHAPES}." if len(shapes) > _SHAPES else ""
+    yield Words(
+        "These are the oscillating modes of the model. Each output has its amplitude, as a part of "
+        "the largest, and its phase. Outputs of one sign move together, those of opposite signs "
+        "(180°) against each other. A rate, such as a speed, is a quarter period (90°) ahead of "
+        "its position. The amplitudes are of outputs that are scaled to equal largest values."
+        f"{more}"
+    )
+
+
+def _shapes(subject: Subject) -> tuple[ModeShape, ...]:
+    outcome = subject.outcome
+    return mode_shapes(outcome.model, output_scale(outcome.records))
+
+
+def _row(shape: ModeShape) -> tuple[str, ...]:
+    pairs = zip(shape.magnitude, shape.phase_deg, strict=True)
+    cells = (f"{size:.2f}, {_whole_degrees(phase)}°" for size, phase in pairs)
+    return (f"{shape.frequency_hz:.3f}", *cells)
+
+
+def _whole_degrees(phase: float) -> str:
+    """Return a phase from -179 to 180."""
+    degrees = round(phase) % 360
+    return plain(degrees if degrees <= _HALF_TURN else degrees - 2 * _HALF_TURN)
+
+
+def _applies(subject: Subject) -> bool:
+    return len(subject.outcome.records[0].outputs) > 1 and bool(_shapes(subject))
+
+
+SECTION = Section(35, "Mode shapes", _build, _applies)
