@@ -28,9 +28,8 @@ def test_mode_shapes__chain_of_masses___are_its_eigenvectors(
     rates = np.block([[zero, one], [-K / mass[:, None], -D / mass[:, None]]])
     change = rng.normal(size=(2 * masses, 2 * masses)) + 3.0 * np.eye(2 * masses)
     A = change @ scipy.linalg.expm(rates * DT_S) @ np.linalg.inv(change)
-    model = named(
-        A, rng.normal(size=(2 * masses, 1)), np.linalg.inv(change), np.zeros((2 * masses, 1))
-    )
+    B, C = rng.normal(size=(2 * masses, 1)), np.asarray(np.linalg.inv(change), dtype=np.float64)
+    model = named(A, B, C, np.zeros((2 * masses, 1)))
     # Of the positions alone: one velocity in each is a thousandth.
     scale = np.repeat([1.0, 1e-3], masses)
     found = mode_shapes(model, scale)
@@ -64,7 +63,9 @@ def test_mode_shapes__arm___are_those_of_its_oscillating_modes_only() -> None:
 
 
 def test_mode_shapes__mode_that_no_output_shows___has_none() -> None:
-    A = scipy.linalg.block_diag([[0.9, 0.2], [-0.2, 0.9]], [[0.5, 0.6], [-0.6, 0.5]])
+    A = scipy.linalg.block_diag(
+        np.array([[0.9, 0.2], [-0.2, 0.9]]), np.array([[0.5, 0.6], [-0.6, 0.5]])
+    )
     C = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
     found = mode_shapes(named(A, np.ones((4, 1)), C, np.zeros((2, 1))), np.ones(2))
     assert len(found) == 1

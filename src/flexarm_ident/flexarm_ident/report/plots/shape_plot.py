@@ -38,10 +38,10 @@ def shape_plot(shape: ModeShape, outputs: Sequence[str]) -> str:
     across = np.stack([left, left, right, right, gap], axis=1).ravel()
     real, imaginary = shape.values.real, shape.values.imag
     up = np.stack([zero, real, real, zero, gap], axis=1).ravel()
-    ends = [0.5, len(place) + 0.5]
+    low, high = 0.5, len(place) + 0.5
     found = [
         marks.Mark("area", marks.BAND, across, up, "in phase"),
-        marks.line(ends, [0.0, 0.0], marks.THIN),
+        marks.line([low, high], [0.0, 0.0], marks.THIN),
         marks.dots(place, imaginary, marks.DOT, "a quarter period ahead"),
     ]
     names = [label_and_unit(name)[0] for name in outputs]
@@ -49,4 +49,4 @@ def shape_plot(shape: ModeShape, outputs: Sequence[str]) -> str:
     words = f"shape of the mode at {shape.frequency_hz:.4g} Hz over {len(names)} outputs"
     panel = Panel(Axis("part of the largest", _LOW, _HIGH, step=0.5), found, _SIZE, notes)
     # Names stand in the place of ticks: no multiple of that step lies on the axis.
-    return chart(View(words, Axis("", *ends, step=2.0 * len(place)), [panel]))
+    return chart(View(words, Axis("", low, high, step=2.0 * len(place)), [panel]))
