@@ -209,7 +209,8 @@ def force_derivative(
         if held[i]:
             matrix[i] = gain[i]
             right[i] = ahead[i]
-    return np.linalg.solve(matrix, right)  # type: ignore[return-value]
+    right[:] = np.linalg.solve(matrix, right)
+    return right
 
 
 @compiled

@@ -233,13 +233,13 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
     for ahead in range(past):
         # Prediction of a later sample from the past alone.
         future[ahead, :, ahead * channels :] = responses[:, : history - ahead * channels]
-    future = (weight[:, np.newaxis] * future).reshape(past * m, history)
+    predicted = (weight[:, np.newaxis] * future).reshape(past * m, history)
     root = factor(scaled[:history, :history])
-    left_vectors, singular_values, _ = scipy.linalg.svd(future @ root, full_matrices=False)
+    left_vectors, singular_values, _ = scipy.linalg.svd(predicted @ root, full_matrices=False)
     rank = int(np.sum(singular_values > np.finfo(float).eps * singular_values[0] * history))
     basis = left_vectors[:, :rank] / np.sqrt(singular_values[:rank])
     return PredictorSpace(
-        basis.T @ future, singular_values, scaled, past, rms, m, inverse.condition, feedthrough
+        basis.T @ predicted, singular_values, scaled, past, rms, m, inverse.condition, feedthrough
     )
 
 

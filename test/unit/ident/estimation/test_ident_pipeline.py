@@ -231,7 +231,7 @@ def test_identify___free_motion___simulates_and_is_kept_by_the_refinement(
     seed: int, kind: str
 ) -> None:
     rng = np.random.default_rng(seed)
-    u = np.repeat(rng.choice([-1.0, 1.0], 200), 30)
+    u = np.repeat(rng.choice(np.array([-1.0, 1.0]), 200), 30)
     u -= u.mean()
     drag = [1.0, -0.999] if kind == "free hub" else [1.0]
     travel = lfilter([0.0, 0.01], [1.0, -1.0], lfilter([1.0], drag, u))

@@ -16,7 +16,7 @@ def record(A: np.ndarray, samples: int = 3000) -> tuple[np.ndarray, IoData]:
     rng = np.random.default_rng(4)
     C = rng.normal(size=(2, len(A)))
     model = control.ss(A, rng.normal(size=(len(A), 1)), C, 0.0, 1.0 / RATE_HZ)
-    u = np.repeat(rng.choice([-1.0, 1.0], samples // 30), 30)
+    u = np.repeat(rng.choice(np.array([-1.0, 1.0]), samples // 30), 30)
     y = control.forced_response(model, inputs=u).outputs.T
     return C, IoData(u, y, dt_s=1.0 / RATE_HZ, inputs=("u",), outputs=("a", "b"))
 
