@@ -8,6 +8,7 @@ before the first sample.
 from __future__ import annotations
 
 import csv
+from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import islice
@@ -161,24 +162,47 @@ def _hash(path: Path) -> str:
 
 def _read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     """Return the columns as an array, (rows, columns)."""
+    with _opened(path) as (header, rows):
+        indices = _indices(header, columns, path)
+        blocks = []
+        # Only one block is held as text.
+        while block := list(islice(rows, _BLOCK_ROWS)):
+            blocks.append(_to_numbers(block, indices, columns, path))
+    table = np.concatenate(blocks) if blocks else np.empty((0, len(columns)))
+    if len(table) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
+        raise CsvImportError(f"{path}: data rows: {len(table)}; at least 2 are needed")
+    return table
+
+
+def column_names(path: Path) -> list[str]:
+    """Return the names in the first line of a CSV file.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read, or its columns are not separated by commas.
+    """
+    with _opened(path) as (header, _):
+        return header
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row]]]:
+    """Open a CSV file, and yield the names in its first line, and its other rows."""
     try:
         require_plain_file(path)
         # utf-8-sig: spreadsheets put a byte order mark in front of the first name.
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(_lines(file, path))
             header = [name.strip() for name in next(reader, [])]
-            indices = _indices(header, columns, path)
-            rows = ((reader.line_num, row) for row in reader if row)
-            blocks = []
-            # Only one block is held as text.
-            while block := list(islice(rows, _BLOCK_ROWS)):
-                blocks.append(_to_numbers(block, indices, columns, path))
+            for separator, name in ((";", "semicolons"), ("\t", "tabs")):
+                if len(header) == 1 and separator in header[0]:
+                    problem = f"its columns are separated by {name}, not by commas"
+                    advice = "save it with commas, and with points in its numbers"
+                    raise CsvImportError(f"{path}: {problem}: {advice}")
+            yield header, ((reader.line_num, row) for row in reader if row)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise CsvImportError(f"{path}: cannot read as CSV: {error}") from error
-    table = np.concatenate(blocks) if blocks else np.empty((0, len(columns)))
-    if len(table) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
-        raise CsvImportError(f"{path}: data rows: {len(table)}; at least 2 are needed")
-    return table
 
 
 def _lines(file: TextIO, path: Path) -> Iterator[str]:
@@ -189,12 +213,6 @@ def _lines(file: TextIO, path: Path) -> Iterator[str]:
 
 
 def _indices(header: Sequence[str], columns: Sequence[str], path: Path) -> list[int]:
-    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
-        if len(header) == 1 and separator in header[0]:
-            raise CsvImportError(
-                f"{path}: its columns are separated by {name}, not by commas: save it with commas, "
-                "and with points in its numbers"
-            )
     for column in columns:
         if header.count(column) != 1:
             problem = "no column" if column not in header else "more than one column"

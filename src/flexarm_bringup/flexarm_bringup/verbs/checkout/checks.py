@@ -35,6 +35,8 @@ _READ = (
     ("types", ("mypy",)),
     ("examples", EXAMPLES),
 )
+# The numpy of an older Python has other annotations, which contradict the newer ones.
+_TYPED_FROM = (3, 11)
 _QUICK = ("unit tests", ("pytest", "-n", "auto", *BY_FILE, "-m", "not slow", *_QUICK_FOLDERS))
 # What the tests of a file share is computed once: a file stays with one worker. System tests wait
 # more than they work: between the others, and with one worker more, they leave no core idle.
@@ -61,7 +63,10 @@ def test(arguments: tuple[str, ...], *, quick: bool) -> None:
         raise LaunchError(
             "no module pytest: the tests need all of the set-up, without FLEXARM_ROS=none"
         )
-    failed = [] if arguments else list(_failed_side_by_side(_READ, root))
+    checks, left_out = checks_of(sys.version_info[:2])
+    failed = [] if arguments else list(_failed_side_by_side(checks, root))
+    if left_out and not arguments:
+        terminal.CONSOLE.print(f"  {left_out}")
     name, command = ("tests", ("pytest", *arguments)) if arguments else _QUICK if quick else _ALL
     if not passes(name, command, root):
         failed.append(name)
@@ -73,6 +78,14 @@ def test(arguments: tuple[str, ...], *, quick: bool) -> None:
     if failed:
         terminal.CONSOLE.print(f"[bold red]failed: {', '.join(failed)}[/bold red]")
     sys.exit(1 if failed else 0)
+
+
+def checks_of(version: tuple[int, ...]) -> tuple[tuple[Check, ...], str]:
+    """Return the tools that read the checkout for a version of Python, and what is left out."""
+    if version >= _TYPED_FROM:
+        return _READ, ""
+    words = f"left out: types, which Python {'.'.join(map(str, _TYPED_FROM))} and newer check"
+    return tuple(check for check in _READ if check[0] != "types"), words
 
 
 def passes(name: str, command: tuple[str, ...], root: Path) -> bool:

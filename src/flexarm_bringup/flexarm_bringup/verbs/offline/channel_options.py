@@ -17,15 +17,15 @@ _OPTIONS = (
         "inputs",
         multiple=True,
         metavar="TOPIC.FIELD",
-        help="Input in a bag of other messages, such as /command.data; repeat. "
-        "NAME=TOPIC.FIELD names it.",
+        help="Input in a bag of other messages, such as /command.data, or column of a CSV file; "
+        "repeat. NAME=TOPIC.FIELD names it.",
     ),
     click.option(
         "--output",
         "outputs",
         multiple=True,
         metavar="TOPIC.FIELD",
-        help="Output, such as /joint_states.position[0]; repeat.",
+        help="Output, such as /joint_states.position[0], or column; repeat.",
     ),
     click.option(
         "--clock",
@@ -55,6 +55,8 @@ def taken_channels(options: dict[str, Any]) -> Selection | None:
     )
     if not (inputs or outputs):
         if clock or not held:
-            raise click.UsageError("--clock and --interpolated belong to --input and --output")
+            raise click.UsageError(
+                "--clock and --interpolated belong to --input and --output of a bag"
+            )
         return None
     return selection(inputs, outputs, clock=clock, interpolated=not held)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -13,36 +14,91 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from flexarm_daq.importing.csv_import import ImportSummary
+    from flexarm_daq.importing.csv_map import CsvMap
+
+
+class Columns(NamedTuple):
+    """Columns of CSV files that are inputs and outputs, as on the command line."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+def taken_columns(
+    paths: Sequence[Path], map_file: Path | None, options: dict[str, Any]
+) -> Path | Columns | None:
+    """Return what tells the columns of the CSV files: a map, or names taken out of the options.
+
+    Where there is neither, the names stay in the options: those of signals of bags.
+    """
+    tables = _tables(paths)
+    named = Columns(options["inputs"], options["outputs"])
+    if map_file or not tables or not any(named):
+        return map_file
+    if len(tables) < len(paths):
+        raise click.UsageError(
+            "--input and --output name columns of CSV files or signals of bags: import the CSV "
+            "file first, or give each kind a command of its own"
+        )
+    options.update(inputs=(), outputs=())
+    return named
 
 
 def imported(csv: Path, map_file: Path, bag: Path) -> ImportSummary:
     """Turn a CSV file into a new bag, by the map of its columns."""
-    # They load numpy and rosbags: not for the help.
-    from flexarm_bags.schema import own_types, share_of  # noqa: PLC0415
-    from flexarm_daq.importing.csv_import import import_csv  # noqa: PLC0415
-    from flexarm_daq.importing.csv_map import load_csv_map  # noqa: PLC0415
+    from flexarm_daq.importing.csv_map import load_csv_map  # noqa: PLC0415 - not for the help
 
-    return import_csv(csv, load_csv_map(map_file), bag, typestore=own_types(), folder_of=share_of)
+    return _imported(csv, load_csv_map(map_file), bag)
 
 
 @contextmanager
-def as_bags(paths: Sequence[Path], map_file: Path | None) -> Iterator[tuple[Path, ...]]:
+def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[tuple[Path, ...]]:
     """Give bags for paths, with a bag of the same name for each CSV file while it lasts."""
-    tables = [path for path in paths if path.suffix.lower() == ".csv"]
-    if tables and map_file is None:
+    tables = _tables(paths)
+    if tables and columns is None:
+        from flexarm_daq.importing.csv_import import column_names  # noqa: PLC0415 - not for bags
+
+        names = ", ".join(column_names(tables[0]))
         raise click.UsageError(
-            f"{tables[0]} is a CSV file: --map FILE says which column is what "
-            "(docs/howto/own_csv.md)"
+            f"{tables[0]} is a CSV file: say which column is what, by --input COLUMN and --output "
+            f"COLUMN or a file, --map FILE; columns: {names}"
         )
-    if map_file is None:
+    if columns is None:
         yield tuple(paths)
         return
     if not tables:
         raise click.UsageError("--map belongs to a CSV file, and none is named")
+    make = imported if isinstance(columns, Path) else _judged
     with TemporaryDirectory(prefix="flexarm-csv-") as folder:
         yield tuple(
-            imported(path, map_file, Path(folder, f"{number}", path.stem)).bag
+            make(path, columns, Path(folder, f"{number}", path.stem)).bag  # type: ignore[arg-type]
             if path in tables
             else path
             for number, path in enumerate(paths)
         )
+
+
+def _tables(paths: Sequence[Path]) -> list[Path]:
+    return [path for path in paths if path.suffix.lower() == ".csv"]
+
+
+def _judged(csv: Path, columns: Columns, bag: Path) -> ImportSummary:
+    """Import a file of which nobody said whether the outputs made the inputs: the data tell."""
+    # They take long to load: not for the help.
+    from flexarm_daq.importing.csv_columns import named_columns  # noqa: PLC0415
+    from flexarm_ident.reading.read import read_bag  # noqa: PLC0415
+    from flexarm_ident.subspace.loop_test import is_closed_loop  # noqa: PLC0415
+
+    mapping = named_columns(csv, *columns)
+    made = _imported(csv, mapping, bag)
+    if not is_closed_loop(read_bag(made.bag)):
+        return made
+    return _imported(csv, replace(mapping, closed_loop=True), bag.parent / "closed" / bag.name)
+
+
+def _imported(csv: Path, mapping: CsvMap, bag: Path) -> ImportSummary:
+    # They load numpy and rosbags.
+    from flexarm_bags.schema import own_types, share_of  # noqa: PLC0415
+    from flexarm_daq.importing.csv_import import import_csv  # noqa: PLC0415
+
+    return import_csv(csv, mapping, bag, typestore=own_types(), folder_of=share_of)

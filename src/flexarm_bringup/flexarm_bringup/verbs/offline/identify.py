@@ -14,7 +14,7 @@ from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
 from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
-from flexarm_bringup.verbs.offline.csv_bags import as_bags
+from flexarm_bringup.verbs.offline.csv_bags import as_bags, taken_columns
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_ident import job
 from flexarm_ident.models.files import parse_exports
@@ -178,6 +178,7 @@ _MAP = click.option(
     "identify bags/c_dat3_0g --export json,mat,h",
     "identify bags/quanser_2dsfl --refine",
     "identify run1 --input /command.data --output '/joint_states.position[0]'",
+    "identify run.csv --input torque --output angle",
     "identify run.csv --map columns.yaml",
     "identify --each runs/* -o out/months",
 )
@@ -196,12 +197,13 @@ def identify(
 ) -> None:
     """Identify a model from bags; write parameters and report.
 
-    A CSV file is a bag too, with a map of its columns.
+    A CSV file is a bag too: --input and --output name its columns, or a map tells more of them.
     """
+    columns = taken_columns(bags, map_file, options)
     exports, channels = parse_exports(export), taken_channels(options)
     if not each and (jobs is not None or dask or parquet):
         raise click.UsageError("--jobs, --dask and --parquet belong to --each")
-    with as_bags(bags, map_file) as records:
+    with as_bags(bags, columns) as records:
         if each:
             # They load matplotlib and joblib.
             from flexarm_bringup.verbs.offline.series import model_each  # noqa: PLC0415
@@ -268,8 +270,9 @@ def report(
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
+    columns = taken_columns(bags, map_file, options)
     channels = taken_channels(options)
-    with as_bags(bags, map_file) as records, terminal.progress() as show:
+    with as_bags(bags, columns) as records, terminal.progress() as show:
         if len(records) > 1:
             from flexarm_ident.series.comparison import compare_files  # noqa: PLC0415 - a rare way
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 from click.testing import CliRunner
 
+from flexarm_bringup.verbs.checkout import checks
+from flexarm_bringup.verbs.checkout.checks import checks_of
 from flexarm_bringup.verbs.checkout.checks import test as verb
 
 if TYPE_CHECKING:
@@ -25,6 +27,8 @@ def commands(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]
         return subprocess.CompletedProcess(command, int("format" in command), stdout="said\n")
 
     monkeypatch.setattr(subprocess, "run", run)
+    # As on a Python that checks types.
+    monkeypatch.setattr(checks, "_TYPED_FROM", (3, 10))
     return begun
 
 
@@ -84,3 +88,16 @@ def test_quick___with_arguments___is_refused() -> None:
     result = CliRunner().invoke(verb, ["--quick", "test/unit"])
     assert result.exit_code == 2
     assert "--quick chooses the tests" in result.output
+
+
+@pytest.mark.parametrize(
+    ("version", "typed"), [((3, 10), False), ((3, 11), True), ((3, 12), True), ((3, 14), True)]
+)
+def test_checks_of__python___leaves_types_out_where_numpy_is_old(
+    version: tuple[int, int], *, typed: bool
+) -> None:
+    tools, left_out = checks_of(version)
+    names = [name for name, _ in tools]
+    assert ("types" in names) is typed
+    assert ("types" in left_out) is not typed
+    assert [name for name in names if name != "types"] == ["lint", "format", "examples"]

@@ -1,12 +1,12 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 import pytest
 
-from flexarm_bringup.verbs.offline.csv_bags import as_bags
+from flexarm_bringup.verbs.offline.csv_bags import Columns, as_bags, taken_columns
 from flexarm_daq.importing.csv_import import CsvImportError
 from flexarm_ident import read_bag
 
@@ -43,11 +43,58 @@ def test_csv___beside_a_bag___is_a_bag_of_its_name_while_it_is_read(
 
 
 def test_csv___without_a_map___is_told_what_is_missing(tmp_path: Path) -> None:
+    told = r"run\.csv is a CSV file: .*--input COLUMN .*--map FILE; columns: t, u, y"
     with (
-        pytest.raises(click.UsageError, match=r"run\.csv is a CSV file: --map FILE says"),
-        as_bags([tmp_path / "run.csv"], None),
+        pytest.raises(click.UsageError, match=told),
+        as_bags([table(tmp_path / "run.csv")], None),
     ):
         pass
+
+
+def loop(path: Path, *, closed: bool) -> Path:
+    """Write a record of a first-order rig whose noisy output is fed back, or not."""
+    rng = np.random.default_rng(5)
+    noise, drive = 0.1 * rng.standard_normal(4000), rng.standard_normal(4000)
+    y = np.zeros(4000)
+    u = drive.copy()
+    for k in range(4000):
+        y[k] = (0.9 * y[k - 1] + 0.2 * u[k - 1] if k else 0.0) + noise[k]
+        u[k] = drive[k] - (2.0 * y[k] if closed else 0.0)
+    rows = np.column_stack([0.01 * np.arange(4000), u, y])
+    np.savetxt(path, rows, delimiter=",", header="time,u,y", comments="")
+    return path
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_csv___with_named_columns___is_a_bag_whose_loop_the_data_tell(
+    tmp_path: Path, *, closed: bool
+) -> None:
+    path = loop(tmp_path / "run.csv", closed=closed)
+    with as_bags([path], Columns(("drive_v=u",), ("y",))) as found:
+        assert [bag.name for bag in found] == ["run"]
+        record = read_bag(found[0])
+        assert (record.inputs, record.outputs) == (("drive_v",), ("y",))
+        assert record.dt_s == pytest.approx(0.01)
+        assert record.closed_loop is closed
+
+
+def test_taken_columns__csv_without_a_map___are_taken_from_the_options(tmp_path: Path) -> None:
+    options: dict[str, Any] = {"inputs": ("u",), "outputs": ("y",), "clock": None}
+    assert taken_columns([tmp_path / "run.csv"], None, options) == (("u",), ("y",))
+    assert options == {"inputs": (), "outputs": (), "clock": None}
+
+
+def test_taken_columns__bags_and_maps___leave_the_options(tmp_path: Path, columns: Path) -> None:
+    options = {"inputs": ("/a.data",), "outputs": ("/b.data",)}
+    assert taken_columns([tmp_path / "bag"], None, options) is None
+    assert taken_columns([tmp_path / "run.csv"], columns, options) == columns
+    assert options == {"inputs": ("/a.data",), "outputs": ("/b.data",)}
+
+
+def test_taken_columns__of_a_csv_beside_a_bag___are_refused(tmp_path: Path) -> None:
+    options = {"inputs": ("u",), "outputs": ("y",)}
+    with pytest.raises(click.UsageError, match="columns of CSV files or signals of bags"):
+        taken_columns([tmp_path / "run.csv", tmp_path / "bag"], None, options)
 
 
 def test_map___without_a_csv___is_refused(tmp_path: Path, columns: Path) -> None:

@@ -1,0 +1,63 @@
+"""Map of a CSV file from the names of its columns alone, where nobody wrote one."""
+
+from __future__ import annotations
+
+import re
+from textwrap import shorten
+from typing import TYPE_CHECKING
+
+from flexarm_daq.importing.csv_import import CsvImportError, column_names
+from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+_TIME = re.compile(
+    r"(t|time|timestamp|elapsed|seconds)(_s|_sec| ?[(\[](s|sec|seconds)[)\]])?", re.IGNORECASE
+)
+_LONGEST = 300
+
+
+def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> CsvMap:
+    """Return the map of a file whose time is the column that is called so, such as ``time_s``.
+
+    Parameters
+    ----------
+    path : Path
+        Comma separated file with the column names in its first line.
+    inputs, outputs : sequence of str
+        Columns, each as ``COLUMN`` or ``NAME=COLUMN``.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read, no column or several are called a time, there is no input or no
+        output, or a column or a name comes twice.
+    """
+    names = column_names(path)
+    there = shorten(", ".join(names), _LONGEST)
+    if not (inputs and outputs):
+        raise CsvImportError(
+            f"{path}: a model needs --input COLUMN and --output COLUMN; columns: {there}"
+        )
+    channels = [_channel(text, names) for text in (*inputs, *outputs)]
+    times = [name for name in names if _TIME.fullmatch(name)]
+    free = [name for name in times if name not in {each.column for each in channels}]
+    if len(free) != 1:
+        problem = "no column is called a time" if not free else f"{' and '.join(free)} are times"
+        raise CsvImportError(
+            f"{path}: {problem}: write a map with time: COLUMN or rate_hz: NUMBER, and give it as "
+            f"--map; columns: {there}"
+        )
+    for said in ([each.column for each in channels], [each.name for each in channels]):
+        for name in said:
+            if said.count(name) > 1:
+                raise CsvImportError(f"{path}: {name} is named twice: take it once")
+    return CsvMap(tuple(channels[: len(inputs)]), tuple(channels[len(inputs) :]), time=free[0])
+
+
+def _channel(text: str, names: Sequence[str]) -> CsvChannel:
+    """Return a channel; a column may have the sign of equality in its own name."""
+    name, sign, column = text.partition("=")
+    return CsvChannel(column, name) if sign and text not in names else CsvChannel(text, text)

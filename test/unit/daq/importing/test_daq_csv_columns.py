@@ -1,0 +1,59 @@
+"""Tests of the map that the names of columns make."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from flexarm_daq.importing.csv_columns import named_columns
+from flexarm_daq.importing.csv_import import CsvImportError
+from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def table(folder: Path, header: str) -> Path:
+    path = folder / "run.csv"
+    path.write_text(f"{header}\n0,1,2,3\n0.1,1,2,3\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    "time", ["t", "time", "Time", "time_s", "t_s", "Time [s]", "time (sec)", "timestamp", "seconds"]
+)
+def test_named_columns__usual_name_of_the_time___is_taken(tmp_path: Path, time: str) -> None:
+    found = named_columns(table(tmp_path, f"{time},i,q,temperature"), ["i"], ["q"])
+    assert found == CsvMap((CsvChannel("i", "i"),), (CsvChannel("q", "q"),), time=time)
+
+
+def test_named_columns__other_name___is_that_in_the_bag(tmp_path: Path) -> None:
+    path = table(tmp_path, "t,i=0,q,tau")
+    found = named_columns(path, ["drive_v=tau", "i=0"], ["angle_v=q"])
+    assert found.inputs == (CsvChannel("tau", "drive_v"), CsvChannel("i=0", "i=0"))
+    assert found.outputs == (CsvChannel("q", "angle_v"),)
+
+
+@pytest.mark.parametrize(
+    ("header", "inputs", "outputs", "words"),
+    [
+        ("t,i,q,x", [], ["q"], r"needs --input COLUMN and --output COLUMN; columns: t, i, q, x"),
+        ("t,i,q,x", ["i"], [], r"needs --input COLUMN"),
+        ("ms,i,q,x", ["i"], ["q"], r"no column is called a time: .*rate_hz.*columns: ms, i, q, x"),
+        ("t,i,q,time_s", ["i"], ["q"], r"t and time_s are times: .*time: COLUMN"),
+        ("t,i,q,x", ["i"], ["i"], r"i is named twice"),
+        ("t,i,q,x", ["a=i"], ["a=q"], r"a is named twice"),
+        ("t;i;q;x", ["i"], ["q"], r"separated by semicolons"),
+    ],
+)
+def test_named_columns__what_tells_no_record___is_refused(
+    tmp_path: Path, header: str, inputs: list[str], outputs: list[str], words: str
+) -> None:
+    with pytest.raises(CsvImportError, match=words):
+        named_columns(table(tmp_path, header), inputs, outputs)
+
+
+def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:
+    with pytest.raises(CsvImportError, match=r"run\.csv: cannot read as CSV"):
+        named_columns(tmp_path / "run.csv", ["i"], ["q"])
