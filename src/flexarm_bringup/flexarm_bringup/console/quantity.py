@@ -6,6 +6,8 @@ import math
 import re
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_core.channels import POSITION_V_PER_RAD
 
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
 
     from click import Context, Parameter
 
+_DIGITS = 9
 _NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?([a-zA-Z]+)")
 
 
@@ -45,7 +48,15 @@ class Quantity(FiniteRange):
         if unit not in self.units:
             known = ", ".join(self.units)
             self.fail(f"{value!r} has a unit that is not known here: use {known}.", param, ctx)
-        return super().convert(float(number) * self.units[unit], param, ctx)
+        per_unit = self.units[unit]
+        ends = (
+            None if end is None else round(end / per_unit, _DIGITS) for end in (self.min, self.max)
+        )
+        try:  # a refusal has the unit that was given
+            given = FiniteRange(*ends).convert(number, param, ctx)
+        except click.BadParameter as error:
+            self.fail(f"{error.message.removesuffix('.')} {unit}.", param, ctx)
+        return super().convert(given * per_unit, param, ctx)
 
     def _bare(self, value: Any, param: Parameter | None, ctx: Context | None) -> float:  # noqa: ANN401 - as click has it
         """Return the number of a text without a unit."""

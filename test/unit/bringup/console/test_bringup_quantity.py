@@ -35,8 +35,10 @@ def test_quantity___number_with_or_without_unit___is_in_the_first_unit(
     [
         ("200lb", "'200lb' has a unit that is not known here: use kg, g."),
         ("2 00g", "'2 00g' is no number: write one in kg, or with its unit (kg, g)."),
-        ("1500g", "1.5 is not in the range 0.0<=x<=1.0"),
-        ("-1g", "-0.001 is not in the range"),
+        ("1500g", "1500.0 is not in the range 0.0<=x<=1000.0 g."),
+        ("1.5kg", "1.5 is not in the range 0.0<=x<=1.0 kg."),
+        ("1.5", "1.5 is not in the range 0.0<=x<=1.0."),
+        ("-1g", "-1.0 is not in the range 0.0<=x<=1000.0 g."),
         ("nan", "nan is no finite number"),
         ("g", "'g' is no number: write one in kg"),
     ],
