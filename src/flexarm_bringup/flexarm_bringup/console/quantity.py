@@ -49,11 +49,11 @@ class Quantity(FiniteRange):
             known = ", ".join(self.units)
             self.fail(f"{value!r} has a unit that is not known here: use {known}.", param, ctx)
         per_unit = self.units[unit]
-        ends = (
+        least, most = (
             None if end is None else round(end / per_unit, _DIGITS) for end in (self.min, self.max)
         )
         try:  # a refusal has the unit that was given
-            given = FiniteRange(*ends).convert(number, param, ctx)
+            given = FiniteRange(least, most).convert(number, param, ctx)
         except click.BadParameter as error:
             self.fail(f"{error.message.removesuffix('.')} {unit}.", param, ctx)
         return super().convert(given * per_unit, param, ctx)

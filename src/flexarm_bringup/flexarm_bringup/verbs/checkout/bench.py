@@ -36,6 +36,7 @@ _BENCHES = (
     ("reduction", "Modal reduction on simulated C_dat3 and C_dat11", ("--seeds 20",)),
     ("rig", "Speed of the simulated rig in times real time", ("--json out/rig.json",)),
     ("bags", "Speed of reading bags beside rosbags", ("--seconds 600",)),
+    ("verbs", "What a user waits for on the command line", ("--runs 11",)),
     (
         "loop",
         "The control loop over DDS beside C and a bare Python loop",
