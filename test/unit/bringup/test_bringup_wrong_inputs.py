@@ -19,6 +19,7 @@ BAG = BAGS / "c_dat3_0g"
 FILES = {
     "text.txt": "hello",
     "semi.csv": "t;u;y\n0;1;2\n",
+    "comma.csv": "t,u,y\n0,1,2\n",
     "broken.yaml": "law: [",
     "folder/other.txt": "",
 }
@@ -29,7 +30,10 @@ WRONG = {
     "identify nowhere": ("nowhere: no such bag",),
     "identify text.txt": ("text.txt: no bag", "expected a rosbag2 folder or a .mcap or .db3 file"),
     "identify folder": ("folder: no bag: the folder has no metadata.yaml",),
-    "identify semi.csv": ("semi.csv is a CSV file", "--map FILE"),
+    "identify semi.csv": ("separated by semicolons, not by commas", "save it with commas"),
+    "identify comma.csv": ("comma.csv is a CSV file", "--map FILE", "columns: t, u, y"),
+    "identify comma.csv --input u": ("needs --input COLUMN and --output COLUMN",),
+    "identify comma.csv --input u --output z": ("no column z; there are: t, u, y",),
     "identify BAG --order 0": ("'--order': 0", "range x>=1"),
     "identify BAG --order 5000": ("order must lie between 1 and 39", "lower the order"),
     "identify BAG --method magic": ("'magic'", "one of auto, orse"),
