@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import click
 
-from flexarm_bringup.console.verb_group import RUN_ON, examples
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import FORCE, RUN_ON, examples
+from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.verbs.checkout.folder import checkout, environment
 
 
@@ -105,13 +108,52 @@ _BENCHES = (
 )
 
 
+_SPEED = {
+    "verbs": (),
+    "bags": ("--seconds", "600"),
+    "rig": (),
+    "ident": ("--seeds", "1"),
+    "loop": ("--rate", "300", "--rate", "1000"),
+}
+"""What `bench all` runs, and its options."""
+
+
+@bench.command("all")
+@click.option(
+    "--json",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for the figures, one file for each.",
+)
+@FORCE
+@examples("bench all", "bench all --json out/bench")
+def every(folder: Path | None, *, force: bool) -> None:
+    """Measure the speed of this machine, in some ten minutes.
+
+    The benches of speed run one after the other: leave the machine alone for that while.
+    """
+    root, failed = checkout("benchmarks"), []
+    for name, settings in _SPEED.items():
+        kept = () if folder is None else ("--json", str(folder / f"{name}.json"))
+        again = ("--force",) if force else ()
+        terminal.step(f"bench {' '.join((name, *settings))}")
+        if _measure(root, name, (*settings, *kept, *again)):
+            failed.append(name)
+    if failed:
+        raise LaunchError(f"these benches failed, as they say above: {', '.join(failed)}")
+
+
+def _measure(root: Path, name: str, arguments: tuple[str, ...]) -> int:
+    """Run a bench, and return its exit code."""
+    (file,) = root.glob(f"bench/*/{name}.py")
+    command = [sys.executable, "-m", f"bench.{file.parent.name}.{name}", *arguments]
+    done = subprocess.run(command, check=False, env=environment(root))  # noqa: S603 - our own
+    return done.returncode
+
+
 def _add_bench(name: str, words: str, calls: tuple[str, ...]) -> None:
     def measure(arguments: tuple[str, ...]) -> None:
-        root = checkout("benchmarks")
-        (file,) = root.glob(f"bench/*/{name}.py")
-        command = [sys.executable, "-m", f"bench.{file.parent.name}.{name}", *arguments]
-        done = subprocess.run(command, check=False, env=environment(root))  # noqa: S603 - our own
-        sys.exit(done.returncode)
+        sys.exit(_measure(checkout("benchmarks"), name, arguments))
 
     measure.__doc__ = f"{words}; --help lists the options."
     verb = examples(*(f"bench {name} {call}".rstrip() for call in ("", *calls)))(measure)
