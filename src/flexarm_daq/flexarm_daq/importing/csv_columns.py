@@ -36,6 +36,8 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
         output, or a column or a name comes twice.
     """
     names = column_names(path)
+    if not any(names):
+        raise CsvImportError(f"{path}: the first line is empty: it names the columns")
     there = shorten(", ".join(names), _LONGEST)
     if not (inputs and outputs):
         raise CsvImportError(
@@ -45,7 +47,9 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
     times = [name for name in names if _TIME.fullmatch(name)]
     free = [name for name in times if name not in {each.column for each in channels}]
     if len(free) != 1:
-        problem = "no column is called a time" if not free else f"{' and '.join(free)} are times"
+        if times and not free:
+            raise CsvImportError(f"{path}: {times[0]} is the time: it is no input and no output")
+        problem = f"{' and '.join(free)} are times" if free else "no column is called a time, in s"
         raise CsvImportError(
             f"{path}: {problem}: write a map with time: COLUMN or rate_hz: NUMBER, and give it as "
             f"--map; columns: {there}"

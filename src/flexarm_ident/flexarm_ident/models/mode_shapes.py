@@ -57,7 +57,7 @@ def mode_shapes(model: control.StateSpace, output_scale: FloatArray) -> tuple[Mo
     model : control.StateSpace
         Discrete model.
     output_scale : ndarray, (outputs,)
-        Factors that make the outputs comparable, of `preprocess.output_scale`.
+        Factors that make the outputs comparable, such as one over their RMS.
     """
     form = modal_form(model)
     found = []

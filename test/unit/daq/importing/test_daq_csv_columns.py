@@ -40,7 +40,14 @@ def test_named_columns__other_name___is_that_in_the_bag(tmp_path: Path) -> None:
     [
         ("t,i,q,x", [], ["q"], r"needs --input COLUMN and --output COLUMN; columns: t, i, q, x"),
         ("t,i,q,x", ["i"], [], r"needs --input COLUMN"),
-        ("ms,i,q,x", ["i"], ["q"], r"no column is called a time: .*rate_hz.*columns: ms, i, q, x"),
+        ("", ["i"], ["q"], r"the first line is empty: it names the columns"),
+        ("t,i,q,x", ["t"], ["q"], r"t is the time: it is no input"),
+        (
+            "ms,i,q,x",
+            ["i"],
+            ["q"],
+            r"no column is called a time, in s: .*rate_hz.*columns: ms, i, q, x",
+        ),
         ("t,i,q,time_s", ["i"], ["q"], r"t and time_s are times: .*time: COLUMN"),
         ("t,i,q,x", ["i"], ["i"], r"i is named twice"),
         ("t,i,q,x", ["a=i"], ["a=q"], r"a is named twice"),

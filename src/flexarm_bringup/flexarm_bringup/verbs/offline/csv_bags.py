@@ -33,8 +33,13 @@ def taken_columns(
     """
     tables = _tables(paths)
     named = Columns(options["inputs"], options["outputs"])
+    if map_file and any(named):
+        raise click.UsageError("give --map, or --input and --output: both tell the columns")
     if map_file or not tables or not any(named):
         return map_file
+    for path in paths:
+        if not path.exists():
+            raise click.UsageError(f"no file or bag {str(path)!r} is there")
     if len(tables) < len(paths):
         raise click.UsageError(
             "--input and --output name columns of CSV files or signals of bags: import the CSV "

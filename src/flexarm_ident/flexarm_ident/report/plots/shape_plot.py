@@ -47,6 +47,6 @@ def shape_plot(shape: ModeShape, outputs: Sequence[str]) -> str:
     names = [label_and_unit(name)[0] for name in outputs]
     notes = [Note(float(i), _NAMES_AT, name) for i, name in zip(place, names, strict=True)]
     words = f"shape of the mode at {shape.frequency_hz:.4g} Hz over {len(names)} outputs"
-    panel = Panel(Axis("part of the largest", _LOW, _HIGH, step=0.5), found, _SIZE, notes)
+    panel = Panel(Axis("amplitude", _LOW, _HIGH, step=0.5), found, _SIZE, notes)
     # Names stand in the place of ticks: no multiple of that step lies on the axis.
     return chart(View(words, Axis("", low, high, step=2.0 * len(place)), [panel]))

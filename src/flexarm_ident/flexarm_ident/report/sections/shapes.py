@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from flexarm_core.labels import label_and_unit
 from flexarm_ident.models.mode_shapes import mode_shapes
-from flexarm_ident.records.preprocess import output_scale
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
 from flexarm_ident.report.plots.axis import plain
 from flexarm_ident.report.plots.shape_plot import shape_plot
@@ -36,17 +37,20 @@ def _build(subject: Subject) -> Iterator[Block]:
     yield Table("shapes", "Shapes of the modes", header, tuple(map(_row, shapes)))
     more = f" The plots show the first {_SHAPES}." if len(shapes) > _SHAPES else ""
     yield Words(
-        "These are the oscillating modes of the model. Each output has its amplitude, as a part of "
-        "the largest, and its phase. Outputs of one sign move together, those of opposite signs "
-        "(180°) against each other. A rate, such as a speed, is a quarter period (90°) ahead of "
-        "its position. The amplitudes are of outputs that are scaled to equal largest values."
+        "These are the oscillating modes of the model. In each, the output that moves most has the "
+        "amplitude 1 and the phase 0°; each output is measured by its own RMS over the record. "
+        "Outputs whose phases differ by 0° move together, by 180° against each other. A rate, such "
+        "as a speed, is about 90°, a quarter period, ahead of its position."
         f"{more}"
     )
 
 
 def _shapes(subject: Subject) -> tuple[ModeShape, ...]:
     outcome = subject.outcome
-    return mode_shapes(outcome.model, output_scale(outcome.records))
+    y = np.vstack([record.y_measured for record in outcome.records])
+    level = np.sqrt(np.nanmean(y**2, axis=0))
+    scale = np.divide(1.0, level, out=np.ones_like(level), where=level > 0.0)
+    return mode_shapes(outcome.model, scale)
 
 
 def _row(shape: ModeShape) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -9,9 +10,6 @@ import pytest
 from flexarm_bringup.verbs.offline.csv_bags import Columns, as_bags, taken_columns
 from flexarm_daq.importing.csv_import import CsvImportError
 from flexarm_ident import read_bag
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MAP = "time: t\ninputs: [{column: u, name: drive_v}]\noutputs: [{column: y, name: angle_v}]\n"
 
@@ -80,21 +78,26 @@ def test_csv___with_named_columns___is_a_bag_whose_loop_the_data_tell(
 
 def test_taken_columns__csv_without_a_map___are_taken_from_the_options(tmp_path: Path) -> None:
     options: dict[str, Any] = {"inputs": ("u",), "outputs": ("y",), "clock": None}
-    assert taken_columns([tmp_path / "run.csv"], None, options) == (("u",), ("y",))
+    assert taken_columns([table(tmp_path / "run.csv")], None, options) == (("u",), ("y",))
     assert options == {"inputs": (), "outputs": (), "clock": None}
 
 
 def test_taken_columns__bags_and_maps___leave_the_options(tmp_path: Path, columns: Path) -> None:
     options = {"inputs": ("/a.data",), "outputs": ("/b.data",)}
     assert taken_columns([tmp_path / "bag"], None, options) is None
-    assert taken_columns([tmp_path / "run.csv"], columns, options) == columns
     assert options == {"inputs": ("/a.data",), "outputs": ("/b.data",)}
+    none: dict[str, Any] = {"inputs": (), "outputs": ()}
+    assert taken_columns([tmp_path / "run.csv"], columns, none) == columns
+    with pytest.raises(click.UsageError, match="give --map, or --input and --output"):
+        taken_columns([tmp_path / "run.csv"], columns, options)
 
 
 def test_taken_columns__of_a_csv_beside_a_bag___are_refused(tmp_path: Path) -> None:
     options = {"inputs": ("u",), "outputs": ("y",)}
     with pytest.raises(click.UsageError, match="columns of CSV files or signals of bags"):
-        taken_columns([tmp_path / "run.csv", tmp_path / "bag"], None, options)
+        taken_columns([table(tmp_path / "run.csv"), tmp_path], None, options)
+    with pytest.raises(click.UsageError, match="no file or bag 'strain' is there"):
+        taken_columns([tmp_path / "run.csv", Path("strain")], None, options)
 
 
 def test_map___without_a_csv___is_refused(tmp_path: Path, columns: Path) -> None:
