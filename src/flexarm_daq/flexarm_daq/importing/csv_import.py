@@ -245,13 +245,13 @@ def _report_bad_cell(
             cell = row[index].strip() if index < len(row) else ""
             where = f"{path}: line {line}, column {column}"
             if not cell:
-                raise CsvImportError(f"{where}: empty cell; remove or fill the row")
+                raise CsvImportError(f"{where}: empty cell; fill the cell")
             try:
                 number = float(cell)
             except ValueError as error:
                 raise CsvImportError(f"{where}: {shown(cell)} is not a number") from error
             if not np.isfinite(number):
-                raise CsvImportError(f"{where}: {number} is not finite; remove or fill the row")
+                raise CsvImportError(f"{where}: {number} is not finite; fill the cell")
 
 
 def _sampling_rate_hz(times_s: NDArray[np.float64], path: Path, column: str) -> float:

@@ -47,8 +47,8 @@ def outliers(record: IoData) -> Iterator[DataWarning]:
         yield DataWarning(
             "outliers",
             f"{name} has {counted(len(rows), 'outlier')}, the largest {largest:.3g} deviations in "
-            f"row {rows[int(np.argmax(sizes))]}: set them to NaN, which counts as missing, and "
-            "check the wiring",
+            f"row {rows[int(np.argmax(sizes))]}, the first being 0: fill them from their "
+            "neighbours, or set them to NaN in Python for missing, and check the wiring",
             {
                 "count": float(len(rows)),
                 "largest": largest,
