@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from functools import wraps
@@ -60,6 +61,15 @@ def first_seed_option(command: Command) -> Command:
         "--first-seed", type=click.IntRange(0), default=0, show_default=True, help="Of new records."
     )
     return option(command)
+
+
+def typed_environment() -> dict[str, str]:
+    """Return the environment of a terminal in which no `flexarm` has run yet."""
+    set_by_flexarm = {"FLEXARM_ROOT"}
+    # On a bare machine the ROS packages are flexarm's own, too.
+    if "_ROS_WHEELS_BOOTSTRAP_COMPLETE" in os.environ:
+        set_by_flexarm.add("AMENT_PREFIX_PATH")
+    return {name: value for name, value in os.environ.items() if name not in set_by_flexarm}
 
 
 def make_table(*heads: str, title: str | None = None, words: int = 1) -> Table:

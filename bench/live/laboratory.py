@@ -106,15 +106,6 @@ def laboratory(rate_hz: float, window_s: float, folder: Path) -> Iterator[Labora
         process.end()
 
 
-def typed_environment() -> dict[str, str]:
-    """Return the environment of a terminal in which no `flexarm` has run yet."""
-    set_by_flexarm = {"FLEXARM_ROOT"}
-    # On a bare machine the ROS packages are flexarm's own, too.
-    if "_ROS_WHEELS_BOOTSTRAP_COMPLETE" in os.environ:
-        set_by_flexarm.add("AMENT_PREFIX_PATH")
-    return {name: value for name, value in os.environ.items() if name not in set_by_flexarm}
-
-
 class Follower:
     """Client that keeps every sample."""
 

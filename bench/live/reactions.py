@@ -8,8 +8,9 @@ import time
 from typing import TYPE_CHECKING
 
 from bench.live.figures import Row, percentile_rows
-from bench.live.laboratory import FLEXARM, following, now_s, typed_environment
+from bench.live.laboratory import FLEXARM, following, now_s
 from bench.live.pages import probed
+from bench.tools import typed_environment
 from flexarm_bringup.graph.processes import LaunchError
 
 if TYPE_CHECKING:

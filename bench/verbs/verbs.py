@@ -20,7 +20,7 @@ import click
 from rich.console import Console
 from rich.progress import track
 
-from bench.tools import count_option, json_option, make_table, write_json
+from bench.tools import count_option, json_option, make_table, typed_environment, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 _ROOT = Path(__file__).parents[2]
 _BAG = _ROOT / "bags" / "c_dat3_0g"
 _BASELINE = "Python with scipy.signal"
-# Set by the launcher for its children: with them, a call would not be that of a terminal.
-_OWN = ("FLEXARM_ROOT", "FLEXARM_INSTALL", "PYTHONPATH", "AMENT_PREFIX_PATH")
 
 
 class Run(NamedTuple):
@@ -102,11 +100,10 @@ def measured(command: Sequence[str]) -> Run:
     SystemExit
         If it fails: its last line says why.
     """
-    environment = {name: value for name, value in os.environ.items() if name not in _OWN}
     begun_s = time.perf_counter()
     with tempfile.TemporaryFile() as output:
         child = subprocess.Popen(  # noqa: S603 - our own calls
-            command, stdout=output, stderr=subprocess.STDOUT, env=environment
+            command, stdout=output, stderr=subprocess.STDOUT, env=typed_environment()
         )
         _, status, used = os.wait4(child.pid, 0)
         wall_s = time.perf_counter() - begun_s
