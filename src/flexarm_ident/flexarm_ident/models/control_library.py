@@ -43,6 +43,7 @@ class _StandIn(ModuleType):
         """Return what the real module has by that name."""
         if name.startswith("__"):  # asked of every module by the import itself
             raise AttributeError(name)
+        _make_room(self)
         return getattr(import_module(self.__name__), name)
 
 
@@ -60,8 +61,14 @@ def _stand_ins() -> Iterator[None]:
     try:
         yield
     finally:
-        for name in stand_ins:
-            del sys.modules[name]
+        for stand_in in stand_ins.values():
+            _make_room(stand_in)
+
+
+def _make_room(stand_in: _StandIn) -> None:
+    """Take a stand-in out of the imported modules, if the real one has not come there already."""
+    if sys.modules.get(stand_in.__name__) is stand_in:
+        del sys.modules[stand_in.__name__]
 
 
 def _deferred(module: str, function: str) -> Callable[..., Any]:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 _LIGHT = """
 import sys
@@ -49,6 +50,13 @@ print(sys.modules["matplotlib.pyplot"] is before, control_library().ctrlplot.plt
 """
 
 
+_EAGER = """
+import matplotlib.pyplot as plt
+import scipy.stats
+half = scipy.stats.norm.cdf(0.0)
+"""
+
+
 def output(program: str) -> list[str]:
     command = [sys.executable, "-W", "ignore", "-c", program]
     done = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603 - ours
@@ -75,3 +83,15 @@ def test_control_library__statistics___come_with_their_first_use() -> None:
 
 def test_control_library__pyplot_imported_before___stays() -> None:
     assert output(_KNOWN) == ["True True"]
+
+
+def test_control_library__that_uses_a_module_at_once___gets_the_real_one(tmp_path: Path) -> None:
+    (tmp_path / "control.py").write_text(_EAGER)
+    program = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+        "from flexarm_ident.models.control_library import control_library\n"
+        "print(abs(control_library().half - 0.5) < 1e-12)\n"
+        "import scipy.stats; print(scipy.stats.__file__ is not None)\n"
+        "print('matplotlib' in sys.modules)"
+    )
+    assert output(program) == ["True", "True", "False"]
