@@ -73,12 +73,9 @@ def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[t
         return
     if not tables:
         raise click.UsageError("--map belongs to a CSV file, and none is named")
-    make = imported if isinstance(columns, Path) else _judged
     with TemporaryDirectory(prefix="flexarm-csv-") as folder:
         yield tuple(
-            make(path, columns, Path(folder, f"{number}", path.stem)).bag  # type: ignore[arg-type]
-            if path in tables
-            else path
+            _bag_of(path, columns, Path(folder, f"{number}")) if path in tables else path
             for number, path in enumerate(paths)
         )
 
@@ -87,7 +84,14 @@ def _tables(paths: Sequence[Path]) -> list[Path]:
     return [path for path in paths if path.suffix.lower() == ".csv"]
 
 
-def _judged(csv: Path, columns: Columns, bag: Path) -> ImportSummary:
+def _bag_of(csv: Path, columns: Path | Columns, folder: Path) -> Path:
+    """Return a bag of a CSV file, with its name, in a new folder."""
+    if isinstance(columns, Path):
+        return imported(csv, columns, folder / csv.stem).bag
+    return _judged(csv, columns, folder)
+
+
+def _judged(csv: Path, columns: Columns, folder: Path) -> Path:
     """Import a file of which nobody said whether the outputs made the inputs: the data tell."""
     # They take long to load: not for the help.
     from flexarm_daq.importing.csv_columns import named_columns  # noqa: PLC0415
@@ -95,10 +99,10 @@ def _judged(csv: Path, columns: Columns, bag: Path) -> ImportSummary:
     from flexarm_ident.subspace.loop_test import is_closed_loop  # noqa: PLC0415
 
     mapping = named_columns(csv, *columns)
-    made = _imported(csv, mapping, bag)
-    if not is_closed_loop(read_bag(made.bag)):
-        return made
-    return _imported(csv, replace(mapping, closed_loop=True), bag.parent / "closed" / bag.name)
+    bag = _imported(csv, mapping, folder / csv.stem).bag
+    if not is_closed_loop(read_bag(bag)):
+        return bag
+    return _imported(csv, replace(mapping, closed_loop=True), folder / "closed" / csv.stem).bag
 
 
 def _imported(csv: Path, mapping: CsvMap, bag: Path) -> ImportSummary:
