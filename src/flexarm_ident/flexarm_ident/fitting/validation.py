@@ -116,6 +116,11 @@ class Sfv:
     gains: Gains
 
 
+def rms(measured: FloatArray) -> FloatArray:
+    """Return the RMS of each output, (samples, outputs) to (outputs,); NaN does not count."""
+    return np.asarray(np.sqrt(np.mean(measured**2, axis=0, where=~np.isnan(measured))))
+
+
 def relative_errors(measured: FloatArray, simulated: FloatArray) -> FloatArray:
     """Return delta of each output (2-24), (2-25).
 
@@ -134,8 +139,7 @@ def relative_errors(measured: FloatArray, simulated: FloatArray) -> FloatArray:
     varies = np.fmax.reduce(measured, axis=0) > np.fmin.reduce(measured, axis=0)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         missed = np.sqrt(np.mean((measured - simulated) ** 2, axis=0, where=known))
-        level = np.sqrt(np.mean(measured**2, axis=0, where=known))
-        delta = missed / level
+        delta = missed / rms(measured)
     return np.where(varies, np.where(np.isfinite(delta), delta, np.inf), np.nan)
 
 

@@ -129,8 +129,9 @@ def reduce_model(
     records = as_records(data)
     full = _stable_model(identification.model)
     _check_request(full, records, ranking, order, known_modes_hz, update=update)
-    known = full is identification.model and records is identification.linear_records
-    modes = identification.modes if known else ranked_modes(full, records, output_scale(records))
+    # Many reductions of one model rank the same modes.
+    same = full is identification.model and records is identification.linear_records
+    modes = identification.modes if same else ranked_modes(full, records, output_scale(records))
     kept, notes = _choose(modes, ranking, order, known_modes_hz)
     realised = truncate(full, [state for mode in kept for state in mode.states])
     updated = _updated(realised, records, update, at_rest=identification.at_rest)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import label_and_unit
+from flexarm_ident.fitting.validation import rms
 from flexarm_ident.models.mode_shapes import mode_shapes
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
 from flexarm_ident.report.plots.axis import plain
@@ -24,8 +25,10 @@ _HALF_TURN = 180
 
 
 def _build(subject: Subject) -> Iterator[Block]:
-    records = subject.outcome.records
-    shapes, outputs = _shapes(subject), records[0].outputs
+    outcome = subject.outcome
+    level = rms(np.vstack([record.y_measured for record in outcome.records]))
+    scale = np.divide(1.0, level, out=np.ones_like(level), where=level > 0.0)
+    shapes, outputs = mode_shapes(outcome.model, scale), outcome.records[0].outputs
     if len(outputs) <= _OUTPUTS:
         yield Plots(
             tuple(
@@ -45,14 +48,6 @@ def _build(subject: Subject) -> Iterator[Block]:
     )
 
 
-def _shapes(subject: Subject) -> tuple[ModeShape, ...]:
-    outcome = subject.outcome
-    y = np.vstack([record.y_measured for record in outcome.records])
-    level = np.sqrt(np.nanmean(y**2, axis=0))
-    scale = np.divide(1.0, level, out=np.ones_like(level), where=level > 0.0)
-    return mode_shapes(outcome.model, scale)
-
-
 def _row(shape: ModeShape) -> tuple[str, ...]:
     pairs = zip(shape.magnitude, shape.phase_deg, strict=True)
     cells = (f"{size:.2f}, {_whole_degrees(phase)}°" for size, phase in pairs)
@@ -66,7 +61,8 @@ def _whole_degrees(phase: float) -> str:
 
 
 def _applies(subject: Subject) -> bool:
-    return len(subject.outcome.records[0].outputs) > 1 and bool(_shapes(subject))
+    model = subject.outcome.model
+    return model.noutputs > 1 and bool(mode_shapes(model, np.ones(model.noutputs)))
 
 
 SECTION = Section(35, "Mode shapes", _build, _applies)
