@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flexarm_ident import IoData, identify, load_friction, load_model, read_bag, validate_dmv
+from flexarm_ident.estimation import simulation_fit
 from flexarm_ident.friction.dry_friction import (
     Dependence,
     DryFriction,
@@ -21,6 +22,7 @@ from flexarm_ident.friction.dry_friction import (
     simulate_with_friction,
 )
 from flexarm_ident.friction.layout import Drive, arm_layout
+from flexarm_ident.friction.levels import CoulombEstimate
 from flexarm_ident.job import write_results
 from flexarm_ident.models.files import EXPORTS
 from flexarm_ident.models.free_run import simulate
@@ -178,6 +180,24 @@ def test_friction___none_there_or_compensated___linear_model_without_a_word() ->
         found = identify(data, method="auto", block_rows=15, friction=True)
         assert found.friction is None
         assert not any("friction" in note for note in found.notes)
+
+
+def test_friction___nothing_left_but_noise___no_arm_is_fitted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # A record that begins in motion: its levels are above their deviations, far from significant.
+    data = record(arm_model(), 6000, 3, noise=0.02).rows(slice(2000, 4000))
+    plain = identify(data)
+    assert plain.likelihood is not None
+    assert arm_layout([data]) is not None
+    possible = CoulombEstimate(
+        (Drive("u", "y"),), np.array([2.0]), np.array([1.0]), np.zeros(1), (500,), (False,)
+    )
+    monkeypatch.setattr(simulation_fit, "estimate_coulomb", lambda *_: possible)
+    monkeypatch.setattr(simulation_fit, "fit_arm", pytest.fail)
+    found = identify(data, friction=True)
+    assert found.friction is None
+    assert found.likelihood is not None
 
 
 def test_workflow___compensation_recorded___keeps_the_way_of_the_thesis() -> None:
