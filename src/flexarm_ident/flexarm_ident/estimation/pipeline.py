@@ -17,7 +17,11 @@ from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.subspace.choice import estimate, select_method
 from flexarm_ident.subspace.methods import AUTO, METHODS
 from flexarm_ident.subspace.order import choose_order, order_above
-from flexarm_ident.subspace.request_check import check_channels, check_request
+from flexarm_ident.subspace.request_check import (
+    check_channels,
+    check_request,
+    suitable_block_rows,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +35,7 @@ def identify(
     *,
     order: int | None = None,
     singular_value_threshold: float | None = None,
-    block_rows: int = 40,
+    block_rows: int | None = None,
     method: str = AUTO,
     stable: bool = True,
     feedthrough: bool | None = False,
@@ -52,14 +56,15 @@ def identify(
         Records of one rig, in memory or read in chunks such as `BagStream`; several are fitted by
         one model, each with its own initial state.
     order : int, optional
-        Number of states, less than `block_rows`. By default one of 7 to 36 by an information
+        Number of states, less than the block rows. By default one of 7 to 36 by an information
         criterion, see `choose_order`; with 'auto' one of 1 to 36 where free simulation calls for
         another, see `weighing`.
     singular_value_threshold : float, optional
         Threshold of (2-22) in units of the largest singular value, which sets an order that is left
         open.
-    block_rows : int
-        Block rows of the Hankel matrices, q of (2-18).
+    block_rows : int, optional
+        Block rows of the Hankel matrices, q of (2-18). By default `request_check.BLOCK_ROWS`, more
+        for a higher order, and fewer where the records are too short for as many.
     method : str
         A name in `METHODS`, or 'auto' for a choice from the data, see `choice` and `weighing`.
     stable : bool
@@ -88,6 +93,8 @@ def identify(
     records: Sequence[Source] = [data] if isinstance(data, IoData) else data
     excerpts = tuple(as_records([excerpt(record) for record in records]))
     report = progress or _silent
+    if block_rows is None:
+        block_rows = suitable_block_rows(records, order, method)
     check_request(records, order, block_rows, method)
     check_channels(excerpts)
     report("gram", 0.0)

@@ -19,8 +19,34 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
 
+BLOCK_ROWS = 40
+"""Block rows q of (2-18), unless the records are too short for as many."""
+_FEWEST_CHOSEN_ROWS = 8
 _SMALLEST_BLOCK_ROWS = 2
 _CHUNK = 16384
+
+
+def suitable_block_rows(records: Sequence[Source], order: int | None, method: str) -> int:
+    """Return `BLOCK_ROWS`, more for a higher order, and fewer where the records are too short.
+
+    Parameters
+    ----------
+    records : sequence of Source
+        Records of one rig.
+    order : int or None
+        Number of states; None if it is chosen later.
+    method : str
+        'auto' or a name in `METHODS`.
+
+    Raises
+    ------
+    IdentificationError
+        If there is no such method.
+    """
+    check_method(method)
+    wanted = max(BLOCK_ROWS, 0 if order is None else order + 1)
+    allowed = _largest_block_rows(records, method, wanted)
+    return min(wanted, max(allowed, _FEWEST_CHOSEN_ROWS))
 
 
 def check_request(
@@ -129,7 +155,7 @@ def _check_order(records: Sequence[Source], order: int, block_rows: int, method:
         f"order must lie between 1 and {block_rows - 1} for block_rows = {block_rows}: {order}"
     )
     if order >= block_rows:
-        allowed = _largest_block_rows(records, method)
+        allowed = _largest_block_rows(records, method, order + 1)
         message += (
             f"; block_rows = {order + 1} would do"
             if order < allowed
@@ -139,10 +165,12 @@ def _check_order(records: Sequence[Source], order: int, block_rows: int, method:
     raise IdentificationError(message)
 
 
-def _largest_block_rows(records: Sequence[Source], method: str) -> int:
-    """Return the block rows that records without holes suffice for, see `_check_length`."""
-    samples = sum(map(len, records)) // _samples_a_shift(records[0])
-    return min(samples, *map(len, records)) // _shifts(method, 1)
+def _largest_block_rows(records: Sequence[Source], method: str, wanted: int) -> int:
+    """Return the block rows that the records suffice for, see `_check_length`; `wanted` or more."""
+    a_shift = _samples_a_shift(records[0])
+    needed = wanted * _shifts(method, 1) * a_shift
+    usable = sum(_usable(record, needed) for record in records)
+    return min(usable // a_shift, *map(len, records)) // _shifts(method, 1)
 
 
 def _usable(record: Source, needed: int) -> int:

@@ -25,8 +25,8 @@ class Request:
         does on the rest; `Outcome.cross_validation` shows it without giving up data.
     method : str
         Estimator, see `identify`.
-    block_rows : int
-        Block rows q of (2-18).
+    block_rows : int, optional
+        Block rows q of (2-18); None: 40, fewer where the records are too short for as many.
     order : int, optional
         Order of the full model; None: chosen.
     singular_value_threshold : float, optional
@@ -63,7 +63,7 @@ class Request:
 
     train_fraction: float = 1.0
     method: str = "auto"
-    block_rows: int = 40
+    block_rows: int | None = None
     order: int | None = None
     singular_value_threshold: float | None = None
     feedthrough: str = "auto"

@@ -175,12 +175,12 @@ def test_identify___method_auto___names_what_it_chose() -> None:
         ({"block_rows": 1}, "block_rows must be 2 or more: 1"),
         ({"order": 0}, "order must lie between 1 and 39 for block_rows = 40: 0"),
         (
-            {"order": 40},
+            {"order": 40, "block_rows": 40},
             "order must lie between 1 and 39 for block_rows = 40: 40; block_rows = 41 would do",
         ),
         (
             {"order": 200, "method": "orse"},
-            "block_rows = 40: 200; .*: 1000 samples allow block_rows of at most 166: record longer",
+            "= 166: 200; .*: 1000 samples allow block_rows of at most 166: record longer",
         ),
         (
             {"block_rows": 300, "method": "orse"},
@@ -198,6 +198,21 @@ def test_identify___impossible_request___raises_one_clear_line(
     with pytest.raises(IdentificationError, match=message) as caught:
         identify(arm_experiment(10, 1000), **options)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("samples", [150, 250, 400])
+def test_identify___record_too_short_for_forty_block_rows___has_fewer_of_them(samples: int) -> None:
+    # 5 channels and 1 take 12 samples a block row with those of the past.
+    data = record(arm_model(), samples, 3, noise=1e-4)
+    found = identify(data)
+    assert found.block_rows == samples // 12
+    fresh = record(arm_model(), 2000, 4)
+    assert validate_dmv(found.model, fresh).mean < 0.1
+
+
+def test_identify___high_order___has_as_many_block_rows_as_it_needs() -> None:
+    found = identify(arm_experiment(10, 1000), order=44, method="orse")
+    assert (found.order, found.block_rows) == (44, 45)
 
 
 @pytest.mark.parametrize("level", [0.0, 1.5])

@@ -33,7 +33,7 @@ def white_noise_record(samples: int) -> IoData:
         ),
         (
             {"order": 500},
-            "40: 500; record: the leading 300 of 600 samples allow block_rows of at most 37: ",
+            "= 37: 500; record: the leading 300 of 600 samples allow block_rows of at most 37: ",
         ),
     ],
 )

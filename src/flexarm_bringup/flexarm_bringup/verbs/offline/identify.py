@@ -54,7 +54,9 @@ _REQUEST_OPTIONS = (
         help="Leading part of each record that is fitted.",
     ),
     click.option(
-        "--block-rows", type=click.IntRange(2), default=40, show_default=True, help="q of (2-18)."
+        "--block-rows",
+        type=click.IntRange(2),
+        help="q of (2-18); else 40, fewer for short records.",
     ),
     click.option("--order", type=click.IntRange(1), help="Order of the full model; else chosen."),
     click.option(
