@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
 
-_LARGEST_OFFSET = 10.0
+LARGEST_OFFSET = 10.0
+"""Mean in units of the deviation above which a channel counts as almost all offset."""
 _SAME, _ALMOST_SAME = 1e-6, 1e-4
 _FEW_LEVELS = 20
 _PLATEAU_SHARE = 1e-3
@@ -43,7 +44,7 @@ def channel_defects(record: IoData) -> Iterator[DataWarning]:
             )
             continue
         mean, deviation = _mean_and_deviation(look(x))
-        if abs(mean) > _LARGEST_OFFSET * deviation:
+        if abs(mean) > LARGEST_OFFSET * deviation:
             mean, deviation = _mean_and_deviation(x)
             yield DataWarning(
                 "offset",

@@ -25,6 +25,9 @@ _PARTS = 16
 _EXCITED_SHARE = 0.8
 _LOWEST_EXCITED = 0.02
 _SHORT = 3.0
+_VALUES_A_PARAMETER = 10.0
+FEW_VALUES = "few_values"
+"""Name of the warning that a record has too few values to judge a model by."""
 
 
 def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
@@ -87,6 +90,31 @@ def richness(gram: BlockGram, records: Sequence[IoData]) -> Iterator[DataWarning
             f"{samples} samples are few: {gram.columns} columns of Hankel matrices for {needed} "
             f"rows, {_SHORT:.0f} times as many would be good; record longer or lower block_rows",
             {"samples": float(samples), "columns": float(gram.columns), "rows": float(needed)},
+        )
+
+
+def few_values(records: Sequence[IoData], states: int) -> Iterator[DataWarning]:
+    """Yield what is wrong with the number of measured values beside that of a model's parameters.
+
+    The parameters are B, C, as many eigenvalues as states, and a record's initial state.
+
+    Parameters
+    ----------
+    records : sequence of IoData
+        Records of one rig.
+    states : int
+        Order of the model.
+    """
+    inputs, outputs = len(records[0].inputs), len(records[0].outputs)
+    parameters = states * (inputs + outputs + len(records))
+    samples = sum(int(record.usable.sum()) for record in records)
+    if samples * outputs < _VALUES_A_PARAMETER * parameters:
+        yield DataWarning(
+            FEW_VALUES,
+            f"{samples} samples are few for order {states}: {samples * outputs} values of the "
+            f"outputs for {parameters} parameters, {_VALUES_A_PARAMETER:.0f} times as many would "
+            "be good; record longer or lower the order",
+            {"samples": float(samples), "parameters": float(parameters)},
         )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexarm_core.errors import DataError, IdentificationError
 from flexarm_core.labels import label_and_unit
+from flexarm_ident.diagnostics.excitation import few_values
 from flexarm_ident.diagnostics.notes import graded
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.diagnostics.stabilisation import (
@@ -178,7 +179,8 @@ class Identification:
     @cached_property
     def data_warnings(self) -> tuple[DataWarning, ...]:
         """Defects of the records, each with its name and figures."""
-        return assess(self.records, self.gram, feedthrough=bool(np.any(self.model.D)))
+        found = assess(self.records, self.gram, feedthrough=bool(np.any(self.model.D)))
+        return (*found, *few_values(self.records, self.order))
 
     @property
     def warnings(self) -> tuple[str, ...]:

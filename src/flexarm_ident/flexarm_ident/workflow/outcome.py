@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_ident.diagnostics.excitation import FEW_VALUES
 from flexarm_ident.diagnostics.spectra import spectra
-from flexarm_ident.diagnostics.verdict import missed_shares, verdict
+from flexarm_ident.diagnostics.verdict import missed_shares, offset_factors, verdict
 from flexarm_ident.fitting.residuals import residual_correlations
 from flexarm_ident.fitting.validation import fit_percent, relative_errors
 from flexarm_ident.records.iodata import Grade
@@ -97,16 +98,19 @@ class Outcome:
     def verdict(self) -> Verdict:
         """Verdict on `model`: good, usable, poor or useless, its two figures and the next step."""
         unseen = self._unseen_errors()
+        defects = [
+            warning.name
+            for warning in self.identification.data_warnings
+            if warning.grade != Grade.INFORMATION and warning.name != _LOOP
+        ]
         return verdict(
             self.dmv_errors if unseen is None else unseen,
             missed_shares(self.records, [each.y for each in self.dmv]),
             self.records[0].outputs,
             unseen=unseen is not None,
-            defects=[
-                warning.name.replace("_", " ")
-                for warning in self.identification.data_warnings
-                if warning.grade != Grade.INFORMATION and warning.name != _LOOP
-            ],
+            defects=[name.replace("_", " ") for name in defects],
+            offset_factors=offset_factors(self.records),
+            few_values=FEW_VALUES in defects,
         )
 
     @cached_property

@@ -8,7 +8,7 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData
-from flexarm_ident.diagnostics.excitation import excited_band_hz
+from flexarm_ident.diagnostics.excitation import excited_band_hz, few_values
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.records.iodata import DataWarning
 from flexarm_ident.subspace.gram import block_gram
@@ -207,6 +207,16 @@ def test_assess___short_record___is_reported_with_its_length() -> None:
     found = warnings(response(square_wave(250, 11, (5, 30))))
     assert set(found) == {"too_short"}
     assert found["too_short"].figures == {"samples": 250.0, "columns": 231.0, "rows": 100.0}
+
+
+def test_few_values___ten_for_each_parameter___suffice() -> None:
+    data = response(square_wave(500, 11, (5, 30)))
+    values = 500 * len(data.outputs)
+    states = values // (10 * (len(data.inputs) + len(data.outputs) + 1))
+    assert not list(few_values([data], states))
+    (found,) = few_values([data], states + 1)
+    assert found.name == "few_values"
+    assert f"{values} values of the outputs for {found.figures['parameters']:.0f}" in found.text
 
 
 def test_assess___two_short_records___count_together() -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData
-from flexarm_ident.diagnostics.verdict import Level, missed_shares, verdict
+from flexarm_ident.diagnostics.verdict import Level, missed_shares, offset_factors, verdict
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
@@ -48,6 +48,8 @@ def test_verdict___error_that_follows_no_input___is_as_good_as_the_record_allows
     assert judged(0.6, missed=0.12)[0] == "poor"
     # Nothing is to be told from a record that shows nothing.
     assert judged(1.0, missed=0.0)[0] == "useless"
+    # Noise is as large as the output at most: what is larger was made by the model.
+    assert judged(0.6, 1.1, missed=0.01)[0] == "poor"
 
 
 def test_verdict___model_worse_than_a_line_at_zero___is_useless_in_its_first_words() -> None:
@@ -73,6 +75,33 @@ def test_verdict___defects___are_the_next_step() -> None:
     assert found.next_step == "mend the data first (delay), see the notes"
     good = verdict(np.array([0.1]), np.array([0.9]), ("y",), unseen=True, defects=("offset",))
     assert good.next_step == "use it, but mind the data (offset), see the notes"
+
+
+def test_verdict___few_values___is_never_good() -> None:
+    found = verdict(
+        np.array([0.01]),
+        np.array([0.0]),
+        ("y",),
+        unseen=True,
+        defects=("few values",),
+        few_values=True,
+    )
+    assert found.level == Level.USABLE
+    assert found.next_step == "mend the data first (few values), see the notes"
+
+
+def test_verdict___output_that_is_almost_all_offset___counts_by_its_deviation() -> None:
+    rng = np.random.default_rng(4)
+    y = rng.normal(size=(5000, 2)) * (1.0, 0.2) + (0.5, 20.0)
+    data = IoData(rng.normal(size=5000), y, dt_s=DT_S, inputs=("u",), outputs=("a", "b"))
+    factors = offset_factors([data])
+    assert factors == pytest.approx([1.0, 100.0], rel=0.05)
+    found = verdict(
+        np.array([0.1, 0.01]), np.ones(2), data.outputs, unseen=True, offset_factors=factors
+    )
+    assert found.worst == pytest.approx(1.0, rel=0.05)
+    assert found.level == Level.POOR
+    assert "a line at zero, at its mean for b has 1" in str(found)
 
 
 @pytest.mark.parametrize("noise", [0.1, 1.0])

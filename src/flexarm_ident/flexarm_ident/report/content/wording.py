@@ -38,6 +38,7 @@ CHECKS = {
     "excitation_band": "Excited band",
     "input_condition": "Richness of the input",
     "too_short": "Length",
+    "few_values": "Number of values",
 }
 """Titles of the checks of the data, by the names of their warnings."""
 
