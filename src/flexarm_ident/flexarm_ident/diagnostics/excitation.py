@@ -25,7 +25,7 @@ _PARTS = 16
 _EXCITED_SHARE = 0.8
 _LOWEST_EXCITED = 0.02
 _SHORT = 3.0
-_VALUES_A_PARAMETER = 10.0
+_VALUES_A_PARAMETER = 5.0
 FEW_VALUES = "few_values"
 """Name of the warning that a record has too few values to judge a model by."""
 

@@ -209,10 +209,10 @@ def test_assess___short_record___is_reported_with_its_length() -> None:
     assert found["too_short"].figures == {"samples": 250.0, "columns": 231.0, "rows": 100.0}
 
 
-def test_few_values___ten_for_each_parameter___suffice() -> None:
+def test_few_values___five_for_each_parameter___suffice() -> None:
     data = response(square_wave(500, 11, (5, 30)))
     values = 500 * len(data.outputs)
-    states = values // (10 * (len(data.inputs) + len(data.outputs) + 1))
+    states = values // (5 * (len(data.inputs) + len(data.outputs) + 1))
     assert not list(few_values([data], states))
     (found,) = few_values([data], states + 1)
     assert found.name == "few_values"
