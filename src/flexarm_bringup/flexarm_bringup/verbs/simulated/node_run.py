@@ -11,6 +11,7 @@ from rclpy.parameter import Parameter
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
+from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.runs.recorded_run import record_run
 from flexarm_bringup.verbs.laboratory.live_page import (
     PAGE_NODE,
@@ -84,6 +85,7 @@ def node_run(settings: RunSettings) -> Iterator[SimulatedRun]:
             out / "nodes.log",
             nodes=nodes,
             namespace=settings.namespace,
+            compose=settings.pace is Pace.FAST,
         ) as (operator, processes):
             if settings.live:
                 page = PageAddress(settings.namespace, processes)
