@@ -6,8 +6,8 @@ import re
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
-from flexarm_daq.importing.csv_import import CsvImportError, column_names
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+from flexarm_daq.importing.csv_table import CsvImportError, column_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flexarm_core.bounds import YamlError, read_text_bytes, shown, yaml_content
-from flexarm_core.errors import FlexarmError
+from flexarm_core.errors import FlexarmError, reason
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -79,7 +79,7 @@ def load_csv_map(path: Path) -> CsvMap:
     try:
         content = yaml_content(read_text_bytes(path).decode("utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise CsvMapError(f"{path}: cannot read: {error}") from error
+        raise CsvMapError(f"{path}: cannot be read: {reason(error)}") from error
     except YamlError as error:
         raise CsvMapError(f"{path}: {error}") from error
     if not isinstance(content, dict):

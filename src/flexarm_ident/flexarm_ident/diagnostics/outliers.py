@@ -48,7 +48,8 @@ def outliers(record: IoData) -> Iterator[DataWarning]:
             "outliers",
             f"{name} has {counted(len(rows), 'outlier')}, the largest {largest:.3g} deviations in "
             f"row {rows[int(np.argmax(sizes))]}, the first being 0: fill them from their "
-            "neighbours, or set them to NaN in Python for missing, and check the wiring",
+            "neighbours, or set them to NaN for missing (empty the cells of a CSV file), "
+            "and check the wiring",
             {
                 "count": float(len(rows)),
                 "largest": largest,

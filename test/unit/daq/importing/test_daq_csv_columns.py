@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_daq.importing.csv_columns import named_columns
-from flexarm_daq.importing.csv_import import CsvImportError
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+from flexarm_daq.importing.csv_table import CsvImportError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -62,5 +62,5 @@ def test_named_columns__what_tells_no_record___is_refused(
 
 
 def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:
-    with pytest.raises(CsvImportError, match=r"run\.csv: cannot read as CSV"):
+    with pytest.raises(CsvImportError, match=r"run\.csv: cannot be read as CSV"):
         named_columns(tmp_path / "run.csv", ["i"], ["q"])

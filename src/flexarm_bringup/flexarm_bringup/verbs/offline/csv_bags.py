@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
-    from flexarm_daq.importing.csv_import import ImportSummary
+    from flexarm_daq.importing.csv_import import CsvRecord, ImportSummary
     from flexarm_daq.importing.csv_map import CsvMap
 
 
@@ -61,7 +60,7 @@ def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[t
     """Give bags for paths, with a bag of the same name for each CSV file while it lasts."""
     tables = _tables(paths)
     if tables and columns is None:
-        from flexarm_daq.importing.csv_import import column_names  # noqa: PLC0415 - not for bags
+        from flexarm_daq.importing.csv_table import column_names  # noqa: PLC0415 - not for bags
 
         names = ", ".join(column_names(tables[0]))
         raise click.UsageError(
@@ -95,19 +94,27 @@ def _judged(csv: Path, columns: Columns, folder: Path) -> Path:
     """Import a file of which nobody said whether the outputs made the inputs: the data tell."""
     # They take long to load: not for the help.
     from flexarm_daq.importing.csv_columns import named_columns  # noqa: PLC0415
-    from flexarm_ident.reading.read import read_bag  # noqa: PLC0415
-    from flexarm_ident.subspace.loop_test import is_closed_loop  # noqa: PLC0415
+    from flexarm_ident.records.iodata import IoData  # noqa: PLC0415
+    from flexarm_ident.subspace.loop_test import judged_loop  # noqa: PLC0415
 
     mapping = named_columns(csv, *columns)
-    bag = _imported(csv, mapping, folder / csv.stem).bag
-    if not is_closed_loop(read_bag(bag)):
-        return bag
-    return _imported(csv, replace(mapping, closed_loop=True), folder / "closed" / csv.stem).bag
+
+    def judged(record: CsvRecord) -> bool:
+        u, y = record.even()
+        inputs, outputs = (
+            tuple(each.name for each in x) for x in (mapping.inputs, mapping.outputs)
+        )
+        dt_s = 1.0 / record.sampling.rate_hz
+        return bool(judged_loop(IoData(u, y, dt_s=dt_s, inputs=inputs, outputs=outputs)))
+
+    return _imported(csv, mapping, folder / csv.stem, judged).bag
 
 
-def _imported(csv: Path, mapping: CsvMap, bag: Path) -> ImportSummary:
+def _imported(
+    csv: Path, mapping: CsvMap, bag: Path, judged: Callable[[CsvRecord], bool] | None = None
+) -> ImportSummary:
     # They load numpy and rosbags.
     from flexarm_bags.schema import own_types, share_of  # noqa: PLC0415
     from flexarm_daq.importing.csv_import import import_csv  # noqa: PLC0415
 
-    return import_csv(csv, mapping, bag, typestore=own_types(), folder_of=share_of)
+    return import_csv(csv, mapping, bag, typestore=own_types(), folder_of=share_of, judged=judged)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_bringup.verbs.offline.csv_bags import Columns, as_bags, taken_columns
-from flexarm_daq.importing.csv_import import CsvImportError
+from flexarm_daq.importing.csv_table import CsvImportError
 from flexarm_ident import read_bag
 
 MAP = "time: t\ninputs: [{column: u, name: drive_v}]\noutputs: [{column: y, name: angle_v}]\n"
