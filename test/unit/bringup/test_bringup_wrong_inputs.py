@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 BAG = BAGS / "c_dat3_0g"
 FILES = {
     "text.txt": "hello",
-    "semi.csv": "t;u;y\n0;1;2\n",
+    "semi.csv": "t;u;y\n0;1;2\n1;2;3,5\n",
+    "space.dat": "t u y\n0 1 2\n",
+    "notes.md": "hello",
     "comma.csv": "t,u,y\n0,1,2\n",
     "broken.yaml": "law: [",
     "folder/other.txt": "",
@@ -28,9 +30,14 @@ WRONG = {
     "demmo": ("'demmo'", "Did you mean demo?"),
     "identify": ("Missing argument 'BAGS...'",),
     "identify nowhere": ("nowhere: no such bag",),
-    "identify text.txt": ("text.txt: no bag", "expected a rosbag2 folder or a .mcap or .db3 file"),
+    "identify notes.md": ("notes.md: no bag", "expected a rosbag2 folder or a .mcap or .db3 file"),
+    "identify text.txt": ("text.txt: the first line names one column, 'hello'", "with commas"),
     "identify folder": ("folder: no bag: the folder has no metadata.yaml",),
-    "identify semi.csv": ("separated by semicolons, not by commas", "save it with commas"),
+    "identify semi.csv --input u --output y": (
+        "semi.csv, line 3, column y: '3,5' is not a number",
+        "write it with a point",
+    ),
+    "identify space.dat": ("separated by spaces", "save it with commas between them"),
     "identify comma.csv": ("comma.csv is a CSV file", "--map FILE", "columns: t, u, y"),
     "identify comma.csv --input u": ("needs --input COLUMN and --output COLUMN",),
     "identify comma.csv --input u --output z": ("no column z; there are: t, u, y",),

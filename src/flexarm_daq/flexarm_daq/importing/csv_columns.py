@@ -36,8 +36,6 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
         output, or a column or a name comes twice.
     """
     names = column_names(path)
-    if not any(names):
-        raise CsvImportError(f"{path}: the first line is empty: it names the columns")
     there = shorten(", ".join(names), _LONGEST)
     if not (inputs and outputs):
         raise CsvImportError(

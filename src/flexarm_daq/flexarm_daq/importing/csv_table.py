@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from textwrap import shorten
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
     Row = tuple[int, list[str]]
 
+# Of equally many the first one counts.
+_SEPARATORS = ("\t", ",", ";")
 # What programs write for a number that they lack; NaN is a number to Python.
 _MISSING = frozenset({"", "na", "n/a", "null"})
 # A line of a table has some hundred characters.
@@ -92,33 +94,46 @@ def read_table(path: Path, mapping: CsvMap) -> CsvTable:
 
 
 def column_names(path: Path) -> list[str]:
-    """Return the names in the first line of a CSV file.
+    """Return the names in the first line of a table.
 
     Raises
     ------
     CsvImportError
-        If the file cannot be read, or its columns are not separated by commas.
+        If the file cannot be read, or names fewer than two columns.
     """
     with _opened(path) as (header, _):
+        if len(header) < 2:  # noqa: PLR2004 - an input and an output
+            there = f"names one column, {shown(header[0])}" if any(header) else "is empty"
+            raise CsvImportError(
+                f"{path}: the first line {there}: it has the names of the columns, with commas "
+                "between them"
+            )
         return header
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row]]]:
-    """Open a CSV file, and yield the names in its first line, and its other rows."""
+    """Open a table, and yield the names in its first line, and its other rows.
+
+    The separator is the one that stands most often in the first line.
+    """
     try:
         require_plain_file(path)
         # utf-8-sig: spreadsheets put a byte order mark in front of the first name.
         with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(_lines(file, path))
-            header = [name.strip() for name in next(reader, [])]
-            for separator, name in ((";", "semicolons"), ("\t", "tabs")):
-                if len(header) == 1 and separator in header[0]:
-                    problem = f"its columns are separated by {name}, not by commas"
-                    advice = "save it with commas, and with points in its numbers"
-                    raise CsvImportError(f"{path}: {problem}: {advice}")
+            lines = _lines(file, path)
+            first = next(lines, "")
+            separator = max(_SEPARATORS, key=first.count)
+            reader = csv.reader(chain([first], lines), delimiter=separator)
+            header = [name.strip() for name in next(reader)]
+            if len(header) == 1 and len(first.split()) > 1:
+                raise CsvImportError(
+                    f"{path}: its columns are separated by spaces: save it with commas between them"
+                )
             yield header, ((reader.line_num, row) for row in reader if row)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError as error:
+        raise CsvImportError(f"{path}: is no text in UTF-8: save it as CSV in UTF-8") from error
+    except (OSError, csv.Error) as error:
         raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
 
 

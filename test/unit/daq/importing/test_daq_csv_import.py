@@ -122,6 +122,13 @@ def test_import___times_printed_with_few_digits___give_the_whole_rate(tmp_path: 
     assert summary.rate_hz == pytest.approx(300.0, rel=1e-12)
 
 
+def test_import___column_names_with_commas___stand_between_tabs(tmp_path: Path) -> None:
+    file = csv_file(tmp_path, ["time, s\tcurrent, A\tangle", "0\t1\t2", "1\t3\t4"])
+    mapping = CsvMap((CsvChannel("current, A", "i"),), (CsvChannel("angle", "q"),), time="time, s")
+    import_csv(file, mapping, tmp_path / "bag", typestore=typestore())
+    assert read_bag(tmp_path / "bag").u.tolist() == [[1.0], [3.0]]
+
+
 def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Path) -> None:
     file = tmp_path / "data.csv"
     file.write_text("t, i ,q\r\n0,1,2\r\n\r\n1,3,4\r\n", encoding="utf-8-sig")
@@ -195,11 +202,12 @@ def test_import___missing_file___says_so(tmp_path: Path) -> None:
         import_csv(tmp_path / "none.csv", ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 
-def test_import___binary_file___says_so(tmp_path: Path) -> None:
+@pytest.mark.parametrize("content", [bytes(range(256)), "t,i,\u03b2\u00b0\n".encode("cp1253")])
+def test_import___file_of_other_characters___says_so(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "data.csv"
-    file.write_bytes(bytes(range(256)))
+    file.write_bytes(content)
 
-    with pytest.raises(CsvImportError, match=r"data\.csv: cannot be read as CSV"):
+    with pytest.raises(CsvImportError, match=r"data\.csv: is no text in UTF-8: save it as CSV in"):
         import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 

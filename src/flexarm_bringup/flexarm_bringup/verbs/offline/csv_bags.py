@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from flexarm_daq.importing.csv_map import CsvMap
 
 
+# No bag is called so.
+_TABLES = frozenset({".csv", ".tsv", ".txt", ".dat"})
+
+
 class Columns(NamedTuple):
     """Columns of CSV files that are inputs and outputs, as on the command line."""
 
@@ -80,7 +84,7 @@ def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[t
 
 
 def _tables(paths: Sequence[Path]) -> list[Path]:
-    return [path for path in paths if path.suffix.lower() == ".csv"]
+    return [path for path in paths if path.suffix.lower() in _TABLES]
 
 
 def _bag_of(csv: Path, columns: Path | Columns, folder: Path) -> Path:

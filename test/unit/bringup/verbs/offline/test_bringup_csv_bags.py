@@ -105,13 +105,22 @@ def test_map___without_a_csv___is_refused(tmp_path: Path, columns: Path) -> None
         pass
 
 
-@pytest.mark.parametrize(("separator", "name"), [(";", "semicolons"), ("\t", "tabs")])
-def test_csv___with_another_separator___is_told_its_name(
-    tmp_path: Path, columns: Path, separator: str, name: str
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("ending", ["csv", "tsv", "txt", "dat", "TXT"])
+def test_table___of_any_ending_and_separator___is_read(
+    tmp_path: Path, columns: Path, ending: str, separator: str
 ) -> None:
-    path = table(tmp_path / "run.csv", separator)
-    with (
-        pytest.raises(CsvImportError, match=rf"separated by {name}, not by commas"),
-        as_bags([path], columns),
-    ):
+    path = table(tmp_path / f"run.{ending}", separator)
+    with as_bags([path], columns) as found:
+        record = read_bag(found[0])
+        assert np.allclose(record.y[:, 0], 2.0 * np.arange(50))
+        assert np.allclose(record.u[:, 0], np.arange(50) % 3)
+
+
+def test_table___with_spaces_between_its_columns___is_told_what_to_do(
+    tmp_path: Path, columns: Path
+) -> None:
+    path = table(tmp_path / "run.dat", " ")
+    said = r"run\.dat: its columns are separated by spaces: save it with commas"
+    with pytest.raises(CsvImportError, match=said), as_bags([path], columns):
         pass
