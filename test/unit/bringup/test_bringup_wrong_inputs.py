@@ -19,10 +19,12 @@ BAG = BAGS / "c_dat3_0g"
 FILES = {
     "text.txt": "hello",
     "semi.csv": "t;u;y\n0;1;2\n1;2;3,5\n",
+    "short.csv": "t,u,y\n" + "".join(f"{k},{k % 3},{k % 5}\n" for k in range(12)),
     "space.dat": "t u y\n0 1 2\n",
     "notes.md": "hello",
     "comma.csv": "t,u,y\n0,1,2\n",
     "broken.yaml": "law: [",
+    "maps.yaml": "time: t\ninputs: [{column: u}]\noutputs: [{column: y}]",
     "folder/other.txt": "",
 }
 # Command line, and words of its answer: what is wrong, and what to do instead.
@@ -41,6 +43,11 @@ WRONG = {
     "identify comma.csv": ("comma.csv is a CSV file", "--map FILE", "columns: t, u, y"),
     "identify comma.csv --input u": ("needs --input COLUMN and --output COLUMN",),
     "identify comma.csv --input u --output z": ("no column z; there are: t, u, y",),
+    "identify short.csv --input u --output y": ("flexarm: short.csv: 12 samples are too few",),
+    "identify gone.csv --map maps.yaml": ("gone.csv: cannot be read as CSV: No such file",),
+    "identify short.csv short.csv --input u --output y": ("short.csv is named twice", "once"),
+    "identify BAG BAG": ("is named twice, and would count twice: name it once",),
+    "report short.csv --map maps.yaml": ("flexarm: short.csv: 12 samples are too few",),
     "identify BAG --order 0": ("'--order': 0", "range x>=1"),
     "identify BAG --order 5000": ("order must lie between 1 and 39", "lower the order"),
     "identify BAG --method magic": ("'magic'", "one of auto, orse"),
@@ -92,7 +99,7 @@ def test_wrong_input___is_told_in_one_line(
     done = CliRunner().invoke(main, arguments, prog_name="flexarm")
     assert done.exit_code in {1, 2}
     if isinstance(done.exception, FlexarmError):
-        told = [str(done.exception)]  # the command prints it as it is
+        told = [f"flexarm: {done.exception}"]  # the command prints it so
     else:
         told = [text for text in done.output.splitlines() if text.startswith(("Error: ", "flex"))]
     assert len(told) == 1

@@ -99,6 +99,7 @@ def import_csv(
     typestore: Typestore,
     folder_of: Callable[[str], Path | None] | None = None,
     judged: Callable[[CsvRecord], bool] | None = None,
+    kept: bool = True,
 ) -> ImportSummary:
     """Write the mapped columns of a CSV file as ``IoSample`` messages into a new bag.
 
@@ -116,6 +117,8 @@ def import_csv(
         Folders of the messages' files; see :func:`flexarm_bags.schema.describe`.
     judged : callable, optional
         Tells from the signals whether the loop was closed. None: the map says it.
+    kept : bool
+        The bag is for keeps, and says where it comes from.
 
     Returns
     -------
@@ -135,9 +138,8 @@ def import_csv(
     """
     record = _record(read_table(csv_path, mapping), mapping)
     digest = _hash(csv_path)
-    source = f"{csv_path.name} sha256:{digest}"
-    if mapping.description:
-        source = f"{mapping.description}; {source}"
+    told = (mapping.description, f"{csv_path.name} sha256:{digest}") if kept else ()
+    source = "; ".join(filter(None, told))
     definitions = {
         name: describe(typestore, f"flexarm_msgs/msg/{name}", folder_of)
         for name in ("IoSample", "ChannelInfo")

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from flexarm_core.errors import FlexarmError
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from flexarm_daq.importing.csv_import import CsvRecord, ImportSummary
     from flexarm_daq.importing.csv_map import CsvMap
@@ -53,15 +55,19 @@ def taken_columns(
 
 
 def imported(csv: Path, map_file: Path, bag: Path) -> ImportSummary:
-    """Turn a CSV file into a new bag, by the map of its columns."""
+    """Turn a CSV file into a new bag for keeps, by the map of its columns."""
     from flexarm_daq.importing.csv_map import load_csv_map  # noqa: PLC0415 - not for the help
 
     return _imported(csv, load_csv_map(map_file), bag)
 
 
 @contextmanager
-def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[tuple[Path, ...]]:
-    """Give bags for paths, with a bag of the same name for each CSV file while it lasts."""
+def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[dict[Path, str]]:
+    """Give bags for paths, each with the path as it was said, which errors have too.
+
+    A CSV file is a bag of the same name while it lasts.
+    """
+    _refuse_twice(paths)
     tables = _tables(paths)
     if tables and columns is None:
         from flexarm_daq.importing.csv_table import column_names  # noqa: PLC0415 - not for bags
@@ -72,15 +78,34 @@ def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[t
             f"COLUMN or a file, --map FILE; columns: {names}"
         )
     if columns is None:
-        yield tuple(paths)
+        yield {path: str(path) for path in paths}
         return
     if not tables:
         raise click.UsageError("--map belongs to a CSV file, and none is named")
     with TemporaryDirectory(prefix="flexarm-csv-") as folder:
-        yield tuple(
-            _bag_of(path, columns, Path(folder, f"{number}")) if path in tables else path
+        bags = {
+            _bag_of(path, columns, Path(folder, f"{number}")) if path in tables else path: str(path)
             for number, path in enumerate(paths)
-        )
+        }
+        try:
+            yield bags
+        except FlexarmError as error:
+            raise type(error)(_as_said(str(error), bags)) from error
+
+
+def _refuse_twice(paths: Sequence[Path]) -> None:
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        other = seen.setdefault(path.resolve(), path)
+        if other is not path:
+            raise click.UsageError(f"{path} is named twice, and would count twice: name it once")
+
+
+def _as_said(text: str, bags: Mapping[Path, str]) -> str:
+    """Return a text with the paths that were said in the place of those of the bags."""
+    for bag, said in bags.items():
+        text = text.replace(str(bag), said)
+    return text
 
 
 def _tables(paths: Sequence[Path]) -> list[Path]:
@@ -88,13 +113,16 @@ def _tables(paths: Sequence[Path]) -> list[Path]:
 
 
 def _bag_of(csv: Path, columns: Path | Columns, folder: Path) -> Path:
-    """Return a bag of a CSV file, with its name, in a new folder."""
+    """Return a bag of a CSV file in a new folder, below folders of the same names."""
+    from flexarm_daq.importing.csv_map import load_csv_map  # noqa: PLC0415 - not for the help
+
+    bag = folder.joinpath(*csv.absolute().with_suffix("").parts[1:])
     if isinstance(columns, Path):
-        return imported(csv, columns, folder / csv.stem).bag
-    return _judged(csv, columns, folder)
+        return _imported(csv, load_csv_map(columns), bag, kept=False).bag
+    return _judged(csv, columns, bag)
 
 
-def _judged(csv: Path, columns: Columns, folder: Path) -> Path:
+def _judged(csv: Path, columns: Columns, bag: Path) -> Path:
     """Import a file of which nobody said whether the outputs made the inputs: the data tell."""
     # They take long to load: not for the help.
     from flexarm_daq.importing.csv_columns import named_columns  # noqa: PLC0415
@@ -111,14 +139,21 @@ def _judged(csv: Path, columns: Columns, folder: Path) -> Path:
         dt_s = 1.0 / record.sampling.rate_hz
         return bool(judged_loop(IoData(u, y, dt_s=dt_s, inputs=inputs, outputs=outputs)))
 
-    return _imported(csv, mapping, folder / csv.stem, judged).bag
+    return _imported(csv, mapping, bag, judged, kept=False).bag
 
 
 def _imported(
-    csv: Path, mapping: CsvMap, bag: Path, judged: Callable[[CsvRecord], bool] | None = None
+    csv: Path,
+    mapping: CsvMap,
+    bag: Path,
+    judged: Callable[[CsvRecord], bool] | None = None,
+    *,
+    kept: bool = True,
 ) -> ImportSummary:
     # They load numpy and rosbags.
     from flexarm_bags.schema import own_types, share_of  # noqa: PLC0415
     from flexarm_daq.importing.csv_import import import_csv  # noqa: PLC0415
 
-    return import_csv(csv, mapping, bag, typestore=own_types(), folder_of=share_of, judged=judged)
+    return import_csv(
+        csv, mapping, bag, typestore=own_types(), folder_of=share_of, judged=judged, kept=kept
+    )

@@ -222,7 +222,7 @@ def identify(
             return
         with terminal.progress() as show:
             results = job.identify_bags(
-                records,
+                tuple(records),
                 out,
                 Request(**options),
                 channels=channels,
@@ -277,13 +277,18 @@ def report(
             from flexarm_ident.series.comparison import compare_files  # noqa: PLC0415 - a rare way
 
             lines = compare_files(
-                records, out, Request(**options), channels=channels, force=force, progress=show
+                tuple(records),
+                out,
+                Request(**options),
+                channels=channels,
+                force=force,
+                progress=show,
             )
             for line in (*lines, f"report in {out}"):
                 terminal.CONSOLE.print(line, markup=False)
             return
         results = job.report_bags(
-            records, out, Request(**options), channels=channels, force=force, progress=show
+            tuple(records), out, Request(**options), channels=channels, force=force, progress=show
         )
     _show(results, f"report in {out}")
 
