@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flexarm_core.labels import with_deviation
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
-from flexarm_ident.report.content.wording import plus_minus, ranges
+from flexarm_ident.report.content.wording import ranges
 from flexarm_ident.report.plots.order_plots import singular_value_plot, stabilisation_plot
 
 if TYPE_CHECKING:
@@ -73,8 +74,8 @@ def _clusters(outcome: Outcome) -> Table:
     ]
     rows = tuple(
         (
-            f"{mode.frequency_hz:.3f}{plus_minus(mode.frequency_std_hz)}",
-            f"{mode.damping_ratio:.3f}{plus_minus(mode.damping_std)}",
+            with_deviation(mode.frequency_hz, mode.frequency_std_hz),
+            with_deviation(mode.damping_ratio, mode.damping_std),
             f"{mode.count} ({100.0 * mode.share:.0f} %)",
             ranges(sorted(mode.orders)),
             f"{weight:.3f}",
