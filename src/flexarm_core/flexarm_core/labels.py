@@ -44,6 +44,16 @@ def without_dots(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(name.replace(".", "_") for name in names)
 
 
+def named_twice(names: Iterable[str]) -> str:
+    """Return ``X is named twice`` for the first name that is there before; empty without one."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            return f"{name} is named twice"
+        seen.add(name)
+    return ""
+
+
 def counted(number: int, noun: str, plural: str = "") -> str:
     """Return a number with its noun: ``1 record``, ``2 records``, ``3 stretches``."""
     return f"{number} {noun if number == 1 else plural or f'{noun}s'}"

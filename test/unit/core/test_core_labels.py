@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_core.labels import with_deviation
+from flexarm_core.labels import named_twice, with_deviation
 
 
 @pytest.mark.parametrize(
@@ -45,3 +45,11 @@ def test_with_deviation__any_deviation___is_told_within_five_percent(
     shown, _, told = with_deviation(value, deviation).partition(" ± ")
     assert float(told) == pytest.approx(deviation, rel=0.0501)
     assert float(shown) == pytest.approx(value, rel=1e-8, abs=0.0501 * deviation)
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [("", ""), ("abc", ""), ("abcbca", "b is named twice"), ("aa", "a is named twice")],
+)
+def test_named_twice__names___give_the_first_that_was_there_before(names: str, said: str) -> None:
+    assert named_twice(names) == said

@@ -263,11 +263,11 @@ def test_import___any_numbers___come_back_exactly(
         ),
         (
             "time: t\ninputs: [{column: i}]\noutputs: [{column: i, name: q}]",
-            "column i has two meanings: it is one of time, input and output",
+            "column i is named twice: it is one of time, input and output",
         ),
         (
             "time: t\ninputs: [{column: t}]\noutputs: [{column: q}]",
-            "column t has two meanings",
+            "column t is named twice",
         ),
         (
             f"rate_hz: {doubled(10)}\ninputs: [{{column: i}}]\noutputs: [{{column: q}}]",
@@ -282,7 +282,7 @@ def test_import___any_numbers___come_back_exactly(
         ("time: t\ninput: [{column: i}]", "unknown key input; known: closed_loop"),
         (
             "time: t\ninputs: [{column: i, name: a}, {column: j, name: a}]\noutputs: []",
-            "inputs has a name twice: a, a",
+            "inputs: a is named twice: give each channel a name of its own",
         ),
         (
             "time: t\nclosed_loop: maybe\ninputs: [{column: i}]\noutputs: [{column: q}]",
