@@ -13,6 +13,7 @@ from flexarm_bringup.graph.assignments import parsed
 from flexarm_bringup.graph.hand import stop_every_arm, through
 from flexarm_bringup.graph.processes import MANAGED, LaunchError
 from flexarm_bringup.verbs.laboratory.options import ARM
+from flexarm_core.channels import TRAVEL_V
 from flexarm_core.nearest import nearest
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def status(namespace: str) -> None:
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("set_point_v", metavar="SET_POINT", type=Quantity(POSITION_V))
+@click.argument("set_point_v", metavar="SET_POINT", type=Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V))
 @ARM
 @examples("reference 1.5", "reference -3", "reference 23deg")
 def reference(set_point_v: float, namespace: str) -> None:
