@@ -43,4 +43,6 @@ def one_line(error: BaseException) -> str:
 
 def reason(error: BaseException) -> str:
     """Return why a file cannot be read or written, in plain words without number and path."""
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no text in UTF-8"
     return str(getattr(error, "strerror", None) or one_line(error))

@@ -19,6 +19,9 @@ BAG = BAGS / "c_dat3_0g"
 FILES = {
     "text.txt": "hello",
     "semi.csv": "t;u;y\n0;1;2\n1;2;3,5\n",
+    "two.csv": "t,u,y\n0,1,2\n1,2,3\n",
+    "sheet.xlsx": "PK",
+    "latin.yaml": "\u00e9",
     "short.csv": "t,u,y\n" + "".join(f"{k},{k % 3},{k % 5}\n" for k in range(12)),
     "space.dat": "t u y\n0 1 2\n",
     "notes.md": "hello",
@@ -26,6 +29,8 @@ FILES = {
     "broken.yaml": "law: [",
     "maps.yaml": "time: t\ninputs: [{column: u}]\noutputs: [{column: y}]",
     "folder/other.txt": "",
+    "nothing/metadata.yaml": "",
+    "empty.mcap": "",
 }
 # Command line, and words of its answer: what is wrong, and what to do instead.
 WRONG = {
@@ -46,6 +51,15 @@ WRONG = {
     "identify short.csv --input u --output y": ("flexarm: short.csv: 12 samples are too few",),
     "identify gone.csv --map maps.yaml": ("gone.csv: cannot be read as CSV: No such file",),
     "identify short.csv short.csv --input u --output y": ("short.csv is named twice", "once"),
+    "identify two.csv --input u --output y": ("flexarm: two.csv: 2 samples are too few",),
+    "identify two.csv --input u --output ''": ("no column ''; there are: t, u, y",),
+    "identify sheet.xlsx --input u --output y": ("sheet.xlsx is a spreadsheet: save it as CSV",),
+    "identify two.csv --map latin.yaml": ("latin.yaml: cannot be read: it is no text in UTF-8",),
+    "identify loop": ("loop: no such bag",),
+    "identify nothing": (
+        "nothing: metadata.yaml: cannot be read: it has no rosbag2_bagfile_information",
+    ),
+    "identify empty.mcap": ("seems to be empty; try `flexarm bag repair empty.mcap -o NEW`",),
     "identify BAG BAG": ("is named twice, and would count twice: name it once",),
     "report short.csv --map maps.yaml": ("flexarm: short.csv: 12 samples are too few",),
     "identify BAG --order 0": ("'--order': 0", "range x>=1"),
@@ -80,6 +94,7 @@ WRONG = {
     "set payload_kg=0.2": ("the node of payload_kg=0.2 is missing", "flexarm set daq"),
     "set daq": ("what to set of daq is missing", "flexarm set daq payload_kg=0.2"),
     "set daq payload_kg": ("'payload_kg': write NAME=VALUE",),
+    "activate ''": ("'' has no lifecycle", "daq, controller, experiment have one"),
     "activate recorder": ("recorder has no lifecycle", "daq, controller, experiment have one"),
     "run no_package x": ("no package no_package",),
     "replay nowhere": ("nowhere: no such bag",),
@@ -96,7 +111,8 @@ def test_wrong_input___is_told_in_one_line(
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
+        (tmp_path / name).write_text(text, encoding="latin-1")
+    (tmp_path / "loop").symlink_to("loop")
     arguments = [str(BAG) if each == "BAG" else each for each in shlex.split(line)]
     done = CliRunner().invoke(main, arguments, prog_name="flexarm")
     assert done.exit_code in {1, 2}

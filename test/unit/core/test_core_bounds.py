@@ -131,3 +131,6 @@ def test_error_of_the_system___is_told_without_its_number(tmp_path: Path) -> Non
     assert one_line(caught.value) == f"{gone}: No such file or directory"
     assert reason(caught.value) == "No such file or directory"
     assert reason(ValueError("no\nnumber")) == "no number"
+    with pytest.raises(UnicodeDecodeError) as wrong:
+        b"\xb0".decode()
+    assert reason(wrong.value) == "it is no text in UTF-8"

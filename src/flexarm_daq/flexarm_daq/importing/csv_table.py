@@ -32,6 +32,8 @@ _SEPARATORS = ("\t", ",", ";")
 _MISSING = frozenset({"", "na", "n/a", "null"})
 # A line of a table has some hundred characters.
 _LINE_CHARACTERS = 1 << 20
+# So many characters of the names are shown.
+_LONGEST = 500
 _BLOCK_ROWS = 50_000
 
 
@@ -162,9 +164,8 @@ def _columns(header: Sequence[str], mapping: CsvMap, path: Path) -> list[_Column
 def _place(header: Sequence[str], column: str, path: Path) -> int:
     if header.count(column) != 1:
         problem = "no column" if column not in header else "more than one column"
-        raise CsvImportError(
-            f"{path}: {problem} {column}; there are: {shorten(', '.join(header), 500)}"
-        )
+        there = shorten(", ".join(header), _LONGEST)
+        raise CsvImportError(f"{path}: {problem} {column or shown(column)}; there are: {there}")
     return header.index(column)
 
 

@@ -43,7 +43,7 @@ def judged_loop(record: IoData) -> bool | None:
     None also where there is none, or no input.
     """
     longest = max(stretches(record.y_usable), key=lambda rows: rows.stop - rows.start, default=None)
-    if longest is None or not np.any(record.u):
+    if longest is None or longest.stop - longest.start < 2 or not np.any(record.u):  # noqa: PLR2004
         return None
     return is_closed_loop(record.rows(longest))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 # No bag is called so.
 _TABLES = frozenset({".csv", ".tsv", ".txt", ".dat"})
+_SPREADSHEETS = frozenset({".xlsx", ".xls", ".ods"})
 
 
 class Columns(NamedTuple):
@@ -36,6 +38,9 @@ def taken_columns(
 
     Where there is neither, the names stay in the options: those of signals of bags.
     """
+    for path in paths:
+        if path.suffix.lower() in _SPREADSHEETS:
+            raise click.UsageError(f"{path} is a spreadsheet: save it as CSV in UTF-8")
     tables = _tables(paths)
     named = Columns(options["inputs"], options["outputs"])
     if map_file and any(named):
@@ -96,7 +101,8 @@ def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[d
 def _refuse_twice(paths: Sequence[Path]) -> None:
     seen: dict[Path, Path] = {}
     for path in paths:
-        other = seen.setdefault(path.resolve(), path)
+        # Unlike `resolve`, this takes a link in a circle as it is.
+        other = seen.setdefault(Path(os.path.realpath(path)), path)
         if other is not path:
             raise click.UsageError(f"{path} is named twice, and would count twice: name it once")
 
