@@ -76,6 +76,11 @@ def with_deviation(value: float, deviation: float | None, decimals: int = 3) -> 
     return f"{value:.{decimals}f} \u00b1 {float(told):.{decimals}f}"
 
 
+def instant(row: int, period_s: float) -> str:
+    """Return the instant of a row since the first one, which has number 0: ``1.04 s (row 312)``."""
+    return f"{row * period_s:.6g} s (row {row})"
+
+
 def axis_label(name: str) -> str:
     """Return the label of an axis: ``base strain, V``."""
     words, unit = label_and_unit(name)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flexarm_core.labels import named_twice, with_deviation
+from flexarm_core.labels import instant, named_twice, with_deviation
 
 
 @pytest.mark.parametrize(
@@ -53,3 +53,8 @@ def test_with_deviation__any_deviation___is_told_within_five_percent(
 )
 def test_named_twice__names___give_the_first_that_was_there_before(names: str, said: str) -> None:
     assert named_twice(names) == said
+
+
+def test_instant__row___has_its_time_since_the_first() -> None:
+    assert instant(312, 1 / 300) == "1.04 s (row 312)"
+    assert instant(0, 0.5) == "0 s (row 0)"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.arrays import runs
-from flexarm_core.labels import counted
+from flexarm_core.labels import counted, instant
 from flexarm_ident.records.holes import holes_told
 from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share, dead_stretches, look
@@ -89,8 +89,8 @@ def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator
     yield DataWarning(
         "dead_sensor",
         f"{name} is dead in {_percent(samples / len(record))} of the samples, {stretches}, the "
-        f"longest from row {longest.start} to {longest.stop - 1}: check the sensor, and leave "
-        "those rows out",
+        f"longest from {instant(longest.start, record.dt_s)} to "
+        f"{instant(longest.stop - 1, record.dt_s)}: check the sensor, and leave those rows out",
         {
             "samples": float(samples),
             "share": samples / len(record),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.labels import counted
+from flexarm_core.labels import counted, instant
 from flexarm_ident.reading.grid import LATEST
 from flexarm_ident.records.holes import holes_told
 from flexarm_ident.records.iodata import DataWarning
@@ -93,8 +93,8 @@ def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:
     period_ms = 1e3 * grid.period_s
     text = (
         f"{int(late.sum())} of {len(off)} samples were taken more than {LATEST:g} periods off "
-        f"their instants, the worst by {period_ms * off[worst]:+.3f} ms at row {row} (all "
-        f"{period_ms * deviation:.3f} ms RMS, the period is {period_ms:.3f} ms): they were "
+        f"their instants, the worst by {period_ms * off[worst]:+.3f} ms at "
+        f"{instant(row, grid.period_s)} (all {period_ms * deviation:.3f} ms RMS, the period is {period_ms:.3f} ms): they were "
         "referred to their instants by their neighbours"
     )
     figures = {
