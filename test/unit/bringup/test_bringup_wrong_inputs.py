@@ -31,6 +31,7 @@ FILES = {
     "folder/other.txt": "",
     "nothing/metadata.yaml": "",
     "empty.mcap": "",
+    "model/model.yaml": "",
 }
 # Command line, and words of its answer: what is wrong, and what to do instead.
 WRONG = {
@@ -70,6 +71,7 @@ WRONG = {
     "identify BAG --input u --output y": ("'u' is no TOPIC.FIELD", "such as"),
     "identify BAG --train-fraction 2": ("2.0 is not in the range 0.0<x<=1.0",),
     "identify BAG -o /proc/x": ("/proc/x/model.yaml: cannot be written",),
+    "report model": ("model is a model: name a bag beside it, to try it on",),
     "report nowhere": ("nowhere: no such bag",),
     "import nowhere.csv out": ("'nowhere.csv' does not exist",),
     "bag check nowhere": ("nowhere: no such bag",),

@@ -194,6 +194,7 @@ def _number(row: Sequence[str], column: _Column, where: str) -> float:
         number = np.nan if cell.lower() in _MISSING else float(cell)
     except ValueError as error:
         advice = "write it with a point" if "," in cell else "correct it"
+        advice = "close its quotation marks" if "\n" in cell else advice
         raise CsvImportError(f"{where}: {shown(cell)} is not a number: {advice}") from error
     if np.isinf(number):
         advice = column.advice or "empty the cell where nothing was measured"

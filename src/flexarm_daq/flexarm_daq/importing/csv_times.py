@@ -56,7 +56,11 @@ def sampling(table: CsvTable, column: str) -> Sampling:
     steps_s = np.diff(times_s)
     usual_s = float(np.median(steps_s))
     if usual_s <= 0:
-        raise CsvImportError(f"{table.path}: column {column} does not increase")
+        line = table.lines[int(np.argmax(steps_s <= 0.0)) + 1]
+        raise CsvImportError(
+            f"{table.path}, line {line}: column {column} does not increase: sort the rows, or name "
+            "the column of the time"
+        )
     _refuse_uneven(table, column, steps_s, usual_s)
     # Printed times round the median, not the mean of many.
     usual_s = float(np.mean(steps_s[steps_s < (1.0 + STEP_TOLERANCE) * usual_s]))

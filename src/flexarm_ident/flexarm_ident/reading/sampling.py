@@ -94,8 +94,8 @@ def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:
     text = (
         f"{int(late.sum())} of {len(off)} samples were taken more than {LATEST:g} periods off "
         f"their instants, the worst by {period_ms * off[worst]:+.3f} ms at "
-        f"{instant(row, grid.period_s)} (all {period_ms * deviation:.3f} ms RMS, the period is {period_ms:.3f} ms): they were "
-        "referred to their instants by their neighbours"
+        f"{instant(row, grid.period_s)} (all {period_ms * deviation:.3f} ms RMS, the period is "
+        f"{period_ms:.3f} ms): they were referred to their instants by their neighbours"
     )
     figures = {
         "late": float(late.sum()),

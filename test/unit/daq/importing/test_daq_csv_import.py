@@ -150,6 +150,10 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
         (["t,i,q", "0,nan,2", "1,2,3"], ", line 2, column i: nan is no number; an input must be"),
         (["t,i,q", "0,1,2", "1,2,-inf"], ", line 3, column q: -inf is not finite; empty the cell"),
         (["t,i,q", "0,1,2", '1,2,"3,5"'], "column q: '3,5' is not a number: write it with a point"),
+        (
+            ["t,i,q", '0,1,"2', "1,2,3"],
+            "column q: '2\\n1,2,3' is not a number: close its quotation",
+        ),
         (["t,i,q", "0,1,", "1,2,NA"], "column q has no number: leave it out"),
         (["t,i,q", "0,1,2"], "data rows: 1; at least 2 are needed"),
         (["t,i,q"], "data rows: 0"),
@@ -166,8 +170,8 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
             ["t,i,q", "0,1,1", "1,1,1", "2,1,1", "1e9,1,1"],
             ", line 5: column t jumps by 1e+09 s, and more rows are missing in all than there are",
         ),
-        (["t,i,q", "0,1,1", "0,1,1", "0,1,1"], "column t does not increase"),
-        (["t,i,q", "2,1,1", "1,1,1", "0,1,1"], "column t does not increase"),
+        (["t,i,q", "0,1,1", "0,1,1", "0,1,1"], ", line 3: column t does not increase: sort"),
+        (["t,i,q", "2,1,1", "1,1,1", "0,1,1"], ", line 3: column t does not increase: sort"),
         (
             ["t,i,q", "0,1,1", "1e9,1,1", "2e9,1,1", "3e9,1,1"],
             "a rate of 1e-09 Hz is outside 0.001 to 1e+06 Hz: times are in seconds",

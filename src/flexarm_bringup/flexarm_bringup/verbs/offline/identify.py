@@ -270,6 +270,8 @@ def report(
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
+    if len(bags) == 1 and (bags[0] / job.MODEL_FILE).exists():
+        raise click.UsageError(f"{bags[0]} is a model: name a bag beside it, to try it on")
     columns = taken_columns(bags, map_file, options)
     channels = taken_channels(options)
     with as_bags(bags, columns) as records, terminal.progress() as show:
