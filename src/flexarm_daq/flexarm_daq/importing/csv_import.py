@@ -55,6 +55,8 @@ class ImportSummary:
         Hash of the CSV file, also in the bag's source.
     missing_rows, missing_cells : int
         Rows that the times leave out, and outputs that were not measured in a row.
+    cut : tuple of str
+        Lines at the ends that are left out, with the reason.
     """
 
     bag: Path
@@ -64,6 +66,7 @@ class ImportSummary:
     sha256: str
     missing_rows: int
     missing_cells: int
+    cut: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +139,8 @@ def import_csv(
     RecordingError
         If the bag exists or cannot be written.
     """
-    record = _record(read_table(csv_path, mapping), mapping)
+    table = read_table(csv_path, mapping)
+    record = _record(table, mapping)
     digest = _hash(csv_path)
     told = (mapping.description, f"{csv_path.name} sha256:{digest}") if kept else ()
     source = "; ".join(filter(None, told))
@@ -156,6 +160,7 @@ def import_csv(
         digest,
         missing_rows=last + 1 - rows,
         missing_cells=int(np.isnan(record.outputs).sum()),
+        cut=table.cut,
     )
 
 

@@ -53,11 +53,14 @@ class CsvTable:
         Numbers; NaN in an output that was not measured.
     lines : ndarray of int, (rows,)
         Line of each row in the file, the first being 1.
+    cut : tuple of str
+        Lines at the ends that are left out, with the reason.
     """
 
     path: Path
     values: FloatArray
     lines: NDArray[np.int64]
+    cut: tuple[str, ...] = ()
 
 
 class _Column(NamedTuple):
@@ -70,6 +73,9 @@ class _Column(NamedTuple):
 
 def read_table(path: Path, mapping: CsvMap) -> CsvTable:
     """Read the columns of a map: its time where there is one, inputs, outputs.
+
+    The rows are those from the first to the last in which every output has been measured, as a
+    record has nothing to tell of the state before.
 
     Raises
     ------
@@ -92,7 +98,33 @@ def read_table(path: Path, mapping: CsvMap) -> CsvTable:
     for column, cells in zip(columns, values.T, strict=True):
         if np.isnan(cells).all():
             raise CsvImportError(f"{path}: column {column.name} has no number: leave it out")
-    return CsvTable(path, values, np.array(lines))
+    return _cut(CsvTable(path, values, np.array(lines)), columns)
+
+
+def _cut(table: CsvTable, columns: Sequence[_Column]) -> CsvTable:
+    known = ~np.isnan(table.values)
+    firsts, lasts = known.argmax(axis=0), len(known) - 1 - known[::-1].argmax(axis=0)
+    late, early = int(firsts.argmax()), int(lasts.argmin())
+    first, last = int(firsts[late]), int(lasts[early])
+    if last <= first:
+        raise CsvImportError(
+            f"{table.path}: {columns[early].name} ends before {columns[late].name} begins: leave "
+            "one of them out"
+        )
+    cut = []
+    if first > 0:
+        cut.append(_left_out(table.lines[:first], f"{columns[late].name} has no value there yet"))
+    if last < len(known) - 1:
+        cut.append(
+            _left_out(table.lines[last + 1 :], f"{columns[early].name} has no value any more")
+        )
+    rows = slice(first, last + 1)
+    return CsvTable(table.path, table.values[rows], table.lines[rows], tuple(cut))
+
+
+def _left_out(lines: NDArray[np.int64], why: str) -> str:
+    which = f"line {lines[0]} is" if len(lines) == 1 else f"lines {lines[0]} to {lines[-1]} are"
+    return f"{which} left out: {why}"
 
 
 def column_names(path: Path) -> list[str]:

@@ -104,6 +104,27 @@ def test_rows_at_few_digits_of_time___keep_their_places_behind_a_long_hole(tmp_p
     np.testing.assert_array_equal(np.flatnonzero(record.usable), places)
 
 
+def test_rows_before_and_behind_all_outputs___are_left_out_and_told(tmp_path: Path) -> None:
+    rows = lines(0.01 * np.arange(ROWS))
+    for k in range(20):
+        rows[k] = rows[k].rpartition(",")[0] + ","
+    t, u, _, q = rows[-1].split(",")
+    rows[-1] = f"{t},{u},,{q}"
+    summary = imported(tmp_path, rows)
+    record = read_bag(tmp_path / "bag")
+    assert summary.cut == (
+        "lines 2 to 21 are left out: q has no value there yet",
+        "line 201 is left out: p has no value any more",
+    )
+    assert (summary.samples, summary.missing_cells, record.missing) == (ROWS - 21, 0, None)
+    np.testing.assert_array_equal(record.y, signals()[20:-1, 1:])
+
+
+def test_outputs_that_never_meet___are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CsvImportError, match=r"run\.csv: p ends before q begins: leave one of"):
+        imported(tmp_path, ["0,1,2,", "1,2,3,", "2,1,,4", "3,2,,4"])
+
+
 def test_missing_input___is_refused_where_no_row_can_be_left_out(tmp_path: Path) -> None:
     mapping = CsvMap(MAP.inputs, MAP.outputs, rate_hz=100.0)
     said = r"run\.csv, line 3, column u: empty cell; an input must be known in every row: fill it$"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from flexarm_bringup.console import terminal
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
@@ -160,6 +161,9 @@ def _imported(
     from flexarm_bags.schema import own_types, share_of  # noqa: PLC0415
     from flexarm_daq.importing.csv_import import import_csv  # noqa: PLC0415
 
-    return import_csv(
+    made = import_csv(
         csv, mapping, bag, typestore=own_types(), folder_of=share_of, judged=judged, kept=kept
     )
+    for text in made.cut:
+        terminal.note(f"{csv}: {text}")
+    return made
