@@ -113,8 +113,8 @@ def test_set_points_by_the_verb_and_by_a_stream___are_in_force(running: Graph) -
 @pytest.mark.parametrize(
     ("reference_v", "profile", "reason"),
     [
-        (7.0, "topic", "reference 7 V refused: the travel is +-6.857 V"),
-        (-math.inf, "topic", "reference -inf V refused: the travel is +-6.857 V"),
+        (7.0, "topic", "reference 7 V refused: the travel is +-6.857 V, 80 deg"),
+        (-math.inf, "topic", "reference -inf V refused: the travel is +-6.857 V, 80 deg"),
         (
             1.0,
             "step",

@@ -19,12 +19,14 @@ from flexarm_bags.reader import (
 from flexarm_bags.records.columns import CdrError, Member, decode, members
 from flexarm_bags.timeline import clock_problems, number_problems, restarts
 from flexarm_core.errors import one_line
+from flexarm_core.labels import counted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from rosbags.highlevel import AnyReader
 
     from flexarm_bags.mcap_check import TopicMessages
+    from flexarm_bags.records.columns import Column
 
     Integers = NDArray[np.int64]
 
@@ -58,6 +60,7 @@ class TopicContent:
     stamps_ns: list[Integers] = field(default_factory=list)
     log_times_ns: list[Integers] = field(default_factory=list)
     complained: set[str] = field(default_factory=set)
+    unmeasured: int = 0
 
 
 class ContentCheck:
@@ -153,8 +156,7 @@ class ContentCheck:
             return
         for name, column in columns.items():
             if column.dtype.kind == "f" and not np.isfinite(column).all():
-                row = first + int(np.argwhere(~np.isfinite(column))[0][0])
-                self._complain(found.topic, name, f"{name} is not finite in message {row}")
+                self._not_finite(found.topic, name, column, first)
         if topic.is_numbered:
             seconds = columns["header.stamp.sec"].astype(np.int64)
             nanoseconds = columns["header.stamp.nanosec"].astype(np.int64)
@@ -163,6 +165,16 @@ class ContentCheck:
             topic.numbers.append(columns["sequence"].astype(np.int64))
             topic.stamps_ns.append(seconds * 10**9 + nanoseconds)
             topic.log_times_ns.append(messages.log_times_ns)
+
+    def _not_finite(self, topic: str, name: str, column: Column, first: int) -> None:
+        bad = ~np.isfinite(column)
+        content = self.topics[topic]
+        if content.type_name == IO_SAMPLE and name == "outputs":
+            content.unmeasured += int(np.isnan(column).sum())
+            bad = np.isinf(column)
+        if bad.any():
+            row = first + int(np.argwhere(bad)[0][0])
+            self._complain(topic, name, f"{name} is not finite in message {row}")
 
     def _complain(self, name: str, kind: str, text: str) -> None:
         """Report each kind of problem once, where it first occurs."""
@@ -173,6 +185,9 @@ class ContentCheck:
     def judge(self) -> None:
         """Check numbers and times, when all messages were added."""
         for name, topic in self.topics.items():
+            if topic.unmeasured:
+                values = counted(topic.unmeasured, "output")
+                self._notes.append(f"{name}: {values} without a value (NaN): not measured")
             if not topic.numbers:
                 continue
             numbers = np.concatenate(topic.numbers)

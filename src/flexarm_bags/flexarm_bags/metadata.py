@@ -10,7 +10,7 @@ import yaml
 from rosbags.interfaces import QosDurability, QosReliability
 
 from flexarm_core.bounds import read_text_bytes, yaml_content
-from flexarm_core.errors import BagError, FlexarmError, one_line
+from flexarm_core.errors import BagError, FlexarmError, reason
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from flexarm_bags.schema import MessageDefinition
 
 FILE_NAME = "metadata.yaml"
+_KEY = "rosbag2_bagfile_information"
 BAG_FILES = (f"{FILE_NAME}*", "*.mcap*", "*.db3*")
 """Patterns of the files of a bag."""
 VERSION = 9
@@ -177,11 +178,13 @@ def read_information(bag: Path) -> dict[str, Any]:
     """
     try:
         content: Any = yaml_content(read_text_bytes(bag / FILE_NAME).decode("utf-8"))
-        information = dict(content["rosbag2_bagfile_information"])
-        names = information["relative_file_paths"]
-    except (OSError, FlexarmError, ValueError, KeyError, TypeError) as error:
-        text = one_line(error).removeprefix(f"{bag / FILE_NAME}: ")
+    except (OSError, FlexarmError, ValueError) as error:
+        text = reason(error).removeprefix(f"{bag / FILE_NAME}: ")
         raise BagError(f"{FILE_NAME}: cannot be read: {text}") from error
+    information = content.get(_KEY) if isinstance(content, dict) else None
+    if not isinstance(information, dict):
+        raise BagError(f"{FILE_NAME}: cannot be read: it has no {_KEY}{repair_advice(bag)}")
+    names = information.get("relative_file_paths")
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
         raise BagError(f"{FILE_NAME}: cannot be read: relative_file_paths is no list of names")
     return information

@@ -160,7 +160,7 @@ def opened(path: Path) -> Iterator[Bag]:
         raise BagError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except Exception as error:
         raise BagError(
-            f"{path}: truncated or damaged: {one_line(error)}{repair_advice(path)}"
+            f"{path}: truncated or damaged: {one_line(error).rstrip('.')}{repair_advice(path)}"
         ) from error
 
 

@@ -17,7 +17,7 @@ from flexarm_control.laws.switching import Handover
 from flexarm_control.loop_setup import PARAMETERS, TOPIC, Setup
 from flexarm_control.models.chosen_model import PREFIX
 from flexarm_control.sample_rate import SampleRate
-from flexarm_core.channels import TRAVEL_V
+from flexarm_core.channels import TRAVEL_DEG, TRAVEL_V
 from flexarm_core.errors import SettingError
 from flexarm_msgs.msg import LawInForce, PayloadEstimate
 from flexarm_msgs.srv import SetReference
@@ -254,7 +254,7 @@ class ControllerNode(AnsweringNode):
             name = values["reference"]
             return f"{refused}the controller follows its own, {name}: set reference to {TOPIC}"
         if not abs(reference_v) <= TRAVEL_V:
-            return f"{refused}the travel is +-{TRAVEL_V:.3f} V"
+            return f"{refused}the travel is +-{TRAVEL_V:.3f} V, {TRAVEL_DEG:g} deg"
         return ""
 
 

@@ -30,6 +30,19 @@ class BagError(IdentificationError):
 
 
 def one_line(error: BaseException) -> str:
-    """Return the text of any error in one line, cut when long; its kind where it has no text."""
-    text = " ".join(str(error)[: 2 * _LONGEST].split()) or type(error).__name__
+    """Return the text of any error in one line, cut when long; its kind where it has no text.
+
+    An error of the operating system is told as ``FILE: No such file or directory``.
+    """
+    said = str(error)
+    if isinstance(error, OSError) and error.strerror and error.filename is not None:
+        said = f"{error.filename}: {error.strerror}"
+    text = " ".join(said[: 2 * _LONGEST].split()) or type(error).__name__
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} ..."
+
+
+def reason(error: BaseException) -> str:
+    """Return why a file cannot be read or written, in plain words without number and path."""
+    if isinstance(error, UnicodeDecodeError):
+        return "it is no text in UTF-8"
+    return str(getattr(error, "strerror", None) or one_line(error))

@@ -1,7 +1,8 @@
-"""Readable names and counts: quantity and unit of a channel, a number with its noun."""
+"""Readable names and figures: quantity and unit of a channel, counts, values with deviations."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ _UNITS = {
     "n": "N",
     "m": "m",
 }
+# Deviations of ten thousand or more, and those below a ten-millionth, stand with an exponent.
+_FEWEST_DECIMALS, _MOST_DECIMALS = -2, 8
 
 
 def label_and_unit(name: str) -> tuple[str, str]:
@@ -41,9 +44,41 @@ def without_dots(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(name.replace(".", "_") for name in names)
 
 
+def named_twice(names: Iterable[str]) -> str:
+    """Return ``X is named twice`` for the first name that is there before; empty without one."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            return f"{name} is named twice"
+        seen.add(name)
+    return ""
+
+
 def counted(number: int, noun: str, plural: str = "") -> str:
     """Return a number with its noun: ``1 record``, ``2 records``, ``3 stretches``."""
     return f"{number} {noun if number == 1 else plural or f'{noun}s'}"
+
+
+def with_deviation(value: float, deviation: float | None, decimals: int = 3) -> str:
+    """Return a value with its standard deviation of two digits: ``9.387 ± 0.052``.
+
+    Both have the same decimals; the value alone has `decimals`.
+    """
+    if deviation is None:
+        return f"{value:.{decimals}f}"
+    if not 0.0 < deviation < math.inf:
+        return f"{value:.4g} \u00b1 {deviation:g}"
+    told = f"{deviation:.1e}"
+    decimals = 1 - int(told.partition("e")[2])
+    if not _FEWEST_DECIMALS <= decimals <= _MOST_DECIMALS:
+        return f"{value:.9g} \u00b1 {told}"
+    decimals = max(0, decimals)
+    return f"{value:.{decimals}f} \u00b1 {float(told):.{decimals}f}"
+
+
+def instant(row: int, period_s: float) -> str:
+    """Return the instant of a row since the first one, which has number 0: ``1.04 s (row 312)``."""
+    return f"{row * period_s:.6g} s (row {row})"
 
 
 def axis_label(name: str) -> str:

@@ -9,7 +9,7 @@ import tempfile
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
-from flexarm_core.errors import FlexarmError
+from flexarm_core.errors import FlexarmError, reason
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -63,8 +63,7 @@ def require_place(files: Iterable[Path], *, force: bool = False) -> None:
         try:
             _try_to_write(file)
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise OutputError(f"{file}: cannot be written: {reason}") from error
+            raise OutputError(f"{file}: cannot be written: {reason(error)}") from error
         if not (force or is_replaceable(file)):
             raise OutputError(
                 f"{file}: was not written by flexarm: move it away, write elsewhere, or replace it "

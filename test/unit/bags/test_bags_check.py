@@ -166,6 +166,18 @@ def test_check___value_that_is_not_finite___is_named(tmp_path: Path) -> None:
     )
 
 
+def test_check___output_that_was_not_measured___is_a_note(tmp_path: Path) -> None:
+    rows = [(1.0, 2.0), (float("nan"), 2.0), (float("nan"), float("nan")), (1.0, 2.0)]
+    messages = [io_sample(k + 1, START_NS + k * STEP_NS, [0.0], row) for k, row in enumerate(rows)]
+    found = check_bag(write_bag(tmp_path / "run", messages))
+    assert found.problems == ()
+    assert found.notes == ("/flexarm/io: 3 outputs without a value (NaN): not measured",)
+    for value, other, name in ((1.0, np.inf, "outputs"), (np.nan, 1.0, "inputs")):
+        sample = io_sample(5, START_NS + 4 * STEP_NS, [value], [other])
+        found = check_bag(write_bag(tmp_path / name, [sample]))
+        assert found.problems == (f"/flexarm/io: {name} is not finite in message 0",)
+
+
 def test_check___topic_of_another_type___is_named(tmp_path: Path) -> None:
     command = motor_command(1, START_NS, 1.0)._replace(topic="/flexarm/state")
     assert problems(write_bag(tmp_path / "run", [command])) == (

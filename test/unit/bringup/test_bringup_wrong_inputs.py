@@ -18,22 +18,51 @@ if TYPE_CHECKING:
 BAG = BAGS / "c_dat3_0g"
 FILES = {
     "text.txt": "hello",
-    "semi.csv": "t;u;y\n0;1;2\n",
+    "semi.csv": "t;u;y\n0;1;2\n1;2;3,5\n",
+    "two.csv": "t,u,y\n0,1,2\n1,2,3\n",
+    "sheet.xlsx": "PK",
+    "latin.yaml": "\u00e9",
+    "short.csv": "t,u,y\n" + "".join(f"{k},{k % 3},{k % 5}\n" for k in range(12)),
+    "space.dat": "t u y\n0 1 2\n",
+    "notes.md": "hello",
     "comma.csv": "t,u,y\n0,1,2\n",
     "broken.yaml": "law: [",
+    "maps.yaml": "time: t\ninputs: [{column: u}]\noutputs: [{column: y}]",
     "folder/other.txt": "",
+    "nothing/metadata.yaml": "",
+    "empty.mcap": "",
+    "model/model.yaml": "",
 }
 # Command line, and words of its answer: what is wrong, and what to do instead.
 WRONG = {
     "demmo": ("'demmo'", "Did you mean demo?"),
     "identify": ("Missing argument 'BAGS...'",),
     "identify nowhere": ("nowhere: no such bag",),
-    "identify text.txt": ("text.txt: no bag", "expected a rosbag2 folder or a .mcap or .db3 file"),
+    "identify notes.md": ("notes.md: no bag", "expected a rosbag2 folder or a .mcap or .db3 file"),
+    "identify text.txt": ("text.txt: the first line names one column, 'hello'", "with commas"),
     "identify folder": ("folder: no bag: the folder has no metadata.yaml",),
-    "identify semi.csv": ("separated by semicolons, not by commas", "save it with commas"),
+    "identify semi.csv --input u --output y": (
+        "semi.csv, line 3, column y: '3,5' is not a number",
+        "write it with a point",
+    ),
+    "identify space.dat": ("separated by spaces", "save it with commas between them"),
     "identify comma.csv": ("comma.csv is a CSV file", "--map FILE", "columns: t, u, y"),
     "identify comma.csv --input u": ("needs --input COLUMN and --output COLUMN",),
     "identify comma.csv --input u --output z": ("no column z; there are: t, u, y",),
+    "identify short.csv --input u --output y": ("flexarm: short.csv: 12 samples are too few",),
+    "identify gone.csv --map maps.yaml": ("gone.csv: cannot be read as CSV: No such file",),
+    "identify short.csv short.csv --input u --output y": ("short.csv is named twice", "once"),
+    "identify two.csv --input u --output y": ("flexarm: two.csv: 2 samples are too few",),
+    "identify two.csv --input u --output ''": ("no column ''; there are: t, u, y",),
+    "identify sheet.xlsx --input u --output y": ("sheet.xlsx is a spreadsheet: save it as CSV",),
+    "identify two.csv --map latin.yaml": ("latin.yaml: cannot be read: it is no text in UTF-8",),
+    "identify loop": ("loop: no such bag",),
+    "identify nothing": (
+        "nothing: metadata.yaml: cannot be read: it has no rosbag2_bagfile_information",
+    ),
+    "identify empty.mcap": ("seems to be empty; try `flexarm bag repair empty.mcap -o NEW`",),
+    "identify BAG BAG": ("is named twice, and would count twice: name it once",),
+    "report short.csv --map maps.yaml": ("flexarm: short.csv: 12 samples are too few",),
     "identify BAG --order 0": ("'--order': 0", "range x>=1"),
     "identify BAG --order 5000": ("order must lie between 1 and 39", "lower the order"),
     "identify BAG --method magic": ("'magic'", "one of auto, orse"),
@@ -42,6 +71,7 @@ WRONG = {
     "identify BAG --input u --output y": ("'u' is no TOPIC.FIELD", "such as"),
     "identify BAG --train-fraction 2": ("2.0 is not in the range 0.0<x<=1.0",),
     "identify BAG -o /proc/x": ("/proc/x/model.yaml: cannot be written",),
+    "report model": ("model is a model: name a bag beside it, to try it on",),
     "report nowhere": ("nowhere: no such bag",),
     "import nowhere.csv out": ("'nowhere.csv' does not exist",),
     "bag check nowhere": ("nowhere: no such bag",),
@@ -55,15 +85,18 @@ WRONG = {
     "learn --reference semi.csv --law pd": ("'pd' is not one of 'planned', 'pdpc'",),
     "experiment": ("Missing argument 'NAMES...'",),
     "experiment NOPE": ("no experiment 'NOPE'", "C_dat1 to C_dat14"),
-    "experiment C_dat3 --payload -5": ("-5.0 is not in the range 0.0<=x<=1.0",),
+    "experiment C_dat3 --payload -5": ("-5 kg is not in the range 0 to 1 kg",),
     "experiment C_dat3 --payload 200lb": ("'200lb' has a unit", "use kg, g"),
     "experiment C_dat3 --payload heavy": ("'heavy' is no number", "write one in kg"),
-    "up --rate 0": ("0.0 is not in the range 10.0<=x<=2000.0",),
+    "up --rate 0": ("0 Hz is not in the range 10 to 2000 Hz",),
     "reference": ("Missing argument 'SET_POINT'",),
+    "reference 200deg": ("200 deg is not in the range -80 to 80 deg",),
+    "reference 7": ("7 V is not in the range -6.85714 to 6.85714 V",),
     "reference far": ("'far' is no number", "V, mV, deg, rad"),
     "set payload_kg=0.2": ("the node of payload_kg=0.2 is missing", "flexarm set daq"),
     "set daq": ("what to set of daq is missing", "flexarm set daq payload_kg=0.2"),
     "set daq payload_kg": ("'payload_kg': write NAME=VALUE",),
+    "activate ''": ("'' has no lifecycle", "daq, controller, experiment have one"),
     "activate recorder": ("recorder has no lifecycle", "daq, controller, experiment have one"),
     "run no_package x": ("no package no_package",),
     "replay nowhere": ("nowhere: no such bag",),
@@ -80,12 +113,13 @@ def test_wrong_input___is_told_in_one_line(
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
+        (tmp_path / name).write_text(text, encoding="latin-1")
+    (tmp_path / "loop").symlink_to("loop")
     arguments = [str(BAG) if each == "BAG" else each for each in shlex.split(line)]
     done = CliRunner().invoke(main, arguments, prog_name="flexarm")
     assert done.exit_code in {1, 2}
     if isinstance(done.exception, FlexarmError):
-        told = [str(done.exception)]  # the command prints it as it is
+        told = [f"flexarm: {done.exception}"]  # the command prints it so
     else:
         told = [text for text in done.output.splitlines() if text.startswith(("Error: ", "flex"))]
     assert len(told) == 1

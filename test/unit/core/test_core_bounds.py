@@ -7,7 +7,7 @@ import pytest
 
 from flexarm_core import bounds
 from flexarm_core.bounds import BoundError, YamlError, read_text_bytes, shown, yaml_content
-from flexarm_core.errors import SettingError, one_line
+from flexarm_core.errors import SettingError, one_line, reason
 from support.hostile_texts import doubled
 
 if TYPE_CHECKING:
@@ -122,3 +122,15 @@ def test_error_of_a_library___is_cut_to_a_line() -> None:
     assert one_line(ValueError("a\n b")) == "a b"
     assert one_line(KeyError()) == "KeyError"
     assert len(one_line(ValueError("9" * 1_000_000))) < 1100
+
+
+def test_error_of_the_system___is_told_without_its_number(tmp_path: Path) -> None:
+    gone = tmp_path / "gone"
+    with pytest.raises(OSError) as caught:  # noqa: PT011 - its text is asserted
+        gone.read_text()
+    assert one_line(caught.value) == f"{gone}: No such file or directory"
+    assert reason(caught.value) == "No such file or directory"
+    assert reason(ValueError("no\nnumber")) == "no number"
+    with pytest.raises(UnicodeDecodeError) as wrong:
+        b"\xb0".decode()
+    assert reason(wrong.value) == "it is no text in UTF-8"

@@ -6,8 +6,6 @@ import math
 import re
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_core.channels import POSITION_V_PER_RAD
 
@@ -42,26 +40,12 @@ class Quantity(FiniteRange):
     def convert(self, value: Any, param: Parameter | None, ctx: Context | None) -> float:  # noqa: ANN401 - as click has it
         """Return the number in the first unit; an unknown unit is a usage error."""
         found = _NUMBER_AND_UNIT.fullmatch(str(value).strip())
-        if not found:
-            return self._bare(value, param, ctx)
-        number, unit = found.groups()
+        number, unit = found.groups() if found else (value, next(iter(self.units)))
         if unit not in self.units:
             known = ", ".join(self.units)
             self.fail(f"{value!r} has a unit that is not known here: use {known}.", param, ctx)
-        per_unit = self.units[unit]
-        least, most = (
-            None if end is None else round(end / per_unit, _DIGITS) for end in (self.min, self.max)
-        )
-        try:  # a refusal has the unit that was given
-            given = FiniteRange(least, most).convert(number, param, ctx)
-        except click.BadParameter as error:
-            self.fail(f"{error.message.removesuffix('.')} {unit}.", param, ctx)
-        return super().convert(given * per_unit, param, ctx)
-
-    def _bare(self, value: Any, param: Parameter | None, ctx: Context | None) -> float:  # noqa: ANN401 - as click has it
-        """Return the number of a text without a unit."""
         try:
-            number = float(value)
+            given = float(number)
         except ValueError:
             first, *others = self.units
             self.fail(
@@ -70,7 +54,19 @@ class Quantity(FiniteRange):
                 param,
                 ctx,
             )
-        return super().convert(number, param, ctx)
+        if not math.isfinite(given):
+            self.fail(f"{value} is no finite number.", param, ctx)
+        per_unit = self.units[unit]
+        # A refusal has the unit that was given.
+        low = -math.inf if self.min is None else self.min
+        high = math.inf if self.max is None else self.max
+        least, most = round(low / per_unit, _DIGITS), round(high / per_unit, _DIGITS)
+        if not least <= given <= most:
+            ends = (
+                f"{least:.6g} to {most:.6g} {unit}" if most < math.inf else f"{least:g} {unit} up"
+            )
+            self.fail(f"{given:g} {unit} is not in the range {ends}.", param, ctx)
+        return min(max(given * per_unit, low), high)
 
 
 FREQUENCY_HZ = {"Hz": 1.0, "kHz": 1e3}

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from flexarm_bringup.console.interruption import check_interruption
-from flexarm_core.labels import label_and_unit
+from flexarm_core.labels import label_and_unit, with_deviation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -187,7 +187,7 @@ def friction_table(parameters: Mapping[str, Any]) -> Table:
         names = parameters[prefix.removesuffix("friction_") + "input_names"]
         columns = [
             [
-                f"{value:.4g} \u00b1 {deviation:.2g}"
+                with_deviation(value, deviation)
                 for value, deviation in zip(
                     parameters[prefix + field], parameters[f"{prefix}{field}_std"], strict=True
                 )

@@ -15,6 +15,7 @@ from rclpy.utilities import try_shutdown
 from flexarm_bringup.console import interruption
 from flexarm_bringup.graph.operator import Operator
 from flexarm_bringup.graph.processes import NAMESPACE, LaunchError
+from flexarm_core.bounds import shown
 from flexarm_node.process import bounded_end
 from flexarm_node.transport import set_up_middleware
 
@@ -27,6 +28,9 @@ OPERATOR, REMOTE = "operator", "remote"
 With SROS2 all have the enclave of the first: who has its keys may operate the arm.
 """
 
+# Ports of later ones are beyond 65535.
+_LAST_DOMAIN = 232
+
 
 @contextmanager
 def session(
@@ -38,6 +42,7 @@ def session(
 ) -> Iterator[Operator]:
     """Join the graph of an arm as a node of this name and yield its operator; see `Operator`."""
     with interruptible():
+        ros_domain()
         set_up_middleware()
         enclave = f"{namespace.rstrip('/')}/{OPERATOR}"
         # Signals stay Python's.
@@ -74,5 +79,16 @@ def interruptible() -> Iterator[None]:
 
 
 def ros_domain() -> str:
-    """Return the ROS domain of this process."""
-    return os.environ.get("ROS_DOMAIN_ID", "0")
+    """Return the ROS domain of this process.
+
+    Raises
+    ------
+    LaunchError
+        If the environment has none that the middleware has ports for.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not (text.isdecimal() and int(text[:9]) <= _LAST_DOMAIN):
+        raise LaunchError(
+            f"ROS_DOMAIN_ID = {shown(text)}: must be a whole number of 0 to {_LAST_DOMAIN}"
+        )
+    return text

@@ -10,7 +10,7 @@ import numpy as np
 from flexarm_control.learning.trajectory import SIGNALS, Trajectory
 from flexarm_core.bounds import BoundError, require_plain_file
 from flexarm_core.channels import TRAVEL_V
-from flexarm_core.errors import SettingError
+from flexarm_core.errors import SettingError, reason
 from flexarm_core.outputs import MARK
 
 if TYPE_CHECKING:
@@ -112,8 +112,7 @@ def _read(path: Path, names: tuple[str, ...]) -> dict[str, FloatArray]:
                 for n, row in enumerate(rows, 1)
             ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise SettingError(f"{path}: cannot be read: {reason}") from error
+        raise SettingError(f"{path}: cannot be read: {reason(error)}") from error
     except BoundError as error:
         raise SettingError(str(error)) from error
     if not numbers:

@@ -6,8 +6,9 @@ import re
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
-from flexarm_daq.importing.csv_import import CsvImportError, column_names
+from flexarm_core.labels import named_twice
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+from flexarm_daq.importing.csv_table import CsvImportError, column_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,8 +37,6 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
         output, or a column or a name comes twice.
     """
     names = column_names(path)
-    if not any(names):
-        raise CsvImportError(f"{path}: the first line is empty: it names the columns")
     there = shorten(", ".join(names), _LONGEST)
     if not (inputs and outputs):
         raise CsvImportError(
@@ -55,9 +54,8 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
             f"--map; columns: {there}"
         )
     for said in ([each.column for each in channels], [each.name for each in channels]):
-        for name in said:
-            if said.count(name) > 1:
-                raise CsvImportError(f"{path}: {name} is named twice: take it once")
+        if twice := named_twice(said):
+            raise CsvImportError(f"{path}: {twice}: take it once")
     return CsvMap(tuple(channels[: len(inputs)]), tuple(channels[len(inputs) :]), time=free[0])
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flexarm_core.bounds import YamlError, read_text_bytes, shown, yaml_content
-from flexarm_core.errors import FlexarmError
+from flexarm_core.errors import FlexarmError, reason
+from flexarm_core.labels import named_twice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -79,7 +80,7 @@ def load_csv_map(path: Path) -> CsvMap:
     try:
         content = yaml_content(read_text_bytes(path).decode("utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise CsvMapError(f"{path}: cannot read: {error}") from error
+        raise CsvMapError(f"{path}: cannot be read: {reason(error)}") from error
     except YamlError as error:
         raise CsvMapError(f"{path}: {error}") from error
     if not isinstance(content, dict):
@@ -95,12 +96,8 @@ def load_csv_map(path: Path) -> CsvMap:
         closed_loop=_flag(content.get("closed_loop", False), path),
         description=_text(content, "description", path) if "description" in content else "",
     )
-    columns = mapping.columns()
-    for column in columns:
-        if columns.count(column) > 1:
-            raise CsvMapError(
-                f"{path}: column {column} has two meanings: it is one of time, input and output"
-            )
+    if twice := named_twice(mapping.columns()):
+        raise CsvMapError(f"{path}: column {twice}: it is one of time, input and output")
     return mapping
 
 
@@ -144,9 +141,8 @@ def _channels(content: Mapping[str, object], key: str, path: Path) -> tuple[CsvC
     channels = tuple(
         _channel(entry, f"{path}: {key}[{index}]") for index, entry in enumerate(entries)
     )
-    names = [channel.name for channel in channels]
-    if len(set(names)) < len(names):
-        raise CsvMapError(f"{path}: {key} has a name twice: {', '.join(names)}")
+    if twice := named_twice(channel.name for channel in channels):
+        raise CsvMapError(f"{path}: {key}: {twice}: give each channel a name of its own")
     return channels
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import scipy
 
 from flexarm_core.errors import DataError
+from flexarm_core.labels import instant
 from flexarm_ident.diagnostics.drive import moves_seldom
 from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.subspace.segments import cut, segment_grams
@@ -91,7 +92,7 @@ def _found(
         # A law answers the last samples.
         law = _strongest(matrices, y(last - 1, last + 1) + u(last - 1, last), drive)
         if law.is_certain:
-            yield _warning("law", law, parts, Grade.INFORMATION)
+            yield _warning(record, "law", law, parts)
         exogenous = [law]
         if present[set_point]:
             before = [row for shift in range(last) for row in y(shift, shift + 1)[set_point]]
@@ -102,7 +103,7 @@ def _found(
         return
     plant = _strongest(matrices, y(0, last) + u(0, last), present[: len(record.outputs)])
     if plant.is_certain:
-        yield _warning("plant", plant, parts, Grade.CAUTION)
+        yield _warning(record, "plant", plant, parts)
 
 
 def _with_reference(record: IoData) -> IoData:
@@ -117,14 +118,14 @@ def _with_reference(record: IoData) -> IoData:
     )
 
 
-def _warning(changed: str, found: _Change, parts: Sequence[Segment], grade: Grade) -> DataWarning:
+def _warning(record: IoData, changed: str, found: _Change, parts: Sequence[Segment]) -> DataWarning:
     row = parts[found.segment].first
     return DataWarning(
         f"{changed}_changed",
-        f"the {changed} changes in mid-record, near row {row}: a model of one side predicts the "
-        f"other {_worse(found.loss)} its own; identify the parts separately",
+        f"the {changed} changes in mid-record, near {instant(row, record.dt_s)}: a model of one "
+        f"side predicts the other {_worse(found.loss)} its own; identify the parts separately",
         {"row": float(row), "loss": found.loss, "p_value": found.p_value},
-        grade=grade,
+        grade=Grade.CAUTION if changed == "plant" else Grade.INFORMATION,
     )
 
 

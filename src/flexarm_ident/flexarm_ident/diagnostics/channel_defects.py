@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.arrays import runs
-from flexarm_core.labels import counted
+from flexarm_core.labels import counted, instant
+from flexarm_ident.records.holes import holes_told
 from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share, dead_stretches, look
 
@@ -67,6 +68,7 @@ def channel_defects(record: IoData) -> Iterator[DataWarning]:
                     channel=name,
                 )
         yield from _dead_sensor(record, name, limits)
+    yield from _unmeasured(record)
     yield from _duplicates(record)
 
 
@@ -88,8 +90,8 @@ def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator
     yield DataWarning(
         "dead_sensor",
         f"{name} is dead in {_percent(samples / len(record))} of the samples, {stretches}, the "
-        f"longest from row {longest.start} to {longest.stop - 1}: check the sensor, and leave "
-        "those rows out",
+        f"longest from {instant(longest.start, record.dt_s)} to "
+        f"{instant(longest.stop - 1, record.dt_s)}: check the sensor, and leave those rows out",
         {
             "samples": float(samples),
             "share": samples / len(record),
@@ -99,6 +101,17 @@ def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator
         },
         channel=name,
     )
+
+
+def _unmeasured(record: IoData) -> Iterator[DataWarning]:
+    """Yield the outputs that lack more samples than the recording lost in all channels."""
+    if record.missing is None:
+        return
+    lost = sum(each.figures["missing"] for each in record.notices if each.name == "lost_samples")
+    for name, missing in zip(record.outputs, record.missing.T, strict=True):
+        if missing.sum() > lost:
+            text, figures = holes_told(missing)
+            yield DataWarning("unmeasured", f"{name}: {text}", figures, channel=name)
 
 
 def _duplicates(record: IoData) -> Iterator[DataWarning]:

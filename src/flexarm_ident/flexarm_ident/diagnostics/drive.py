@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from flexarm_core.arrays import runs
-from flexarm_core.labels import counted
+from flexarm_core.labels import counted, instant
 from flexarm_ident.records.iodata import DataWarning
 
 if TYPE_CHECKING:
@@ -70,8 +70,9 @@ def _hold(record: IoData) -> Iterator[DataWarning]:
         return
     yield DataWarning(
         "held_drive",
-        f"no input changes from row {first} to {last}, {100.0 * share:.3g} % of the record, and "
-        f"{moves} times elsewhere: leave those rows out, or drive on",
+        f"no input changes from {instant(first, record.dt_s)} to {instant(last, record.dt_s)}, "
+        f"{100.0 * share:.3g} % of the record, and {moves} times elsewhere: leave those rows out, "
+        "or drive on",
         {"first_row": float(first), "last_row": float(last), "share": share, "moves": float(moves)},
     )
 

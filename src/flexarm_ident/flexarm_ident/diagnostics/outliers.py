@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.labels import counted
+from flexarm_core.labels import counted, instant
 from flexarm_ident.records.iodata import DataWarning
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
 
@@ -46,9 +46,10 @@ def outliers(record: IoData) -> Iterator[DataWarning]:
         largest = float(sizes.max())
         yield DataWarning(
             "outliers",
-            f"{name} has {counted(len(rows), 'outlier')}, the largest {largest:.3g} deviations in "
-            f"row {rows[int(np.argmax(sizes))]}, the first being 0: fill them from their "
-            "neighbours, or set them to NaN in Python for missing, and check the wiring",
+            f"{name} has {counted(len(rows), 'outlier')}, the largest {largest:.3g} deviations at "
+            f"{instant(int(rows[np.argmax(sizes)]), record.dt_s)}: fill them from their "
+            "neighbours, or set them to NaN for missing (empty the cells of a CSV file), "
+            "and check the wiring",
             {
                 "count": float(len(rows)),
                 "largest": largest,

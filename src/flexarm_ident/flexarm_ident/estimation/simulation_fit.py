@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_core.labels import label_and_unit
+from flexarm_core.labels import label_and_unit, with_deviation
 from flexarm_ident.fitting.refinement import refine_model
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error, relative_errors
@@ -275,7 +275,7 @@ def levels_text(coulomb: CoulombEstimate) -> str:
         coulomb.drives, coulomb.levels, coulomb.deviations, strict=True
     ):
         name, unit = label_and_unit(drive.input)
-        words.append(f"{level:.3g} \u00b1 {deviation:.2g} {unit}".rstrip() + f" at {name}")
+        words.append(f"{with_deviation(level, deviation)} {unit}".rstrip() + f" at {name}")
     return ", ".join(words)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
+from flexarm_core.labels import with_deviation
 from flexarm_core.showing.tables import html_table
 
 if TYPE_CHECKING:
@@ -33,10 +34,10 @@ def mode_table(
     rows = [
         (
             mode.label,
-            f"{mode.frequency_hz:.3f}{f' ± {spread.frequency_std_hz:.3f}' if spread else ''}"
+            with_deviation(mode.frequency_hz, spread and spread.frequency_std_hz)
             if mode.frequency_hz
             else "real",
-            f"{mode.damping_ratio:.4f}{f' ± {spread.damping_std:.4f}' if spread else ''}",
+            with_deviation(mode.damping_ratio, (spread and spread.damping_std) or None, decimals=4),
             f"{mode.mrm:.4g}",
             str(mode.mrm_rank),
             f"{mode.msv:.4g}",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import yaml
 
 from flexarm_core.bounds import YamlError, yaml_content
+from flexarm_core.errors import reason
 from flexarm_core.outputs import MARK
 from flexarm_ident.models.model_parameters import (
     ModelFileError,
@@ -77,7 +78,7 @@ def parameters_in_text(text: bytes) -> dict[str, object]:
     try:
         document = yaml_content(text.decode("utf-8"))
     except UnicodeDecodeError as error:
-        raise ModelFileError(f"no YAML: {error}") from error
+        raise ModelFileError(f"no YAML: {reason(error)}") from error
     except YamlError as error:
         raise ModelFileError(str(error)) from error
     nodes = document.values() if isinstance(document, dict) else ()

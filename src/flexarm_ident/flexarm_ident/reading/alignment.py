@@ -17,8 +17,7 @@ from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_ro
 from flexarm_ident.records.iodata import ARM_OUTPUTS, DataWarning, Grade, IoData
 from flexarm_ident.records.source import joined
 from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
-from flexarm_ident.subspace.gram import stretches
-from flexarm_ident.subspace.loop_test import is_closed_loop
+from flexarm_ident.subspace.loop_test import judged_loop
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -298,19 +297,7 @@ def _loop_kind(declared: Sequence[bool], judged: Callable[[int], IoData]) -> boo
     """Return True for a closed loop: as declared, else by a test of the first samples."""
     if declared:
         return any(declared)
-    record = judged(BACKGROUND_SAMPLES)
-    longest = max(stretches(record.y_usable), key=lambda rows: rows.stop - rows.start, default=None)
-    if longest is None or not np.any(record.u):
-        return None
-    return is_closed_loop(
-        IoData(
-            record.u[longest],
-            record.y[longest],
-            dt_s=record.dt_s,
-            inputs=record.inputs,
-            outputs=record.outputs,
-        )
-    )
+    return judged_loop(judged(BACKGROUND_SAMPLES))
 
 
 def _duration_s(stamps_ns: NDArray[np.int64]) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import BagError, DataError
-from flexarm_core.labels import counted
+from flexarm_core.labels import counted, named_twice
 from flexarm_ident.reading.common_grid import common_rows
 from flexarm_ident.reading.fields import parse_field, values_of, wrong_path, wrong_topic
 from flexarm_ident.reading.sampling import JITTER_TOLERANCE, Run
@@ -65,12 +65,8 @@ class Selection:
         for role, fields in (("input", self.inputs), ("output", self.outputs)):
             if not fields:
                 raise BagError(f"no {role} was named: a record needs inputs and outputs")
-        names = [field.name for field in (*self.inputs, *self.outputs)]
-        for name in names:
-            if names.count(name) > 1:
-                raise BagError(
-                    f"two channels are called {name}: name them as NAME=TOPIC.FIELD, or take one"
-                )
+        if twice := named_twice(field.name for field in (*self.inputs, *self.outputs)):
+            raise BagError(f"{twice}: name channels as NAME=TOPIC.FIELD, or take one of them")
         both = {str(field) for field in self.inputs} & {str(field) for field in self.outputs}
         if both:
             raise BagError(f"{both.pop()} is an input and an output: take it as one of them")

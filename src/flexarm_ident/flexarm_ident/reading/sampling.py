@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.arrays import runs
-from flexarm_core.labels import counted
+from flexarm_core.labels import counted, instant
 from flexarm_ident.reading.grid import LATEST
-from flexarm_ident.records.holes import LONGEST_FILLED, unusable_rows
+from flexarm_ident.records.holes import holes_told
 from flexarm_ident.records.iodata import DataWarning
 
 if TYPE_CHECKING:
@@ -80,28 +79,7 @@ def _restarted(run: Run, messages: int) -> tuple[DataWarning, ...]:
 
 def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
     missing = grid.missing
-    if not missing.any():
-        return ()
-    lengths = np.diff(runs(missing), axis=1)
-    unusable = int(unusable_rows(missing[:, np.newaxis]).sum())
-    missed = int(missing.sum())
-    text = f"{missed} of {grid.rows} samples are missing, in {counted(len(lengths), 'hole')}"
-    if missed > unusable:
-        text += f": those of up to {LONGEST_FILLED} samples were filled"
-    if unusable:
-        longer = int(np.count_nonzero(lengths > LONGEST_FILLED))
-        text += (
-            f"; {counted(longer, 'longer hole')} of {counted(unusable, 'sample')} in all, at most "
-            f"{lengths.max()} each, cannot be filled: the parts between are used"
-        )
-    figures = {
-        "missing": float(missed),
-        "rows": float(grid.rows),
-        "holes": float(len(lengths)),
-        "longest": float(lengths.max()),
-        "left_out": float(unusable),
-    }
-    return (DataWarning("lost_samples", text, figures),)
+    return (DataWarning("lost_samples", *holes_told(missing)),) if missing.any() else ()
 
 
 def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:
@@ -115,9 +93,9 @@ def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:
     period_ms = 1e3 * grid.period_s
     text = (
         f"{int(late.sum())} of {len(off)} samples were taken more than {LATEST:g} periods off "
-        f"their instants, the worst by {period_ms * off[worst]:+.3f} ms at row {row} (all "
-        f"{period_ms * deviation:.3f} ms RMS, the period is {period_ms:.3f} ms): they were "
-        "referred to their instants by their neighbours"
+        f"their instants, the worst by {period_ms * off[worst]:+.3f} ms at "
+        f"{instant(row, grid.period_s)} (all {period_ms * deviation:.3f} ms RMS, the period is "
+        f"{period_ms:.3f} ms): they were referred to their instants by their neighbours"
     )
     figures = {
         "late": float(late.sum()),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.arrays import runs
+from flexarm_core.labels import counted
 from flexarm_ident.records.source import joined
 
 if TYPE_CHECKING:
@@ -67,6 +68,30 @@ def unusable_rows(missing: BoolArray) -> BoolArray:
             if stop - start > LONGEST_FILLED or start == 0 or stop == len(column):
                 unusable[start:stop] = True
     return unusable
+
+
+def holes_told(missing: BoolArray) -> tuple[str, dict[str, float]]:
+    """Return extent and fate of the holes of a channel or a grid, (samples,), and the figures."""
+    lengths = np.diff(runs(missing), axis=1)
+    unusable = unusable_rows(missing[:, np.newaxis])
+    missed, left_out = int(missing.sum()), int(unusable.sum())
+    text = f"{missed} of {len(missing)} samples are missing, in {counted(len(lengths), 'hole')}"
+    if missed > left_out:
+        text += f": those of up to {LONGEST_FILLED} samples were filled"
+    if left_out:
+        longer = len(runs(unusable))
+        text += (
+            f"; {counted(longer, 'longer hole')} of {counted(left_out, 'sample')} in all, at most "
+            f"{lengths.max()} each, cannot be filled: the parts between are used"
+        )
+    figures = {
+        "missing": float(missed),
+        "rows": float(len(missing)),
+        "holes": float(len(lengths)),
+        "longest": float(lengths.max()),
+        "left_out": float(left_out),
+    }
+    return text, figures
 
 
 def filled_pieces(pieces: Iterable[Rows]) -> Iterator[Rows]:

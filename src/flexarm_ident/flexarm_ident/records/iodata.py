@@ -12,7 +12,7 @@ import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import DataError
-from flexarm_core.labels import axis_label, counted, without_dots
+from flexarm_core.labels import axis_label, counted, named_twice, without_dots
 from flexarm_core.showing.tables import html_table
 from flexarm_core.showing.traces import Panel, plot_traces
 from flexarm_ident.records.holes import filled, unusable_rows
@@ -289,8 +289,10 @@ class IoData:
             raise DataError(
                 f"{self.label}: {field} has {array.shape[1]} channels, but {len(names)} names"
             )
-        if len(set(names)) < len(names):
-            raise DataError(f"{self.label}: {field} has a name twice: {', '.join(names)}")
+        if twice := named_twice(names):
+            raise DataError(
+                f"{self.label}: {twice} in {field}: give each channel a name of its own"
+            )
         return array
 
     def _finite(self, array: FloatArray, names: Sequence[str]) -> FloatArray:

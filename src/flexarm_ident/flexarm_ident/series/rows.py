@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from flexarm_core.errors import DataError
+from flexarm_core.errors import DataError, reason
 from flexarm_ident.fitting.validation import mean_error
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def read_rows(file: Path) -> dict[str, Row]:
                 for line in lines
             ]
     except (OSError, UnicodeDecodeError, csv.Error, KeyError, AttributeError) as error:
-        raise DataError(f"{file}: no table of a series: {error}; move it away") from error
+        raise DataError(f"{file}: no table of a series: {reason(error)}; move it away") from error
     return {row.bag: row for row in rows}
 
 

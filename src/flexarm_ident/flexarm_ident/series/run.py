@@ -73,6 +73,7 @@ def identify_each(
     folder: Path,
     request: Request,
     *,
+    names: Sequence[str] = (),
     channels: Selection | None = None,
     exports: Sequence[str] = (),
     force: bool = False,
@@ -93,6 +94,8 @@ def identify_each(
     folder : Path
         Folder of the results: `models.csv`, `trend.svg`, `index.html`, and a folder per bag with
         what `job.identify_bags` writes. Rows of other bags in its table stay.
+    names : sequence of str
+        Names of the bags in the table and in its messages. None: their paths.
     request, channels, exports, force
         As in `job.identify_bags`, the same for all.
     parquet : bool
@@ -111,7 +114,8 @@ def identify_each(
     OutputError
         If the folder cannot be written, or has a picture or a page of somebody else.
     """
-    places = _places(bags)
+    names = names or list(map(str, bags))
+    places = _places(names)
     require_place([folder / TREND_FILE, folder / PAGE_FILE], force=force)
     table = folder / TABLE_FILE
     if parquet:
@@ -123,18 +127,18 @@ def identify_each(
     rows = read_rows(table)
     tasks = [
         _Task(
-            str(bag),
+            name,
             bag.absolute(),
-            (folder / place).absolute(),
+            (folder / places[name]).absolute(),
             request,
             channels,
             tuple(exports),
             force,
-            rows.get(str(bag)),
+            rows.get(name),
         )
-        for bag, place in places.items()
+        for bag, name in zip(bags, names, strict=True)
     ]
-    order = dict.fromkeys([*rows, *map(str, places)])
+    order = dict.fromkeys([*rows, *places])
     skipped = 0
     progress("reading", 0.0)
     ended = computed(_row, [(task,) for task in tasks], workers or Workers())
@@ -147,13 +151,13 @@ def identify_each(
     _show(folder, [rows[bag] for bag in order])
     if parquet:
         write_parquet(table, folder / PARQUET_FILE)
-    return Series(tuple(rows[str(bag)] for bag in places), skipped)
+    return Series(tuple(rows[name] for name in places), skipped)
 
 
-def _places(bags: Sequence[Path]) -> dict[Path, str]:
+def _places(bags: Sequence[str]) -> dict[str, str]:
     """Return the folder of each bag, named by its path."""
-    places = {bag: re.sub(r"\W+", "_", str(bag)).strip("_") or model_name(bag) for bag in bags}
-    taken: dict[str, Path] = {}
+    places = {bag: re.sub(r"\W+", "_", bag).strip("_") or model_name(Path(bag)) for bag in bags}
+    taken: dict[str, str] = {}
     for bag, place in places.items():
         if taken.setdefault(place, bag) != bag:
             raise DataError(f"{bag} and {taken[place]} would both be {place}: rename one of them")
@@ -184,7 +188,7 @@ def _row(task: _Task) -> tuple[Row, bool]:
         )
         cells |= model_cells(outcome)
     except (FlexarmError, OSError) as error:
-        cells["failure"] = one_line(error)
+        cells["failure"] = one_line(error).replace(str(task.bag), task.name)
     return Row(task.name, cells), False
 
 
@@ -199,7 +203,7 @@ def _show(folder: Path, rows: Sequence[Row]) -> None:
     picture = trend_plot(modelled) if modelled else ""
     if picture:
         (folder / TREND_FILE).write_text(f"<!-- {MARK} -->\n{picture}", encoding="utf-8")
-    places = _places([Path(row.bag) for row in modelled])
-    reports = {str(bag): f"{place}/{REPORT_FILE}" for bag, place in places.items()}
+    places = _places([row.bag for row in modelled])
+    reports = {bag: f"{place}/{REPORT_FILE}" for bag, place in places.items()}
     page = trend_page(rows, picture, reports, TABLE_FILE)
     (folder / PAGE_FILE).write_text(page, encoding="utf-8")

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
 _SMALLEST_EIGENVALUE = 1e-13
+# Part of the largest scale below which a direction is empty.
+_NOTHING = 1e-100
 
 
 class TruncatedInverse(NamedTuple):
@@ -60,7 +62,8 @@ def truncated_inverse(
     if equilibrated:
         # Rounding can make the power of an empty direction negative.
         scale = np.sqrt(np.diag(matrix).real.clip(min=0.0))
-        scale[scale == 0.0] = 1.0
+        # What dies away before the first sample has a power whose inverse overflows.
+        scale[scale <= _NOTHING * scale.max()] = 1.0
         matrix = matrix / np.outer(scale, scale)
     values, vectors = scipy.linalg.eigh(matrix, driver="evd")
     kept = values > smallest * values[-1]

@@ -14,6 +14,7 @@ from flexarm_ident.subspace.feedback import (
     near_and_far,
     whitening,
 )
+from flexarm_ident.subspace.gram import stretches
 from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:
@@ -34,6 +35,17 @@ _CLIP = 3.0
 _OUTLIER = 4.0
 _NORMAL_MAD = 1.4826
 _REFITS = 3
+
+
+def judged_loop(record: IoData) -> bool | None:
+    """Judge as `is_closed_loop` does, by the longest stretch of a record between holes.
+
+    None also where there is none, or no input.
+    """
+    longest = max(stretches(record.y_usable), key=lambda rows: rows.stop - rows.start, default=None)
+    if longest is None or longest.stop - longest.start < 2 or not np.any(record.u):  # noqa: PLR2004
+        return None
+    return is_closed_loop(record.rows(longest))
 
 
 def is_closed_loop(record: IoData) -> bool | None:

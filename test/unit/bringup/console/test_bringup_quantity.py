@@ -4,6 +4,7 @@ import click
 import pytest
 
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, MASS_KG, POSITION_V, TIME_S, Quantity
+from flexarm_core.channels import TRAVEL_V
 
 
 @pytest.mark.parametrize(
@@ -35,11 +36,12 @@ def test_quantity___number_with_or_without_unit___is_in_the_first_unit(
     [
         ("200lb", "'200lb' has a unit that is not known here: use kg, g."),
         ("2 00g", "'2 00g' is no number: write one in kg, or with its unit (kg, g)."),
-        ("1500g", "1500.0 is not in the range 0.0<=x<=1000.0 g."),
-        ("1.5kg", "1.5 is not in the range 0.0<=x<=1.0 kg."),
-        ("1.5", "1.5 is not in the range 0.0<=x<=1.0."),
-        ("-1g", "-1.0 is not in the range 0.0<=x<=1000.0 g."),
+        ("1500g", "1500 g is not in the range 0 to 1000 g."),
+        ("1.5kg", "1.5 kg is not in the range 0 to 1 kg."),
+        ("1.5", "1.5 kg is not in the range 0 to 1 kg."),
+        ("-1g", "-1 g is not in the range 0 to 1000 g."),
         ("nan", "nan is no finite number"),
+        ("1e999g", "1e999g is no finite number"),
         ("g", "'g' is no number: write one in kg"),
     ],
 )
@@ -47,3 +49,14 @@ def test_quantity___text_that_is_none___is_refused_with_the_way_out(text: str, w
     with pytest.raises(click.BadParameter) as refusal:
         Quantity(MASS_KG, 0.0, 1.0).convert(text, None, None)
     assert words in refusal.value.message
+
+
+@pytest.mark.parametrize("text", ["80deg", "-80deg", "1.396263402rad"])
+def test_quantity___end_of_the_range_in_another_unit___is_in_it(text: str) -> None:
+    assert abs(Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V).convert(text, None, None)) <= TRAVEL_V
+
+
+def test_quantity___open_range___is_told_by_its_one_end() -> None:
+    with pytest.raises(click.BadParameter) as refusal:
+        Quantity(TIME_S, 0.0).convert("-2min", None, None)
+    assert refusal.value.message == "-2 min is not in the range 0 min up."

@@ -56,7 +56,8 @@ def test_friction_table___levels___have_their_scatter_and_unit() -> None:
         "models.arm.friction_offset": [0.0],
         "models.arm.friction_offset_std": [0.002],
     }
-    assert cells(friction_table(parameters)) == [("current1_a", "0.15 ± 0.01", "0 ± 0.002", "A")]
+    levels = ("current1_a", "0.150 ± 0.010", "0.0000 ± 0.0020")
+    assert cells(friction_table(parameters)) == [(*levels, "A")]
     assert friction_table({"models.arm.dt": 0.01}).row_count == 0
     parameters |= {
         "models.arm.friction_rise": [0.2],
@@ -64,9 +65,7 @@ def test_friction_table___levels___have_their_scatter_and_unit() -> None:
         "models.arm.friction_load": [0.0],
         "models.arm.friction_load_std": [0.0],
     }
-    assert cells(friction_table(parameters)) == [
-        ("current1_a", "0.15 ± 0.01", "0 ± 0.002", "0.2 ± 0.05", "0 ± 0", "A")
-    ]
+    assert cells(friction_table(parameters)) == [(*levels, "0.200 ± 0.050", "0 ± 0", "A")]
 
 
 def test_progress_bar___without_a_terminal___prints_a_line_for_each_tenth(

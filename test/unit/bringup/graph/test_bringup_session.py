@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_bringup.graph.session import interruptible
+from flexarm_bringup.graph.session import interruptible, ros_domain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,3 +52,20 @@ def test_interruptible___error_without_a_signal___is_told() -> None:
 def test_interruptible___node_that_failed_at_a_signal___is_told() -> None:
     with pytest.raises(LaunchError, match="daq ended"), interruptible():
         _binding(signal.SIGINT, LaunchError("daq ended"))
+
+
+@pytest.mark.parametrize(("text", "domain"), [("", "0"), ("0", "0"), ("71", "71"), ("232", "232")])
+def test_ros_domain___number___is_taken(
+    monkeypatch: pytest.MonkeyPatch, text: str, domain: str
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    assert ros_domain() == domain
+
+
+@pytest.mark.parametrize("text", ["233", "-3", "abc", "1.5", "9" * 5000])
+def test_ros_domain___that_has_no_ports___is_refused(
+    monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    with pytest.raises(LaunchError, match=r"^ROS_DOMAIN_ID = '.{1,90}': must be a whole number of"):
+        ros_domain()

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_daq.importing.csv_columns import named_columns
-from flexarm_daq.importing.csv_import import CsvImportError
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+from flexarm_daq.importing.csv_table import CsvImportError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,7 +40,8 @@ def test_named_columns__other_name___is_that_in_the_bag(tmp_path: Path) -> None:
     [
         ("t,i,q,x", [], ["q"], r"needs --input COLUMN and --output COLUMN; columns: t, i, q, x"),
         ("t,i,q,x", ["i"], [], r"needs --input COLUMN"),
-        ("", ["i"], ["q"], r"the first line is empty: it names the columns"),
+        ("", ["i"], ["q"], r"the first line is empty: it has the names of the columns"),
+        ("hello", ["i"], ["q"], r"the first line names one column, 'hello': it has the names"),
         ("t,i,q,x", ["t"], ["q"], r"t is the time: it is no input"),
         (
             "ms,i,q,x",
@@ -51,7 +52,7 @@ def test_named_columns__other_name___is_that_in_the_bag(tmp_path: Path) -> None:
         ("t,i,q,time_s", ["i"], ["q"], r"t and time_s are times: .*time: COLUMN"),
         ("t,i,q,x", ["i"], ["i"], r"i is named twice"),
         ("t,i,q,x", ["a=i"], ["a=q"], r"a is named twice"),
-        ("t;i;q;x", ["i"], ["q"], r"separated by semicolons"),
+        ("t i q x", ["i"], ["q"], r"separated by spaces: save it with commas between them"),
     ],
 )
 def test_named_columns__what_tells_no_record___is_refused(
@@ -62,5 +63,5 @@ def test_named_columns__what_tells_no_record___is_refused(
 
 
 def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:
-    with pytest.raises(CsvImportError, match=r"run\.csv: cannot read as CSV"):
+    with pytest.raises(CsvImportError, match=r"run\.csv: cannot be read as CSV"):
         named_columns(tmp_path / "run.csv", ["i"], ["q"])

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 
 from flexarm_bags.writer import RecordingError
-from flexarm_daq.importing.csv_import import CsvImportError, import_csv
+from flexarm_daq.importing.csv_import import import_csv
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
+from flexarm_daq.importing.csv_table import CsvImportError
 from flexarm_ident import identify
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
@@ -121,6 +122,13 @@ def test_import___times_printed_with_few_digits___give_the_whole_rate(tmp_path: 
     assert summary.rate_hz == pytest.approx(300.0, rel=1e-12)
 
 
+def test_import___column_names_with_commas___stand_between_tabs(tmp_path: Path) -> None:
+    file = csv_file(tmp_path, ["time, s\tcurrent, A\tangle", "0\t1\t2", "1\t3\t4"])
+    mapping = CsvMap((CsvChannel("current, A", "i"),), (CsvChannel("angle", "q"),), time="time, s")
+    import_csv(file, mapping, tmp_path / "bag", typestore=typestore())
+    assert read_bag(tmp_path / "bag").u.tolist() == [[1.0], [3.0]]
+
+
 def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Path) -> None:
     file = tmp_path / "data.csv"
     file.write_text("t, i ,q\r\n0,1,2\r\n\r\n1,3,4\r\n", encoding="utf-8-sig")
@@ -136,17 +144,34 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
     [
         (["t,i,angle", "0,1,2", "1,1,2"], "no column q; there are: t, i, angle"),
         (["t,i,q,q", "0,1,2,3", "1,1,2,3"], "more than one column q"),
-        (["t,i,q", "0,1,2", "1,1,oops"], "line 3, column q: 'oops' is not a number"),
-        (["t,i,q", "0,1,2", "1,,2"], "line 3, column i: empty cell"),
-        (["t,i,q", "0,1,2", "1,2"], "line 3, column q: empty cell"),
-        (["t,i,q", "0,nan,2", "1,2,3"], "line 2, column i: nan is not finite"),
-        (["t,i,q", "0,1,2", "1,2,-inf"], "line 3, column q: -inf is not finite"),
+        (["t,i,q", "0,1,2", "1,1,oops"], ", line 3, column q: 'oops' is not a number: correct it"),
+        (["t,i,q", "0,1,2", "1,,2"], ", line 3, column i: empty cell; an input must be known"),
+        (["t,i,q", "0,1,2", ",1,2"], ", line 3, column t: empty cell; a row needs its time: fill"),
+        (["t,i,q", "0,nan,2", "1,2,3"], ", line 2, column i: nan is no number; an input must be"),
+        (["t,i,q", "0,1,2", "1,2,-inf"], ", line 3, column q: -inf is not finite; empty the cell"),
+        (["t,i,q", "0,1,2", '1,2,"3,5"'], "column q: '3,5' is not a number: write it with a point"),
+        (
+            ["t,i,q", '0,1,"2', "1,2,3"],
+            "column q: '2\\n1,2,3' is not a number: close its quotation",
+        ),
+        (["t,i,q", "0,1,", "1,2,NA"], "column q has no number: leave it out"),
         (["t,i,q", "0,1,2"], "data rows: 1; at least 2 are needed"),
         (["t,i,q"], "data rows: 0"),
         ([], "no column t; there are: "),
-        (["t,i,q", "0,1,1", "1,1,1", "2,1,1", "3.5,1,1", "4.5,1,1"], "1.5 s after t = 2 s"),
-        (["t,i,q", "0,1,1", "0,1,1", "0,1,1"], "column t does not increase"),
-        (["t,i,q", "2,1,1", "1,1,1", "0,1,1"], "column t does not increase"),
+        (
+            ["t,i,q", "0,1,1", "1,1,1", "2,1,1", "3.5,1,1", "4.5,1,1"],
+            ", line 5: column t has an irregular step, 1.5",
+        ),
+        (
+            ["t,i,q", "", "0,1,1", "1,1,1", "2,1,1", "4.5,1,1"],
+            ", line 6: column t has an irregular step, 2.5 s, usually 1 s: resample",
+        ),
+        (
+            ["t,i,q", "0,1,1", "1,1,1", "2,1,1", "1e9,1,1"],
+            ", line 5: column t jumps by 1e+09 s, and more rows are missing in all than there are",
+        ),
+        (["t,i,q", "0,1,1", "0,1,1", "0,1,1"], ", line 3: column t does not increase: sort"),
+        (["t,i,q", "2,1,1", "1,1,1", "0,1,1"], ", line 3: column t does not increase: sort"),
         (
             ["t,i,q", "0,1,1", "1e9,1,1", "2e9,1,1", "3e9,1,1"],
             "a rate of 1e-09 Hz is outside 0.001 to 1e+06 Hz: times are in seconds",
@@ -168,22 +193,25 @@ def test_import___bad_file___names_the_place(
     with pytest.raises(CsvImportError) as caught:
         import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
-    assert str(caught.value).startswith(f"{file}: ")
+    assert str(caught.value).startswith((f"{file}: ", f"{file}, line "))
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "bag").exists()
 
 
 def test_import___missing_file___says_so(tmp_path: Path) -> None:
-    with pytest.raises(CsvImportError, match=r"none\.csv: cannot read as CSV: .*No such file"):
+    with pytest.raises(
+        CsvImportError, match=r"none\.csv: cannot be read as CSV: No such file or directory$"
+    ):
         import_csv(tmp_path / "none.csv", ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 
-def test_import___binary_file___says_so(tmp_path: Path) -> None:
+@pytest.mark.parametrize("content", [bytes(range(256)), "t,i,\u03b2\u00b0\n".encode("cp1253")])
+def test_import___file_of_other_characters___says_so(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "data.csv"
-    file.write_bytes(bytes(range(256)))
+    file.write_bytes(content)
 
-    with pytest.raises(CsvImportError, match=r"data\.csv: cannot read as CSV"):
+    with pytest.raises(CsvImportError, match=r"data\.csv: is no text in UTF-8: save it as CSV in"):
         import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 
@@ -239,11 +267,11 @@ def test_import___any_numbers___come_back_exactly(
         ),
         (
             "time: t\ninputs: [{column: i}]\noutputs: [{column: i, name: q}]",
-            "column i has two meanings: it is one of time, input and output",
+            "column i is named twice: it is one of time, input and output",
         ),
         (
             "time: t\ninputs: [{column: t}]\noutputs: [{column: q}]",
-            "column t has two meanings",
+            "column t is named twice",
         ),
         (
             f"rate_hz: {doubled(10)}\ninputs: [{{column: i}}]\noutputs: [{{column: q}}]",
@@ -258,7 +286,7 @@ def test_import___any_numbers___come_back_exactly(
         ("time: t\ninput: [{column: i}]", "unknown key input; known: closed_loop"),
         (
             "time: t\ninputs: [{column: i, name: a}, {column: j, name: a}]\noutputs: []",
-            "inputs has a name twice: a, a",
+            "inputs: a is named twice: give each channel a name of its own",
         ),
         (
             "time: t\nclosed_loop: maybe\ninputs: [{column: i}]\noutputs: [{column: q}]",
@@ -278,7 +306,9 @@ def test_map___bad_file___names_file_and_key(tmp_path: Path, text: str, complain
 
 
 def test_map___missing_file___says_so(tmp_path: Path) -> None:
-    with pytest.raises(CsvMapError, match=r"none\.yaml: cannot read: .*No such file"):
+    with pytest.raises(
+        CsvMapError, match=r"none\.yaml: cannot be read: No such file or directory$"
+    ):
         load_csv_map(tmp_path / "none.yaml")
 
 

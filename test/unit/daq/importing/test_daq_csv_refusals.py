@@ -9,8 +9,9 @@ import pytest
 from flexarm_bags.writer import RecordingError
 from flexarm_core.bounds import BoundError
 from flexarm_daq.importing import csv_import
-from flexarm_daq.importing.csv_import import CsvImportError, import_csv
+from flexarm_daq.importing.csv_import import import_csv
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+from flexarm_daq.importing.csv_table import CsvImportError
 from support.bag_samples import typestore
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def test_import___one_step_nine_percent_off___is_taken(tmp_path: Path, step_s: f
 @pytest.mark.parametrize("step_s", [1.11, 0.89])
 def test_import___one_step_eleven_percent_off___is_refused(tmp_path: Path, step_s: float) -> None:
     file = csv_file(tmp_path, with_one_step(step_s))
-    said = rf"column t has irregular steps: {step_s} s after t = 59 s \(data row 60\), usually 1 s"
+    said = rf"data\.csv, line 62: column t has an irregular step, {step_s} s, usually 1 s"
     with pytest.raises(CsvImportError, match=said):
         import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 

@@ -168,6 +168,8 @@ def test_assess___gauge_silent_for_a_stretch___is_named_with_its_rows(
     y[3000:3050, 2] = 0.05
     found = warnings(replace(clean, y=y))
     assert set(found) == {"dead_sensor"}
+    ends = [f"{row * DT_S:.6g} s (row {row})" for row in (first, last - 1)]
+    assert f"the longest from {ends[0]} to {ends[1]}: check" in found["dead_sensor"].text
     assert found["dead_sensor"].figures == {
         "samples": last - first + 50.0,
         "share": (last - first + 50.0) / SAMPLES,

@@ -11,11 +11,13 @@ from scipy import signal
 
 from flexarm_ident import IoData
 from flexarm_ident.diagnostics.change import changes
+from flexarm_ident.diagnostics.channel_defects import channel_defects
 from flexarm_ident.diagnostics.drive import drive_defects
 from flexarm_ident.diagnostics.input_answer import answer_defects
 from flexarm_ident.diagnostics.outliers import outliers
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.diagnostics.quantisation import quantisation
+from flexarm_ident.records.iodata import DataWarning
 from flexarm_ident.subspace.gram import block_gram
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
@@ -23,8 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
-
-    from flexarm_ident.records.iodata import DataWarning
 
     Array = NDArray[np.float64]
 
@@ -48,6 +48,30 @@ def noisy(u: Array, y: Array, seed: int) -> IoData:
     y = y + 0.02 * y.std(axis=0) * rng.normal(size=y.shape)
     outputs = tuple(f"y{i}" for i in range(y.shape[1]))
     return IoData(u, y, dt_s=DT_S, inputs=("u",), outputs=outputs)
+
+
+def with_holes(holes: list[slice], lost: float) -> IoData:
+    """Return a record with holes in its second channel, after so many lost samples in all."""
+    y = np.random.default_rng(3).normal(size=(1000, 2))
+    for rows in holes:
+        y[rows, 1] = np.nan
+    notices = (DataWarning("lost_samples", "", {"missing": lost}),) if lost else ()
+    return IoData(y[::-1, 0], y, dt_s=DT_S, inputs=("u",), outputs=("p", "q"), notices=notices)
+
+
+@pytest.mark.parametrize("lost", [0, 42, 43])
+def test_holes_of_one_channel___are_told_unless_all_lack_them(lost: float) -> None:
+    record = with_holes([slice(100, 102), slice(200, 201), slice(300, 340)], lost)
+    found = [each for each in channel_defects(record) if each.name == "unmeasured"]
+    assert len(found) == (lost < 43)
+    for each in found:
+        assert each.channel == "q"
+        assert each.text == (
+            "q: 43 of 1000 samples are missing, in 3 holes: those of up to 3 samples were filled; "
+            "1 longer hole of 40 samples in all, at most 40 each, cannot be filled: the parts "
+            "between are used"
+        )
+        assert (each.figures["missing"], each.figures["left_out"]) == (43.0, 40.0)
 
 
 def only(

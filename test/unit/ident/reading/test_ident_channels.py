@@ -325,7 +325,7 @@ STATES = "position[shoulder], position[motor], effort[shoulder], effort[motor]" 
         (
             ["u=/drive.data[0]"],
             ["u=/ft.wrench.force.x"],
-            "two channels are called u: name them as NAME=TOPIC.FIELD",
+            "u is named twice: name channels as NAME=TOPIC.FIELD",
         ),
         (
             ["u=/ft.wrench.force.x"],

@@ -172,7 +172,7 @@ def big_endian(path: Path) -> Path:
         (garbage_file, "truncated or damaged: File magic is invalid"),
         (empty_file, "seems to be empty"),
         (garbage_database, "truncated or damaged: "),
-        (cut_bag, "File end magic is invalid.; try `flexarm bag repair"),
+        (cut_bag, "File end magic is invalid; try `flexarm bag repair"),
         (no_messages, "no messages on /flexarm/state"),
         (two_samples, "only 2 samples follow each other"),
         (lonely_io_sample, "only 1 samples follow each other"),

@@ -56,7 +56,10 @@ def test_iodata___value_not_finite___names_channel_and_first_bad_row() -> None:
         ({"dt_s": 0.0}, "dt_s must be a positive"),
         ({"dt_s": float("nan")}, "dt_s must be a positive"),
         ({"y": Y[:, :3]}, "y has 3 channels, but 4 names"),
-        ({"outputs": ("a", "b", "a.1", "a_1")}, "y has a name twice: a, b, a_1, a_1"),
+        (
+            {"outputs": ("a", "b", "a.1", "a_1")},
+            "a_1 is named twice in y: give each channel a name",
+        ),
         ({"u": U[:9]}, "u has 9 samples, y has 10"),
         ({"compensation": U[:9]}, "compensation has 9 samples, u has 10"),
         ({"reference": U[:9]}, "reference has 9 samples, u has 10"),

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flexarm_core.labels import with_deviation
 from flexarm_ident import IoData, identify, load_friction, load_model, read_bag, validate_dmv
 from flexarm_ident.estimation import simulation_fit
 from flexarm_ident.friction.dry_friction import (
@@ -138,7 +139,7 @@ def test_real_two_link_arm___files_and_report___hold_the_levels(
     report = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert "<h2>Dry friction</h2>" in report
     for level, deviation in zip(real.friction.levels, real.friction.level_deviations, strict=True):
-        assert f"{level:.4g} \u00b1 {deviation:.2g}" in report
+        assert with_deviation(level, deviation) in report
         assert f"{float(level)!r}" in (tmp_path / "out" / "model.yaml").read_text("utf-8")
 
 

@@ -15,6 +15,7 @@ from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
+from flexarm_core.errors import reason
 from flexarm_daq.loop.limiter import LimiterSettings
 from flexarm_ident.provenance import samples_hash
 
@@ -156,7 +157,9 @@ def _described(folder: Path) -> dict[str, Any]:
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
-        raise LaunchError(f"{manifest} cannot be read ({error}): move or remove it") from error
+        raise LaunchError(
+            f"{manifest} cannot be read ({reason(error)}): move or remove it"
+        ) from error
     if not isinstance(known, dict):
         raise LaunchError(f"{manifest} describes no experiments: move or remove it")
     return known

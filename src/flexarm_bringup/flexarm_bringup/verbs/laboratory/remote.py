@@ -13,6 +13,8 @@ from flexarm_bringup.graph.assignments import parsed
 from flexarm_bringup.graph.hand import stop_every_arm, through
 from flexarm_bringup.graph.processes import MANAGED, LaunchError
 from flexarm_bringup.verbs.laboratory.options import ARM
+from flexarm_core.bounds import shown
+from flexarm_core.channels import TRAVEL_V
 from flexarm_core.nearest import nearest
 
 if TYPE_CHECKING:
@@ -55,7 +57,7 @@ def status(namespace: str) -> None:
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("set_point_v", metavar="SET_POINT", type=Quantity(POSITION_V))
+@click.argument("set_point_v", metavar="SET_POINT", type=Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V))
 @ARM
 @examples("reference 1.5", "reference -3", "reference 23deg")
 def reference(set_point_v: float, namespace: str) -> None:
@@ -130,7 +132,7 @@ def _managed(node: str, namespace: str) -> tuple[str, str]:
     """Return namespace and name of a managed node; refuse others."""
     namespace, name = _addressed(node, namespace)
     if name not in MANAGED:
-        raise LaunchError(f"{node} has no lifecycle: {', '.join(MANAGED)} have one")
+        raise LaunchError(f"{node or shown(node)} has no lifecycle: {', '.join(MANAGED)} have one")
     return namespace, name
 
 

@@ -11,6 +11,7 @@ import click
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.offline.csv_bags import imported
+from flexarm_core.labels import counted
 
 if TYPE_CHECKING:
     from flexarm_bags.repair import RepairSummary
@@ -37,6 +38,12 @@ def import_(csv: Path, map_file: Path, output: Path) -> None:
     click.echo(
         f"{made.bag}: {made.samples} samples at {made.rate_hz:g} Hz, {made.duration_s:.2f} s"
     )
+    if made.missing_rows or made.missing_cells:
+        rows, cells = (
+            counted(made.missing_rows, "row"),
+            counted(made.missing_cells, "cell"),
+        )
+        click.echo(f"  note: {rows} and {cells} are missing: holes of the record")
     terminal.next_step(f"flexarm identify {output}")
 
 

@@ -224,7 +224,7 @@ def identify(
             return
         with terminal.progress() as show:
             results = job.identify_bags(
-                records,
+                tuple(records),
                 out,
                 Request(**options),
                 channels=channels,
@@ -272,6 +272,8 @@ def report(
     asked = click.get_current_context().get_parameter_source("update")
     if options["reduction"] == "none" and asked is ParameterSource.DEFAULT_MAP:
         options["update"] = "none"
+    if len(bags) == 1 and (bags[0] / job.MODEL_FILE).exists():
+        raise click.UsageError(f"{bags[0]} is a model: name a bag beside it, to try it on")
     columns = taken_columns(bags, map_file, options)
     channels = taken_channels(options)
     with as_bags(bags, columns) as records, terminal.progress() as show:
@@ -279,13 +281,18 @@ def report(
             from flexarm_ident.series.comparison import compare_files  # noqa: PLC0415 - a rare way
 
             lines = compare_files(
-                records, out, Request(**options), channels=channels, force=force, progress=show
+                tuple(records),
+                out,
+                Request(**options),
+                channels=channels,
+                force=force,
+                progress=show,
             )
             for line in (*lines, f"report in {out}"):
                 terminal.CONSOLE.print(line, markup=False)
             return
         results = job.report_bags(
-            records, out, Request(**options), channels=channels, force=force, progress=show
+            tuple(records), out, Request(**options), channels=channels, force=force, progress=show
         )
     _show(results, f"report in {out}")
 

@@ -13,7 +13,7 @@ from flexarm_ident.series.run import PAGE_FILE, TABLE_FILE, identify_each
 from flexarm_ident.series.trend import FIGURES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from flexarm_core.workers import Workers
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def model_each(
-    bags: Sequence[Path],
+    bags: Mapping[Path, str],
     out: Path,
     request: Request,
     *,
@@ -33,12 +33,13 @@ def model_each(
     parquet: bool,
     workers: Workers,
 ) -> None:
-    """Identify one model per bag and print them; exit code 1 when a bag has none."""
+    """Identify one model per bag and print them by name; exit code 1 when a bag has none."""
     with terminal.progress() as show:
         series = identify_each(
-            bags,
+            list(bags),
             out,
             request,
+            names=list(bags.values()),
             channels=channels,
             exports=exports,
             force=force,

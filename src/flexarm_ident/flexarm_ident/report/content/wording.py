@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 CHECKS = {
     "lost_samples": "Lost samples",
     "restarted": "Restarts",
+    "unmeasured": "Samples without a value",
     "clock_jitter": "Clock jitter",
     "feedback": "Closed loop",
     "saturation": "Saturation",
@@ -67,11 +68,6 @@ def ranges(numbers: Iterable[int]) -> str:
         for _, run in groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0])
     )
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
-
-
-def plus_minus(deviation: float | None) -> str:
-    """Return a standard deviation as it stands behind its value; empty without one."""
-    return "" if deviation is None else f" \u00b1 {deviation:.3f}"
 
 
 def figures_text(figures: Mapping[str, float]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_core.labels import label_and_unit
+from flexarm_core.labels import label_and_unit, with_deviation
 from flexarm_ident.report.content.blocks import Section, Table, Words
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def _fitted(outcome: Outcome, friction: DryFriction) -> Table:
         head += ["Rise at standstill", "Part of load"]
         columns += [(more.rises, more.rise_deviations), (more.loads, more.load_deviations)]
     texts = [
-        [_plus_minus(*each) for each in zip(value, deviation, strict=True)]
+        [with_deviation(*each) for each in zip(value, deviation, strict=True)]
         for value, deviation in columns
     ]
     rows = tuple(
@@ -68,13 +68,9 @@ def _fitted(outcome: Outcome, friction: DryFriction) -> Table:
 def _estimated(coulomb: CoulombEstimate) -> Table:
     """Return the levels by regression, which are not in the model."""
     rows = tuple(
-        (*label_and_unit(drive.input), _plus_minus(level, deviation), "yes" if present else "no")
+        (*label_and_unit(drive.input), with_deviation(level, deviation), "yes" if present else "no")
         for drive, level, deviation, present in zip(
             coulomb.drives, coulomb.levels, coulomb.deviations, coulomb.significant, strict=True
         )
     )
     return Table("friction", "Dry friction", ("Input", "Unit", "Coulomb level", "Stands out"), rows)
-
-
-def _plus_minus(value: float, deviation: float) -> str:
-    return f"{value:.4g} \u00b1 {deviation:.2g}"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flexarm_core.labels import with_deviation
 from flexarm_ident.report.content.blocks import Section, Table, Words
-from flexarm_ident.report.content.wording import deviation_words, plus_minus
+from flexarm_ident.report.content.wording import deviation_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,10 +39,11 @@ def _modes(outcome: Outcome) -> Table:
     rows = tuple(
         (
             mode.label,
-            f"{mode.frequency_hz:.3f}{plus_minus(deviation and deviation.frequency_std_hz)}"
+            with_deviation(mode.frequency_hz, deviation and deviation.frequency_std_hz)
             if mode.frequency_hz
             else "-",
-            f"{mode.damping_ratio:.3f}{plus_minus(deviation and deviation.damping_std)}",
+            # Without a frequency it is 1 by definition.
+            with_deviation(mode.damping_ratio, (deviation and deviation.damping_std) or None),
             f"{_index(mode.msv)} ({mode.msv_rank})",
             f"{_index(mode.mrm)} ({mode.mrm_rank})",
             "yes" if mode.kept else "no",

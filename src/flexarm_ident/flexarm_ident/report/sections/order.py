@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flexarm_core.labels import with_deviation
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
-from flexarm_ident.report.content.wording import plus_minus, ranges
+from flexarm_ident.report.content.wording import ranges
 from flexarm_ident.report.plots.order_plots import singular_value_plot, stabilisation_plot
 
 if TYPE_CHECKING:
@@ -50,18 +51,22 @@ SECTION = Section(20, "Order", _build)
 def _why(outcome: Outcome) -> list[str]:
     """Return the reasons for the order of the full model."""
     identification = outcome.identification
-    how = "as asked for" if outcome.request.order else "chosen by its fit"
+    how = "chosen by the errors of models of many orders. What follows is for comparison"
+    if outcome.request.order:
+        how = "as asked for"
     if outcome.request.singular_value_threshold is not None:
         how = "the number of singular values above the threshold"
     if identification.friction is not None:
         how = "that of an arm's equations of motion; what follows is of its subspace start"
-    stable = ranges(identification.stable_orders)
+    orders = ranges(identification.diagram.orders)
+    stable = ranges(identification.stable_orders) or "none"
+    modes = f"The stabilisation diagram has the modes of the models of orders {orders}."
+    models = f"Before unstable eigenvalues were moved, models of these orders were so: {stable}."
     return [
         f"The full model has order {identification.order}, {how}.",
         f"The widest gap of the singular values is after number {identification.suggested_order}.",
-        f"Models of these orders are stable as identified: {stable}."
-        if stable
-        else "No order gives a model that is stable as identified.",
+        f"{modes} A mode is called stable when the model of one order less has it too.",
+        f"A model is called stable when its motion dies away. {models}",
     ]
 
 
@@ -73,8 +78,8 @@ def _clusters(outcome: Outcome) -> Table:
     ]
     rows = tuple(
         (
-            f"{mode.frequency_hz:.3f}{plus_minus(mode.frequency_std_hz)}",
-            f"{mode.damping_ratio:.3f}{plus_minus(mode.damping_std)}",
+            with_deviation(mode.frequency_hz, mode.frequency_std_hz),
+            with_deviation(mode.damping_ratio, mode.damping_std),
             f"{mode.count} ({100.0 * mode.share:.0f} %)",
             ranges(sorted(mode.orders)),
             f"{weight:.3f}",

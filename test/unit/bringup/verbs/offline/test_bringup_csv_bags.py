@@ -1,15 +1,20 @@
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from flexarm_bringup.cli import main
 from flexarm_bringup.verbs.offline.csv_bags import Columns, as_bags, taken_columns
-from flexarm_daq.importing.csv_import import CsvImportError
+from flexarm_core.errors import DataError
+from flexarm_daq.importing.csv_table import CsvImportError
 from flexarm_ident import read_bag
+from flexarm_ident.records.naming import short_names
 
 MAP = "time: t\ninputs: [{column: u, name: drive_v}]\noutputs: [{column: y, name: angle_v}]\n"
 
@@ -33,11 +38,61 @@ def test_csv___beside_a_bag___is_a_bag_of_its_name_while_it_is_read(
 ) -> None:
     tables = [table(tmp_path / folder / "run.csv") for folder in ("a", "b")]
     with as_bags([*tables, tmp_path / "bag"], columns) as found:
-        assert [path.name for path in found] == ["run", "run", "bag"]
-        assert found[2] == tmp_path / "bag"
-        record = read_bag(found[0])
+        assert list(found.values()) == [*map(str, tables), str(tmp_path / "bag")]
+        first, second, third = found
+        assert third == tmp_path / "bag"
+        # The shortest names that tell them apart, as notes have them.
+        assert list(short_names([str(first), str(second)]).values()) == ["a/run", "b/run"]
+        record = read_bag(first)
         assert np.allclose(record.y[:, 0], 2.0 * np.arange(len(record)))
-    assert not found[0].exists()
+        assert record.label == str(first)
+    assert not first.exists()
+
+
+@pytest.mark.parametrize("again", ["run.csv", "./run.csv", "bag", "link"])
+def test_path___that_is_named_twice___is_refused(
+    tmp_path: Path, columns: Path, monkeypatch: pytest.MonkeyPatch, again: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    table(Path("run.csv"))
+    Path("link").symlink_to("bag")
+    paths = [Path("run.csv"), Path("bag"), Path(again)]
+    with (
+        pytest.raises(click.UsageError, match=rf"^{Path(again)} is named twice, and would count"),
+        as_bags(paths, columns),
+    ):
+        pass
+
+
+def test_error_about_a_csv___names_the_file(tmp_path: Path, columns: Path) -> None:
+    path = table(tmp_path / "run.csv")
+
+    def fail() -> None:
+        with as_bags([path], columns) as found:
+            record = read_bag(next(iter(found)))
+            raise DataError(f"{record.label}: {len(record)} samples are too few")
+
+    with pytest.raises(DataError) as caught:
+        fail()
+    assert str(caught.value) == f"{path}: 50 samples are too few"
+
+
+def test_each___of_csv_files___has_them_by_their_names_and_knows_them_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    loop(Path("long.csv"), closed=False)
+    table(Path("short.csv"))
+    words = "identify --each long.csv short.csv --input u --output y --order 1 --no-friction -o out"
+    for again in ("", ", 1 of them there already"):
+        done = CliRunner().invoke(main, [*words.split(), "--jobs", "1"], prog_name="flexarm")
+        assert done.exit_code == 1
+        told = " ".join(done.stdout.split())
+        assert f"1 model{again}; table in out/models.csv" in told
+        assert "no model of short.csv: short.csv: 50 samples are too few" in told
+        assert Path("out/long_csv/model.yaml").exists()
+        with Path("out/models.csv").open(encoding="utf-8", newline="") as stream:
+            assert [row["bag"] for row in csv.DictReader(stream)] == ["long.csv", "short.csv"]
 
 
 def test_csv___without_a_map___is_told_what_is_missing(tmp_path: Path) -> None:
@@ -70,7 +125,7 @@ def test_csv___with_named_columns___is_a_bag_whose_loop_the_data_tell(
     path = loop(tmp_path / "run.csv", closed=closed)
     with as_bags([path], Columns(("drive_v=u",), ("y",))) as found:
         assert [bag.name for bag in found] == ["run"]
-        record = read_bag(found[0])
+        record = read_bag(next(iter(found)))
         assert (record.inputs, record.outputs) == (("drive_v",), ("y",))
         assert record.dt_s == pytest.approx(0.01)
         assert record.closed_loop is closed
@@ -105,13 +160,22 @@ def test_map___without_a_csv___is_refused(tmp_path: Path, columns: Path) -> None
         pass
 
 
-@pytest.mark.parametrize(("separator", "name"), [(";", "semicolons"), ("\t", "tabs")])
-def test_csv___with_another_separator___is_told_its_name(
-    tmp_path: Path, columns: Path, separator: str, name: str
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("ending", ["csv", "tsv", "txt", "dat", "TXT"])
+def test_table___of_any_ending_and_separator___is_read(
+    tmp_path: Path, columns: Path, ending: str, separator: str
 ) -> None:
-    path = table(tmp_path / "run.csv", separator)
-    with (
-        pytest.raises(CsvImportError, match=rf"separated by {name}, not by commas"),
-        as_bags([path], columns),
-    ):
+    path = table(tmp_path / f"run.{ending}", separator)
+    with as_bags([path], columns) as found:
+        record = read_bag(next(iter(found)))
+        assert np.allclose(record.y[:, 0], 2.0 * np.arange(50))
+        assert np.allclose(record.u[:, 0], np.arange(50) % 3)
+
+
+def test_table___with_spaces_between_its_columns___is_told_what_to_do(
+    tmp_path: Path, columns: Path
+) -> None:
+    path = table(tmp_path / "run.dat", " ")
+    said = r"run\.dat: its columns are separated by spaces: save it with commas"
+    with pytest.raises(CsvImportError, match=said), as_bags([path], columns):
         pass

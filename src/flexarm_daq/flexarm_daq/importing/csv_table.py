@@ -1,0 +1,237 @@
+"""Numbers of a text table's columns, and the lines on which they stand."""
+
+from __future__ import annotations
+
+import csv
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import chain, islice
+from textwrap import shorten
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_core.bounds import require_plain_file, shown
+from flexarm_core.errors import FlexarmError, reason
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+    from typing import TextIO
+
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_daq.importing.csv_map import CsvMap
+
+    Row = tuple[int, list[str]]
+
+# Of equally many the first one counts.
+_SEPARATORS = ("\t", ",", ";")
+# What programs write for a number that they lack; NaN is a number to Python.
+_MISSING = frozenset({"", "na", "n/a", "null"})
+# A line of a table has some hundred characters.
+_LINE_CHARACTERS = 1 << 20
+# So many characters of the names are shown.
+_LONGEST = 500
+_BLOCK_ROWS = 50_000
+
+
+class CsvImportError(FlexarmError):
+    """Contradiction between a CSV file and its map."""
+
+
+@dataclass(frozen=True, eq=False)
+class CsvTable:
+    """Columns of a file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    values : ndarray, (rows, columns)
+        Numbers; NaN in an output that was not measured.
+    lines : ndarray of int, (rows,)
+        Line of each row in the file, the first being 1.
+    cut : tuple of str
+        Lines at the ends that are left out, with the reason.
+    """
+
+    path: Path
+    values: FloatArray
+    lines: NDArray[np.int64]
+    cut: tuple[str, ...] = ()
+
+
+class _Column(NamedTuple):
+    """Column to read, and what to do about a cell without a number; nothing where it may lack."""
+
+    name: str
+    place: int
+    advice: str = ""
+
+
+def read_table(path: Path, mapping: CsvMap) -> CsvTable:
+    """Read the columns of a map: its time where there is one, inputs, outputs.
+
+    The rows are those from the first to the last in which every output has been measured, as a
+    record has nothing to tell of the state before.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read, lacks a column, has fewer than 2 rows, or a cell without a
+        finite number; outputs may lack some, not all. The message names file, line and column.
+    BoundError
+        If it is no plain file.
+    """
+    with _opened(path) as (header, rows):
+        columns = _columns(header, mapping, path)
+        blocks, lines = [], []
+        # Only one block is held as text.
+        while block := list(islice(rows, _BLOCK_ROWS)):
+            blocks.append(_to_numbers(block, columns, path))
+            lines += [line for line, _ in block]
+    if len(lines) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
+        raise CsvImportError(f"{path}: data rows: {len(lines)}; at least 2 are needed")
+    values = np.concatenate(blocks)
+    for column, cells in zip(columns, values.T, strict=True):
+        if np.isnan(cells).all():
+            raise CsvImportError(f"{path}: column {column.name} has no number: leave it out")
+    return _cut(CsvTable(path, values, np.array(lines)), columns)
+
+
+def _cut(table: CsvTable, columns: Sequence[_Column]) -> CsvTable:
+    known = ~np.isnan(table.values)
+    firsts, lasts = known.argmax(axis=0), len(known) - 1 - known[::-1].argmax(axis=0)
+    late, early = int(firsts.argmax()), int(lasts.argmin())
+    first, last = int(firsts[late]), int(lasts[early])
+    if last <= first:
+        raise CsvImportError(
+            f"{table.path}: {columns[early].name} ends before {columns[late].name} begins: leave "
+            "one of them out"
+        )
+    cut = []
+    if first > 0:
+        cut.append(_left_out(table.lines[:first], f"{columns[late].name} has no value there yet"))
+    if last < len(known) - 1:
+        cut.append(
+            _left_out(table.lines[last + 1 :], f"{columns[early].name} has no value any more")
+        )
+    rows = slice(first, last + 1)
+    return CsvTable(table.path, table.values[rows], table.lines[rows], tuple(cut))
+
+
+def _left_out(lines: NDArray[np.int64], why: str) -> str:
+    which = f"line {lines[0]} is" if len(lines) == 1 else f"lines {lines[0]} to {lines[-1]} are"
+    return f"{which} left out: {why}"
+
+
+def column_names(path: Path) -> list[str]:
+    """Return the names in the first line of a table.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read, or names fewer than two columns.
+    """
+    with _opened(path) as (header, _):
+        if len(header) < 2:  # noqa: PLR2004 - an input and an output
+            there = f"names one column, {shown(header[0])}" if any(header) else "is empty"
+            raise CsvImportError(
+                f"{path}: the first line {there}: it has the names of the columns, with commas "
+                "between them"
+            )
+        return header
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row]]]:
+    """Open a table, and yield the names in its first line, and its other rows.
+
+    The separator is the one that stands most often in the first line.
+    """
+    try:
+        require_plain_file(path)
+        # utf-8-sig: spreadsheets put a byte order mark in front of the first name.
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = _lines(file, path)
+            first = next(lines, "")
+            separator = max(_SEPARATORS, key=first.count)
+            reader = csv.reader(chain([first], lines), delimiter=separator)
+            header = [name.strip() for name in next(reader)]
+            if len(header) == 1 and len(first.split()) > 1:
+                raise CsvImportError(
+                    f"{path}: its columns are separated by spaces: save it with commas between them"
+                )
+            yield header, ((reader.line_num, row) for row in reader if row)
+    except UnicodeDecodeError as error:
+        raise CsvImportError(f"{path}: is no text in UTF-8: save it as CSV in UTF-8") from error
+    except (OSError, csv.Error) as error:
+        raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
+
+
+def _lines(file: TextIO, path: Path) -> Iterator[str]:
+    while line := file.readline(_LINE_CHARACTERS):
+        if len(line) == _LINE_CHARACTERS:
+            raise CsvImportError(f"{path}: a line has {_LINE_CHARACTERS} characters or more")
+        yield line
+
+
+def _columns(header: Sequence[str], mapping: CsvMap, path: Path) -> list[_Column]:
+    # Where rows have no time, none can be left out.
+    otherwise = "" if mapping.time is None else ", or take the line out: that makes a hole"
+    inputs = f"an input must be known in every row: fill it{otherwise}"
+    times = f"a row needs its time: fill it{otherwise}"
+    return [
+        *(_Column(name, _place(header, name, path), times) for name in (mapping.time,) if name),
+        *(
+            _Column(each.column, _place(header, each.column, path), inputs)
+            for each in mapping.inputs
+        ),
+        *(_Column(each.column, _place(header, each.column, path)) for each in mapping.outputs),
+    ]
+
+
+def _place(header: Sequence[str], column: str, path: Path) -> int:
+    if header.count(column) != 1:
+        problem = "no column" if column not in header else "more than one column"
+        there = shorten(", ".join(header), _LONGEST)
+        raise CsvImportError(f"{path}: {problem} {column or shown(column)}; there are: {there}")
+    return header.index(column)
+
+
+def _to_numbers(rows: Sequence[Row], columns: Sequence[_Column], path: Path) -> FloatArray:
+    try:
+        numbers = np.array([[float(row[column.place]) for column in columns] for _, row in rows])
+        if np.isfinite(numbers).all():
+            return numbers
+    except (ValueError, IndexError):
+        pass
+    return np.array(
+        [
+            [
+                _number(row, column, f"{path}, line {line}, column {column.name}")
+                for column in columns
+            ]
+            for line, row in rows
+        ]
+    )
+
+
+def _number(row: Sequence[str], column: _Column, where: str) -> float:
+    """Return the number in a cell, NaN where an output was not measured."""
+    cell = row[column.place].strip() if column.place < len(row) else ""
+    try:
+        number = np.nan if cell.lower() in _MISSING else float(cell)
+    except ValueError as error:
+        advice = "write it with a point" if "," in cell else "correct it"
+        advice = "close its quotation marks" if "\n" in cell else advice
+        raise CsvImportError(f"{where}: {shown(cell)} is not a number: {advice}") from error
+    if np.isinf(number):
+        advice = column.advice or "empty the cell where nothing was measured"
+        raise CsvImportError(f"{where}: {cell} is not finite; {advice}")
+    if np.isnan(number) and column.advice:
+        problem = f"{cell} is no number" if cell else "empty cell"
+        raise CsvImportError(f"{where}: {problem}; {column.advice}")
+    return number

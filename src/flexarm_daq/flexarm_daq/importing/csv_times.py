@@ -1,0 +1,120 @@
+"""Sampling of a table by its column of times: the rate, and the places of the rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_daq.importing.csv_table import CsvImportError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import FloatArray
+    from flexarm_daq.importing.csv_table import CsvTable
+
+# Largest difference of a step from whole periods: times are often printed with few digits.
+STEP_TOLERANCE = 0.1
+# Largest relative difference of a rate from a whole number of hertz that is rounded, and largest
+# relative change of a rate within the file.
+WHOLE_RATE_TOLERANCE = 1e-3
+_HALF_A_STEP = 0.5
+# A hole of so many periods is not filled later, so that it may have any length.
+_LONG_HOLE = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """Rate and places of rows.
+
+    Attributes
+    ----------
+    rate_hz : float
+        Sampling rate; one near a whole number is rounded.
+    places : ndarray of int, (rows,)
+        Periods from the first row to each; more than one from row to row where some are missing.
+    """
+
+    rate_hz: float
+    places: NDArray[np.int64]
+
+
+def sampling(table: CsvTable, column: str) -> Sampling:
+    """Return the sampling of a table whose first column is its time, s.
+
+    Rows may be missing: a step of several periods is a hole.
+
+    Raises
+    ------
+    CsvImportError
+        If the times do not rise by whole periods, their rate changes slowly, or more rows are
+        missing than there are.
+    """
+    times_s = table.values[:, 0]
+    steps_s = np.diff(times_s)
+    usual_s = float(np.median(steps_s))
+    if usual_s <= 0:
+        line = table.lines[int(np.argmax(steps_s <= 0.0)) + 1]
+        raise CsvImportError(
+            f"{table.path}, line {line}: column {column} does not increase: sort the rows, or name "
+            "the column of the time"
+        )
+    _refuse_uneven(table, column, steps_s, usual_s)
+    # Printed times round the median, not the mean of many.
+    usual_s = float(np.mean(steps_s[steps_s < (1.0 + STEP_TOLERANCE) * usual_s]))
+    periods = np.rint(steps_s / usual_s)
+    _refuse_emptiness(table, column, steps_s, periods)
+    places = np.concatenate([[0], np.cumsum(periods)]).astype(np.int64)
+    beyond_s = np.where(periods >= _LONG_HOLE, steps_s - periods * usual_s, 0.0)
+    even_s = times_s - np.concatenate([[0.0], np.cumsum(beyond_s)])
+    rate_hz = float(places[-1] / (even_s[-1] - even_s[0]))
+    _refuse_drift(table, column, even_s, Sampling(rate_hz, places))
+    whole = round(rate_hz)
+    near = abs(rate_hz - whole) <= WHOLE_RATE_TOLERANCE * rate_hz
+    return Sampling(float(whole) if near else rate_hz, places)
+
+
+def _refuse_uneven(table: CsvTable, column: str, steps_s: FloatArray, usual_s: float) -> None:
+    steps = steps_s / usual_s
+    off = np.abs(steps - np.rint(steps).clip(min=1.0))
+    off[steps >= _LONG_HOLE] = 0.0
+    worst = int(np.argmax(off))
+    if off[worst] > STEP_TOLERANCE:
+        raise CsvImportError(
+            f"{table.path}, line {table.lines[worst + 1]}: column {column} has an irregular step, "
+            f"{steps_s[worst]:.6g} s, usually {usual_s:.6g} s: resample or cut the file"
+        )
+
+
+def _refuse_emptiness(
+    table: CsvTable, column: str, steps_s: FloatArray, periods: FloatArray
+) -> None:
+    if periods.sum() - len(periods) > len(table.lines):
+        longest = int(np.argmax(periods))
+        raise CsvImportError(
+            f"{table.path}, line {table.lines[longest + 1]}: column {column} jumps by "
+            f"{steps_s[longest]:.6g} s, and more rows are missing in all than there are: make a "
+            "file of each part, and give them together"
+        )
+
+
+def _refuse_drift(table: CsvTable, column: str, times_s: FloatArray, found: Sampling) -> None:
+    """Refuse times whose steps change slowly: each is like the usual one, their sum is not.
+
+    A rate that changes evenly by a part d puts the middle of N samples d N / 8 samples off.
+    """
+    places = found.places
+    off = np.abs((times_s - times_s[0]) * found.rate_hz - places)
+    if off.max() <= _HALF_A_STEP + WHOLE_RATE_TOLERANCE * places[-1] / 8:
+        return
+    tenth = max(1, len(times_s) // 10)
+    first_hz, last_hz = (
+        float((places[end] - places[start]) / (times_s[end] - times_s[start]))
+        for start, end in ((0, tenth), (-1 - tenth, -1))
+    )
+    raise CsvImportError(
+        f"{table.path}: column {column} has no even rate: {first_hz:.6g} Hz at first, "
+        f"{last_hz:.6g} Hz at last, up to {off.max():.1f} samples off even steps; resample the file"
+    )

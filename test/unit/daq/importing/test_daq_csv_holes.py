@@ -1,0 +1,153 @@
+"""Tests of missing cells and missing rows of a CSV file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from flexarm_daq.importing.csv_import import import_csv
+from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_ident.reading.read import read_bag, stream_bag
+from support.bag_samples import typestore
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from flexarm_daq.importing.csv_import import ImportSummary
+
+MAP = CsvMap(
+    inputs=(CsvChannel("u", "drive_v"),),
+    outputs=(CsvChannel("p", "angle_v"), CsvChannel("q", "strain_v")),
+    time="t",
+)
+ROWS = 200
+OUT = slice(60, 69)
+
+
+def imported(folder: Path, rows: Sequence[str], mapping: CsvMap = MAP) -> ImportSummary:
+    header = "t,u,p,q" if mapping.time else "u,p,q"
+    (folder / "run.csv").write_text("\n".join([header, *rows]) + "\n")
+    return import_csv(folder / "run.csv", mapping, folder / "bag", typestore=typestore())
+
+
+def signals() -> np.ndarray:
+    """Return u, p and q of which each row differs from all others."""
+    k = np.arange(ROWS)
+    return np.column_stack([np.sin(k), 10.0 + k, np.cos(0.1 * k)])
+
+
+def lines(times_s: np.ndarray) -> list[str]:
+    return [
+        ",".join(map(repr, (t, *row)))
+        for t, row in zip(times_s.tolist(), signals().tolist(), strict=True)
+    ]
+
+
+@pytest.mark.parametrize("cell", ["", "nan", "NaN", "NA", "n/a", " ", "-nan", "null"])
+def test_missing_cell_of_an_output___is_missing_there_alone(tmp_path: Path, cell: str) -> None:
+    rows = lines(0.01 * np.arange(ROWS))
+    t, u, p, _ = rows[50].split(",")
+    rows[50] = f"{t},{u},{p},{cell}"
+
+    summary = imported(tmp_path, rows)
+    record = read_bag(tmp_path / "bag")
+
+    assert (summary.samples, summary.missing_rows, summary.missing_cells) == (ROWS, 0, 1)
+    assert record.missing is not None
+    assert np.argwhere(record.missing).tolist() == [[50, 1]]
+    np.testing.assert_array_equal(record.u[:, 0], signals()[:, 0])
+    known = ~record.missing
+    np.testing.assert_array_equal(record.y[known], signals()[:, 1:][known])
+    # The cubic through four samples of a slow cosine is off by its fourth derivative.
+    assert record.y[50, 1] == pytest.approx(np.cos(5.0), abs=0.1**4)
+
+
+def test_missing_last_cell___may_lack_its_comma(tmp_path: Path) -> None:
+    rows = lines(0.01 * np.arange(ROWS))
+    rows[50] = rows[50].rpartition(",")[0]
+    assert imported(tmp_path, rows).missing_cells == 1
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.0037])
+def test_missing_rows___are_a_hole_in_time(tmp_path: Path, late_s: float) -> None:
+    times_s = 0.01 * np.arange(ROWS)
+    # A long hole may end anywhere: its length is rounded to whole periods.
+    times_s[OUT.stop :] += late_s
+    rows = lines(times_s)
+    summary = imported(tmp_path, rows[: OUT.start] + rows[OUT.stop :])
+    record = read_bag(tmp_path / "bag")
+
+    assert (summary.samples, summary.missing_rows) == (ROWS - 9, 9)
+    assert summary.rate_hz == pytest.approx(100.0, rel=1e-12)
+    assert summary.duration_s == pytest.approx(1.99, rel=1e-12)
+    assert np.flatnonzero(~record.usable).tolist() == list(range(OUT.start, OUT.stop))
+    np.testing.assert_array_equal(record.y[record.usable], signals()[:, 1:][record.usable])
+    assert (record.u[OUT] == signals()[OUT.start - 1, 0]).all()
+    (notice,) = record.notices
+    assert notice.name == "lost_samples"
+    assert "9 of 200 samples are missing, in 1 hole" in notice.text
+    streamed = [y for _, y in stream_bag(tmp_path / "bag").chunks(ROWS)]
+    np.testing.assert_array_equal(np.concatenate(streamed), record.y_usable)
+
+
+def test_rows_at_few_digits_of_time___keep_their_places_behind_a_long_hole(tmp_path: Path) -> None:
+    # Steps of 3.3 and 3.4 ms in print: the usual one would count 2727 periods in the hole.
+    places = np.concatenate([np.arange(3000), np.arange(5700, 8700)])
+    rows = [f"{k / 300:.4f},{k % 7},{k},{k}" for k in places.tolist()]
+    imported(tmp_path, rows)
+    record = read_bag(tmp_path / "bag")
+    assert record.dt_s == pytest.approx(1 / 300, rel=1e-12)
+    np.testing.assert_array_equal(np.flatnonzero(record.usable), places)
+
+
+def test_rows_before_and_behind_all_outputs___are_left_out_and_told(tmp_path: Path) -> None:
+    rows = lines(0.01 * np.arange(ROWS))
+    for k in range(20):
+        rows[k] = rows[k].rpartition(",")[0] + ","
+    t, u, _, q = rows[-1].split(",")
+    rows[-1] = f"{t},{u},,{q}"
+    summary = imported(tmp_path, rows)
+    record = read_bag(tmp_path / "bag")
+    assert summary.cut == (
+        "lines 2 to 21 are left out: q has no value there yet",
+        "line 201 is left out: p has no value any more",
+    )
+    assert (summary.samples, summary.missing_cells, record.missing) == (ROWS - 21, 0, None)
+    np.testing.assert_array_equal(record.y, signals()[20:-1, 1:])
+
+
+def test_outputs_that_never_meet___are_refused(tmp_path: Path) -> None:
+    with pytest.raises(CsvImportError, match=r"run\.csv: p ends before q begins: leave one of"):
+        imported(tmp_path, ["0,1,2,", "1,2,3,", "2,1,,4", "3,2,,4"])
+
+
+def test_missing_input___is_refused_where_no_row_can_be_left_out(tmp_path: Path) -> None:
+    mapping = CsvMap(MAP.inputs, MAP.outputs, rate_hz=100.0)
+    said = r"run\.csv, line 3, column u: empty cell; an input must be known in every row: fill it$"
+    with pytest.raises(CsvImportError, match=said):
+        imported(tmp_path, ["1,2,3", ",2,3", "1,2,3"], mapping)
+    said = r"line 3, column u: .*: fill it, or take the line out: that makes a hole$"
+    with pytest.raises(CsvImportError, match=said):
+        imported(tmp_path, ["0,1,2,3", "1,NA,2,3", "2,1,2,3"])
+
+
+def test_even_rows___are_those_of_the_bag(tmp_path: Path) -> None:
+    rows = lines(0.01 * np.arange(ROWS))
+    rows[20] = rows[20].rpartition(",")[0]
+    seen = []
+
+    def judged(record: object) -> bool:
+        seen.append(record.even())  # type: ignore[attr-defined]
+        return True
+
+    (tmp_path / "run.csv").write_text("\n".join(["t,u,p,q", *rows[:30], *rows[33:]]))
+    import_csv(tmp_path / "run.csv", MAP, tmp_path / "bag", typestore=typestore(), judged=judged)
+    record = read_bag(tmp_path / "bag")
+    ((u, y),) = seen
+    assert record.closed_loop is True
+    np.testing.assert_array_equal(u, record.u)
+    np.testing.assert_array_equal(y, record.y_measured)
