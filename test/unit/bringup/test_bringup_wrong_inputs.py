@@ -64,7 +64,7 @@ WRONG = {
     "identify BAG BAG": ("is named twice, and would count twice: name it once",),
     "report short.csv --map maps.yaml": ("flexarm: short.csv: 12 samples are too few",),
     "identify BAG --order 0": ("'--order': 0", "range x>=1"),
-    "identify BAG --order 5000": ("order must lie between 1 and 39", "lower the order"),
+    "identify BAG --order 5000": ("order must lie between 1 and 998", "lower the order"),
     "identify BAG --method magic": ("'magic'", "one of auto, orse"),
     "identify BAG --reduce-to 3": ("No such option '--reduce-to'", "'--reduced-order'"),
     "identify BAG --input nope.data": ("no output was named", "a record needs"),

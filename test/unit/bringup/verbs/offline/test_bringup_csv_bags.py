@@ -27,7 +27,7 @@ def columns(tmp_path: Path) -> Path:
 
 
 def table(path: Path, separator: str = ",") -> Path:
-    rows = [("t", "u", "y"), *((0.01 * k, k % 3, 2 * k) for k in range(50))]
+    rows = [("t", "u", "y"), *((0.01 * k, k % 3, 2 * k) for k in range(40))]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(separator.join(map(str, row)) for row in rows))
     return path
@@ -74,7 +74,7 @@ def test_error_about_a_csv___names_the_file(tmp_path: Path, columns: Path) -> No
 
     with pytest.raises(DataError) as caught:
         fail()
-    assert str(caught.value) == f"{path}: 50 samples are too few"
+    assert str(caught.value) == f"{path}: 40 samples are too few"
 
 
 def test_each___of_csv_files___has_them_by_their_names_and_knows_them_again(
@@ -89,7 +89,7 @@ def test_each___of_csv_files___has_them_by_their_names_and_knows_them_again(
         assert done.exit_code == 1
         told = " ".join(done.stdout.split())
         assert f"1 model{again}; table in out/models.csv" in told
-        assert "no model of short.csv: short.csv: 50 samples are too few" in told
+        assert "no model of short.csv: short.csv: 40 samples are too few" in told
         assert Path("out/long_csv/model.yaml").exists()
         with Path("out/models.csv").open(encoding="utf-8", newline="") as stream:
             assert [row["bag"] for row in csv.DictReader(stream)] == ["long.csv", "short.csv"]
