@@ -26,8 +26,8 @@ def columns(tmp_path: Path) -> Path:
     return path
 
 
-def table(path: Path, separator: str = ",") -> Path:
-    rows = [("t", "u", "y"), *((0.01 * k, k % 3, 2 * k) for k in range(40))]
+def table(path: Path, separator: str = ",", *, samples: int = 50) -> Path:
+    rows = [("t", "u", "y"), *((0.01 * k, k % 3, 2 * k) for k in range(samples))]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(separator.join(map(str, row)) for row in rows))
     return path
@@ -74,7 +74,7 @@ def test_error_about_a_csv___names_the_file(tmp_path: Path, columns: Path) -> No
 
     with pytest.raises(DataError) as caught:
         fail()
-    assert str(caught.value) == f"{path}: 40 samples are too few"
+    assert str(caught.value) == f"{path}: 50 samples are too few"
 
 
 def test_each___of_csv_files___has_them_by_their_names_and_knows_them_again(
@@ -82,7 +82,7 @@ def test_each___of_csv_files___has_them_by_their_names_and_knows_them_again(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     loop(Path("long.csv"), closed=False)
-    table(Path("short.csv"))
+    table(Path("short.csv"), samples=40)
     words = "identify --each long.csv short.csv --input u --output y --order 1 --no-friction -o out"
     for again in ("", ", 1 of them there already"):
         done = CliRunner().invoke(main, [*words.split(), "--jobs", "1"], prog_name="flexarm")
