@@ -20,7 +20,7 @@ from flexarm_ident.fitting.refinement import refine_model
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error, relative_errors
 from flexarm_ident.friction.arm import Rung
-from flexarm_ident.friction.arm_fit import fit_arm
+from flexarm_ident.friction.arm_fit import NO_BETTER, fit_arm
 from flexarm_ident.friction.layout import arm_layout
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
@@ -115,12 +115,12 @@ def with_friction(
         return found
     obstacle = _obstacle(layout, replaceable=replaceable)
     if not obstacle:
+        start_error = _errors(_simulated(found.model, found.x0, records), records)
         try:
-            fit = fit_arm(records, layout.drives, progress=progress)
+            fit = fit_arm(records, layout.drives, error_to_beat=start_error, progress=progress)
         except IdentificationError as error:
             obstacle = str(error)
         else:
-            start_error = _errors(_simulated(found.model, found.x0, records), records)
             levels, scatter = fit.friction.levels, fit.friction.level_deviations
             if np.any(levels > _STANDS_OUT * scatter) and _better(fit.error, start_error):
                 return replace(
@@ -137,7 +137,7 @@ def with_friction(
                     notes=_notes(fit),
                     choice=_choice(fit, start_error, found.choice),
                 )
-            obstacle = "an arm with friction simulates the records no better than the linear model"
+            obstacle = NO_BETTER
     if not coulomb.present:
         return found
     note = f"dry friction was found, {levels_text(coulomb)}, but is not in the model: {obstacle}"

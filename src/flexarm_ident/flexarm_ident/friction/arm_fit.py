@@ -55,6 +55,8 @@ _FINALISTS = 6
 _BATCHES = 3
 _CONFIRMED = 1.05
 _FIRST_STEPS = 15
+NO_BETTER = "an arm with friction simulates the records no better than the linear model"
+"""Reason why an arm is not taken."""
 # Part of a level: a friction that is held from sample to sample cost up to 1.4 % in simulation.
 _SYSTEMATIC = 0.015
 
@@ -102,6 +104,7 @@ def fit_arm(
     drives: Sequence[Drive],
     *,
     seed: int = 0,
+    error_to_beat: FloatArray | None = None,
     progress: Progress | None = None,
 ) -> ArmFit:
     """Fit a flexible arm with dry friction to records that start anywhere, at rest or moving.
@@ -116,6 +119,9 @@ def fit_arm(
         The position that each input drives, one per input.
     seed : int
         Seed of the starts.
+    error_to_beat : ndarray, (outputs,), optional
+        Relative errors (2-25) of another model. The fit ends after its first starts when the best
+        of them has a larger sum of squares.
     progress : callable, optional
         Called with the stage "friction" and the completed part.
 
@@ -127,7 +133,8 @@ def fit_arm(
     Raises
     ------
     IdentificationError
-        If not every input drives one position, or no start gives a finite simulation.
+        If not every input drives one position, no start gives a finite simulation, or none is
+        better than `error_to_beat`.
     """
     report = progress or (lambda _stage, _fraction: None)
     records = as_records(data)
@@ -148,13 +155,10 @@ def fit_arm(
     finalists: list[Minimum] = []
     for number in range(_BATCHES):
         finalists += _finalists(problem, draw, number, report)
+        best = min(finalists, key=lambda found: found.cost)
+        _check_best(problem, best, error_to_beat, records[0].label)
         if _is_confirmed(finalists):
             break
-    best = min(finalists, key=lambda found: found.cost)
-    if not np.isfinite(best.cost):
-        raise IdentificationError(
-            f"{records[0].label}: no arm with friction simulates the record: leave friction out"
-        )
     problem, best = _loosened(problem, best)
     reached = climb(problem, (best, *finalists))
     problem, (best, *others) = reached.whole
@@ -180,6 +184,21 @@ def _finalists(
         found.append(_descended(problem, each.theta))
         report("friction", begun + share * (0.7 + 0.3 * (number + 1) / _FINALISTS))
     return found
+
+
+def _check_best(
+    problem: SimulationError, best: Minimum, error_to_beat: FloatArray | None, label: str
+) -> None:
+    """Raise an IdentificationError when the search would come to nothing."""
+    if not np.isfinite(best.cost):
+        raise IdentificationError(
+            f"{label}: no arm with friction simulates the record: leave friction out"
+        )
+    if error_to_beat is None:
+        return
+    left = sum(float(np.sum(e**2)) for e in problem.residuals(best.theta))
+    if left > float(np.nansum(error_to_beat**2)):
+        raise IdentificationError(NO_BETTER)
 
 
 def _is_confirmed(minima: Sequence[Minimum]) -> bool:

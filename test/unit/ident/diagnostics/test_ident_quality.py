@@ -211,6 +211,13 @@ def test_assess___short_record___is_reported_with_its_length() -> None:
     assert found["too_short"].figures == {"samples": 250.0, "columns": 231.0, "rows": 100.0}
 
 
+def test_assess___command_of_a_proportional_law___is_no_duplicate() -> None:
+    data = response(square_wave(SAMPLES, 10))
+    proportional = replace(data, u=0.5 - 2.0 * data.y[:, :1])
+    assert "duplicated_channel" in warnings(proportional)
+    assert "duplicated_channel" not in warnings(replace(proportional, closed_loop=True))
+
+
 def test_few_values___five_for_each_parameter___suffice() -> None:
     data = response(square_wave(500, 11, (5, 30)))
     values = 500 * len(data.outputs)

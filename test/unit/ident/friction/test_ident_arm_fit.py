@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from flexarm_ident import IdentificationError
+from flexarm_ident.friction import arm_fit
 from flexarm_ident.friction.arm import FlexibleArm, Rung
 from flexarm_ident.friction.arm_error import Part, SimulationError
 from flexarm_ident.friction.arm_fit import fit_arm
 from flexarm_ident.friction.layout import Drive
 from flexarm_ident.friction.random_starts import RandomStarts
 from support.rubbing_arms import rubbing_arm
+
+if TYPE_CHECKING:
+    from flexarm_ident.fitting.levenberg_marquardt import Minimum
 
 ONE, TWO = (0.5,), (0.5, 0.3)
 BOTH = Rung.STRIBECK | Rung.LOAD
@@ -40,6 +46,28 @@ def test_simulation_error___records_in_motion___has_the_gradient_of_differences(
         for way in np.eye(len(theta))
     ]
     assert 2.0 * problem.normal(theta).gradient == pytest.approx(slopes, rel=1e-4, abs=1e-4)
+
+
+def test_fit___no_start_beats_the_other_model___ends_after_the_first_of_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    record = rubbing_arm(ONE, seed=3, skip=0, samples=600)
+    noise = np.random.default_rng(3).normal(size=record.y.shape) * record.y.std(axis=0)
+    noisy = replace(record, y=record.y + noise)
+    seen: list[int] = []
+    whole = arm_fit._finalists
+
+    def counted(problem: SimulationError, draw: RandomStarts, *others: object) -> list[Minimum]:
+        seen.append(1)
+        return whole(problem, draw, *others)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(arm_fit, "_finalists", counted)
+    monkeypatch.setattr(arm_fit, "_STARTS", 6)
+    drives = [Drive(record.inputs[0], record.outputs[0])]
+    # Half the power of the outputs is noise: no model has a tenth of their RMS as its error.
+    with pytest.raises(IdentificationError, match="no better than the linear model"):
+        fit_arm(noisy, drives, error_to_beat=np.full(2, 0.1))
+    assert seen == [1]
 
 
 @pytest.mark.slow
