@@ -80,7 +80,8 @@ def with_friction(
     """Look for dry friction and take an arm with friction where it simulates better.
 
     The test has three parts. The data have the channels of a flexible arm (`arm_layout`) and no
-    recorded compensation. A Coulomb level exceeds its own scatter (`estimate_coulomb`). An arm
+    recorded compensation. A Coulomb level exceeds its own scatter (`estimate_coulomb`), or the
+    likelihood has been tried and tells that a linear model misses more than noise. An arm
     fitted with friction has a level above three of its standard deviations and simulates the
     records with a smaller sum of squared relative errors than the subspace model. Where a linear
     model misses nothing but noise, only a significant level is a reason to fit an arm, which takes
@@ -110,8 +111,12 @@ def with_friction(
     except IdentificationError:
         return found  # too few slipping samples
     found = replace(found, coulomb=coulomb)
-    missed_is_noise = found.likelihood is not None
-    if not (coulomb.present if missed_is_noise else coulomb.possible):
+    if found.likelihood is not None:
+        is_worth_it = coulomb.present
+    else:
+        # Smoothing can hide a low level under a fast law; that the likelihood fails shows it.
+        is_worth_it = coulomb.possible or may_be_likely(records)
+    if not is_worth_it:
         return found
     obstacle = _obstacle(layout, replaceable=replaceable)
     if not obstacle:

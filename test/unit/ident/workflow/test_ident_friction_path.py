@@ -183,6 +183,19 @@ def test_friction___none_there_or_compensated___linear_model_without_a_word() ->
         assert not any("friction" in note for note in found.notes)
 
 
+def test_friction___level_hidden_from_the_regression___is_found_where_errors_are_no_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    hidden = CoulombEstimate(
+        (Drive("drive_a", "hub_rad"),),
+        *(np.array([-1.0]), np.array([1.0]), np.zeros(1), (500,), (False,)),
+    )
+    monkeypatch.setattr(simulation_fit, "estimate_coulomb", lambda *_: hidden)
+    found = identify(controlled(0.5), block_rows=15, friction=True)
+    assert found.friction is not None
+    assert found.friction.levels == pytest.approx([0.5], rel=0.1)
+
+
 def test_friction___nothing_left_but_noise___no_arm_is_fitted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
