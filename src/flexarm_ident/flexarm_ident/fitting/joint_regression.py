@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from flexarm_ident.fitting.modal_regression import ModalRegression
 from flexarm_ident.subspace.inverse import truncated_inverse
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_core.arrays import ComplexArray, FloatArray
-    from flexarm_ident.fitting.modal_regression import Missed, ModalRegression, Products
+    from flexarm_ident.fitting.modal_regression import Missed, ModalSignals, Products
     from flexarm_ident.fitting.schur_regression import SchurRegression
+    from flexarm_ident.models.state_space import Spectrum
     from flexarm_ident.records.source import Samples
 
 # Its square costs six of sixteen digits.
@@ -36,19 +38,41 @@ class Solution(NamedTuple):
 
 
 class ModalProblem:
-    """Normal equations of all records in modal coordinates: common B and D, x0 per record."""
+    """Normal equations of all records in modal coordinates: common B and D, x0 per record.
+
+    Parameters
+    ----------
+    signals : ModalSignals
+        Signals of the modes of A.
+    products : sequence of Products
+        Their products over each record.
+    dynamics : Spectrum
+        A, its eigenvalues and eigenvectors.
+    C : ndarray, (outputs, states)
+        Output matrix.
+    records : sequence of Samples
+        The records.
+    """
 
     def __init__(
-        self, regression: ModalRegression, vectors: ComplexArray, records: Sequence[Samples]
+        self,
+        signals: ModalSignals,
+        products: Sequence[Products],
+        dynamics: Spectrum,
+        C: FloatArray,
+        records: Sequence[Samples],
     ) -> None:
-        self._regression, self._vectors, self._records = regression, vectors, records
+        vectors = dynamics.vectors
+        regression = ModalRegression(signals, dynamics.eigenvalues, C @ vectors)
+        self._signals, self._regression = signals, regression
+        self._vectors, self._records = vectors, records
         states, shared = len(vectors), regression.shared
         self._places = [
             np.r_[:shared, shared + number * states + np.arange(states)]
             for number in range(len(records))
         ]
         self._size = shared + len(records) * states
-        self._products = [regression.products(record) for record in records]
+        self._products = products
         self.powers = [each.power for each in self._products]
 
     def solve(self, weight: FloatArray, *, refined: bool, at_rest: bool) -> Solution:
@@ -82,7 +106,9 @@ class ModalProblem:
         lost = condition > _WELL_CONDITIONED or any(each.is_rounding for each in missed)
         if refined and lost:
             left = [
-                regression.residual_products(record, parameters[place])
+                self._signals.residual_products(
+                    record, regression.signal_weights(parameters[place])
+                )
                 for record, place in zip(self._records, self._places, strict=True)
             ]
             change, missed = solve(left)

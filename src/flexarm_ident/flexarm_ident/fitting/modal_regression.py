@@ -20,8 +20,6 @@ import scipy
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.source import Samples
 
@@ -54,37 +52,27 @@ class Lift(NamedTuple):
     part_y: FloatArray
 
 
-class ModalRegression:
-    """Linear regression of the outputs on B, D and the initial state, for one A and C.
+class ModalSignals:
+    """Scalar signals of modes: the answer of each to the inputs and to an initial state.
 
-    The parameters of one record stand in the order B by input, D by output and input (if
-    `feedthrough`), initial state. The thesis puts D first (2-16), and has B alone in (3-16).
+    A and C do not enter, so models that have modes in common share these signals.
 
     Parameters
     ----------
-    eigenvalues : ndarray, (states,)
-        Eigenvalues of A, conjugates side by side, the upper one first.
-    C : ndarray, (outputs, states)
-        Modal output matrix (3-3).
-    inputs : int
-        Number of inputs.
+    modes : ndarray, (modes,)
+        Eigenvalues, of conjugates the upper one.
+    inputs, outputs : int
+        Numbers of channels.
     feedthrough : bool
-        Whether D is a parameter.
+        Whether each input itself is a signal.
     """
 
     def __init__(
-        self, eigenvalues: ComplexArray, C: ComplexArray, inputs: int, *, feedthrough: bool
+        self, modes: ComplexArray, inputs: int, outputs: int, *, feedthrough: bool
     ) -> None:
-        self.inputs = inputs
-        self.outputs, states = C.shape
-        self._direct = inputs if feedthrough else 0
-        direct = np.repeat(np.eye(self.outputs), self._direct, axis=1)
-        self._columns = np.hstack([np.tile(C, inputs), direct, C])
-        self.shared = self._columns.shape[1] - states
-        upper = np.flatnonzero(eigenvalues.imag >= 0.0)
-        self._modes = eigenvalues[upper]
-        self._parts = 2 * len(upper)
-        self._expand = self._expansion(eigenvalues, upper)
+        self.modes, self.inputs, self.outputs = modes, inputs, outputs
+        self.direct = inputs if feedthrough else 0
+        self.parts = 2 * len(modes)
         self._map, self._drive = self._lift_maps()
 
     def products(self, record: Samples) -> Products:
@@ -94,35 +82,24 @@ class ModalRegression:
             products.add(piece)
         return products
 
-    def residual_products(self, record: Samples, parameters: ComplexArray) -> Products:
-        """Return the products of the outputs' residuals from the model with these parameters."""
+    def residual_products(self, record: Samples, weights: FloatArray) -> Products:
+        """Return the products of signals and what a combination of them misses in the outputs.
+
+        `weights` are those of the signals by output, (outputs, signals).
+        """
         products = Products(self._map, self.outputs)
         signals, _, width = self._map.shape
-        response = self.signal_weights(parameters) @ self._map.reshape(signals, -1)
+        response = weights @ self._map.reshape(signals, -1)
         by_row = response.reshape(self.outputs, _BLOCK, width).transpose(2, 1, 0)
         lifted = by_row.reshape(width, -1)
         for rows, y, part_rows, part_y in self._lifted(record):
             products.add(Lift(rows, y - rows @ lifted, part_rows, part_y - part_rows @ lifted))
         return products
 
-    def signal_weights(self, parameters: ComplexArray) -> FloatArray:
-        """Return the outputs as combinations of the signals, (outputs, signals)."""
-        # The sum over pairs of conjugate modes is real.
-        return np.asarray(((self._columns * parameters) @ self._expand).real)
-
-    def normal(self, products: Products, weight: FloatArray) -> ComplexArray:
-        """Return one record's normal matrix (2-17), for a weight of each output's squared error."""
-        outputs = (self._columns.conj().T * weight) @ self._columns
-        return np.asarray(outputs * (self._expand.conj() @ products.signals @ self._expand.T))
-
-    def right(self, products: Products, weight: FloatArray) -> ComplexArray:
-        """Return one record's right side (2-17), for a weight of each output's squared error."""
-        return np.asarray(np.conj(self._columns.T * (self._expand @ products.cross)) @ weight)
-
     def _lifted(self, record: Samples) -> Iterator[Lift]:
         """Yield a record in blocks; its initial state is one more input, a pulse at the start."""
-        r, modes, starts_end = self.inputs, len(self._modes), (self.inputs + 1) * self._parts
-        step = self._modes**_BLOCK
+        r, modes, starts_end = self.inputs, len(self.modes), (self.inputs + 1) * self.parts
+        step = self.modes**_BLOCK
         decay = np.cumprod(np.tile(step, (_CHUNK // _BLOCK, 1)), axis=0)
         start = np.zeros((r + 1, modes), dtype=complex)
         start[r] = 1.0
@@ -151,28 +128,16 @@ class ModalRegression:
             part = known.any(axis=1) & ~whole
             yield Lift(rows[whole], y_rows[whole], rows[part], y_rows[part])
 
-    def _expansion(self, eigenvalues: ComplexArray, upper: NDArray[np.intp]) -> ComplexArray:
-        """Return the map from the signals to those of the parameters' columns."""
-        n, r = len(eigenvalues), self.inputs
-        modes = np.zeros((n, self._parts), dtype=complex)
-        for number, mode in enumerate(upper):
-            modes[mode, 2 * number : 2 * number + 2] = 1.0, 1.0j
-            if eigenvalues[mode].imag > 0.0:
-                modes[mode + 1, 2 * number : 2 * number + 2] = 1.0, -1.0j
-        direct = np.tile(np.eye(self._direct), (self.outputs, 1))
-        expand = scipy.linalg.block_diag(*[modes] * r, direct, modes)
-        return np.asarray(expand)
-
     def _lift_maps(self) -> tuple[FloatArray, FloatArray]:
         """Return the maps from a lift's row to all signals in its block, and to the block's drive.
 
         The first is (signals, samples, row), the second (inputs of the row, signals of inputs).
         """
-        r, parts, steps = self.inputs, self._parts, np.arange(_BLOCK + 1)
+        r, parts, steps = self.inputs, self.parts, np.arange(_BLOCK + 1)
         inputs_at = (r + 1) * parts
         at_inputs = inputs_at + r * np.arange(_BLOCK)
-        powers = self._modes ** steps[:, np.newaxis]
-        rotations = np.zeros((len(self._modes), 2, _BLOCK + 1, len(self._modes), 2))
+        powers = self.modes ** steps[:, np.newaxis]
+        rotations = np.zeros((len(self.modes), 2, _BLOCK + 1, len(self.modes), 2))
         for mode, power in enumerate(powers.T):
             rotations[mode, 0, :, mode] = np.stack([power.real, -power.imag], axis=1)
             rotations[mode, 1, :, mode] = np.stack([power.imag, power.real], axis=1)
@@ -181,17 +146,69 @@ class ModalRegression:
         ago = steps[:, np.newaxis] - 1 - np.arange(_BLOCK)
         pulse = np.where(ago >= 0, powers.T[:, ago.clip(min=0)], 0.0)
         driven = np.stack([pulse.real, pulse.imag], axis=1).reshape(parts, _BLOCK + 1, _BLOCK)
-        total = np.zeros((inputs_at + self._direct, _BLOCK + 1, inputs_at + r * _BLOCK))
+        total = np.zeros((inputs_at + self.direct, _BLOCK + 1, inputs_at + r * _BLOCK))
         for source in range(r + 1):
             # The initial state follows D.
-            first = source * parts + (self._direct if source == r else 0)
+            first = source * parts + (self.direct if source == r else 0)
             total[first : first + parts, :, source * parts : (source + 1) * parts] = free
             if source < r:
                 total[first : first + parts, :, at_inputs + source] = driven
-        for j in range(self._direct):
+        for j in range(self.direct):
             total[r * parts + j, np.arange(_BLOCK), at_inputs + j] = 1.0
         drive = total[: r * parts, _BLOCK, inputs_at:].T
         return np.ascontiguousarray(total[:, :_BLOCK]), np.ascontiguousarray(drive)
+
+
+class ModalRegression:
+    """Linear regression of the outputs on B, D and the initial state, for one A and C.
+
+    The parameters of one record stand in the order B by input, D by output and input (if there is
+    feedthrough), initial state. The thesis puts D first (2-16), and has B alone in (3-16).
+
+    Parameters
+    ----------
+    signals : ModalSignals
+        Signals of the modes of A, and perhaps of others.
+    eigenvalues : ndarray, (states,)
+        Eigenvalues of A, conjugates side by side, the upper one first.
+    C : ndarray, (outputs, states)
+        Modal output matrix (3-3).
+    """
+
+    def __init__(self, signals: ModalSignals, eigenvalues: ComplexArray, C: ComplexArray) -> None:
+        self.inputs = signals.inputs
+        self.outputs, states = C.shape
+        direct = np.repeat(np.eye(self.outputs), signals.direct, axis=1)
+        self._columns = np.hstack([np.tile(C, self.inputs), direct, C])
+        self.shared = self._columns.shape[1] - states
+        self._expand = _expansion(signals, eigenvalues)
+
+    def signal_weights(self, parameters: ComplexArray) -> FloatArray:
+        """Return the outputs as combinations of the signals, (outputs, signals)."""
+        # The sum over pairs of conjugate modes is real.
+        return np.asarray(((self._columns * parameters) @ self._expand).real)
+
+    def normal(self, products: Products, weight: FloatArray) -> ComplexArray:
+        """Return one record's normal matrix (2-17), for a weight of each output's squared error."""
+        outputs = (self._columns.conj().T * weight) @ self._columns
+        return np.asarray(outputs * (self._expand.conj() @ products.signals @ self._expand.T))
+
+    def right(self, products: Products, weight: FloatArray) -> ComplexArray:
+        """Return one record's right side (2-17), for a weight of each output's squared error."""
+        return np.asarray(np.conj(self._columns.T * (self._expand @ products.cross)) @ weight)
+
+
+def _expansion(signals: ModalSignals, eigenvalues: ComplexArray) -> ComplexArray:
+    """Return the map from the signals to those of the parameters' columns."""
+    states, r, m = len(eigenvalues), signals.inputs, signals.outputs
+    modes = np.zeros((states, signals.parts), dtype=complex)
+    for state in np.flatnonzero(eigenvalues.imag >= 0.0):
+        first = 2 * int(np.flatnonzero(signals.modes == eigenvalues[state])[0])
+        modes[state, first : first + 2] = 1.0, 1.0j
+        if eigenvalues[state].imag > 0.0:
+            modes[state + 1, first : first + 2] = 1.0, -1.0j
+    direct = np.tile(np.eye(signals.direct), (m, 1))
+    return np.asarray(scipy.linalg.block_diag(*[modes] * r, direct, modes))
 
 
 class Products:

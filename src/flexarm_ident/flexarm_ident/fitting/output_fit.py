@@ -15,10 +15,11 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.joint_regression import ModalProblem, SchurProblem, least_squares
-from flexarm_ident.fitting.modal_regression import ModalRegression
+from flexarm_ident.fitting.modal_regression import ModalSignals
 from flexarm_ident.fitting.schur_regression import SchurRegression
 from flexarm_ident.models.free_run import simulate, simulate_states
 from flexarm_ident.models.modes import is_defective
+from flexarm_ident.models.state_space import spectrum
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.models.state_space import Spectrum
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Samples, Source
 
@@ -102,13 +104,34 @@ def fit_inputs(
     IdentificationError
         If A is so unstable that its response overflows.
     """
-    inputs = len(records[0].inputs)
-    return _fit(
-        *(A, C, inputs, records),
+    (fit,) = fit_each(
+        *([spectrum(A)], C, records),
         feedthrough=feedthrough,
         noise_weighted=noise_weighted,
         at_rest=at_rest,
     )
+    return fit
+
+
+def fit_each(
+    spectra: Sequence[Spectrum],
+    C: FloatArray,
+    records: Sequence[Source],
+    *,
+    feedthrough: bool,
+    noise_weighted: bool,
+    at_rest: bool,
+) -> list[OutputFit]:
+    """Fit the inputs as `fit_inputs` does, for state matrices with the same eigenvectors.
+
+    The records are read once for all of them.
+    """
+    inputs = len(records[0].inputs)
+    problems = _problems(spectra, C, inputs, records, feedthrough=feedthrough)
+    return [
+        _solved(problem, records, noise_weighted=noise_weighted, at_rest=at_rest)
+        for problem in problems
+    ]
 
 
 def fit_initial_states(
@@ -131,7 +154,8 @@ def fit_initial_states(
         Initial states.
     """
     missed = [_FreeResponse(record.y_usable - simulate(model, record.u)) for record in records]
-    return _fit(model.A, model.C, 0, missed, feedthrough=False).x0
+    (problem,) = _problems([spectrum(model.A)], model.C, 0, missed, feedthrough=False)
+    return _solved(problem, missed, noise_weighted=False, at_rest=False).x0
 
 
 def fit_outputs(
@@ -166,32 +190,41 @@ class _FreeResponse:
             yield y[:, :0], y
 
 
-def _fit(
-    A: FloatArray,
+def _problems(
+    spectra: Sequence[Spectrum],
     C: FloatArray,
     inputs: int,
     records: Sequence[Samples],
     *,
     feedthrough: bool,
-    noise_weighted: bool = False,
-    at_rest: bool = False,
-) -> OutputFit:
-    eigenvalues, vectors = np.linalg.eig(A)
+) -> list[ModalProblem] | list[SchurProblem]:
     longest = max(len(record) for record in records)
-    largest = float(np.abs(eigenvalues).max(initial=0.0))
-    if largest > 1.0 and longest * np.log(largest) > _LARGEST_GROWTH:
-        raise IdentificationError(
-            f"an eigenvalue of magnitude {largest:.4f} makes the response overflow in {longest} "
-            "samples: stabilise the model first"
-        )
-    problem: ModalProblem | SchurProblem
-    if is_defective(vectors):
-        schur = SchurRegression(A, C, inputs, feedthrough=feedthrough)
-        problem = SchurProblem(schur, records)
-    else:
-        modes, shapes = eigenvalues.astype(complex), (C @ vectors).astype(complex)
-        modal = ModalRegression(modes, shapes, inputs, feedthrough=feedthrough)
-        problem = ModalProblem(modal, vectors, records)
+    for each in spectra:
+        largest = float(np.abs(each.eigenvalues).max(initial=0.0))
+        if largest > 1.0 and longest * np.log(largest) > _LARGEST_GROWTH:
+            raise IdentificationError(
+                f"an eigenvalue of magnitude {largest:.4f} makes the response overflow in "
+                f"{longest} samples: stabilise the model first"
+            )
+    if is_defective(spectra[0].vectors):
+        return [
+            SchurProblem(SchurRegression(each.A, C, inputs, feedthrough=feedthrough), records)
+            for each in spectra
+        ]
+    eigenvalues = np.unique(np.concatenate([each.eigenvalues for each in spectra]))
+    modes = eigenvalues[eigenvalues.imag >= 0.0]
+    signals = ModalSignals(modes, inputs, len(C), feedthrough=feedthrough)
+    products = [signals.products(record) for record in records]
+    return [ModalProblem(signals, products, each, C, records) for each in spectra]
+
+
+def _solved(
+    problem: ModalProblem | SchurProblem,
+    records: Sequence[Samples],
+    *,
+    noise_weighted: bool,
+    at_rest: bool,
+) -> OutputFit:
     power = _mean(problem.powers, records)
     weight = _inverse(power)
     if noise_weighted:

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.fitting.output_fit import fit_inputs
+from flexarm_ident.fitting.output_fit import fit_each
 from flexarm_ident.fitting.validation import mean_error
-from flexarm_ident.models.state_space import stabilise
+from flexarm_ident.models.state_space import moved, spectrum
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.fitting.output_fit import OutputFit
-    from flexarm_ident.models.state_space import Way
+    from flexarm_ident.models.state_space import Spectrum, Way
     from flexarm_ident.records.source import Source
 
 # Far below the distance of an integrator from 0.9999.
@@ -73,34 +73,29 @@ def fit_stable(
     IdentificationError
         If A stays so unstable that its response overflows.
     """
-
-    def fitted(candidate: _Moved) -> StableFit:
-        fit = fit_inputs(
-            *(candidate.A, C, records),
-            feedthrough=feedthrough,
-            noise_weighted=noise_weighted,
-            at_rest=at_rest,
-        )
-        return StableFit(candidate.A, fit, candidate.unstable, candidate.way)
-
-    found = [fitted(each) for each in _distinct(A, ways)]
+    tried = _distinct(A, ways)
+    fits = fit_each(
+        *([each for each, _ in tried], C, records),
+        feedthrough=feedthrough,
+        noise_weighted=noise_weighted,
+        at_rest=at_rest,
+    )
+    found = [
+        StableFit(each.A, fit, each.unstable, way)
+        for (each, way), fit in zip(tried, fits, strict=True)
+    ]
     return min(found, key=lambda each: _comparable(mean_error(each.fit.error)))
 
 
-class _Moved(NamedTuple):
-    A: FloatArray
-    unstable: int
-    way: Way | None
-
-
-def _distinct(A: FloatArray, ways: Sequence[Way]) -> list[_Moved]:
-    """Return the matrices that differ, `A` itself among them when it is stable."""
-    found: list[_Moved] = []
+def _distinct(A: FloatArray, ways: Sequence[Way]) -> list[tuple[Spectrum, Way | None]]:
+    """Return the matrices that differ with their ways, `A` itself among them when it is stable."""
+    start = spectrum(A)
+    found: list[tuple[Spectrum, Way | None]] = []
     for way in ways:
-        stable, unstable = stabilise(A, way)
-        if not any(np.allclose(stable, each.A, rtol=0.0, atol=_SAME) for each in found):
-            found.append(_Moved(stable, unstable, None if stable is A else way))
-    return found or [_Moved(A, 0, None)]
+        stable = moved(start, way)
+        if not any(np.allclose(stable.A, each.A, rtol=0.0, atol=_SAME) for each, _ in found):
+            found.append((stable, None if stable is start else way))
+    return found or [(start, None)]
 
 
 def _comparable(error: float) -> float:

@@ -5,7 +5,7 @@ python-control takes longer to import than all else together: it comes with the 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import control
     from numpy.typing import ArrayLike
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import ComplexArray, FloatArray
 
 STABLE_RADIUS = 0.9999
 """Magnitude that the thesis gives an unstable eigenvalue (section 3.2, third example)."""
@@ -117,20 +117,49 @@ def stabilise(A: FloatArray, way: Way = "mirror") -> tuple[FloatArray, int]:
     int
         Number of eigenvalues on or outside the unit circle.
     """
+    found = moved(spectrum(A), way)
+    return found.A, found.unstable
+
+
+class Spectrum(NamedTuple):
+    """State matrix with its eigenvalues, the columns of eigenvectors, and how many were unstable.
+
+    `unstable` counts eigenvalues that have been moved from outside the unit circle or from it.
+    """
+
+    A: FloatArray
+    eigenvalues: ComplexArray
+    vectors: ComplexArray
+    unstable: int = 0
+
+
+def spectrum(A: FloatArray) -> Spectrum:
+    """Return a state matrix, (states, states), with its eigenvalues and eigenvectors."""
     eigenvalues, vectors = np.linalg.eig(A)
+    return Spectrum(A, eigenvalues.astype(complex), vectors.astype(complex))
+
+
+def moved(start: Spectrum, way: Way) -> Spectrum:
+    """Return a state matrix with moved eigenvalues and the same eigenvectors; see `stabilise`.
+
+    It is `start` itself when there is nothing to move.
+    """
+    eigenvalues, vectors = start.eigenvalues, start.vectors
     radius = np.abs(eigenvalues)
     outside = radius >= 1.0
     near = (np.abs(eigenvalues - 1.0) < _NEAR_ONE) & (way == "integrator")
     if not (outside | near).any():
-        return A, 0
+        return start
     inner = np.full_like(radius, STABLE_RADIUS)
     if way == "mirror":
         np.divide(1.0, radius, out=inner, where=radius > 1.0 / STABLE_RADIUS)
     target = np.where(near, INTEGRATOR_RADIUS, np.where(outside, inner, radius))
-    moved = eigenvalues * np.divide(target, radius, out=np.ones_like(radius), where=radius > 0.0)
-    stable = np.linalg.solve(vectors.T, (vectors * moved).T).T.real
+    # Those that stay do so to the last bit: fits of several ways share what depends on them.
+    factor = np.divide(target, radius, out=np.ones_like(radius), where=radius > 0.0)
+    inside = np.where(target == radius, eigenvalues, eigenvalues * factor)
+    stable = np.linalg.solve(vectors.T, (vectors * inside).T).T.real
     largest = np.abs(np.linalg.eigvals(stable)).max()
     if largest >= 1.0:
         # Eigenvectors so close to each other do not allow moving one eigenvalue alone.
-        stable = stable * (STABLE_RADIUS / largest)
-    return stable, int(outside.sum())
+        stable, inside = stable * (STABLE_RADIUS / largest), inside * (STABLE_RADIUS / largest)
+    return Spectrum(np.asarray(stable), inside, vectors, int(outside.sum()))

@@ -1,12 +1,15 @@
 """Ways to move an unstable eigenvalue, chosen by simulation error."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
 
 from flexarm_ident import IoData
+from flexarm_ident.fitting.output_fit import fit_each, fit_inputs
 from flexarm_ident.fitting.stable_fit import fit_stable
-from flexarm_ident.models.state_space import WAYS
+from flexarm_ident.models.state_space import WAYS, moved, spectrum
 
 RATE_HZ = 300.0
 
@@ -47,3 +50,25 @@ def test_fit_stable___stable_matrix_or_no_way___stays() -> None:
         found = fit_stable(A, C, [data], ways, feedthrough=False, noise_weighted=False)
         assert (found.way, found.unstable) == (None, 0)
         np.testing.assert_array_equal(found.A, A)
+
+
+@pytest.mark.parametrize("feedthrough", [False, True])
+def test_fit_each___ways_of_one_matrix___are_fitted_as_each_alone(*, feedthrough: bool) -> None:
+    rng = np.random.default_rng(5)
+    # A growing decay, a growing vibration, and what stays: a decay and a vibration.
+    A = np.diag([1.0002, 0.0, 0.0, 0.97, 0.0, 0.0])
+    for first, radius, angle in ((1, 1.004, 0.3), (4, 0.8, 0.6)):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        A[first : first + 2, first : first + 2] = radius * turn
+    T = rng.normal(size=A.shape)
+    A = np.asarray(np.linalg.solve(T, A @ T))
+    C, data = record(moved(spectrum(A), "mirror").A)
+    data = replace(data, y=data.y + 0.05 * data.y.std(axis=0) * rng.normal(size=data.y.shape))
+    spectra = [moved(spectrum(A), way) for way in WAYS]
+    fits = fit_each(spectra, C, [data], feedthrough=feedthrough, noise_weighted=True, at_rest=False)
+    for each, fit in zip(spectra, fits, strict=True):
+        alone = fit_inputs(each.A, C, [data], feedthrough=feedthrough, noise_weighted=True)
+        size = np.abs(alone.B).max()
+        np.testing.assert_allclose(fit.B, alone.B, rtol=1e-6, atol=1e-6 * size)
+        np.testing.assert_allclose(fit.D, alone.D, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(fit.error, alone.error, rtol=1e-8)
