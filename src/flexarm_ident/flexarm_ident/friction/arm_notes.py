@@ -1,0 +1,82 @@
+"""Words on an arm with dry friction: its choice, its levels, and what its records do not tell."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_core.labels import label_and_unit, with_deviation
+from flexarm_ident.fitting.validation import mean_error
+from flexarm_ident.friction.arm import Rung
+
+if TYPE_CHECKING:
+    from flexarm_core.arrays import FloatArray
+    from flexarm_ident.friction.arm_fit import ArmFit
+    from flexarm_ident.friction.levels import CoulombEstimate
+
+# Half the range of a level, in units of its middle.
+_UNDETERMINED = 0.1
+# The same for what the level depends on, which matters less.
+_VAGUE = 0.4
+_SWEEPS = "record slow reversals and fast sweeps in one experiment"
+_REVERSALS = "record many slow reversals, with rests between them"
+_LOADS = "record strong accelerations beside gentle ones"
+_RUNGS = {
+    Rung.COULOMB: "Coulomb and viscous",
+    Rung.STRIBECK: "higher at standstill",
+    Rung.LOAD: "higher under load",
+    Rung.STRIBECK | Rung.LOAD: "higher at standstill and under load",
+}
+
+
+def levels_text(coulomb: CoulombEstimate) -> str:
+    """Return the levels with scatter and units: ``0.14 ± 0.02 A at current1``."""
+    words = []
+    for drive, level, deviation in zip(
+        coulomb.drives, coulomb.levels, coulomb.deviations, strict=True
+    ):
+        name, unit = label_and_unit(drive.input)
+        words.append(f"{with_deviation(level, deviation)} {unit}".rstrip() + f" at {name}")
+    return ", ".join(words)
+
+
+def choice(fit: ArmFit, start_error: FloatArray, linear: str) -> str:
+    """Return why the arm is the model, and what was chosen among the linear models before."""
+    return (
+        f"an arm with dry friction, order {fit.model.nstates}, took the place of the linear model: "
+        f"{mean_error(fit.error):.3g} in free simulation instead of {mean_error(start_error):.3g}; "
+        f"{_ladder(fit)}; of the linear ones, {linear}"
+    )
+
+
+def _ladder(fit: ArmFit) -> str:
+    """Return what the friction depends on, and the errors on halves left out that say so."""
+    errors = ", ".join(
+        f"{np.linalg.norm(halves):.3g} {_RUNGS[each]}" for each, halves in fit.left_out.items()
+    )
+    return f"its friction is {_RUNGS[fit.rung]}, by halves left out of the fit ({errors})"
+
+
+def notes(fit: ArmFit) -> tuple[str, ...]:
+    """Return what was left out of the fit, and what the records do not determine, a line each."""
+    dead = ", ".join(
+        f"{name} in {count:.0f} samples"
+        for name, count in zip(fit.model.output_labels, fit.dead_samples, strict=True)
+        if count
+    )
+    lines = [f"dead sensors were left out of the fit: {dead}"] if dead else []
+    for name, (level, rise, _, load) in zip(fit.model.input_labels, fit.law_ranges, strict=True):
+        title, unit = label_and_unit(name)
+        for what, (lowest, highest), limit, of, remedy in (
+            (f"friction level of {title}", level, _UNDETERMINED, unit, _SWEEPS),
+            (f"rise of the friction of {title} at standstill", rise, _VAGUE, unit, _REVERSALS),
+            (f"part of the load in the friction of {title}", load, _VAGUE, "", _LOADS),
+        ):
+            if highest - lowest > limit * (highest + lowest):
+                span = f"{lowest:.3g} to {highest:.3g} {of}".rstrip()
+                lines.append(
+                    f"the {what} is not determined by the record: {span} simulate it equally "
+                    f"well; {remedy}"
+                )
+    return tuple(lines)
