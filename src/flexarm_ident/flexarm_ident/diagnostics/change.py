@@ -115,6 +115,7 @@ def _with_reference(record: IoData) -> IoData:
         y=np.column_stack([record.y_usable, record.reference]),
         outputs=(*record.outputs, "reference"),
         missing=None,
+        input_held=None,
     )
 
 

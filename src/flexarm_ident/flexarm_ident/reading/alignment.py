@@ -139,7 +139,9 @@ class Alignment:
         u, y = joined(list(self._rows([samples])))
         lost, duration_s = self.table.grid.lost, _duration_s(self.marks.stamps_ns)
         if not self.is_arm:
-            return BagReading(header.record(u, y), len(samples), lost, duration_s)
+            missing = self.table.grid.missing
+            data = header.record(u, y, input_held=missing if missing.any() else None)
+            return BagReading(data, len(samples), lost, duration_s)
         followed: FloatArray | None = None
         odd: tuple[DataWarning, ...] = ()
         if reference is not None and len(reference):

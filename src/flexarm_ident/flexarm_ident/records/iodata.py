@@ -101,6 +101,8 @@ class IoData:
         Known defects of the recording, such as lost samples. An identification repeats them.
     missing : array_like of bool, (samples, outputs), optional
         Outputs that were not measured, beside those that are NaN. None: all were.
+    input_held : array_like of bool, (samples,), optional
+        Rows whose input was not recorded: that of the row before is held. None: all were.
     head_of : int, optional
         Number of samples of the record that this one is the leading part of, as `head` gives it.
         None: it is a record of its own.
@@ -124,6 +126,7 @@ class IoData:
     reference: FloatArray | None = None
     notices: tuple[DataWarning, ...] = ()
     missing: BoolArray | None = None
+    input_held: BoolArray | None = None
     head_of: int | None = None
 
     def __post_init__(self) -> None:
@@ -142,7 +145,7 @@ class IoData:
         if self.reference is not None:
             reference = self._checked(self.reference, "reference", ("reference",))
             self._set("reference", reference[:, 0])
-        for name in ("compensation", "reference"):
+        for name in ("compensation", "reference", "input_held"):
             column = getattr(self, name)
             if column is not None and len(column) != len(self.u):
                 raise DataError(
@@ -250,6 +253,7 @@ class IoData:
             compensation=None if self.compensation is None else self.compensation[rows],
             reference=None if self.reference is None else self.reference[rows],
             missing=None if self.missing is None else self.missing[rows],
+            input_held=None if self.input_held is None else self.input_held[rows],
             head_of=None,
         )
 

@@ -99,4 +99,5 @@ def rows(record: IoData, first: int, last: int) -> IoData:
         compensation=None,
         reference=None,
         missing=None,
+        input_held=None,
     )

@@ -20,6 +20,7 @@ from flexarm_ident.fitting.validation import recover_gains, validate_dmv, valida
 from flexarm_ident.friction.dry_friction import refer_friction, validate_with_friction
 from flexarm_ident.records.iodata import Grade, IoData, as_records
 from flexarm_ident.records.preprocess import preprocess
+from flexarm_ident.records.unknown_inputs import known_parts
 from flexarm_ident.reduction.modal import reduce_model
 from flexarm_ident.workflow.outcome import Outcome
 from flexarm_ident.workflow.request import FEEDTHROUGH
@@ -83,7 +84,12 @@ def run(
         If the data or the request do not allow it.
     """
     report = progress or (lambda _stage, _fraction: None)
-    measured = [records] if isinstance(records, IoData) else list(records)
+    given = [records] if isinstance(records, IoData) else records
+    measured = [
+        part
+        for record in given
+        for part in (known_parts(record) if isinstance(record, IoData) else (record,))
+    ]
     _check_known_modes(request, measured[0])
     prepared = [_prepared(record, request) for record in measured]
     shown = as_records([record.shown for record in prepared])

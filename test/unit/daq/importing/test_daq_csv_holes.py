@@ -87,6 +87,8 @@ def test_missing_rows___are_a_hole_in_time(tmp_path: Path, late_s: float) -> Non
     assert np.flatnonzero(~record.usable).tolist() == list(range(OUT.start, OUT.stop))
     np.testing.assert_array_equal(record.y[record.usable], signals()[:, 1:][record.usable])
     assert (record.u[OUT] == signals()[OUT.start - 1, 0]).all()
+    assert record.input_held is not None
+    assert np.flatnonzero(record.input_held).tolist() == list(range(OUT.start, OUT.stop))
     (notice,) = record.notices
     assert notice.name == "lost_samples"
     assert "9 of 200 samples are missing, in 1 hole" in notice.text

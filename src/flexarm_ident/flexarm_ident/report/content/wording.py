@@ -40,6 +40,7 @@ CHECKS = {
     "input_condition": "Richness of the input",
     "too_short": "Length",
     "few_values": "Number of values",
+    "unknown_input": "Unknown input",
 }
 """Titles of the checks of the data, by the names of their warnings."""
 
