@@ -24,7 +24,7 @@ def pieces_of_reasons(module: Path) -> list[ast.AST]:
     """Return what a module gives as a reason, and its functions that this calls, however deep."""
     nodes = list(ast.walk(ast.parse(module.read_text("utf-8"))))
     functions = {node.name: node for node in nodes if isinstance(node, ast.FunctionDef)}
-    todo = [node.value for node in nodes if is_reason(node)]
+    todo: list[ast.AST] = list(filter(None, map(reason_in, nodes)))
     pieces: list[ast.AST] = []
     while todo:
         pieces.append(todo.pop())
@@ -33,10 +33,11 @@ def pieces_of_reasons(module: Path) -> list[ast.AST]:
     return pieces
 
 
-def is_reason(node: ast.AST) -> bool:
+def reason_in(node: ast.AST) -> ast.expr | None:
     if isinstance(node, ast.Assign):
-        return any(isinstance(each, ast.Name) and each.id == "reason" for each in node.targets)
-    return isinstance(node, ast.keyword) and node.arg == "reason"
+        named = any(isinstance(each, ast.Name) and each.id == "reason" for each in node.targets)
+        return node.value if named else None
+    return node.value if isinstance(node, ast.keyword) and node.arg == "reason" else None
 
 
 def calls_in(piece: ast.AST) -> Iterator[ast.Call]:
