@@ -53,6 +53,8 @@ def test_search___of_a_bowl___ends_at_its_bottom() -> None:
     rows = effects(best, measured)
     assert rows[0][0] == "best found"
     assert ("backlash_deg", "0.4") in [row[:2] for row in rows]
+    # The second pass comes to the same points once more.
+    assert len({row[:2] for row in rows}) == len(rows)
 
 
 def test_search___of_rigs_without_a_study___does_not_take_them() -> None:
