@@ -274,14 +274,14 @@ HEADINGS = (
 
 
 def effects(best: Point, measured: Sequence[Point]) -> list[tuple[str, ...]]:
-    """Return rows of the rigs beside the best one, each with one parameter changed."""
-    rows = [_row("best found", "", best)]
+    """Return rows of the start, the best rig, and those beside it: each has one other parameter."""
+    rows = [_row("start: the study's rig", "", measured[0]), _row("best found", "", best)]
     for name in best.changes:
         others = {key: value for key, value in best.changes.items() if key != name}
         rows += [
             _row(name, _text(point.changes[name]), point)
             for point in measured
-            if point is not best and others.items() <= point.changes.items()
+            if point != best and others.items() <= point.changes.items()
         ]
     return rows
 
