@@ -19,8 +19,8 @@ _GainsT = TypeVar("_GainsT", PdpGains, PiGains)
 # Large enough to repel the search from an unstable loop, small enough for its arithmetic.
 _WORST = 1e3
 _MET_WITHIN = 0.01
-# Kernels of linear algebra round differently, and a gradient over a tiny step makes a search's way
-# out of that: so steps are wide, and values have the digits that all kernels share.
+# Kernels of linear algebra round differently, and a gradient over a tiny step makes another way of
+# that: so steps are wide, and values have the digits that all kernels share.
 _STEP = 1e-3
 _SHARED_DECIMALS = 10
 
