@@ -11,6 +11,7 @@ from reproduction.chapter2 import (
     excitation,
     imperfections,
     modes,
+    sampling_rates,
     tables,
     thesis_way,
     validation,
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 _MODULES = (
     *(excitation, tables, modes, validation, claims, imperfections),
-    *(block_rows, thesis_way),
+    *(sampling_rates, block_rows, thesis_way),
     *(ranks, costs, updated_models, figures, responses, reduction_claims),
     *(pi, pdp, pdpc, ilqr, ilqr_claims, ilqr_designs),
     *(experiments, strain_sign, nominal_models),

@@ -143,7 +143,7 @@ def search(
     Returns
     -------
     tuple of Point and list of Point
-        The best point, and all that were measured, the start first.
+        The best point, and all that were measured, the start first, each once.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def search(
             here = values.index(best.changes[name])
             for way in (values[here + 1 :], values[:here][::-1]):
                 found, points = _along(name, way, best, measure, is_defined)
-                measured += points
+                measured += [point for point in points if point not in measured]
                 if found is not best:
                     best = found
                     break
@@ -236,7 +236,7 @@ def differing(changes: Mapping[str, Value]) -> Changes:
 
 
 @click.command()
-@count_option("--passes", 1)
+@count_option("--passes", 4)
 @count_option("--seeds", 1)
 @click.option("--only", "names", multiple=True, type=click.Choice(tuple(GRID)), help="Parameters.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes; by default one per core.")
@@ -274,14 +274,14 @@ HEADINGS = (
 
 
 def effects(best: Point, measured: Sequence[Point]) -> list[tuple[str, ...]]:
-    """Return rows of the rigs beside the best one, each with one parameter changed."""
-    rows = [_row("best found", "", best)]
+    """Return rows of the start, the best rig, and those beside it: each has one other parameter."""
+    rows = [_row("start: the study's rig", "", measured[0]), _row("best found", "", best)]
     for name in best.changes:
         others = {key: value for key, value in best.changes.items() if key != name}
         rows += [
             _row(name, _text(point.changes[name]), point)
             for point in measured
-            if point is not best and others.items() <= point.changes.items()
+            if point != best and others.items() <= point.changes.items()
         ]
     return rows
 

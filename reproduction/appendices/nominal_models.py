@@ -102,7 +102,7 @@ def compare(payload_kg: float, found: tuple[IdentifiedModel, ...]) -> Finding:
             agrees=not missing and bool(np.all(np.abs(rigid_db) <= GAP_DB)),
             same_ranking=not missing and _same_order(printed, found, contradiction <= GAP_DB),
             evidence=f"{flexible - len(missing)} of {flexible} printed flexible modes have one of "
-            f"ours within {100.0 * NEAR:.0f} %; from 0.3 to 1 Hz our gains are off by {gaps} dB "
+            f"ours within {100.0 * NEAR:.0f} %; from {_band(0)} Hz our gains are off by {gaps} dB "
             "(position to speed).",
             reason=_reason(missing, beam_hz, contradiction, np.median(gaps_db, axis=0)),
         ),

@@ -1,4 +1,4 @@
-"""Claims 2-5 to 2-7: noise and nonlinearity, the steps of preparation, the sampling rate."""
+"""Claims 2-5 and 2-6: noise and nonlinearity, and the steps of preparation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.experiments.catalogue import catalogue, experiment
+from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.records.preprocess import preprocess
 from reproduction.chapter2.order_survey import CUTOFF_HZ, best_error, prepared
 from reproduction.chapter2.tables import METHOD_TEXT, survey_calls, survey_of
@@ -169,66 +169,6 @@ def preparation_judgement(errors: Mapping[str, Sequence[Mapping[str, float]]]) -
     )
 
 
-PAIRS = {
-    f"{kind}_dat{low}": f"{kind}_dat{high}"
-    for kind, pairs in {
-        "O": ((1, 3), (2, 4), (5, 7), (6, 8), (9, 11), (10, 12), (13, 14)),
-        "B": ((1, 4), (2, 5), (3, 6), (7, 10), (8, 11), (9, 12)),
-    }.items()
-    for low, high in pairs
-}
-"""Experiments at 300 Hz and the same ones at 500 Hz."""
-
-
-def _rates(results: Results) -> Finding:
-    low = {name: survey_of(results, name).mean_dmv for name in PAIRS}
-    high = {name: survey_of(results, other).mean_dmv for name, other in PAIRS.items()}
-    quiet = {
-        name: tuple(results[Call(least_error, (each, 1, False, True))] for each in (name, other))
-        for name, other in PAIRS.items()
-    }
-    rows = tuple(
-        (
-            f"{name}, {other}",
-            f"{catalogue()[name].waveform.replace('_', ' ')} {catalogue()[name].magnitude_v:g} V",
-            spread(low[name]),
-            spread(high[name]),
-            *(f"{each:.3f}" for each in quiet[name]),
-        )
-        for name, other in PAIRS.items()
-    )
-    headings = ("records", "excitation", "300 Hz", "500 Hz", "300 Hz, no noise", "500 Hz, no noise")
-    low_mean = np.mean(list(low.values()), axis=0).tolist()
-    high_mean = np.mean(list(high.values()), axis=0).tolist()
-    medians = [(float(np.median(low[name])), float(np.median(high[name]))) for name in PAIRS]
-    return Finding(
-        rate_judgement(low_mean, high_mean, medians, list(quiet.values())),
-        (SideBySide("Mean error of the same experiment at both rates", headings, rows),),
-        text=(METHOD_TEXT,),
-    )
-
-
-def rate_judgement(
-    low: Sequence[float],
-    high: Sequence[float],
-    pairs: Sequence[tuple[float, float]],
-    quiet: Sequence[tuple[float, float]],
-) -> Judgement:
-    """Judge the errors at 300 and 500 Hz: means per seed, and those of each pair."""
-    p_value = sign_test(low, high)
-    won = sum(a < b for a, b in pairs)
-    won_quiet = sum(a < b for a, b in quiet)
-    return judged(
-        agrees=p_value < LEVEL,
-        same_ranking=2 * won > len(pairs),
-        evidence=f"Mean error over all pairs {np.median(low):.3f} at 300 Hz, {np.median(high):.3f} "
-        f"at 500 Hz: that 300 Hz is better {'holds' if p_value < LEVEL else 'does not hold'} "
-        f"({p_text(p_value)}). 300 Hz is better in {won} of {len(pairs)} pairs, without noise "
-        f"in {won_quiet}.",
-        reason=prose("claim-2-7.reason", cutoff_hz=CUTOFF_HZ),
-    )
-
-
 SUBJECTS = (
     subject(
         "claim-2-5",
@@ -243,13 +183,5 @@ SUBJECTS = (
         "claim-2-6",
         tuple(Call(step_errors, (record, seed)) for record in PREPARED for seed in SEEDS),
         _preparation,
-    ),
-    subject(
-        "claim-2-7",
-        (
-            *survey_calls(*PAIRS, *PAIRS.values()),
-            *(Call(least_error, (name, 1, False, True)) for name in (*PAIRS, *PAIRS.values())),
-        ),
-        _rates,
     ),
 )

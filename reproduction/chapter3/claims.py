@@ -153,6 +153,8 @@ def keeps_both(trial: ReductionTrial, way: str) -> bool:
 
 
 STABLE, UNSTABLE = "Ac3_18", "Ac3_21u"
+LEVEL_STATES = "level"
+"""Stage of the unstable example with as many states as the updated stable one."""
 KINDS: tuple[Validation, ...] = ("dmv", "sfv")
 UPDATES = {"updated": "mrmc", "updated_mrmc": "mrmc", "updated_msv": "msv"}
 """Stage that each update starts from; `updated` of Ac11_26 starts from MRM."""
@@ -228,13 +230,15 @@ def start_of(trial: ReductionTrial, stage: str) -> str:
 
 def claim_unstable(found: Trials) -> Finding:
     """Compare updated models from a stable and an unstable full model of the same records."""
-    rows, p_values, lower = [], {}, []
+    rows, p_values, lower, level_p = [], {}, [], []
     for noise, words in NOISES.items():
         for kind in KINDS:
             stable, unstable = (
                 means(found[code, noise], "updated", kind) for code in (STABLE, UNSTABLE)
             )
+            level = means(found[UNSTABLE, noise], LEVEL_STATES, kind)
             p_value = p_values[noise, kind] = sign_test(stable, unstable)
+            level_p.append(sign_test(stable, level))
             lower.append(bool(np.median(stable) < np.median(unstable)))
             rows.append(
                 (
@@ -244,6 +248,8 @@ def claim_unstable(found: Trials) -> Finding:
                     errors_text(unstable),
                     f"{int((stable < unstable).sum())} of {len(stable)}",
                     p_text(p_value),
+                    errors_text(level),
+                    f"{int((stable < level).sum())} of {len(stable)}",
                 )
             )
     applied = [
@@ -265,7 +271,12 @@ def claim_unstable(found: Trials) -> Finding:
                 for (noise, kind), value in p_values.items()
             )
             + ".",
-            reason=prose("claim-3-3.reason"),
+            reason=prose(
+                "claim-3-3.reason",
+                states=unstable_one.reduced[LEVEL_STATES].order,
+                held=sum(value < LEVEL for value in level_p),
+                compared=len(level_p),
+            ),
         ),
         tables=(
             SideBySide(

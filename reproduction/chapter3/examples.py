@@ -53,7 +53,8 @@ class Example:
     compensation
         Treatment of the Coulomb compensation in the input.
     unstable
-        Search for an order whose model has one slow unstable real eigenvalue.
+        The slow real eigenvalue that is outside the unit circle, in a model that has one: its order
+        is searched for.
     shown_seed
         The record that the figures show: the first one, or the first whose model of `order` is
         unstable.
@@ -64,7 +65,7 @@ class Example:
     order: int
     reduced: Mapping[str, Kept]
     compensation: Literal["remove", "keep"] = "remove"
-    unstable: bool = False
+    unstable: float = 0.0
     shown_seed: int = 1
 
     @property
@@ -245,6 +246,7 @@ STAGES: Mapping[str, str] = {
     "updated_mrmc": "updated, MRMC",
     "updated_msv": "updated, MSV",
     "further": "further reduced",
+    "level": "updated, as few states as from Ac3_18",
     "balanced": "balanced truncation",
 }
 

@@ -226,6 +226,7 @@ def _text(found: Records) -> tuple[str, ...]:
                 nearest=min(moved),
                 farthest=max(moved),
                 moved=abs(shown.moved[0]),
+                printed=example.unstable,
             )
         )
     return tuple(lines)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import control
 import matplotlib as mpl
 import numpy as np
-from scipy import signal
+from scipy import signal, stats
 
 from flexarm_ident.fitting.validation import frequency_response
 from flexarm_ident.models.modes import frequency_grid
@@ -25,12 +25,14 @@ from flexarm_ident.series.picture import (
 from reproduction.chapter3.examples import INITIAL, Records
 from reproduction.chapter3.trial import both_calls, means, records_of
 from reproduction.framework.findings import (
+    LEVEL,
     SENSORS,
     Finding,
     Plot,
     SideBySide,
     Subject,
     judged,
+    p_text,
     prose,
     subject,
     thesis_table,
@@ -149,7 +151,7 @@ def compare_forced(found: Records) -> Finding:
             evidence="The error by data matching becomes "
             + " and ".join(f"{change:.3f} times with {name}" for name, change in changes.items())
             + f"; the thesis's {_printed_change():.3f} times.",
-            reason="Our eigenvalues are farther outside the circle than the thesis's.",
+            reason=_forced_reason(found),
         ),
         tables=(SideBySide("Largest change of a gain by forcing", ("frequencies", "dB"), rows),),
         plots=tuple(
@@ -160,6 +162,22 @@ def compare_forced(found: Records) -> Finding:
             for name, stage in (("unstable", "unstable"), (_FORCED, INITIAL))
         ),
         text=(prose("figure-3-27.text", moved=abs(shown.moved[0]), moved_to=moved_to),),
+    )
+
+
+def _forced_reason(found: Records) -> str:
+    trials = (*found.low, *found.noisy)
+    outside = [abs(trial.moved[0]) for trial in trials]
+    changes = np.log(means(trials, INITIAL) / means(trials, "unstable"))
+    ranks = stats.spearmanr(outside, np.abs(changes))
+    return prose(
+        "figure-3-27.reason",
+        printed=found.example.unstable,
+        ours=np.median(outside),
+        records=len(trials),
+        correlated="correlate" if ranks.pvalue < LEVEL else "do not correlate",
+        rank=ranks.statistic,
+        p=p_text(float(ranks.pvalue)),
     )
 
 

@@ -12,6 +12,7 @@ from reproduction.chapter2 import (
     imperfections,
     modes,
     order_survey,
+    sampling_rates,
     tables,
     thesis_way,
     validation,
@@ -23,11 +24,15 @@ from support.chapter2_surveys import made_up_survey
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from reproduction.chapter2.sampling_rates import Errors
     from reproduction.framework.findings import Call, Finding, Judgement, Subject
 
 SUBJECTS: tuple[Subject, ...] = tuple(
     subject
-    for module in (tables, modes, validation, claims, imperfections, block_rows, thesis_way)
+    for module in (
+        *(tables, modes, validation, claims, imperfections),
+        *(sampling_rates, block_rows, thesis_way),
+    )
     for subject in module.SUBJECTS
 )
 AGREES, RANKING, DIFFERS = Verdict.AGREES, Verdict.SAME_RANKING, Verdict.DIFFERS
@@ -66,6 +71,7 @@ def made_up_result(call: Call) -> Any:  # noqa: ANN401 - what the call returns
             order: np.ones((len(SEEDS), points, 4), np.float32) for order in (18, 27)
         },
         imperfections.least_error: lambda *_: 0.01,
+        sampling_rates.even_error: lambda *_: 0.02,
         imperfections.step_errors: lambda *_: dict.fromkeys(
             (imperfections.ALL_STEPS, *imperfections.STEPS), 0.1
         ),
@@ -160,6 +166,20 @@ def test_errors_judgement___needs_errors_and_numbers_of_stable_orders() -> None:
     counts = {"a": (10.0, 12.0), "b": (10.0, 30.0), "c": (10.0, 30.0)}
     assert judge(printed, printed, stable=counts, reason="why").verdict is RANKING
     assert judge(printed, printed, stable={"a": (10.0, 12.0)}, reason="why").verdict is AGREES
+
+
+def test_table_2_1___says_how_far_the_same_experiment_is_apart_at_both_rates() -> None:
+    (subject,) = (each for each in SUBJECTS if each.key == "table-2-1")
+    fast = set(tables.PAIRS.values())
+    shape = (len(SEEDS), 4)
+    surveys = {
+        call: made_up_survey(name, chosen_dmv=np.full(shape, 0.9 if name in fast else 0.3))
+        for call in subject.needs
+        for name in call.arguments
+    }
+    judgement = subject.build(surveys).judgement
+    assert judgement.verdict is DIFFERS
+    assert "1.19 in the median and 1.82 at most, in ours by 3.00 and 3.00" in judgement.because
 
 
 def test_table_2_2___a_mode_needs_a_peak() -> None:
@@ -304,8 +324,17 @@ def test_claim_2_6___every_step_has_to_help() -> None:
 
 
 def test_claim_2_7___300_hz_has_to_be_better() -> None:
-    judge = imperfections.rate_judgement
-    won, lost = [(0.1, 0.2)] * 3, [(0.2, 0.1)] * 3
-    assert judge(LOW, HIGH, won, won).verdict is AGREES
-    assert judge(HIGH, LOW, won, lost).verdict is RANKING
-    assert judge(HIGH, LOW, lost, lost).verdict is DIFFERS
+    names = ("one", "two", "three")
+    low, high = dict.fromkeys(names, LOW), dict.fromkeys(names, HIGH)
+    # Two pairs are won by a little, and the third is lost by much.
+    mixed = {**dict.fromkeys(names, [0.09] * len(SEEDS)), "three": [0.3] * len(SEEDS)}
+    quiet = [(0.1, 0.2)] * len(names)
+
+    def judgement(slow: Errors, fast: Errors) -> Judgement:
+        return sampling_rates.rate_judgement(slow, fast, quiet, high)
+
+    assert judgement(low, high).verdict is AGREES
+    assert judgement(mixed, low).verdict is RANKING
+    lost = judgement(high, low)
+    assert lost.verdict is DIFFERS
+    assert "the slow ones are better in 0 of 3 pairs" in lost.because

@@ -9,10 +9,12 @@ from flexarm_ident.fitting.validation import validate_dmv
 from reproduction.chapter2 import (
     imperfections,
     order_survey,
+    sampling_rates,
     tables,
     validation,
 )
 from reproduction.chapter2.order_survey import ORDERS
+from reproduction.framework.study_rig import STUDY_RIG
 
 
 def test_orders_text___joins_neighbours() -> None:
@@ -27,10 +29,18 @@ def test_candidates___are_the_stable_orders___or_all() -> None:
 
 
 def test_pairs___differ_in_the_rate_alone() -> None:
-    for name, other in imperfections.PAIRS.items():
+    for name, other in tables.PAIRS.items():
         low, high = experiment(name), experiment(other)
         assert (low.rate_hz, high.rate_hz) == (300.0, 500.0)
         assert (low.waveform, low.magnitude_v) == (high.waveform, high.magnitude_v)
+
+
+def test_evened_pairs___are_as_long_and_their_noise_as_dense() -> None:
+    for name, other in tables.PAIRS.items():
+        slow, (fast, rig) = experiment(name), sampling_rates.evened(other)
+        assert fast.samples / fast.rate_hz == pytest.approx(slow.samples / slow.rate_hz)
+        for own_v, thesis_v in zip(rig.noise_v, STUDY_RIG.noise_v, strict=True):
+            assert own_v**2 / fast.rate_hz == pytest.approx(thesis_v**2 / slow.rate_hz)
 
 
 def test_least_error___of_a_linear_rig_without_noise___is_next_to_none() -> None:

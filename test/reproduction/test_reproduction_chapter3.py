@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from reproduction.chapter3.examples import ThesisRow
+    from reproduction.framework.findings import Judgement
 
 SUBJECTS = tuple(
     subject
@@ -143,7 +144,7 @@ def test_table_3_b___says_why_only_when_it_differs() -> None:
     assert "MSV before MRM by DMV" in made.judgement.because
 
 
-def figure_verdict(number: str, delta: Sequence[float], full: float = 0.3476) -> Verdict:
+def figure_judgement(number: str, delta: Sequence[float], full: float = 0.3476) -> Judgement:
     figure = next(each for each in figures.FIGURES if each.number == number)
     key = (figure.stage, figure.validation)
     time = np.arange(600, dtype=np.float32)[:, None] * np.ones(4, dtype=np.float32)
@@ -155,7 +156,11 @@ def figure_verdict(number: str, delta: Sequence[float], full: float = 0.3476) ->
     )
     assert len(finding.plots) == 4
     assert all("<svg" in plot.svg for plot in finding.plots)
-    return finding.judgement.verdict
+    return finding.judgement
+
+
+def figure_verdict(number: str, delta: Sequence[float]) -> Verdict:
+    return figure_judgement(number, delta).verdict
 
 
 def test_figures___of_full_models_are_judged_by_each_sensor() -> None:
@@ -171,6 +176,9 @@ def test_figures___of_reduced_models_are_judged_by_their_cost_and_by_each_sensor
     assert figure_verdict("3-3", [0.5] * 4) is RANKING
     assert figure_verdict("3-3", [0.36] * 4) is DIFFERS
     assert figure_verdict("3-4", [0.7] * 4) is DIFFERS
+    more = figure_judgement("3-4", [0.7] * 4).because
+    assert "make all of it" in more
+    assert "in 0 of 1 no more than in the thesis" in more
 
 
 def test_figures___runaways_are_counted() -> None:
@@ -221,17 +229,38 @@ def test_figure_3_8___all_three_modes_have_to_stand_out(modes: int, verdict: Ver
     assert "<svg" in finding.plots[0].svg
 
 
-def test_figure_3_27___forcing_may_not_cost() -> None:
-    def verdict(stable: float) -> Verdict:
-        levels = {("unstable", "dmv"): [0.4] * 4, (INITIAL, "dmv"): [stable] * 4}
+def test_figure_3_27___tells_whether_an_eigenvalue_farther_outside_changes_more() -> None:
+    def because(*changes: float) -> str:
         model = resonant(9.0)
         found = [
             trial(
-                levels,
-                EXAMPLES["Ac3_21u"].shown_seed,
-                moved=(1.00002 + 0j,),
+                {("unstable", "dmv"): [0.4] * 4, (INITIAL, "dmv"): [0.4 * change] * 4},
+                seed,
+                moved=(1.0 + 1e-4 * seed + 0j,),
                 models={"unstable": model, INITIAL: model},
             )
+            for seed, change in enumerate(changes, start=1)
+        ]
+        made = responses.compare_forced(Records(EXAMPLES["Ac3_21u"], found, found))
+        return made.judgement.because
+
+    rising = because(0.9, 0.8, 0.7, 0.6, 0.5)
+    assert "1.0000235 in the thesis and at 1.0003000 in ours" in rising
+    assert "the ranks of both correlate (Spearman 1.00" in rising
+    assert "do not correlate" in because(0.7, 0.5, 0.9, 0.6, 0.8)
+
+
+def test_figure_3_27___forcing_may_not_cost() -> None:
+    def verdict(stable: float) -> Verdict:
+        model = resonant(9.0)
+        found = [
+            trial(
+                {("unstable", "dmv"): [0.4] * 4, (INITIAL, "dmv"): [stable + 1e-3 * place] * 4},
+                EXAMPLES["Ac3_21u"].shown_seed + place,
+                moved=(1.00002 + 1e-5 * place + 0j,),
+                models={"unstable": model, INITIAL: model},
+            )
+            for place in range(3)
         ]
         made = responses.compare_forced(Records(EXAMPLES["Ac3_21u"], found, found))
         assert {change for _, change in made.tables[0].rows} == {"0.00"}

@@ -82,21 +82,25 @@ def test_claim_3_2___the_update_has_to_be_better() -> None:
 
 
 def test_claim_3_3___the_stable_one_has_to_be_better() -> None:
-    def verdict(unstable: float, seeds_lost: int = 0) -> Verdict:
+    def judgement(unstable: float, seeds_lost: int = 0) -> Judgement:
         def levels(code: str, seed: int) -> Levels:
             bad = 0.4 if seed <= seeds_lost else 0.3
             mean = unstable if code == claims.UNSTABLE else bad
-            pair = {("updated", kind): [mean] * 4 for kind in ("dmv", "sfv")}
+            kinds = ("dmv", "sfv")
+            pair = {(stage, kind): [mean] * 4 for stage in ("updated", "level") for kind in kinds}
             return {("mrmc", "dmv"): [0.6] * 4, **pair}
 
         codes = (claims.STABLE, claims.UNSTABLE)
-        return claims.claim_unstable(claim_trials(codes, levels)).judgement.verdict
+        return claims.claim_unstable(claim_trials(codes, levels)).judgement
 
-    assert verdict(0.35) is AGREES
-    assert verdict(0.35, seeds_lost=8) is RANKING
-    assert verdict(0.25) is DIFFERS
+    assert judgement(0.35).verdict is AGREES
+    assert judgement(0.35, seeds_lost=8).verdict is RANKING
+    assert judgement(0.25).verdict is DIFFERS
+    assert "Reduced to 10 states" in judgement(0.25).because
+    assert "in 0 of 4 comparisons" in judgement(0.25).because
     # The update made nothing better.
-    assert verdict(0.7) is DIFFERS
+    assert judgement(0.7).verdict is DIFFERS
+    assert "in 4 of 4 comparisons" in judgement(0.7).because
 
 
 def kept_stage(kept: Sequence[str], bending: int) -> Stage:

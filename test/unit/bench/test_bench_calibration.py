@@ -51,8 +51,10 @@ def test_search___of_a_bowl___ends_at_its_bottom() -> None:
     assert best.changes == {"backlash_deg": 0.3, "breakaway_ratio": 1.0}
     assert measured[0].changes == start
     rows = effects(best, measured)
-    assert rows[0][0] == "best found"
+    assert [row[0] for row in rows[:2]] == ["start: the study's rig", "best found"]
     assert ("backlash_deg", "0.4") in [row[:2] for row in rows]
+    # The second pass comes to the same points once more.
+    assert len({row[:2] for row in rows}) == len(rows)
 
 
 def test_search___of_rigs_without_a_study___does_not_take_them() -> None:

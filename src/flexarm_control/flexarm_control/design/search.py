@@ -19,6 +19,10 @@ _GainsT = TypeVar("_GainsT", PdpGains, PiGains)
 # Large enough to repel the search from an unstable loop, small enough for its arithmetic.
 _WORST = 1e3
 _MET_WITHIN = 0.01
+# Kernels of linear algebra round differently, and a gradient over a tiny step makes another way of
+# that: so steps are wide, and values have the digits that all kernels share.
+_STEP = 1e-3
+_SHARED_DECIMALS = 10
 
 
 @dataclass(frozen=True)
@@ -77,19 +81,21 @@ def search(
         # The response of an unstable loop may overflow; it then has the worst value.
         with np.errstate(over="ignore", invalid="ignore"):
             value = criterion(np.clip(values, lower, upper))
-        return min(value, _WORST) if np.isfinite(value) else _WORST
+        value = min(value, _WORST) if np.isfinite(value) else _WORST
+        return float(np.round(value, _SHARED_DECIMALS))
 
     def bounded_excess(values: FloatArray) -> FloatArray:
-        return excess(np.clip(values, lower, upper))
+        return np.round(excess(np.clip(values, lower, upper)), _SHARED_DECIMALS)
 
     # Both clip their argument: the optimiser oversteps its bounds by rounding errors.
     result = minimize(
         bounded_criterion,
         np.clip(gain_values(start), lower, upper),
         method="SLSQP",
+        jac="3-point",
         bounds=bounds,
         constraints=NonlinearConstraint(bounded_excess, 0.0, np.inf),
-        options={"ftol": 1e-6, "maxiter": 200},
+        options={"ftol": 1e-6, "maxiter": 200, "finite_diff_rel_step": _STEP},
     )
     found = np.clip(result.x, lower, upper)
     value = bounded_criterion(found)

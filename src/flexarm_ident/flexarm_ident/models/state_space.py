@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from flexarm_core.arrays import ComplexArray, FloatArray
 
@@ -29,6 +29,9 @@ INTEGRATOR_RADIUS = 1.0 - 1e-8
 """Magnitude of an integrator: 100 million samples, and clear of the rounding of eigenvalues."""
 # Estimates of an integrator's eigenvalue lie within that distance of 1.
 _NEAR_ONE = 2.0 / 3000.0
+# Part by which eigenvalues that come to the same place are kept from each other.
+_APART = 1e-6
+_SAME_PLACE = 1e-9
 
 
 def state_space(
@@ -94,7 +97,8 @@ def is_stable(A: FloatArray) -> bool:
 def stabilise(A: FloatArray, way: Way = "mirror") -> tuple[FloatArray, int]:
     """Move the eigenvalues on or outside the unit circle inside, keeping the other modes.
 
-    The frequencies stay. There are three ways:
+    The frequencies stay. Real eigenvalues that would come to the same place are kept a millionth
+    from each other, since equal ones have no modes of their own. There are three ways:
 
     - ``mirror``: the magnitude r becomes 1/r, which turns growth into decay of the same rate, and
       0.9999 at most;
@@ -157,9 +161,24 @@ def moved(start: Spectrum, way: Way) -> Spectrum:
     # Those that stay do so to the last bit: fits of several ways share what depends on them.
     factor = np.divide(target, radius, out=np.ones_like(radius), where=radius > 0.0)
     inside = np.where(target == radius, eigenvalues, eigenvalues * factor)
+    inside = _kept_apart(inside, np.flatnonzero((outside | near) & (inside.imag == 0.0)), radius)
     stable = np.linalg.solve(vectors.T, (vectors * inside).T).T.real
     largest = np.abs(np.linalg.eigvals(stable)).max()
     if largest >= 1.0:
         # Eigenvectors so close to each other do not allow moving one eigenvalue alone.
         stable, inside = stable * (STABLE_RADIUS / largest), inside * (STABLE_RADIUS / largest)
     return Spectrum(np.asarray(stable), inside, vectors, int(outside.sum()))
+
+
+def _kept_apart(moved: ComplexArray, real: NDArray[np.intp], radius: FloatArray) -> ComplexArray:
+    """Part the `real` ones among moved eigenvalues; the one that was farthest outside comes first.
+
+    Any mix of two equal modes is one, and the rounding of a processor would choose among them.
+    """
+    parted = moved.copy()
+    taken: list[complex] = []
+    for i in sorted(real, key=lambda each: -radius[each]):
+        same = sum(abs(moved[i] - other) < _SAME_PLACE for other in taken)
+        taken.append(moved[i])
+        parted[i] = moved[i] * (1.0 - same * _APART)
+    return parted

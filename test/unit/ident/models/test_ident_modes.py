@@ -166,6 +166,18 @@ def test_stabilise___each_way___has_its_magnitudes(
         assert np.abs(found - expected).min() < 1e-6
 
 
+def test_stabilise___two_that_come_to_the_same_place___keep_their_modes() -> None:
+    T = np.random.default_rng(8).normal(size=(4, 4))
+    stable, _ = stabilise(unstable(T), "clamp")
+    # The last two columns are the directions of 1.0004 and 1.001.
+    for column, radius in ((T[:, 3], 0.9999), (T[:, 2], 0.9999 * (1.0 - 1e-6))):
+        np.testing.assert_allclose(stable @ column, radius * column, rtol=0.0, atol=1e-11)
+    values, vectors = np.linalg.eig(stable)
+    for column in (T[:, 2], T[:, 3]):
+        along = np.abs(vectors.conj().T @ column) / np.linalg.norm(column)
+        assert along[np.isclose(values, 0.9999, atol=1e-5)].max() == pytest.approx(1.0, abs=1e-8)
+
+
 def test_stabilise___stable_matrix___is_returned_as_it_is() -> None:
     A = random_model(7).A
     stable, moved = stabilise(A)

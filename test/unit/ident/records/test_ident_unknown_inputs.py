@@ -84,7 +84,13 @@ def test_known_parts___input_known_throughout___is_the_record_itself() -> None:
 
 def test_io_data___input_held_of_another_length___is_refused() -> None:
     with pytest.raises(DataError, match="input_held has 2 samples, u has 3"):
-        IoData(np.arange(3.0), np.ones((3, 1)), dt_s=1.0, outputs=("y",), input_held=np.array([False, True]))
+        IoData(
+            np.arange(3.0),
+            np.ones((3, 1)),
+            dt_s=1.0,
+            outputs=("y",),
+            input_held=np.array([False, True]),
+        )
 
 
 def test_run___free_mass_and_a_hole_with_an_unknown_input___is_as_good_as_without() -> None:
