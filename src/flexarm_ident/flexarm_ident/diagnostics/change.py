@@ -40,6 +40,8 @@ _SIGNIFICANCE = 1e-6
 _SMALLEST_CHANGE = 0.1
 # Evidence of a change of the drive that makes the test of the plant void.
 _DRIVE_SIGNIFICANCE = 0.01
+# Deviation on one side in units of that on the other, below which an output has stopped moving.
+_STOPPED = 0.1
 # Samples of a side in units of the model's coefficients of one output.
 _SAMPLES_PER_COEFFICIENT = 10
 _SMALLEST_ERROR = 1e-12
@@ -124,10 +126,20 @@ def _warning(record: IoData, changed: str, found: _Change, parts: Sequence[Segme
     return DataWarning(
         f"{changed}_changed",
         f"the {changed} changes in mid-record, near {instant(row, record.dt_s)}: a model of one "
-        f"side predicts the other {_worse(found.loss)} its own; identify the parts separately",
+        f"side predicts the other {_worse(found.loss)} its own; {_remedy(record, row)}",
         {"row": float(row), "loss": found.loss, "p_value": found.p_value},
         grade=Grade.CAUTION if changed == "plant" else Grade.INFORMATION,
     )
+
+
+def _remedy(record: IoData, row: int) -> str:
+    """Return what to do, given the first row behind the change."""
+    sides = [part.std(axis=0) for part in (record.y[:row], record.y[row:])]
+    stopped = np.min(sides, axis=0) < _STOPPED * np.max(sides, axis=0)
+    if not stopped.any() or stopped.all():
+        return "identify the parts separately"
+    names = ", ".join(np.array(record.outputs)[stopped].tolist())
+    return f"{names} hardly moves on one side: check the sensor, and leave those rows out"
 
 
 def _worse(loss: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import control
@@ -230,6 +231,14 @@ def test_plant_changed___other_payload_in_mid_record___is_named_near_its_row(
     percent, times = 100.0 * found["loss"], 1.0 + found["loss"]
     worse = f"{percent:.0f} % worse than" if times < 2.0 else f"{times:.0f} times as badly as"
     assert f"predicts the other {worse} its own" in text
+
+
+def test_plant_changed___gauge_that_gives_noise_from_mid_record_on___names_the_sensor() -> None:
+    data = answer(DRIVES["white"](np.random.default_rng(6)), 6)
+    y, half = data.y.copy(), SAMPLES // 2
+    y[half:, 2] = 0.01 * y[:, 2].std() * np.random.default_rng(7).normal(size=SAMPLES - half)
+    (text,) = [str(each) for each in changes(replace(data, y=y)) if each.name == "plant_changed"]
+    assert "middle_strain_v hardly moves on one side: check the sensor" in text
 
 
 def test_plant_changed___sweep_of_a_steady_plant___is_not_called_so() -> None:
