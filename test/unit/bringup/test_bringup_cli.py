@@ -95,3 +95,11 @@ def test_verb___misspelt___is_told_with_the_nearest(misspelt: str, verb: str) ->
     done = CliRunner().invoke(main, [misspelt])
     assert done.exit_code == 2
     assert f"No such command '{misspelt}'. Did you mean {verb}?" in done.output
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_place_of_results___is_called_the_same_by_every_verb(verb: str) -> None:
+    command = main.get_command(click.Context(main), verb)
+    assert command is not None
+    names = [option.opts for option in command.params]
+    assert all("-o" in each for each in names if "--out" in each)

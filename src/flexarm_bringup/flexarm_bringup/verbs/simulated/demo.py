@@ -26,12 +26,14 @@ _PLANNED_S = 3.0
 
 
 @click.command()
-@click.option("--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True)
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True
+)
 @run_options
 @examples(
     "demo",
     "demo --fast --payload 0.4 --seed 7",
-    "demo --out /tmp/arm --keep-bag",
+    "demo -o /tmp/arm --keep-bag",
     "demo --live",
     "demo --real-time",
 )

@@ -67,7 +67,7 @@ class Designed(NamedTuple):
     help="pdp: its gains, run as pdpc.",
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("out/design"), show_default=True
 )
 @run_options
 @examples(

@@ -80,7 +80,7 @@ class LearnSettings(RunSettings):
 )
 @click.option("--from-nothing", is_flag=True, help="Begin without the command of the model.")
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("out/learn"), show_default=True
+    "-o", "--out", type=click.Path(path_type=Path), default=Path("out/learn"), show_default=True
 )
 @run_options
 @examples(
