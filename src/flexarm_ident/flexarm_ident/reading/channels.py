@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_bags.reader import Bag, Grouped
+    from flexarm_core.arrays import BoolArray
     from flexarm_ident.reading.common_grid import CommonRows
     from flexarm_ident.reading.fields import Field
     from flexarm_ident.reading.tracks import Track
@@ -121,6 +122,7 @@ def selected(bag: Bag, chosen: Selection) -> IoData:
         outputs=tuple(field.name for field in chosen.outputs),
         source=str(bag.path),
         notices=tuple(said),
+        input_held=_unknown(found, inputs),
     )
 
 
@@ -191,11 +193,23 @@ def _restarted(signals: Sequence[Track]) -> Iterator[DataWarning]:
             yield DataWarning("restarted", text, {"places": float(signal.restarts)})
 
 
+def _lost_of(signal: Track) -> int:
+    """Return the number of messages that an input lacks; one that is sent when it changes, none."""
+    lost = lost_messages(signal.times_ns)
+    return lost if lost < _ON_CHANGE * len(signal.values) else 0
+
+
+def _unknown(found: CommonRows, inputs: Sequence[Track]) -> BoolArray | None:
+    """Return the rows, (rows,), in which the messages of an input are lost; None without any."""
+    gaps = [found.in_gap(number) for number, signal in enumerate(inputs) if _lost_of(signal)]
+    unknown = np.any(gaps, axis=0) if gaps else np.zeros(len(found.rows), dtype=np.bool_)
+    return unknown if unknown.any() else None
+
+
 def _lost(inputs: Sequence[Track]) -> Iterator[DataWarning]:
-    """Yield the inputs that lack messages; one that is sent when it changes lacks none."""
+    """Yield the inputs that lack messages."""
     for signal in inputs:
-        lost = lost_messages(signal.times_ns)
-        if 0 < lost < _ON_CHANGE * len(signal.values):
+        if lost := _lost_of(signal):
             text = (
                 f"{counted(lost, 'message')} of {signal.label} did not reach the recorder: what "
                 "they did to the outputs counts as noise"

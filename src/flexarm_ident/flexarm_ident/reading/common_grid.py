@@ -53,6 +53,8 @@ class CommonRows:
         The densest output.
     rows : ndarray of int, (rows,)
         Places of the rows on the grid: those in which every signal is there.
+    acting : tuple of ndarray, (messages,)
+        Instants of each input's messages, in periods of the grid.
     """
 
     u: FloatArray
@@ -60,6 +62,18 @@ class CommonRows:
     grid: Grid
     lead: Track
     rows: Integers
+    acting: tuple[FloatArray, ...]
+
+    def in_gap(self, number: int) -> NDArray[np.bool_]:
+        """Return the rows, (rows,), in which messages of one input should have come and did not."""
+        instants = self.acting[number]
+        steps = np.diff(instants)
+        usual = float(np.median(steps))
+        gaps = np.flatnonzero(steps > _LONGEST_GAP * usual)
+        # Its last message before a gap was in force for a step.
+        begins, ends = instants[gaps] + usual, instants[gaps + 1]
+        gap = np.searchsorted(begins, self.rows, side="right") - 1
+        return np.asarray((gap >= 0) & (self.rows < np.append(ends, -np.inf)[gap]))
 
 
 def common_rows(
@@ -111,7 +125,7 @@ def common_rows(
         else _splined(at, signal.values, rows)
         for at, signal in zip(sampled, outputs, strict=True)
     ]
-    return CommonRows(np.stack(u, axis=1), np.stack(y, axis=1), grid, lead, rows)
+    return CommonRows(np.stack(u, axis=1), np.stack(y, axis=1), grid, lead, rows, tuple(acting))
 
 
 def _instants(signal: Track, kept_ns: Integers, grid: Grid) -> FloatArray:
