@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 import scipy
@@ -10,7 +12,10 @@ from flexarm_ident import IoData
 from flexarm_ident.report.content.blocks import Facts, Subject, Words
 from flexarm_ident.report.sections import model, residuals
 from flexarm_ident.workflow.request import Request
-from flexarm_ident.workflow.stages import Outcome, run
+from flexarm_ident.workflow.stages import run
+
+if TYPE_CHECKING:
+    from flexarm_ident.workflow.outcome import Outcome
 
 DT_S, SAMPLES = 0.01, 4000
 MODE_RAD_S, DAMPING = 2.0 * np.pi * 3.1, 0.03
