@@ -9,7 +9,13 @@ from flexarm_core.labels import counted
 from flexarm_ident.estimation.candidates import fitted
 from flexarm_ident.estimation.direct_term import calls_for_feedthrough
 from flexarm_ident.estimation.identification import Identification
-from flexarm_ident.estimation.simulation_fit import likely, may_be_likely, refined, with_friction
+from flexarm_ident.estimation.simulation_fit import (
+    INTEGRATES,
+    likely,
+    may_be_likely,
+    refined,
+    with_friction,
+)
 from flexarm_ident.estimation.streaming import excerpt
 from flexarm_ident.estimation.weighing import Choice, weigh
 from flexarm_ident.models.state_space import is_stable
@@ -232,7 +238,7 @@ def _linear_model(
     elif not is_stable(model.A):
         notes.append(f"the model of order {order} is unstable")
     if way == "integrator":
-        notes.append("the model integrates: an eigenvalue next to 1 was taken for exactly that")
+        notes.append(INTEGRATES)
     return Identification(
         model=model,
         x0=fit.x0,

@@ -77,9 +77,9 @@ def plot_stabilisation(
     axes = _new() if axes is None else axes
     for mode in physical:
         axes.axvline(mode.frequency_hz, color="C0", linewidth=5.0, alpha=0.3)
-    for name, look, is_stable in (("new", "s", False), ("stable", "o", True)):
-        seen = [each for each in diagram.poles if each.admissible and each.stable is is_stable]
-        color = "black" if is_stable else "0.7"
+    for name, look, stays in (("new", "s", False), ("stays", "o", True)):
+        seen = [each for each in diagram.poles if each.admissible and each.stable is stays]
+        color = "black" if stays else "0.7"
         places = [each.frequency_hz for each in seen], [each.order for each in seen]
         axes.plot(*places, look, color=color, markersize=3, linestyle="none", label=name)
     axes.axhline(order, color="C1", linestyle="--", label=f"order {order}")

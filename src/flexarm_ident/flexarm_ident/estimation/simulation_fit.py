@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 
 ARM = "arm"
 """Method of a model that is an arm with dry friction."""
+INTEGRATES = "the model integrates: an eigenvalue next to 1 was taken for exactly that"
+"""Note on a model with an integrator."""
 # Samples of all records together; more would take minutes for little more accuracy.
 _REFINED_SAMPLES = 20_000
 _LIKELY_SAMPLES = 100_000
@@ -49,6 +51,8 @@ _LIKELY_WHOLE_SAMPLES = 1_000_000
 # The likelihood weights outputs by their noise, so that their mean error may rise.
 _NO_WORSE = 1.03
 _STANDS_OUT = 3.0
+# Distance from 1 at which the likelihood's search keeps an eigenvalue, and more.
+_NEXT_TO_ONE = 1e-6
 
 
 def is_compensated(records: Sequence[IoData]) -> bool:
@@ -177,7 +181,9 @@ def likely(found: Identification, *, progress: Progress | None = None) -> Identi
         f"{found.choice}; maximum likelihood made it order {better.order}, and what its simulation "
         "misses is noise"
     )
-    return replace(better, choice=reason, notes=found.notes)
+    # Eigenvalues that were moved are the start's, and not in this model.
+    kept = (INTEGRATES,) if INTEGRATES in found.notes and _integrates(better.model) else ()
+    return replace(better, choice=reason, notes=kept)
 
 
 def refined(
@@ -246,6 +252,7 @@ def _most_likely(
         fit_error=fit.error,
         start_error=found.fit_error,
         likelihood=fit,
+        moved_eigenvalues=0,
         notes=(*found.notes, _likely_note(found.order, fit.model.nstates)),
     )
 
@@ -255,6 +262,10 @@ def _likely_note(before: int, after: int) -> str:
     if after == before:
         return note
     return f"{note}; order {after} instead of {before}, as what was left out followed the noise"
+
+
+def _integrates(model: control.StateSpace) -> bool:
+    return bool(np.abs(np.linalg.eigvals(model.A) - 1.0).min() < _NEXT_TO_ONE)
 
 
 def _obstacle(layout: ArmLayout, *, replaceable: bool) -> str:

@@ -5,9 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexarm_ident.diagnostics.stabilisation import RecurringMode
+from flexarm_ident.estimation.physical_modes import JudgedMode
 from flexarm_ident.report.content.blocks import Subject, Words
 from flexarm_ident.report.content.wording import ranges
-from flexarm_ident.report.sections.order import SECTION
+from flexarm_ident.report.sections.order import (
+    SECTION,
+    near_modes,
+    pair_words,
+    recurring_table,
+)
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 from support.ident_systems import arm_model, record
@@ -32,8 +39,77 @@ def test_order_section___words___tell_the_kinds_of_stability_apart(
     first, _, diagram, model, *_ = words
     assert first.startswith(f"The full model has order {found.order}, {how}.")
     # Eleven of twelve block rows are the largest order.
-    assert "the modes of the models of orders 7 to 11. A mode is called stable when the" in diagram
+    assert "the modes of the models of orders 7 to 11. A mode stays when the" in diagram
+    assert "stable" not in diagram
     stable = [
         n for n in range(7, 12) if np.abs(np.linalg.eigvals(found.subspace.matrices(n).A)).max() < 1
     ]
     assert model.endswith(f"models of these orders were so: {ranges(stable) or 'none'}.")
+
+
+def judged(
+    frequency_hz: float,
+    *,
+    scatter_hz: float = 0.02,
+    damping_scatter: float = 0.004,
+    physical: bool = True,
+) -> JudgedMode:
+    mode = RecurringMode(
+        frequency_hz=frequency_hz,
+        damping_ratio=0.0412345,
+        frequency_std_hz=scatter_hz,
+        damping_std=damping_scatter,
+        count=3,
+        share=0.6,
+        orders=(7, 8, 9),
+        frequencies_hz=(frequency_hz,) * 3,
+        shape=np.ones(4, dtype=complex),
+    )
+    return JudgedMode(mode, 0.266, physical)
+
+
+def test_recurring_table___two_physical_modes_at_one_place___are_no_two_modes_of_the_plant() -> (
+    None
+):
+    modes = [judged(9.107), judged(43.25), judged(45.36)]
+    assert near_modes(modes) == [(43.25, 45.36)]
+    (words,) = pair_words(modes)
+    assert words.startswith("43.25 and 45.36 Hz stand less than 6 % apart.")
+    assert "at most one of them is the plant's" in words
+    told = [row[-1] for row in recurring_table(modes).rows]
+    assert told == ["yes", "one of these at most", "one of these at most"]
+
+
+@pytest.mark.parametrize(
+    "modes",
+    [
+        [judged(9.4), judged(24.1), judged(45.6)],
+        [judged(43.25), judged(46.2)],
+        [judged(48.0), judged(50.0, physical=False)],
+        [],
+    ],
+    ids=["beam", "far enough", "hum beside a mode", "none"],
+)
+def test_recurring_table___modes_apart___have_no_warning(modes: list[JudgedMode]) -> None:
+    assert pair_words(modes) == []
+    told = [row[-1] for row in recurring_table(modes).rows]
+    assert told == ["yes" if each.is_physical else "no" for each in modes]
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "scatter_hz", "expected"),
+    [
+        (3.1000575, 5.4e-6, ("3.100", "< 0.001")),
+        (25.0213, 0.4512, ("25.02", "0.45")),
+        (0.57311, 0.00123, ("0.5731", "0.0012")),
+        (12345.6, 70.4, ("12346", "70")),
+    ],
+)
+def test_recurring_table___frequency___has_few_digits_and_no_deviation(
+    frequency_hz: float, scatter_hz: float, expected: tuple[str, str]
+) -> None:
+    table = recurring_table([judged(frequency_hz, scatter_hz=scatter_hz, damping_scatter=1e-7)])
+    (row,) = table.rows
+    assert row[:4] == (*expected, "0.0412", "< 0.0001")
+    assert table.header[:2] == ("Frequency, Hz", "Scatter over orders, Hz")
+    assert not any("±" in cell for cell in row)

@@ -105,6 +105,26 @@ def test_axis___range___has_round_ticks(axis: Axis, expected: dict[float, str]) 
     assert [place for place, _ in axis.marks()] == pytest.approx(list(expected), abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [
+        (2.8, 19.0, ["3", "5", "7", "10"]),
+        (0.5, 40.0, ["0.5", "0.7", "1", "2", "3", "5", "7", "10", "20", "30"]),
+        (0.4, 90.0, ["0.5", "1", "2", "5", "10", "20", "50"]),
+        (0.1, 150.0, ["0.1", "1", "10", "100"]),
+        (9.0, 9.9, ["9", "9.2", "9.4", "9.6", "9.8"]),
+    ],
+)
+def test_axis___logarithmic___has_ticks_near_its_ends(
+    low: float, high: float, expected: list[str]
+) -> None:
+    axis = Axis("", float(np.log10(low)), float(np.log10(high)), log=True)
+    places, words = zip(*axis.marks(), strict=True)
+    assert list(words) == expected
+    values = [float(each) for each in words]
+    assert places == pytest.approx(np.log(np.divide(values, low)) / np.log(high / low), abs=1e-9)
+
+
 def test_axis___second_unit___has_its_own_ticks_at_the_same_values() -> None:
     axis = Axis("position, V", -3.0, 3.0, second=SecondUnit("deg", 35.0 / 3.0))
     marks = axis.second_marks()
@@ -191,6 +211,47 @@ def test_plot___any___is_an_element_with_labels(
     assert views
     assert all(view.get("aria-label") for view in views)
     assert expected <= texts(plot)
+
+
+def classes(plot: str, kind: str) -> list[str]:
+    """Return the classes of all elements of a kind."""
+    nodes = ET.fromstring(plot).iter()  # noqa: S314 (own text)
+    return [name for node in nodes if kind in (name := node.get("class") or "").split()]
+
+
+def test_step_plot___panels_with_and_without_degrees___are_as_wide() -> None:
+    areas = classes(a_step(), "area")
+    assert len(areas) == 4
+    assert len(set(areas)) == 1
+    without = input_plot(times(300), np.sin(times(300)), "current_a")
+    assert classes(without, "area") != areas[:1]
+
+
+def legends(plot: str) -> dict[str, list[str]]:
+    """Return the entries of the legend above all panels, and of those beside the axes' names."""
+    found: dict[str, list[str]] = {}
+    for node in ET.fromstring(plot).iter():  # noqa: S314 (own text)
+        keys = node.find("*[@class='keys']")
+        if keys is not None:
+            found[node.findtext("span") or ""] = ["".join(each.itertext()) for each in keys]
+    return found
+
+
+def test_step_plot___legends___stand_at_their_panels() -> None:
+    assert legends(a_step()) == {
+        "position, V": ["position", "set-point"],
+        "strain, V": ["base strain", "middle strain"],
+    }
+
+
+def test_frequency_plot___curves_of_both_panels___have_one_legend() -> None:
+    found = frequency_plot(
+        {"full": arm_model(), "reduced": arm_model()},
+        3,
+        frequencies_hz=frequency_grid(arm_model(), 0.1),
+        deviation=np.ones(len(frequency_grid(arm_model(), 0.1))),
+    )
+    assert legends(found) == {"": ["full", "reduced"], "gain, dB (V/V)": ["two deviations"]}
 
 
 def match(y: FloatArray, simulated: FloatArray, name: str = "position_v") -> Match:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from flexarm_ident.report.plots.shape_plot import shape_plot
 from flexarm_ident.report.sections.shapes import SECTION
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
-from support.ident_systems import random_model, record
+from support.ident_systems import named, random_model, record
 
 
 def subject(outputs: int) -> Subject:
@@ -57,3 +59,15 @@ def test_shape_plot__outputs___have_a_bar_a_point_and_a_name_each() -> None:
     for name in ("angle", "strain", "speed"):
         assert f">{name}<" in plot
     assert "shape of the mode at 9.4 Hz over 3 outputs" in plot
+
+
+def test_shapes__output_that_hardly_moves___is_not_told_as_still() -> None:
+    outcome = subject(3).outcome
+    whole = outcome.model
+    faint = named(whole.A, whole.B, whole.C * np.array([[1.0], [1e-4], [1.0]]), whole.D)
+    outcome = replace(outcome, identification=replace(outcome.identification, model=faint))
+    _, table, _ = SECTION.build(Subject(outcome, "rig", {}))
+    assert isinstance(table, Table)
+    sizes = [float(row[2].split(", ")[0]) for row in table.rows]
+    assert len(sizes) == 2
+    assert all(0.0 < size < 0.005 for size in sizes)

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
 
 SET_POINT_V = 3.0
+# A move and its correction turn the compensation a few times.
+_MANY_TURNS = 10
 _VERSIONED = ("numpy", "scipy", "control", "numba", "rosbags", "mcap")
 
 
@@ -57,7 +59,7 @@ class ControlledStep(NamedTuple):
             "settling_s": figures.settling_s if math.isfinite(figures.settling_s) else None,
         }
 
-    def blocks(self, title: str) -> tuple[Words, Plots]:
+    def blocks(self, title: str) -> tuple[Words | Plots, ...]:
         """Return the step for a report."""
         data, figures = self.recorded.reading.data, self.figures
         words = (
@@ -68,7 +70,24 @@ class ControlledStep(NamedTuple):
         )
         set_point_v = np.full(len(data), SET_POINT_V)
         plot = step_plot(_time_s(data), data.y, set_point_v, data.u[:, 0])
-        return Words(words), Plots((("", plot),))
+        return Words(words), Plots((("", plot),)), *map(Words, switching_words(data))
+
+
+def switching_words(data: IoData) -> list[str]:
+    """Return what a compensation that turns again and again makes of the command; or nothing."""
+    if data.compensation is None:
+        return []
+    acting_v = data.compensation[data.compensation != 0.0]
+    turns = int(np.count_nonzero(np.diff(np.sign(acting_v))))
+    if turns < _MANY_TURNS:
+        return []
+    level_v = float(np.abs(acting_v).max())
+    words = (
+        f"Where the command fills a band, the Coulomb compensation of ±{level_v:g} V switches, "
+        f"here {turns} times: it has the sign of the effort (4-8), which is near zero there and "
+        "turns with the least speed or noise. It makes up for friction."
+    )
+    return [words]
 
 
 def _time_s(data: IoData) -> FloatArray:

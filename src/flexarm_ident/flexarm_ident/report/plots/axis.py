@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
 _STEPS = (1.0, 2.0, 5.0, 10.0)
-# With fewer decades, a tick a decade leaves an axis empty.
-_FEW_DECADES = 2.0
+# Ticks of a decade, by the decades of an axis below which they fit. Without a tick near its ends,
+# a logarithmic axis is read as a linear one.
+_DECADE_TICKS = ((2.0, (1, 2, 3, 5, 7)), (3.0, (1, 2, 5)), (math.inf, (1,)))
+_FEWEST_TICKS = 3
 _ROOM = 0.05
 
 
@@ -106,13 +108,17 @@ class Axis:
         ]
 
     def _decades(self) -> list[float]:
-        few = self.high - self.low < _FEW_DECADES
-        return [
+        span = self.high - self.low
+        factors = next(factors for below, factors in _DECADE_TICKS if span < below)
+        found = [
             factor * 10.0**power
             for power in range(math.floor(self.low), math.ceil(self.high) + 1)
-            for factor in (_STEPS[:3] if few else _STEPS[:1])
+            for factor in factors
             if self.low <= math.log10(factor) + power <= self.high
         ]
+        if len(found) >= _FEWEST_TICKS:
+            return found
+        return _even(10.0**self.low, 10.0**self.high, self.ticks, 0.0)
 
     def _placed(self, values: list[float]) -> list[tuple[float, str]]:
         return [

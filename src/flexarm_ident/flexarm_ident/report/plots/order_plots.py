@@ -106,10 +106,10 @@ def stabilisation_plot(
     if known_modes_hz:
         found.append(marks.verticals(known_modes_hz, y, marks.RULE, "known modes"))
     unlike = [pole for pole in seen if pole.admissible and not pole.stable]
-    stable = [pole for pole in seen if pole.stable]
+    staying = [pole for pole in seen if pole.stable]
     found += [
         marks.dots(*_places(unlike), marks.SQUARE, "new"),
-        marks.dots(*_places(stable), marks.SMALL, "stable"),
+        marks.dots(*_places(staying), marks.SMALL, "stays"),
     ]
     if order is not None:
         found.append(marks.horizontals([order], x, marks.CUT, f"order {order}"))

@@ -75,7 +75,8 @@ def _making(outcome: Outcome) -> Facts:
     if identification.choice:
         facts["reason for the method"] = identification.choice
     if identification.start_error is not None:
-        facts["fitted by simulation"] = (
+        by = "simulation" if identification.likelihood is None else "maximum likelihood"
+        facts[f"fitted by {by}"] = (
             f"mean δ of the fitted part {error_text(mean_error(identification.fit_error))}, "
             f"of the subspace model before {error_text(mean_error(identification.start_error))}"
         )

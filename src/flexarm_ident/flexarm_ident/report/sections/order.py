@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
-from flexarm_core.labels import with_deviation
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
-from flexarm_ident.report.content.wording import ranges
+from flexarm_ident.report.content.wording import listed, ranges
 from flexarm_ident.report.plots.order_plots import singular_value_plot, stabilisation_plot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
+    from flexarm_ident.estimation.physical_modes import JudgedMode
     from flexarm_ident.report.content.blocks import Block, Subject
     from flexarm_ident.workflow.outcome import Outcome
+
+
+# Bending modes stand farther apart; one mode that high orders split stands this near to itself.
+_NEAR = 0.06
+_FREQUENCY_DIGITS, _DAMPING_DECIMALS = 4, 4
 
 
 def _build(subject: Subject) -> Iterator[Block]:
@@ -37,12 +43,14 @@ def _build(subject: Subject) -> Iterator[Block]:
         return
     yield Words(
         "These modes recur over the orders. Those that also answer the recorded inputs and stay at "
-        "their places are marked: they are the plant's. The others belong to a steady disturbance, "
-        "such as the mains, or to noise. The weight is the mean response (MRM), 1 for the "
-        "strongest vibration, and 0.02 at least for a mode of the plant. ± is the scatter over "
-        "the orders."
+        "their places are marked: they are taken for the plant's. The others belong to a steady "
+        "disturbance, such as the mains, or to noise. The weight is the mean response (MRM), 1 for "
+        "the strongest vibration, and 0.02 at least for a mode of the plant. The scatter is that "
+        "of models of different orders from the same data, and no standard deviation of the mode."
     )
-    yield _clusters(subject.outcome)
+    judged = found.recurring_modes
+    yield from map(Words, pair_words(judged))
+    yield recurring_table(judged)
 
 
 SECTION = Section(20, "Order", _build)
@@ -65,28 +73,79 @@ def _why(outcome: Outcome) -> list[str]:
     return [
         f"The full model has order {identification.order}, {how}.",
         f"The widest gap of the singular values is after number {identification.suggested_order}.",
-        f"{modes} A mode is called stable when the model of one order less has it too.",
-        f"A model is called stable when its motion dies away. {models}",
+        f"{modes} A mode stays when the model of one order less has it too.",
+        f"A model is stable when its motion dies away. {models}",
     ]
 
 
-def _clusters(outcome: Outcome) -> Table:
+def near_modes(judged: Sequence[JudgedMode]) -> list[tuple[float, ...]]:
+    """Return the frequencies of physical modes that stand too near to each other, in groups.
+
+    Parameters
+    ----------
+    judged : sequence of JudgedMode
+        Modes that recur, by rising frequency.
+    """
+    groups: list[list[float]] = []
+    for frequency_hz in (each.mode.frequency_hz for each in judged if each.is_physical):
+        if groups and frequency_hz - groups[-1][-1] < _NEAR * frequency_hz:
+            groups[-1].append(frequency_hz)
+        else:
+            groups.append([frequency_hz])
+    return [tuple(group) for group in groups if len(group) > 1]
+
+
+def pair_words(judged: Sequence[JudgedMode]) -> list[str]:
+    """Return a warning for each group of `near_modes`."""
+    return [
+        f"{listed([_told_hz(each) for each in group])} Hz stand less than {100.0 * _NEAR:g} % "
+        "apart. Such neighbours are mostly one mode that high orders split: at most one of them is "
+        "the plant's, unless it is known to have close modes."
+        for group in near_modes(judged)
+    ]
+
+
+def recurring_table(judged: Sequence[JudgedMode]) -> Table:
     """Return the modes that recur over the orders, with their scatter and weight."""
-    figures = [
-        (each.mode, each.weight, each.is_physical)
-        for each in outcome.identification.recurring_modes
-    ]
+    doubtful = {frequency_hz for group in near_modes(judged) for frequency_hz in group}
     rows = tuple(
         (
-            with_deviation(mode.frequency_hz, mode.frequency_std_hz),
-            with_deviation(mode.damping_ratio, mode.damping_std),
+            _told_hz(mode.frequency_hz),
+            _at_least(mode.frequency_std_hz, _decimals(mode.frequency_hz)),
+            f"{mode.damping_ratio:.{_DAMPING_DECIMALS}f}",
+            _at_least(mode.damping_std, _DAMPING_DECIMALS),
             f"{mode.count} ({100.0 * mode.share:.0f} %)",
             ranges(sorted(mode.orders)),
-            f"{weight:.3f}",
-            "yes" if is_physical else "no",
+            f"{each.weight:.3f}",
+            _physical(each, doubtful),
         )
-        for mode, weight, is_physical in figures
+        for each in judged
+        for mode in (each.mode,)
     )
-    header = ("Frequency, Hz", "Damping", "Found at", "Orders", "Weight", "Physical")
-    marked = tuple(is_physical for _, _, is_physical in figures)
+    scatter = "Scatter over orders"
+    header = (
+        *("Frequency, Hz", f"{scatter}, Hz", "Damping", scatter),
+        *("Found at", "Orders", "Weight", "Physical"),
+    )
+    marked = tuple(each.is_physical for each in judged)
     return Table("clusters", "Modes that recur over the orders", header, rows, marked)
+
+
+def _physical(each: JudgedMode, doubtful: set[float]) -> str:
+    if each.mode.frequency_hz in doubtful and each.is_physical:
+        return "one of these at most"
+    return "yes" if each.is_physical else "no"
+
+
+def _decimals(frequency_hz: float) -> int:
+    return max(0, _FREQUENCY_DIGITS - 1 - math.floor(math.log10(frequency_hz)))
+
+
+def _told_hz(frequency_hz: float) -> str:
+    return f"{frequency_hz:.{_decimals(frequency_hz)}f}"
+
+
+def _at_least(scatter: float, decimals: int) -> str:
+    """Return a scatter in the decimals of its value; what they do not show is below the last."""
+    last = 10.0**-decimals
+    return f"{scatter:.{decimals}f}" if scatter >= 0.5 * last else f"< {last:.{decimals}f}"

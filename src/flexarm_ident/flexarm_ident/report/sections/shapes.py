@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 # With many outputs the bars of a plot have no room for their names.
 _SHAPES, _OUTPUTS = 6, 6
 _HALF_TURN = 180
+_TWO_DECIMALS = 0.1
 
 
 def _build(subject: Subject) -> Iterator[Block]:
@@ -50,8 +51,13 @@ def _build(subject: Subject) -> Iterator[Block]:
 
 def _row(shape: ModeShape) -> tuple[str, ...]:
     pairs = zip(shape.magnitude, shape.phase_deg, strict=True)
-    cells = (f"{size:.2f}, {_whole_degrees(phase)}°" for size, phase in pairs)
+    cells = (f"{_size(size)}, {_whole_degrees(phase)}°" for size, phase in pairs)
     return (f"{shape.frequency_hz:.3f}", *cells)
+
+
+def _size(magnitude: float) -> str:
+    """Return an amplitude with two decimals, a smaller one with two digits: zero is no motion."""
+    return f"{magnitude:.2f}" if magnitude >= _TWO_DECIMALS else f"{magnitude:.2g}"
 
 
 def _whole_degrees(phase: float) -> str:

@@ -16,13 +16,13 @@
     return found;
   }
 
-  function decades(low, high) {
-    const factors = high - low < 2 ? [1, 2, 5] : [1], found = [];
+  function decades(low, high, count) {
+    const span = high - low, factors = span < 2 ? [1, 2, 3, 5, 7] : span < 3 ? [1, 2, 5] : [1], found = [];
     for (let power = Math.floor(low); power <= Math.ceil(high); power += 1) {
       for (const factor of factors) found.push(factor * 10 ** power);
     }
     const seen = found.filter((value) => Math.log10(value) >= low && Math.log10(value) <= high);
-    return seen.length > 1 ? seen : even(10 ** low, 10 ** high, 3);
+    return seen.length > 2 ? seen : even(10 ** low, 10 ** high, count);
   }
 
   /** The points of a path from `marks.py`, in its own units. */
@@ -91,7 +91,7 @@
       const log = axis !== "z" && this.node.dataset.log.includes(axis);
       const step = axis === "y" ? Number(this.node.dataset.step || 0) : 0;
       const count = this.counts[axis === "x" ? 0 : 1];
-      const values = log ? decades(low, high) : even(low, high, count, step);
+      const values = log ? decades(low, high, count) : even(low, high, count, step);
       return values.map((value) => {
         const place = ((log ? Math.log10(value) : value) - low) / (high - low);
         if (axis === "x" && !this.hasX) return place;

@@ -108,6 +108,15 @@ def test_output___other_figures_words_or_order___is_told_with_what_is_there() ->
     ]
 
 
+def test_output___count_of_messages___agrees_more_closely_than_a_measured_figure() -> None:
+    printed = "recorded 24045 messages within 24045.0 V"
+    assert differences(("recorded 24048 messages",), printed) == []
+    assert differences(("recorded 24085 messages",), printed) == [
+        "recorded 24085 messages\n    now: recorded 24045 messages"
+    ]
+    assert differences(("messages within 24085.0 V",), printed) == []
+
+
 def test_picture___drawn_anew___is_another_one_when_its_places_or_words_are() -> None:
     curve = '<path d="M 1.0 2.0 L 3.0 4.0" clip-path="url(#p0123456789)"/><text x="1">Hz</text>'
     assert drawn_alike(curve, curve.replace("3.0", "3.4").replace("#p0123", "#pabcd"))
