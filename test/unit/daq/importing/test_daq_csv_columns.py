@@ -21,7 +21,11 @@ def table(folder: Path, header: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    "time", ["t", "time", "Time", "time_s", "t_s", "Time [s]", "time (sec)", "timestamp", "seconds"]
+    "time",
+    [
+        *("t", "time", "Time", "time_s", "t_s", "Time [s]", "time (sec)", "timestamp", "seconds"),
+        *("time_ms", "t [ms]", "T/ms", "Zeit", "t_min", "timestamp_ns"),
+    ],
 )
 def test_named_columns__usual_name_of_the_time___is_taken(tmp_path: Path, time: str) -> None:
     found = named_columns(table(tmp_path, f"{time},i,q,temperature"), ["i"], ["q"])
@@ -47,7 +51,7 @@ def test_named_columns__other_name___is_that_in_the_bag(tmp_path: Path) -> None:
             "ms,i,q,x",
             ["i"],
             ["q"],
-            r"no column is called a time, in s: .*rate_hz.*columns: ms, i, q, x",
+            r"no column is called a time, such as t or time_ms: .*rate_hz.*columns: ms, i, q, x",
         ),
         ("t,i,q,time_s", ["i"], ["q"], r"t and time_s are times: .*time: COLUMN"),
         ("t,i,q,x", ["i"], ["i"], r"i is named twice"),
