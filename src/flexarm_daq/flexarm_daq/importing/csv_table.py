@@ -160,6 +160,7 @@ def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row], str]]:
             lines = _lines(file, path)
             first = next(lines, "")
             separator = max(_SEPARATORS, key=first.count)
+            _refuse_numbers_alone(first, path)
             reader = csv.reader(chain([first], lines), delimiter=separator)
             header = [name.strip() for name in next(reader)]
             if len(header) == 1 and len(first.split()) > 1:
@@ -173,6 +174,26 @@ def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row], str]]:
         raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
 
 
+def _refuse_numbers_alone(first: str, path: Path) -> None:
+    for separator in _SEPARATORS:
+        cells = [cell.strip().replace(",", ".") for cell in first.split(separator)]
+        # A data frame without names has the count of its columns for them.
+        named = cells == [str(k) for k in range(len(cells))]
+        if len(cells) > 1 and not named and all(map(_is_number, cells)):
+            raise CsvImportError(
+                f"{path}: the first line has numbers alone, {shown(first.strip())}: put a line "
+                "with the names of the columns above it"
+            )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
 def _lines(file: TextIO, path: Path) -> Iterator[str]:
     while line := file.readline(_LINE_CHARACTERS):
         if len(line) == _LINE_CHARACTERS:
@@ -181,26 +202,25 @@ def _lines(file: TextIO, path: Path) -> Iterator[str]:
 
 
 def _columns(header: Sequence[str], mapping: CsvMap, path: Path) -> list[_Column]:
+    wanted = mapping.columns()
+    if missing := [name or shown(name) for name in wanted if name not in header]:
+        which = f"no column{'s' * (len(missing) > 1)} {', '.join(missing)}"
+        raise CsvImportError(f"{path}: {which}; {_there(header)}")
+    if doubled := [name for name in wanted if header.count(name) > 1]:
+        raise CsvImportError(f"{path}: more than one column {doubled[0]}; {_there(header)}")
     # Where rows have no time, none can be left out.
     otherwise = "" if mapping.time is None else ", or take the line out: that makes a hole"
     inputs = f"an input must be known in every row: fill it{otherwise}"
     times = f"a row needs its time: fill it{otherwise}"
     return [
-        *(_Column(name, _place(header, name, path), times) for name in (mapping.time,) if name),
-        *(
-            _Column(each.column, _place(header, each.column, path), inputs)
-            for each in mapping.inputs
-        ),
-        *(_Column(each.column, _place(header, each.column, path)) for each in mapping.outputs),
+        *(_Column(name, header.index(name), times) for name in (mapping.time,) if name),
+        *(_Column(each.column, header.index(each.column), inputs) for each in mapping.inputs),
+        *(_Column(each.column, header.index(each.column)) for each in mapping.outputs),
     ]
 
 
-def _place(header: Sequence[str], column: str, path: Path) -> int:
-    if header.count(column) != 1:
-        problem = "no column" if column not in header else "more than one column"
-        there = shorten(", ".join(header), _LONGEST)
-        raise CsvImportError(f"{path}: {problem} {column or shown(column)}; there are: {there}")
-    return header.index(column)
+def _there(header: Sequence[str]) -> str:
+    return f"there are: {shorten(', '.join(header), _LONGEST)}"
 
 
 def _decimal_mark(rows: Sequence[Row], columns: Sequence[_Column], path: Path, known: str) -> str:
