@@ -34,6 +34,8 @@ _TIME_UNITS_S = {
 }
 #: How a name ends with a unit: ``time_ms``, ``t [ms]``, ``t (ms)``, ``t/ms``, ``t, ms``, ``t ms``.
 TIME_UNIT_ENDING = rf"(?:_| *[\[(/,] *| +)(?:{'|'.join(_TIME_UNITS_S)})[\])]?"
+# An eigenvalue that close to 1 was taken for that of an integrator.
+_ENDLESS_SAMPLES = 1e7
 # Deviations of ten thousand or more, and those below a ten-millionth, stand with an exponent.
 _FEWEST_DECIMALS, _MOST_DECIMALS = -2, 8
 
@@ -93,6 +95,17 @@ def with_deviation(value: float, deviation: float | None, decimals: int = 3) -> 
         return f"{value:.9g} \u00b1 {told}"
     decimals = max(0, decimals)
     return f"{value:.{decimals}f} \u00b1 {float(told):.{decimals}f}"
+
+
+def decay(eigenvalue: complex, dt_s: float) -> str:
+    """Return how a real mode decays: its time constant ``0.62 s``, or ``integrator``.
+
+    Empty for an eigenvalue that is not between 0 and 1.
+    """
+    if eigenvalue.imag or not 0.0 < eigenvalue.real < 1.0:
+        return ""
+    samples = -1.0 / math.log(eigenvalue.real)
+    return f"{samples * dt_s:.2g} s" if samples < _ENDLESS_SAMPLES else "integrator"
 
 
 def instant(row: int, period_s: float) -> str:
