@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -23,6 +24,18 @@ _UNITS = {
     "n": "N",
     "m": "m",
 }
+_TIME_UNITS_S = {
+    "s|secs?|seconds?": 1.0,
+    "ms|msecs?|millis|milliseconds?": 1e-3,
+    # The micro sign and the Greek letter look the same.
+    "us|\u00b5s|\u03bcs|usecs?|micros|microseconds?": 1e-6,
+    "ns|nsecs?|nanos|nanoseconds?": 1e-9,
+    "min|minutes?": 60.0,
+}
+#: How a name ends with a unit: ``time_ms``, ``t [ms]``, ``t (ms)``, ``t/ms``, ``t, ms``, ``t ms``.
+TIME_UNIT_ENDING = rf"(?:_| *[\[(/,] *| +)(?:{'|'.join(_TIME_UNITS_S)})[\])]?"
+# An eigenvalue that close to 1 was taken for that of an integrator.
+_ENDLESS_SAMPLES = 1e7
 # Deviations of ten thousand or more, and those below a ten-millionth, stand with an exponent.
 _FEWEST_DECIMALS, _MOST_DECIMALS = -2, 8
 
@@ -37,6 +50,14 @@ def label_and_unit(name: str) -> tuple[str, str]:
         if words not in (name, ""):
             return words.replace("_", " "), unit
     return name.replace("_", " "), ""
+
+
+def time_unit_s(column: str) -> float | None:
+    """Return the unit at the end of the name of a column of times, s; None without one."""
+    if not re.search(f"{TIME_UNIT_ENDING}$", column, re.IGNORECASE):
+        return None
+    (word,) = re.findall(r"([^\W_]+)\W*$", column)
+    return next(s for words, s in _TIME_UNITS_S.items() if re.fullmatch(words, word, re.IGNORECASE))
 
 
 def without_dots(names: Iterable[str]) -> tuple[str, ...]:
@@ -74,6 +95,17 @@ def with_deviation(value: float, deviation: float | None, decimals: int = 3) -> 
         return f"{value:.9g} \u00b1 {told}"
     decimals = max(0, decimals)
     return f"{value:.{decimals}f} \u00b1 {float(told):.{decimals}f}"
+
+
+def decay(eigenvalue: complex, dt_s: float) -> str:
+    """Return how a real mode decays: its time constant ``0.62 s``, or ``integrator``.
+
+    Empty for an eigenvalue that is not between 0 and 1.
+    """
+    if eigenvalue.imag or not 0.0 < eigenvalue.real < 1.0:
+        return ""
+    samples = -1.0 / math.log(eigenvalue.real)
+    return f"{samples * dt_s:.2g} s" if samples < _ENDLESS_SAMPLES else "integrator"
 
 
 def instant(row: int, period_s: float) -> str:

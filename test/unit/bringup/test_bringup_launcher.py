@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -128,6 +129,23 @@ def test_clean___removes_what_the_set_up_made_alone(bare: Path) -> None:
     assert [name in done.stderr for name in (".venv", "install", "build", "log")] == [True] * 4
     assert sorted(bare.rglob("*")) == before
     assert called(bare, "clean").returncode == 0
+
+
+@pytest.mark.parametrize("other", [False, True])
+def test_clean___of_a_set_up_in_the_cache___leaves_no_empty_folder(
+    bare: Path, *, other: bool
+) -> None:
+    # An environment cannot live below a path with a space in it.
+    spaced = bare.rename(bare.with_name("check out"))
+    cache = bare.parent / "cache"
+    key = sha256(str(spaced).encode()).hexdigest()[:12]
+    (cache / "flexarm" / key / ".venv").mkdir(parents=True)
+    if other:
+        (cache / "flexarm" / "other" / ".venv").mkdir(parents=True)
+    done = called(spaced, "clean", XDG_CACHE_HOME=str(cache))
+    assert (done.returncode, ".venv" in done.stderr) == (0, True)
+    left = ["flexarm", "flexarm/other", "flexarm/other/.venv"] if other else []
+    assert sorted(str(each.relative_to(cache)) for each in cache.rglob("*")) == left
 
 
 STAND_IN = f"""#!/bin/bash

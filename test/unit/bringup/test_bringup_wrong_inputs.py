@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 BAG = BAGS / "c_dat3_0g"
 FILES = {
     "text.txt": "hello",
-    "semi.csv": "t;u;y\n0;1;2\n1;2;3,5\n",
+    "semi.csv": "t;u;y\n0;1;2\n1;2;3,5\n2;2;4.5\n",
+    "bare.csv": "0.0,1,2\n0.1,2,3\n",
     "two.csv": "t,u,y\n0,1,2\n1,2,3\n",
     "sheet.xlsx": "PK",
     "latin.yaml": "\u00e9",
@@ -42,9 +43,15 @@ WRONG = {
     "identify text.txt": ("text.txt: the first line names one column, 'hello'", "with commas"),
     "identify folder": ("folder: no bag: the folder has no metadata.yaml",),
     "identify semi.csv --input u --output y": (
-        "semi.csv, line 3, column y: '3,5' is not a number",
-        "write it with a point",
+        "semi.csv, line 4, column y: '4.5', and the file has commas and points",
+        "write all with one of them",
     ),
+    "identify bare.csv --input u --output y": (
+        "bare.csv: the first line has numbers alone, '0.0,1,2'",
+        "put a line with the names of the columns above it",
+    ),
+    "identify bare.csv": ("bare.csv: the first line has numbers alone",),
+    "identify comma.csv --input v --output z": ("no columns v, z; there are: t, u, y",),
     "identify space.dat": ("separated by spaces", "save it with commas between them"),
     "identify comma.csv": ("comma.csv is a CSV file", "--map FILE", "columns: t, u, y"),
     "identify comma.csv --input u": ("needs --input COLUMN and --output COLUMN",),

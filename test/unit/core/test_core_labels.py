@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flexarm_core.labels import instant, named_twice, with_deviation
+from flexarm_core.labels import decay, instant, named_twice, with_deviation
 
 
 @pytest.mark.parametrize(
@@ -57,3 +57,21 @@ def test_named_twice__names___give_the_first_that_was_there_before(names: str, s
 def test_instant__row___has_its_time_since_the_first() -> None:
     assert instant(312, 1 / 300) == "1.04 s (row 312)"
     assert instant(0, 0.5) == "0 s (row 0)"
+
+
+@pytest.mark.parametrize("time_constant_s", [0.0025, 0.62, 45.0])
+def test_decay__positive_real_eigenvalue___is_its_time_constant(time_constant_s: float) -> None:
+    # After that time an exponential is down to 1/e.
+    eigenvalue = math.exp(-1.0) ** (0.005 / time_constant_s)
+    assert decay(complex(eigenvalue), 0.005) == f"{time_constant_s:.2g} s"
+
+
+def test_decay__eigenvalue_next_to_the_circle___is_an_integrator() -> None:
+    assert decay(complex(1.0 - 1e-8), 0.005) == "integrator"
+
+
+@pytest.mark.parametrize("eigenvalue", [0.0, -0.5, 1.0, 1.01, -1.2, 0.5 + 0.1j])
+def test_decay__eigenvalue_that_does_not_decay_without_turning___has_none(
+    eigenvalue: complex,
+) -> None:
+    assert decay(complex(eigenvalue), 0.005) == ""

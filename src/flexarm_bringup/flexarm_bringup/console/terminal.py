@@ -13,13 +13,12 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from flexarm_bringup.console.interruption import check_interruption
-from flexarm_core.labels import label_and_unit, with_deviation
+from flexarm_core.labels import decay, label_and_unit, with_deviation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from flexarm_ident.models.modes import Mode
-    from flexarm_msgs.msg import ModeSummary
 
 # Without a terminal there is nothing to wrap for.
 CONSOLE = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110)
@@ -36,7 +35,7 @@ class ShownModel(NamedTuple):
     fit, and `sfv` may be empty. Of the parameters `models.<name>.*` the friction is shown.
     """
 
-    modes: Iterable[ModeSummary | Mode]
+    modes: Iterable[Mode]
     outputs: Sequence[str]
     dmv: Sequence[float]
     left_out: Sequence[float]
@@ -47,7 +46,8 @@ class ShownModel(NamedTuple):
 
 def show_model(model: ShownModel) -> None:
     """Print modes, errors, dry friction and warnings."""
-    CONSOLE.print(mode_table(model.modes))
+    dt_s = next(value for key, value in model.parameters.items() if key.endswith(".dt_s"))
+    CONSOLE.print(mode_table(model.modes, dt_s))
     rows = [("data (DMV)", model.dmv)]
     rows += [
         (name, errors)
@@ -145,13 +145,13 @@ def step(text: str) -> None:
     CONSOLE.print(f"[bold]{text}[/bold]")
 
 
-def mode_table(modes: Iterable[ModeSummary | Mode]) -> Table:
-    """Return the table of modes as in Table 3-1a."""
+def mode_table(modes: Iterable[Mode], dt_s: float) -> Table:
+    """Return the table of modes as in Table 3-1a; real ones have their time constants, s."""
     table = Table("frequency Hz", "damping", "MRM", "rank", "MSV", "rank", "kept", box=None)
     for mode in sorted(modes, key=lambda mode: mode.mrm_rank):
-        frequency = f"{mode.frequency_hz:.3f}" if mode.frequency_hz > 0.0 else "real"
+        real = decay(mode.eigenvalue, dt_s) or "real"
         table.add_row(
-            frequency,
+            f"{mode.frequency_hz:.3f}" if mode.frequency_hz > 0.0 else real,
             f"{mode.damping_ratio:.4f}",
             f"{mode.mrm:.4g}",
             str(mode.mrm_rank),

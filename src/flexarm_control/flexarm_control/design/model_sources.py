@@ -82,6 +82,11 @@ def payload_kg(name: str) -> float:
     raise SettingError(f"{name}: write its payload in kg before it, such as 0.15={name}")
 
 
+def is_nominal(name: str) -> bool:
+    """Return whether a model is one of the thesis's arm."""
+    return _source(name).startswith(_NOMINAL)
+
+
 def parameter_name(name: str) -> str:
     """Return the name of a model with the characters that a parameter's name may have.
 

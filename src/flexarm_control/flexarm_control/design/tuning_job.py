@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexarm_control.design.model_sources import parameter_name, payload_kg
+from flexarm_control.design.model_sources import is_nominal, parameter_name, payload_kg
 from flexarm_control.design.regulator_tuning import EFFORTS, tune_regulator
 from flexarm_control.design.requirements import Requirements
 from flexarm_control.design.tuning import (
@@ -17,7 +17,14 @@ from flexarm_control.design.tuning import (
     tune_pdp,
     tune_pi,
 )
-from flexarm_control.design.tuning_words import confirmation, explained, searched, starts_agree
+from flexarm_control.design.tuning_words import (
+    compensated,
+    confirmation,
+    explained,
+    searched,
+    starts_agree,
+    stopped_by,
+)
 from flexarm_control.laws.gains import Compensation
 from flexarm_control.laws.ilqr import IlqrWeights, RegulatorWeights, design_ilqr
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
@@ -95,7 +102,7 @@ class TuneResult:
     margins, error_itae, strain_itae : tuple
         One per model; empty for PI.
     notes : tuple of str
-        Active constraints and how sure the result is, in words.
+        Active constraints, how sure the result is, and friction that is not the models', in words.
     """
 
     parameters: Mapping[str, ParameterValue]
@@ -120,7 +127,11 @@ def tune(models: Models, request: TuneRequest) -> TuneResult:
         raise SettingError(
             f"law {request.law!r} is not tunable; choose {', '.join(others)} or {last}"
         )
-    return TUNINGS[request.law](models, request)
+    result = TUNINGS[request.law](models, request)
+    if request.law == "pi" or all(map(is_nominal, models)):
+        return result
+    law = "pdpc" if request.law == "pdp" else request.law
+    return replace(result, notes=(*result.notes, compensated(law)))
 
 
 def _tune_pi(models: Models, request: TuneRequest) -> TuneResult:
@@ -200,7 +211,7 @@ def _tune_regulator(
         found.error_itae,
         found.strain_itae,
         (
-            f"active: {', '.join(found.active) or 'none'}",
+            stopped_by(found.active),
             f"designed on {first}: rigid motion and modes at {modes} Hz; margins: whole models",
         ),
     )
@@ -229,7 +240,7 @@ def _pdp_result(
         found.margins,
         found.error_itae,
         found.strain_itae,
-        (f"active: {', '.join(found.active) or 'none'}", confirmation(found), *notes),
+        (stopped_by(found.active), confirmation(found), *notes),
     )
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_control.design.search import gain_values
+from flexarm_control.laws.gains import CompensationLevel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,6 +51,24 @@ def confirmation(found: PdpTuning) -> str:
     return (
         f"{spread}; the best is written, and no other start confirms it. Compare its step with "
         "that of the default gains, or tune on several payloads together"
+    )
+
+
+def stopped_by(active: Sequence[str]) -> str:
+    """Return in words what stopped the search, with what to do at a bound."""
+    text = f"active: {', '.join(active) or 'none'}"
+    if any(each.startswith("bound of ") for each in active):
+        text += (
+            "; the best gain may lie beyond: see that all signals are in V, or weigh E and Y anew"
+        )
+    return text
+
+
+def compensated(law: str) -> str:
+    """Return how much friction a law makes up for, whatever the models are."""
+    return (
+        f"{law}.compensation_v is {CompensationLevel().compensation_v:g} V, the friction of the "
+        "thesis's arm: for another arm, set it to the level that identify finds, or to 0"
     )
 
 

@@ -37,8 +37,10 @@ def check_arm_model(model: control.StateSpace) -> None:
         raise SettingError(f"the model has dt = {model.dt}; set its sampling period in s")
     if (model.ninputs, model.noutputs) != (1, len(OUTPUTS)):
         raise SettingError(
-            f"the model's inputs: {model.ninputs}, outputs: {model.noutputs}; "
-            f"one input and the outputs {', '.join(OUTPUTS)} are needed"
+            f"the model's inputs: {model.ninputs}, outputs: {model.noutputs}; every law takes one "
+            f"input and the outputs {', '.join(OUTPUTS)}: for a law of your own, "
+            "flexarm_ident.load_model gives a control.StateSpace; see 'Other signals' in "
+            "docs/howto/own_rig.md"
         )
     labels = tuple(model.output_labels)
     if any(label in OUTPUTS and label != OUTPUTS[i] for i, label in enumerate(labels)):

@@ -6,7 +6,7 @@ import re
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
-from flexarm_core.labels import named_twice
+from flexarm_core.labels import TIME_UNIT_ENDING, named_twice
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
 from flexarm_daq.importing.csv_table import CsvImportError, column_names
 
@@ -14,14 +14,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-_TIME = re.compile(
-    r"(t|time|timestamp|elapsed|seconds)(_s|_sec| ?[(\[](s|sec|seconds)[)\]])?", re.IGNORECASE
-)
+_TIME = re.compile(rf"(t|time|timestamp|elapsed|seconds|zeit)({TIME_UNIT_ENDING})?", re.IGNORECASE)
 _LONGEST = 300
 
 
 def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> CsvMap:
-    """Return the map of a file whose time is the column that is called so, such as ``time_s``.
+    """Return the map of a file whose time is the column that is called so, such as ``time_ms``.
 
     Parameters
     ----------
@@ -48,7 +46,11 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
     if len(free) != 1:
         if times and not free:
             raise CsvImportError(f"{path}: {times[0]} is the time: it is no input and no output")
-        problem = f"{' and '.join(free)} are times" if free else "no column is called a time, in s"
+        problem = (
+            f"{' and '.join(free)} are times"
+            if free
+            else "no column is called a time, such as t or time_ms"
+        )
         raise CsvImportError(
             f"{path}: {problem}: write a map with time: COLUMN or rate_hz: NUMBER, and give it as "
             f"--map; columns: {there}"

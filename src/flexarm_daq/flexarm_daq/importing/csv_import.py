@@ -19,7 +19,7 @@ from flexarm_bags.schema import describe
 from flexarm_bags.writer import whole_bag
 from flexarm_daq.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate
 from flexarm_daq.importing.csv_table import CsvImportError, read_table
-from flexarm_daq.importing.csv_times import Sampling, sampling
+from flexarm_daq.importing.csv_times import Sampling, doubt, sampling
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -55,8 +55,8 @@ class ImportSummary:
         Hash of the CSV file, also in the bag's source.
     missing_rows, missing_cells : int
         Rows that the times leave out, and outputs that were not measured in a row.
-    cut : tuple of str
-        Lines at the ends that are left out, with the reason.
+    notes : tuple of str
+        Lines at the ends that are left out, with the reason, and doubts about the unit of the time.
     """
 
     bag: Path
@@ -66,7 +66,7 @@ class ImportSummary:
     sha256: str
     missing_rows: int
     missing_cells: int
-    cut: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +151,9 @@ def import_csv(
     closed_loop = judged(record) if judged else mapping.closed_loop
     mapping = replace(mapping, closed_loop=closed_loop)
     _write(bag_path, typestore, definitions, mapping, record, source=source)
+    notes = table.cut
+    if mapping.time is not None:
+        notes += doubt(mapping.time, record.sampling.rate_hz)
     rows, last = len(record.inputs), int(record.sampling.places[-1])
     return ImportSummary(
         bag_path,
@@ -160,7 +163,7 @@ def import_csv(
         digest,
         missing_rows=last + 1 - rows,
         missing_cells=int(np.isnan(record.outputs).sum()),
-        cut=table.cut,
+        notes=notes,
     )
 
 
@@ -182,7 +185,7 @@ def _require_stamps(path: Path, found: Sampling) -> None:
     if not is_rate(rate_hz):
         raise CsvImportError(
             f"{path}: a rate of {rate_hz:.6g} Hz is outside {SLOWEST_HZ:g} to {FASTEST_HZ:g} Hz: "
-            "times are in seconds"
+            "times are in seconds, or in a unit at the end of the column's name, as in time_us"
         )
     if (rows - 1) / rate_hz > _LATEST_S:
         raise CsvImportError(

@@ -41,7 +41,7 @@ class CsvMap:
     inputs, outputs : tuple of CsvChannel
         Signals in the order of the arrays to be written.
     time : str or None
-        Column of the time in seconds, or None when `rate_hz` is given.
+        Column of the time, in s or the unit that its name ends with; None when `rate_hz` is given.
     rate_hz : float or None
         Sampling rate, Hz, or None when there is a time column.
     closed_loop : bool
@@ -69,7 +69,7 @@ def load_csv_map(path: Path) -> CsvMap:
     Parameters
     ----------
     path : Path
-        File with the keys ``time`` (a column, s) or ``rate_hz``, ``inputs`` and ``outputs`` (lists
+        File with the keys ``time`` (a column) or ``rate_hz``, ``inputs`` and ``outputs`` (lists
         of ``column`` with an optional ``name`` and ``unit``), ``closed_loop``, ``description``.
 
     Raises

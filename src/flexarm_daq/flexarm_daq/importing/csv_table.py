@@ -85,12 +85,14 @@ def read_table(path: Path, mapping: CsvMap) -> CsvTable:
     BoundError
         If it is no plain file.
     """
-    with _opened(path) as (header, rows):
+    with _opened(path) as (header, rows, separator):
         columns = _columns(header, mapping, path)
-        blocks, lines = [], []
+        blocks, lines, mark = [], [], ""
         # Only one block is held as text.
         while block := list(islice(rows, _BLOCK_ROWS)):
-            blocks.append(_to_numbers(block, columns, path))
+            if separator != ",":
+                mark = _decimal_mark(block, columns, path, mark)
+            blocks.append(_to_numbers(block, columns, path, mark or "."))
             lines += [line for line, _ in block]
     if len(lines) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
         raise CsvImportError(f"{path}: data rows: {len(lines)}; at least 2 are needed")
@@ -135,7 +137,7 @@ def column_names(path: Path) -> list[str]:
     CsvImportError
         If the file cannot be read, or names fewer than two columns.
     """
-    with _opened(path) as (header, _):
+    with _opened(path) as (header, *_):
         if len(header) < 2:  # noqa: PLR2004 - an input and an output
             there = f"names one column, {shown(header[0])}" if any(header) else "is empty"
             raise CsvImportError(
@@ -146,8 +148,8 @@ def column_names(path: Path) -> list[str]:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row]]]:
-    """Open a table, and yield the names in its first line, and its other rows.
+def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row], str]]:
+    """Open a table; yield the names in its first line, its other rows, and its separator.
 
     The separator is the one that stands most often in the first line.
     """
@@ -158,17 +160,38 @@ def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row]]]:
             lines = _lines(file, path)
             first = next(lines, "")
             separator = max(_SEPARATORS, key=first.count)
+            _refuse_numbers_alone(first, path)
             reader = csv.reader(chain([first], lines), delimiter=separator)
             header = [name.strip() for name in next(reader)]
             if len(header) == 1 and len(first.split()) > 1:
                 raise CsvImportError(
                     f"{path}: its columns are separated by spaces: save it with commas between them"
                 )
-            yield header, ((reader.line_num, row) for row in reader if row)
+            yield header, ((reader.line_num, row) for row in reader if row), separator
     except UnicodeDecodeError as error:
         raise CsvImportError(f"{path}: is no text in UTF-8: save it as CSV in UTF-8") from error
     except (OSError, csv.Error) as error:
         raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
+
+
+def _refuse_numbers_alone(first: str, path: Path) -> None:
+    for separator in _SEPARATORS:
+        cells = [cell.strip().replace(",", ".") for cell in first.split(separator)]
+        # A data frame without names has the count of its columns for them.
+        named = cells == [str(k) for k in range(len(cells))]
+        if len(cells) > 1 and not named and all(map(_is_number, cells)):
+            raise CsvImportError(
+                f"{path}: the first line has numbers alone, {shown(first.strip())}: put a line "
+                "with the names of the columns above it"
+            )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _lines(file: TextIO, path: Path) -> Iterator[str]:
@@ -179,31 +202,50 @@ def _lines(file: TextIO, path: Path) -> Iterator[str]:
 
 
 def _columns(header: Sequence[str], mapping: CsvMap, path: Path) -> list[_Column]:
+    wanted = mapping.columns()
+    if missing := [name or shown(name) for name in wanted if name not in header]:
+        which = f"no column{'s' * (len(missing) > 1)} {', '.join(missing)}"
+        raise CsvImportError(f"{path}: {which}; {_there(header)}")
+    if doubled := [name for name in wanted if header.count(name) > 1]:
+        raise CsvImportError(f"{path}: more than one column {doubled[0]}; {_there(header)}")
     # Where rows have no time, none can be left out.
     otherwise = "" if mapping.time is None else ", or take the line out: that makes a hole"
     inputs = f"an input must be known in every row: fill it{otherwise}"
     times = f"a row needs its time: fill it{otherwise}"
     return [
-        *(_Column(name, _place(header, name, path), times) for name in (mapping.time,) if name),
-        *(
-            _Column(each.column, _place(header, each.column, path), inputs)
-            for each in mapping.inputs
-        ),
-        *(_Column(each.column, _place(header, each.column, path)) for each in mapping.outputs),
+        *(_Column(name, header.index(name), times) for name in (mapping.time,) if name),
+        *(_Column(each.column, header.index(each.column), inputs) for each in mapping.inputs),
+        *(_Column(each.column, header.index(each.column)) for each in mapping.outputs),
     ]
 
 
-def _place(header: Sequence[str], column: str, path: Path) -> int:
-    if header.count(column) != 1:
-        problem = "no column" if column not in header else "more than one column"
-        there = shorten(", ".join(header), _LONGEST)
-        raise CsvImportError(f"{path}: {problem} {column or shown(column)}; there are: {there}")
-    return header.index(column)
+def _there(header: Sequence[str]) -> str:
+    return f"there are: {shorten(', '.join(header), _LONGEST)}"
 
 
-def _to_numbers(rows: Sequence[Row], columns: Sequence[_Column], path: Path) -> FloatArray:
+def _decimal_mark(rows: Sequence[Row], columns: Sequence[_Column], path: Path, known: str) -> str:
+    """Return the decimal mark of the rows so far, comma or point; nothing where none has one."""
+    for line, row in rows:
+        for column in columns:
+            cell = row[column.place] if column.place < len(row) else ""
+            for mark in (each for each in ",." if each in cell):
+                if known not in ("", mark):
+                    raise CsvImportError(
+                        f"{path}, line {line}, column {column.name}: {shown(cell)}, and the file "
+                        "has commas and points in its numbers: write all with one of them, and "
+                        "thousands without"
+                    )
+                known = mark
+    return known
+
+
+def _to_numbers(
+    rows: Sequence[Row], columns: Sequence[_Column], path: Path, mark: str
+) -> FloatArray:
     try:
-        numbers = np.array([[float(row[column.place]) for column in columns] for _, row in rows])
+        numbers = np.array(
+            [[float(row[column.place].replace(mark, ".")) for column in columns] for _, row in rows]
+        )
         if np.isfinite(numbers).all():
             return numbers
     except (ValueError, IndexError):
@@ -211,7 +253,7 @@ def _to_numbers(rows: Sequence[Row], columns: Sequence[_Column], path: Path) -> 
     return np.array(
         [
             [
-                _number(row, column, f"{path}, line {line}, column {column.name}")
+                _number(row, column, mark, f"{path}, line {line}, column {column.name}")
                 for column in columns
             ]
             for line, row in rows
@@ -219,13 +261,13 @@ def _to_numbers(rows: Sequence[Row], columns: Sequence[_Column], path: Path) -> 
     )
 
 
-def _number(row: Sequence[str], column: _Column, where: str) -> float:
+def _number(row: Sequence[str], column: _Column, mark: str, where: str) -> float:
     """Return the number in a cell, NaN where an output was not measured."""
     cell = row[column.place].strip() if column.place < len(row) else ""
     try:
-        number = np.nan if cell.lower() in _MISSING else float(cell)
+        number = np.nan if cell.lower() in _MISSING else float(cell.replace(mark, "."))
     except ValueError as error:
-        advice = "write it with a point" if "," in cell else "correct it"
+        advice = "write it with a point" if "," in cell and mark != "," else "correct it"
         advice = "close its quotation marks" if "\n" in cell else advice
         raise CsvImportError(f"{where}: {shown(cell)} is not a number: {advice}") from error
     if np.isinf(number):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.labels import time_unit_s
 from flexarm_daq.importing.csv_table import CsvImportError
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ WHOLE_RATE_TOLERANCE = 1e-3
 _HALF_A_STEP = 0.5
 # A hole of so many periods is not filled later, so that it may have any length.
 _LONG_HOLE = 5.0
+_SLOW_HZ = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +44,10 @@ class Sampling:
 
 
 def sampling(table: CsvTable, column: str) -> Sampling:
-    """Return the sampling of a table whose first column is its time, s.
+    """Return the sampling of a table whose first column is its time.
 
-    Rows may be missing: a step of several periods is a hole.
+    The time is in the unit that the column's name ends with, else in seconds. Rows may be missing:
+    a step of several periods is a hole.
 
     Raises
     ------
@@ -52,7 +55,7 @@ def sampling(table: CsvTable, column: str) -> Sampling:
         If the times do not rise by whole periods, their rate changes slowly, or more rows are
         missing than there are.
     """
-    times_s = table.values[:, 0]
+    times_s = table.values[:, 0] * (time_unit_s(column) or 1.0)
     steps_s = np.diff(times_s)
     usual_s = float(np.median(steps_s))
     if usual_s <= 0:
@@ -74,6 +77,15 @@ def sampling(table: CsvTable, column: str) -> Sampling:
     whole = round(rate_hz)
     near = abs(rate_hz - whole) <= WHOLE_RATE_TOLERANCE * rate_hz
     return Sampling(float(whole) if near else rate_hz, places)
+
+
+def doubt(column: str, rate_hz: float) -> tuple[str, ...]:
+    """Return the question whether times without a unit are in ms, where their rate is low."""
+    if rate_hz >= _SLOW_HZ or time_unit_s(column):
+        return ()
+    return (
+        f"column {column} gives {rate_hz:.3g} Hz: are the times in ms? Then call it {column}_ms",
+    )
 
 
 def _refuse_uneven(table: CsvTable, column: str, steps_s: FloatArray, usual_s: float) -> None:

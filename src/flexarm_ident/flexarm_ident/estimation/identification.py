@@ -139,7 +139,7 @@ class Identification:
         figures = zip(self.model.output_labels, self.fit_error, strict=True)
         errors = ", ".join(f"{label_and_unit(name)[0]} {error:.3f}" for name, error in figures)
         title = f"Order {self.order} by {self.method}. Relative errors: {errors}."
-        return mode_table(title, self.modes, self.mode_uncertainty)
+        return mode_table(title, self.modes, self.model.dt, self.mode_uncertainty)
 
     def plot_response(self, axes: Axes | None = None) -> Axes:
         """Plot the gain (2-4) of every output with a band of two standard deviations.

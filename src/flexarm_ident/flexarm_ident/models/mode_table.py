@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from flexarm_core.labels import with_deviation
+from flexarm_core.labels import decay, with_deviation
 from flexarm_core.showing.tables import html_table
 
 if TYPE_CHECKING:
@@ -17,9 +17,11 @@ _HEADER = ("states", "frequency, Hz", "damping", "MRM", "rank", "MSV", "rank", "
 
 
 def mode_table(
-    title: str, modes: Sequence[Mode], deviations: Sequence[ModeUncertainty] = ()
+    title: str, modes: Sequence[Mode], dt_s: float, deviations: Sequence[ModeUncertainty] = ()
 ) -> str:
     """Return modes by rising frequency in HTML, as Tables 3-1a to 3-3a.
+
+    Modes that decay without a frequency have their time constant in its place.
 
     Parameters
     ----------
@@ -27,6 +29,8 @@ def mode_table(
         Caption.
     modes : sequence of Mode
         Modes.
+    dt_s : float
+        Sampling period.
     deviations : sequence of ModeUncertainty
         Their standard deviations in the same order; none when they are not known.
     """
@@ -36,7 +40,7 @@ def mode_table(
             mode.label,
             with_deviation(mode.frequency_hz, spread and spread.frequency_std_hz)
             if mode.frequency_hz
-            else "real",
+            else decay(mode.eigenvalue, dt_s) or "real",
             with_deviation(mode.damping_ratio, (spread and spread.damping_std) or None, decimals=4),
             f"{mode.mrm:.4g}",
             str(mode.mrm_rank),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from flexarm_core.errors import DataError
+from flexarm_core.labels import time_unit_s
 from flexarm_ident.records.iodata import IoData
 
 if TYPE_CHECKING:
@@ -66,7 +67,8 @@ def from_columns(
     inputs, outputs : sequence of str
         Names of the columns of inputs and outputs. NaN in an output is a missing value.
     time : str
-        Name of the column of the time, in s, which rises by equal steps.
+        Name of the column of the time, in s or the unit at the end of the name (``time_ms``), which
+        rises by equal steps.
     source : str
         Origin of the record, for messages and reports.
 
@@ -81,7 +83,7 @@ def from_columns(
         If a column is not there or holds no numbers, or a step of the time differs by more than
         1 % from the mean step.
     """
-    time_s = _column(table, time)
+    time_s = _column(table, time) * (time_unit_s(time) or 1.0)
     steps_s = np.diff(time_s)
     dt_s = float(np.mean(steps_s)) if len(steps_s) else 0.0
     uneven = np.flatnonzero(~(np.abs(steps_s - dt_s) <= _EVEN * dt_s))

@@ -74,7 +74,7 @@ class Reduction:
         return f"<{type(self).__name__} order {self.order}, modes {', '.join(self.kept)}>"
 
     def _repr_html_(self) -> str:
-        return mode_table(f"Reduced to order {self.order}.", self.modes)
+        return mode_table(f"Reduced to order {self.order}.", self.modes, self.model.dt)
 
     @property
     def order(self) -> int:

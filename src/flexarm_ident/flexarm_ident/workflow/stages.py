@@ -255,7 +255,8 @@ def _reduce(identification: Identification, request: Request) -> Reduction | Non
     )
     for order in range(smallest, identification.order):
         candidate = reduced(order)
-        if _fit_error(candidate.model, records) <= affordable:
+        # With pairs alone left it has one state more: it is that of the next order.
+        if candidate.order == order and _fit_error(candidate.model, records) <= affordable:
             return candidate
     return reduced(identification.order)
 

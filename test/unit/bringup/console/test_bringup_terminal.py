@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import io
-from math import nan
+from math import exp, nan
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -25,16 +25,27 @@ def cells(table: Table) -> list[tuple[str, ...]]:
     return list(zip(*(column.cells for column in table.columns), strict=True))
 
 
-def mode(frequency_hz: float, mrm_rank: int, *, kept: bool) -> Any:  # noqa: ANN401 - a double
+def mode(
+    frequency_hz: float, mrm_rank: int, *, kept: bool, eigenvalue: complex = 0.9 + 0.1j
+) -> Any:  # noqa: ANN401 - a double
     weights = {"mrm": 0.5, "mrm_rank": mrm_rank, "msv": 2.0, "msv_rank": 1}
-    return SimpleNamespace(frequency_hz=frequency_hz, damping_ratio=0.05, kept=kept, **weights)
+    return SimpleNamespace(
+        eigenvalue=eigenvalue,
+        frequency_hz=frequency_hz,
+        damping_ratio=0.05,
+        kept=kept,
+        **weights,
+    )
 
 
 def test_mode_table___modes___stand_by_their_mrm_rank() -> None:
-    rows = cells(mode_table([mode(9.4, 2, kept=False), mode(0.0, 1, kept=True)]))
+    slow = mode(0.0, 1, kept=True, eigenvalue=complex(exp(-0.01 / 0.62)))
+    growing = mode(0.0, 3, kept=True, eigenvalue=complex(1.01))
+    rows = cells(mode_table([mode(9.4, 2, kept=False), growing, slow], dt_s=0.01))
     assert rows == [
-        ("real", "0.0500", "0.5", "1", "2", "1", "yes"),
+        ("0.62 s", "0.0500", "0.5", "1", "2", "1", "yes"),
         ("9.400", "0.0500", "0.5", "2", "2", "1", ""),
+        ("real", "0.0500", "0.5", "3", "2", "1", "yes"),
     ]
 
 

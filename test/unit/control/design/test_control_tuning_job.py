@@ -13,6 +13,7 @@ import pytest
 from flexarm_control import ControlError, build_law, nominal_model, tune_pdp, tune_pi
 from flexarm_control.design.model_sources import load_models
 from flexarm_control.design.tuning_job import TuneRequest, tune
+from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.chosen_model import chosen_model
 from flexarm_control.models.nominal_models import identified_model
 from flexarm_ident.models.files import save_model
@@ -177,3 +178,23 @@ def test_tune___whatever_the_law___explains_its_figures() -> None:
         said = " ".join(tune(models, TuneRequest(law)).explanation)
         assert "J: " in said
         assert re.search("searched|tried", said)
+
+
+@pytest.mark.parametrize(("law", "told"), [("pdp", "pdpc"), ("ilqr", "ilqr"), ("lqg", "lqg")])
+def test_tune___models_from_elsewhere___says_which_friction_the_law_makes_up_for(
+    law: str, told: str
+) -> None:
+    result = tune({"out/arm.yaml arm": identified_model()}, TuneRequest(law))
+    usual = {spec.name: spec.default for spec in LAWS[told].parameters}
+    level_v = result.parameters.get(f"{told}.compensation_v", usual["compensation_v"])
+    assert result.notes[-1].startswith(f"{told}.compensation_v is {level_v} V, the friction of ")
+    assert "set it to the level that identify finds, or to 0" in result.notes[-1]
+
+
+@pytest.mark.parametrize("law", ["pdp", "ilqr", "pi"])
+def test_tune___models_of_the_thesis_or_law_without_compensation___says_nothing_of_friction(
+    law: str,
+) -> None:
+    name = "out/arm.yaml arm" if law == "pi" else "nominal:0"
+    result = tune({name: nominal_model(0.0)}, TuneRequest(law))
+    assert not any("compensation_v" in note for note in result.notes)

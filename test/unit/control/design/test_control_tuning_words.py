@@ -8,7 +8,7 @@ import pytest
 
 from flexarm_control.design.search import Search
 from flexarm_control.design.tuning import PdpTuning
-from flexarm_control.design.tuning_words import confirmation
+from flexarm_control.design.tuning_words import confirmation, stopped_by
 from flexarm_control.laws.gains import PdpGains
 
 Ends = list[tuple[float, float, bool]]
@@ -40,3 +40,13 @@ def tuned(ends: Ends) -> PdpTuning:
 )
 def test_starts___that_agree_or_not___are_told_with_what_to_do(ends: Ends, words: str) -> None:
     assert re.search(words, confirmation(tuned(ends)))
+
+
+def test_bound___that_stops_the_search___is_told_with_what_to_do() -> None:
+    assert stopped_by(()) == "active: none"
+    assert stopped_by(("gain margin of model 1",)) == "active: gain margin of model 1"
+    said = stopped_by(("gain margin of model 1", "bound of kp"))
+    assert said.startswith(
+        "active: gain margin of model 1, bound of kp; the best gain may lie beyond"
+    )
+    assert "signals are in V" in said

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+import flexarm_ident
 from flexarm_control import ControlError, nominal_model, nominal_payloads_kg
 from flexarm_control.models.arm_model import (
     OUTPUTS,
@@ -15,6 +16,7 @@ from flexarm_control.models.arm_model import (
     delayed,
     frequency_response,
 )
+from support.project import PROJECT
 
 DT_S = 1 / 300
 
@@ -107,8 +109,17 @@ def test_check_arm_model___no_sampling_interval___is_refused(dt: object) -> None
 def test_check_arm_model___two_outputs___is_refused() -> None:
     model = control.StateSpace([[0.9]], [[1.0]], [[1.0], [1.0]], 0, DT_S)
 
-    with pytest.raises(ControlError, match="inputs: 1, outputs: 2"):
+    with pytest.raises(ControlError, match="inputs: 1, outputs: 2") as refused:
         check_arm_model(model)
+    # The way on is there: a function, and a section of a page.
+    assert "load_model" in flexarm_ident.__all__
+    page = PROJECT / "docs" / "howto" / "own_rig.md"
+    assert str(page.relative_to(PROJECT)) in str(refused.value)
+    assert "\n## Other signals\n" in page.read_text()
+    assert "every law takes one input and the outputs position_v, " in str(refused.value)
+    assert "'Other signals'" in str(refused.value)
+    assert "flexarm_ident.load_model" in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 def test_check_arm_model___outputs_in_another_order___is_refused() -> None:

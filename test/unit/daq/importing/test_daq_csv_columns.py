@@ -8,7 +8,7 @@ import pytest
 
 from flexarm_daq.importing.csv_columns import named_columns
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_daq.importing.csv_table import CsvImportError, column_names
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,7 +21,11 @@ def table(folder: Path, header: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    "time", ["t", "time", "Time", "time_s", "t_s", "Time [s]", "time (sec)", "timestamp", "seconds"]
+    "time",
+    [
+        *("t", "time", "Time", "time_s", "t_s", "Time [s]", "time (sec)", "timestamp", "seconds"),
+        *("time_ms", "t [ms]", "T/ms", "Zeit", "t_min", "timestamp_ns"),
+    ],
 )
 def test_named_columns__usual_name_of_the_time___is_taken(tmp_path: Path, time: str) -> None:
     found = named_columns(table(tmp_path, f"{time},i,q,temperature"), ["i"], ["q"])
@@ -47,11 +51,14 @@ def test_named_columns__other_name___is_that_in_the_bag(tmp_path: Path) -> None:
             "ms,i,q,x",
             ["i"],
             ["q"],
-            r"no column is called a time, in s: .*rate_hz.*columns: ms, i, q, x",
+            r"no column is called a time, such as t or time_ms: .*rate_hz.*columns: ms, i, q, x",
         ),
         ("t,i,q,time_s", ["i"], ["q"], r"t and time_s are times: .*time: COLUMN"),
         ("t,i,q,x", ["i"], ["i"], r"i is named twice"),
         ("t,i,q,x", ["a=i"], ["a=q"], r"a is named twice"),
+        ("0,1.5,2,3", ["i"], ["q"], r"numbers alone, '0,1\.5,2,3': put a line with the names of"),
+        ("0;1,5;2;3", ["i"], ["q"], r"numbers alone, '0;1,5;2;3': put a line with the names of"),
+        ("0,0,0,0", ["i"], ["q"], r"the first line has numbers alone"),
         ("t i q x", ["i"], ["q"], r"separated by spaces: save it with commas between them"),
     ],
 )
@@ -60,6 +67,10 @@ def test_named_columns__what_tells_no_record___is_refused(
 ) -> None:
     with pytest.raises(CsvImportError, match=words):
         named_columns(table(tmp_path, header), inputs, outputs)
+
+
+def test_column_names__data_frame_without_names___are_its_counted_columns(tmp_path: Path) -> None:
+    assert column_names(table(tmp_path, "0,1,2,3")) == ["0", "1", "2", "3"]
 
 
 def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:

@@ -114,7 +114,7 @@ def test_rows_before_and_behind_all_outputs___are_left_out_and_told(tmp_path: Pa
     rows[-1] = f"{t},{u},,{q}"
     summary = imported(tmp_path, rows)
     record = read_bag(tmp_path / "bag")
-    assert summary.cut == (
+    assert summary.notes == (
         "lines 2 to 21 are left out: q has no value there yet",
         "line 201 is left out: p has no value any more",
     )

@@ -155,9 +155,12 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
             "column q: '2\\n1,2,3' is not a number: close its quotation",
         ),
         (["t,i,q", "0,1,", "1,2,NA"], "column q has no number: leave it out"),
+        (["time,i,p", "0,1,2"], "no columns t, q; there are: time, i, p"),
+        (["t,i,q,q", "0,1,2,2"], "more than one column q; there are: t, i, q, q"),
+        (["0,1.5,2", "1,2,3"], "numbers alone, '0,1.5,2': put a line with the names of the col"),
         (["t,i,q", "0,1,2"], "data rows: 1; at least 2 are needed"),
         (["t,i,q"], "data rows: 0"),
-        ([], "no column t; there are: "),
+        ([], "no columns t, i, q; there are: "),
         (
             ["t,i,q", "0,1,1", "1,1,1", "2,1,1", "3.5,1,1", "4.5,1,1"],
             ", line 5: column t has an irregular step, 1.5",
@@ -182,7 +185,10 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
         ),
         (["t,i,q", "0,1," + "2" * 2**20, "1,3,4"], "a line has 1048576 characters or more"),
         (["t,i,q", "0,1," + "x" * 100_000, "1,3,4"], "line 2, column q: 'xxx"),
-        ([",".join(f"c{k}" for k in range(100_000)), "0"], "no column t; there are: c0, c1, c2"),
+        (
+            [",".join(f"c{k}" for k in range(100_000)), "0"],
+            "no columns t, i, q; there are: c0, c1, c2",
+        ),
     ],
 )
 def test_import___bad_file___names_the_place(

@@ -30,6 +30,12 @@ def test_columns___there_and_back___are_the_same_record() -> None:
     np.testing.assert_allclose(again.y_measured, record.y_measured)
 
 
+def test_columns___time_in_the_unit_of_its_name___is_scaled() -> None:
+    table = {**a_table(), "time_ms": [0.0, 5.0, 10.0, 15.0]}
+    record = from_columns(table, inputs=["drive_v"], outputs=["remark"], time="time_ms")
+    assert record.dt_s == pytest.approx(0.005)
+
+
 @pytest.mark.parametrize(
     ("name", "values", "words"),
     [

@@ -164,6 +164,6 @@ def _imported(
     made = import_csv(
         csv, mapping, bag, typestore=own_types(), folder_of=share_of, judged=judged, kept=kept
     )
-    for text in made.cut:
+    for text in made.notes:
         terminal.note(f"{csv}: {text}")
     return made

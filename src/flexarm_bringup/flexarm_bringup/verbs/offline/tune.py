@@ -71,9 +71,11 @@ def tune(models: tuple[str, ...], out: Path, *, force: bool, **options: Any) -> 
     """
     source = click.get_current_context().get_parameter_source
     given = {k: v for k, v in options.items() if source(k) is not ParameterSource.DEFAULT}
-    tune_models(models, out, force=force, **given)
+    rate_hz = tune_models(models, out, force=force, **given)
     law = "pdpc" if options["law"] == "pdp" else options["law"]
-    terminal.next_step(f"flexarm up --law {law} --params-file {out} --reference square")
+    terminal.next_step(
+        f"flexarm up --law {law} --rate {rate_hz:.6g} --params-file {out} --reference square"
+    )
 
 
 def tune_models(
@@ -82,7 +84,7 @@ def tune_models(
     *,
     force: bool = False,
     **request: Any,  # noqa: ANN401 - whatever its type
-) -> None:
+) -> float:
     """Tune a law on models, show the certificate, write the gains.
 
     Parameters
@@ -95,6 +97,11 @@ def tune_models(
         Another file than one of gains is replaced too.
     **request
         Fields of a `TuneRequest`.
+
+    Returns
+    -------
+    float
+        Rate of the first model, for which the gains are, Hz.
 
     Raises
     ------
@@ -112,6 +119,7 @@ def tune_models(
     terminal.CONSOLE.print(
         f"J {result.criteria[0]:.4f}: {_of_first_law(result)}; written to {out}", markup=False
     )
+    return 1.0 / float(next(iter(models.values())).dt)
 
 
 def _show_certificate(names: tuple[str, ...], result: TuneResult) -> None:

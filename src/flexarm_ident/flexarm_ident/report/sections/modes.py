@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flexarm_core.labels import with_deviation
+from flexarm_core.labels import decay, with_deviation
 from flexarm_ident.report.content.blocks import Section, Table, Words
 from flexarm_ident.report.content.wording import deviation_words
 
@@ -23,8 +23,9 @@ def _build(subject: Subject) -> Iterator[Block]:
     marked = " The marked modes are the reduced model." if table.marked else ""
     yield Words(
         "These are the modes of the full model. MSV is the weight of a mode in a pulse response, "
-        "MRM its mean response to the recorded input; rank 1 is the largest. A mode without a "
-        "frequency does not oscillate. A negative damping ratio is an unstable mode. "
+        "MRM its mean response to the recorded input; rank 1 is the largest. A mode that "
+        "does not oscillate has its time constant in place of a frequency. A negative damping "
+        "ratio is an unstable mode. "
         f"{deviation_words(subject.outcome)}{marked}"
     )
 
@@ -41,7 +42,7 @@ def _modes(outcome: Outcome) -> Table:
             mode.label,
             with_deviation(mode.frequency_hz, deviation and deviation.frequency_std_hz)
             if mode.frequency_hz
-            else "-",
+            else decay(mode.eigenvalue, outcome.model.dt) or "-",
             # Without a frequency it is 1 by definition.
             with_deviation(mode.damping_ratio, (deviation and deviation.damping_std) or None),
             f"{_index(mode.msv)} ({mode.msv_rank})",

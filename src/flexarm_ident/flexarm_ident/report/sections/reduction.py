@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.labels import label_and_unit
+from flexarm_core.labels import decay, label_and_unit
 from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.modes import rank_table
 from flexarm_ident.reduction.costs import cost_over_orders, step_costs
@@ -92,7 +92,8 @@ def _judged(outcome: Outcome) -> Sequence[IoData]:
 
 def _place(outcome: Outcome, mode: Mode, index: float) -> tuple[str, str, str]:
     mark = f" {_KEPT}" if outcome.reduction and mode.kept else ""
-    frequency = f"{mode.frequency_hz:.3f}" if mode.frequency_hz else "-"
+    real = decay(mode.eigenvalue, outcome.model.dt) or "-"
+    frequency = f"{mode.frequency_hz:.3f}" if mode.frequency_hz else real
     return mode.label + mark, frequency, f"{index:.4g}"
 
 

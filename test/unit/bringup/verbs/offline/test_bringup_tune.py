@@ -5,13 +5,17 @@ from __future__ import annotations
 from inspect import signature
 from typing import TYPE_CHECKING
 
+import control
 import pytest
 from click.testing import CliRunner
 
+from flexarm_bringup.verbs.laboratory.up import up
 from flexarm_bringup.verbs.offline.tune import tune, tune_models
 from flexarm_control.design.tuning import tune_pdp
+from flexarm_control.models.nominal_models import nominal_model
 from flexarm_core.errors import SettingError
 from flexarm_core.outputs import MARK, OutputError
+from flexarm_ident.models.files import save_model
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,3 +76,16 @@ def test_file_of_somebody_else___is_refused_before_the_search___and_replaced_whe
         done = CliRunner().invoke(tune, [*words, *more])
         assert done.exit_code == 0, done.output
     assert "ros__parameters" in out.read_text()
+
+
+def test_next_step___has_the_rate_of_the_model(tmp_path: Path) -> None:
+    nominal = nominal_model(0.0)
+    slow = control.ss(nominal.A, nominal.B, nominal.C, nominal.D, 1 / 200)
+    file, gains = tmp_path / "model.yaml", tmp_path / "gains.yaml"
+    save_model(file, slow, name="arm", provenance={})
+    done = CliRunner().invoke(tune, [str(file), "--law", "pi", "-o", str(gains)])
+    assert done.exit_code == 0, done.output
+    assert "flexarm up --law pi --rate 200 --params-file" in " ".join(done.output.split())
+    # What is said there is what `up` takes.
+    parsed = up.make_context("up", ["--law", "pi", "--rate", "200", "--params-file", str(gains)])
+    assert parsed.params["rate_hz"] == pytest.approx(200.0)

@@ -1,0 +1,80 @@
+"""Tests of the unit of a table's time, which the name of its column tells."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from flexarm_daq.importing.csv_import import import_csv
+from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+from flexarm_daq.importing.csv_table import CsvImportError
+from support.bag_samples import typestore
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from flexarm_daq.importing.csv_import import ImportSummary
+
+RATE_HZ = 200.0
+
+
+def imported(folder: Path, time: str, per_s: float) -> ImportSummary:
+    """Import 2 s at 200 Hz whose times count so many to the second."""
+    rows = [f"{k / RATE_HZ * per_s:.9g};1;{k}" for k in range(401)]
+    (folder / "run.csv").write_text("\n".join([f"{time};i;q", *rows]))
+    mapping = CsvMap((CsvChannel("i", "i"),), (CsvChannel("q", "q"),), time=time)
+    return import_csv(folder / "run.csv", mapping, folder / "bag", typestore=typestore())
+
+
+@pytest.mark.parametrize(
+    ("time", "per_s"),
+    [
+        ("time_s", 1.0),
+        ("time_ms", 1e3),
+        ("t [ms]", 1e3),
+        ("t[ms]", 1e3),
+        ("Zeit (msec)", 1e3),
+        ("Time/ms", 1e3),
+        ("time, ms", 1e3),
+        ("clock milliseconds", 1e3),
+        ("time_us", 1e6),
+        ("t [\u00b5s]", 1e6),
+        ("t [\u03bcs]", 1e6),
+        ("timestamp_ns", 1e9),
+        ("t_min", 1 / 60),
+        ("time (minutes)", 1 / 60),
+    ],
+)
+def test_import___unit_in_the_name_of_the_time___scales_it(
+    tmp_path: Path, time: str, per_s: float
+) -> None:
+    summary = imported(tmp_path, time, per_s)
+    assert summary.rate_hz == pytest.approx(RATE_HZ, rel=1e-12)
+    assert summary.duration_s == pytest.approx(2.0, rel=1e-12)
+    assert summary.notes == ()
+
+
+@pytest.mark.parametrize("time", ["t", "time", "items", "terms", "ms_clock"])
+def test_import___name_without_a_unit___is_in_seconds(tmp_path: Path, time: str) -> None:
+    assert imported(tmp_path, time, 1.0).rate_hz == pytest.approx(RATE_HZ, rel=1e-12)
+
+
+def test_import___low_rate_of_a_name_without_a_unit___is_doubted(tmp_path: Path) -> None:
+    summary = imported(tmp_path, "time", 1e3)
+    assert summary.rate_hz == pytest.approx(0.2)
+    said = "column time gives 0.2 Hz: are the times in ms? Then call it time_ms"
+    assert summary.notes == (said,)
+
+
+@pytest.mark.parametrize(("time", "per_s"), [("time_s", 1e3), ("t", 200.0)])
+def test_import___low_rate_in_a_stated_unit_or_one_of_1_hz___is_not_doubted(
+    tmp_path: Path, time: str, per_s: float
+) -> None:
+    assert imported(tmp_path, time, per_s).notes == ()
+
+
+def test_import___rate_that_stamps_cannot_show___says_how_to_tell_the_unit(tmp_path: Path) -> None:
+    said = r"0\.0002 Hz is outside .*in seconds, or in a unit at the end .* as in time_us$"
+    with pytest.raises(CsvImportError, match=said):
+        imported(tmp_path, "time", 1e6)
