@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Integers = NDArray[np.int64]
 
+MS_NS = 1_000_000
+JOINTS = ("shoulder", "motor")
 FINE_HZ = 10_000
 """Instants at which the rig is simulated."""
 DAY_NS = 86_400 * 10**9
@@ -186,3 +188,16 @@ def write_topics(
             raw = topics[owner[at]].raws[numbers[at]]
             writer.write(connections[topics[owner[at]].name], int(times_ns[at]), raw)
     return path
+
+
+def every_ms(step_ms: float, count: int, first_ms: float = 0.0) -> NDArray[np.int64]:
+    """Return so many instants, from the start of the tests' time."""
+    after_ns = np.rint((first_ms + step_ms * np.arange(count)) * MS_NS)
+    return np.asarray(START_NS + after_ns.astype(np.int64))
+
+
+def two_joints(count: int, **others: NDArray[np.int64]) -> Topic:
+    """Return states at 100 Hz whose values tell joint and number."""
+    k = np.arange(count, dtype=np.float64)
+    positions, efforts = (np.column_stack([a + k, b + k]) for a, b in ((1000, 2000), (0, 5000)))
+    return joint_states(every_ms(10, count), JOINTS, positions, efforts=efforts, **others)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sqlite3
 from contextlib import closing
 from typing import TYPE_CHECKING
@@ -12,14 +11,17 @@ import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from flexarm_core.errors import BagError
-from flexarm_ident import read_bag, read_channels, selection
+from flexarm_ident import read_channels, selection
 from support.bag_samples import FOREIGN_FORMATS, START_NS
 from support.foreign_bags import (
+    MS_NS,
+    every_ms,
     float64,
     float64_arrays,
     header,
     joint_states,
     topic,
+    two_joints,
     wrenches,
     write_topics,
 )
@@ -29,24 +31,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from support.foreign_bags import Topic
 
 MCAP, SQLITE = StoragePlugin.MCAP, StoragePlugin.SQLITE3
-MS_NS = 1_000_000
-JOINTS = ("shoulder", "motor")
-
-
-def every_ms(step_ms: float, count: int, first_ms: float = 0.0) -> NDArray[np.int64]:
-    """Return so many instants, from the start of the tests' time."""
-    after_ns = np.rint((first_ms + step_ms * np.arange(count)) * MS_NS)
-    return np.asarray(START_NS + after_ns.astype(np.int64))
-
-
-def two_joints(count: int, **others: NDArray[np.int64]) -> Topic:
-    """Return states at 100 Hz whose values tell joint and number."""
-    k = np.arange(count, dtype=np.float64)
-    positions, efforts = (np.column_stack([a + k, b + k]) for a, b in ((1000, 2000), (0, 5000)))
-    return joint_states(every_ms(10, count), JOINTS, positions, efforts=efforts, **others)
 
 
 @pytest.mark.parametrize(("storage", "compression"), FOREIGN_FORMATS)
@@ -286,66 +272,6 @@ def test_read___topics_that_begin_late___are_cut_to_what_they_share(tmp_path: Pa
     assert (data.u[0, 0], data.y[0, 0], len(data)) == (0.0, 1050.0, 50)
     (notice,) = data.notices
     assert notice.text.startswith("0.5 s of 1.0 s are used")
-
-
-def refused_bag(path: Path) -> Path:
-    """Write a bag with which a user can go wrong."""
-    felt = wrenches("/ft", every_ms(10, 30, 60_000.0), np.arange(30.0))
-    drive = float64_arrays("/drive", every_ms(10, 30), np.zeros((30, 2)))
-    around = np.concatenate([every_ms(1, 100), every_ms(1, 100, 3_600_000.0)])
-    pause = float64("/pause", around, np.arange(200.0))
-    return write_topics(path / "run", [two_joints(30), felt, drive, pause], MCAP)
-
-
-STATES = "position[shoulder], position[motor], effort[shoulder], effort[motor]"  # velocity is empty
-
-
-@pytest.mark.parametrize(
-    ("inputs", "outputs", "said"),
-    [
-        (["/drive.data"], ["/joint_states.position[0]"], "(did you mean data[0..1]?)"),
-        (["/drive.data[7]"], ["/joint_states.position[0]"], "layout.data_offset, data[0..1]"),
-        (
-            ["/drive.data[0]"],
-            ["/joint_states.postion[shoulder]"],
-            f"no number postion[shoulder] (did you mean position[shoulder]?); there are: {STATES}",
-        ),
-        (["/drive.data[0]"], ["/joint_states.velocity[0]"], f"there are: {STATES}"),
-        (["/drive.data[0]"], ["/joint_states.name[0]"], f"there are: {STATES}"),
-        (
-            ["/joint_state.effort[motor]"],
-            ["/ft.wrench.force.x"],
-            "no topic /joint_state (did you mean /joint_states?); there are: ",
-        ),
-        (["/nothing.data"], ["/ft.wrench.force.x"], f"(sensor_msgs/msg/JointState): {STATES}"),
-        (["/drive.data[0]"], ["/ft.wrench.force.x"], "the topics do not overlap"),
-        (["/drive.data[0]"], ["/pause.data"], "or the bag has a long pause"),
-        (["/drive"], ["/ft.wrench.force.x"], "'/drive' is no TOPIC.FIELD, such as"),
-        (["/drive.data[0]"], [], "no output was named"),
-        (
-            ["u=/drive.data[0]"],
-            ["u=/ft.wrench.force.x"],
-            "u is named twice: name channels as NAME=TOPIC.FIELD",
-        ),
-        (
-            ["u=/ft.wrench.force.x"],
-            ["y=/ft.wrench.force.x"],
-            "/ft.wrench.force.x is an input and an output: take it as one of them",
-        ),
-    ],
-)
-def test_read___wrong_names___are_refused_with_what_there_is(
-    tmp_path: Path, inputs: list[str], outputs: list[str], said: str
-) -> None:
-    with pytest.raises(BagError, match=re.escape(said)) as refused:
-        read_channels(refused_bag(tmp_path), selection(inputs, outputs))
-    assert "\n" not in str(refused.value)
-
-
-def test_read___foreign_bag_without_channels___lists_its_numbers(tmp_path: Path) -> None:
-    said = re.escape(f"{STATES}; /pause (std_msgs/msg/Float64): data; `flexarm identify` takes any")
-    with pytest.raises(BagError, match=said):
-        read_bag(refused_bag(tmp_path))
 
 
 def test_read___pause_of_the_commands___has_an_unknown_input(tmp_path: Path) -> None:
