@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import signal
 from dataclasses import fields
+from shutil import copytree
 from typing import TYPE_CHECKING
 
 import pytest
@@ -94,7 +95,8 @@ def test_command___with_exports___shows_stages_and_writes_the_files(
 def test_command___interrupted___leaves_no_folder(graph: Graph, tmp_path: Path) -> None:
     (tmp_path / "place").mkdir()
     # Six records keep it at work for longer than a busy machine keeps this test from looking.
-    process = command(graph, *5 * (str(BAG),), "-o", str(tmp_path / "place" / "out"))
+    others = [copytree(BAG, tmp_path / f"run{number}") for number in range(5)]
+    process = command(graph, *map(str, others), "-o", str(tmp_path / "place" / "out"))
     eventually(lambda: "gram" in process.printed, "the work")
     process.send(signal.SIGINT)
     assert process.exit_code() == 130
