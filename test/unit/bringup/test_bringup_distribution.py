@@ -53,7 +53,9 @@ def command(tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run(  # noqa: S603 - our own pip
         [sys.executable, "-m", "pip", "--python", python, *install], check=True, env=plain()
     )
-    (packages / "sitecustomize.py").write_text(NO_ROS, "utf-8")
+    # A sitecustomize of ours would be hidden by that of Debian's Python.
+    (packages / "no_ros.py").write_text(NO_ROS, "utf-8")
+    (packages / "no_ros.pth").write_text("import no_ros\n", "utf-8")
     return environment / "bin" / "flexarm"
 
 
