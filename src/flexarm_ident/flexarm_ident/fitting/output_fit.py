@@ -125,6 +125,25 @@ def fit_each(
     """Fit the inputs as `fit_inputs` does, for state matrices with the same eigenvectors.
 
     The records are read once for all of them.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        State matrices, such as those of `state_space.moved` from one start.
+    C : ndarray, (outputs, states)
+        Output matrix of all of them.
+    records, feedthrough, noise_weighted, at_rest
+        As in `fit_inputs`.
+
+    Returns
+    -------
+    list of OutputFit
+        A fit for each state matrix, in their order.
+
+    Raises
+    ------
+    IdentificationError
+        If one of them is so unstable that its response overflows.
     """
     inputs = len(records[0].inputs)
     problems = _problems(spectra, C, inputs, records, feedthrough=feedthrough)

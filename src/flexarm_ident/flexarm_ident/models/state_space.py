@@ -126,9 +126,18 @@ def stabilise(A: FloatArray, way: Way = "mirror") -> tuple[FloatArray, int]:
 
 
 class Spectrum(NamedTuple):
-    """State matrix with its eigenvalues, the columns of eigenvectors, and how many were unstable.
+    """State matrix with its eigenvalues and eigenvectors.
 
-    `unstable` counts eigenvalues that have been moved from outside the unit circle or from it.
+    Attributes
+    ----------
+    A : ndarray, (states, states)
+        State matrix.
+    eigenvalues : ndarray, (states,)
+        Complex eigenvalues, conjugates side by side.
+    vectors : ndarray, (states, states)
+        Eigenvectors as columns.
+    unstable : int
+        Number of eigenvalues that have been moved from outside the unit circle or from it.
     """
 
     A: FloatArray
@@ -144,9 +153,19 @@ def spectrum(A: FloatArray) -> Spectrum:
 
 
 def moved(start: Spectrum, way: Way) -> Spectrum:
-    """Return a state matrix with moved eigenvalues and the same eigenvectors; see `stabilise`.
+    """Return a state matrix with moved eigenvalues and the same eigenvectors.
 
-    It is `start` itself when there is nothing to move.
+    Parameters
+    ----------
+    start : Spectrum
+        State matrix as estimated.
+    way : {"mirror", "clamp", "integrator"}
+        Way to move them, see `stabilise`.
+
+    Returns
+    -------
+    Spectrum
+        The stable matrix; `start` itself when there is nothing to move.
     """
     eigenvalues, vectors = start.eigenvalues, start.vectors
     radius = np.abs(eigenvalues)

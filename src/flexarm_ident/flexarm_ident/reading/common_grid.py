@@ -65,7 +65,18 @@ class CommonRows:
     acting: tuple[FloatArray, ...]
 
     def in_gap(self, number: int) -> NDArray[np.bool_]:
-        """Return the rows, (rows,), in which messages of one input should have come and did not."""
+        """Return the rows in which messages of one input should have come and did not.
+
+        Parameters
+        ----------
+        number : int
+            Number of the input, from 0; it is sent evenly.
+
+        Returns
+        -------
+        ndarray of bool, (rows,)
+            True from one step behind the last message before a gap to the first one after it.
+        """
         instants = self.acting[number]
         steps = np.diff(instants)
         usual = float(np.median(steps))

@@ -40,7 +40,15 @@ _REFITS = 3
 def judged_loop(record: IoData) -> bool | None:
     """Judge as `is_closed_loop` does, by the longest stretch of a record between holes.
 
-    None also where there is none, or no input.
+    Parameters
+    ----------
+    record : IoData
+        The record, with holes or without.
+
+    Returns
+    -------
+    bool or None
+        None also where there is no such stretch, or no input.
     """
     longest = max(stretches(record.y_usable), key=lambda rows: rows.stop - rows.start, default=None)
     if longest is None or longest.stop - longest.start < 2 or not np.any(record.u):  # noqa: PLR2004
