@@ -28,9 +28,8 @@ def thesis_rank(number: str, way: str) -> int:
         row for row in thesis_table(f"{name}b") if (row["stage"], row["validation"]) == (way, "dmv")
     )
     kept = row["modes"].split(",")
-    return min(
-        mode["mrm"] for mode in thesis_table(f"{name}a")["modes"] if mode["mode"] not in kept
-    )
+    modes = thesis_table(f"{name}a")["modes"]
+    return min(int(mode["mrm"]) for mode in modes if mode["mode"] not in kept)
 
 
 def left_out_reason(number: str, found: Sequence[ReductionTrial], way: str) -> str:
