@@ -247,6 +247,18 @@ def test_tools_of_test_and_docs___are_installed_for_the_first_verb_that_needs_th
     assert installed("docs") == installed("demo") == ""
 
 
+def test_python_without_headers___is_told_before_anything_is_installed(
+    bare: Path, with_ros: dict[str, str]
+) -> None:
+    python = Path(with_ros["python"])
+    headless = '#!/bin/bash\ncase "$*" in *Python.h*) exit 1 ;; esac\n'
+    python.write_text(headless + python.read_text("utf-8"), "utf-8")
+    done = called(bare, "demo", **with_ros)
+    assert done.returncode == 1
+    assert "sudo apt-get install python3-dev" in done.stderr
+    assert not (bare / ".venv").exists()
+
+
 @pytest.mark.parametrize("uv_ends_with", [0, 2])
 def test_pinned_packages___come_by_uv_and_where_it_fails_by_pip(
     bare: Path, with_ros: dict[str, str], uv_ends_with: int
