@@ -22,11 +22,14 @@ STAGES = ("record", "identify", "model", "tune", "step")
 
 # Ratio of luminances of each visible text and what is behind it; the lowest with its text.
 LOWEST_CONTRAST = """(() => {
-  const light = (text) => {
-    const [r, g, b] = text.match(/[\\d.]+/g).map(Number).map((part) => part / 255)
+  const parts = (text) => text.match(/[\\d.]+/g).map(Number).slice(0, 3);
+  const light = (colour) => {
+    const [r, g, b] = colour.map((part) => part / 255)
       .map((part) => (part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4));
     return 0.2126 * r + 0.7152 * g + 0.0722 * b;
   };
+  const opacity = (node) => (node === null ? 1 :
+    getComputedStyle(node).opacity * opacity(node.parentElement));
   const ground = (node) => {
     const colour = getComputedStyle(node).backgroundColor;
     const clear = colour === "rgba(0, 0, 0, 0)" && node.parentElement !== null;
@@ -37,7 +40,9 @@ LOWEST_CONTRAST = """(() => {
     && [...node.childNodes].some((child) => child.nodeType === 3 && child.data.trim()));
   return texts.map((node) => {
     const style = getComputedStyle(node);
-    const [dark, bright] = [light(style.color), light(ground(node))].sort((a, b) => a - b);
+    const [behind, share] = [parts(ground(node)), opacity(node)];
+    const seen = parts(style.color).map((part, at) => share * part + (1 - share) * behind[at]);
+    const [dark, bright] = [light(seen), light(behind)].sort((a, b) => a - b);
     const large = parseFloat(style.fontSize) >= (style.fontWeight >= 700 ? 18.6 : 24);
     const ratio = (bright + 0.05) / (dark + 0.05);
     return [ratio / (large ? LARGE : USUAL), node.outerHTML.slice(0, 90)];

@@ -265,7 +265,7 @@ def test_render_report___outcome___holds_the_model_in_every_format(
 
 
 def views_of(text: str) -> int:
-    return sum(attributes.get("role") == "img" for _, attributes in Page(text).tags)
+    return sum(attributes.get("role") == "group" for _, attributes in Page(text).tags)
 
 
 def rows_of(text: str, heading: str, kind: str) -> list[list[str]]:

@@ -101,7 +101,7 @@ function measured(page) {
     headers: Object.fromEntries(all("table").map(
       (node) => [node.className, [...node.tHead.rows[0].cells].map((cell) => cell.textContent)]
     )),
-    plots: all("[role=img]").filter(shown).map((view) => ({
+    plots: all("[role=group]").filter(shown).map((view) => ({
       label: view.getAttribute("aria-label") || "",
       caption: view.closest("figure").querySelector("figcaption")?.textContent || "",
       ratio: view.getBoundingClientRect().height / view.getBoundingClientRect().width,

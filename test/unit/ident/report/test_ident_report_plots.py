@@ -61,7 +61,7 @@ def texts(plot: str) -> set[str]:
 
 def path_of(plot: str, look: str, view: int = 0) -> str:
     """Return the path of a look in one of the views."""
-    views = [node for node in ET.fromstring(plot).iter() if node.get("role") == "img"]  # noqa: S314
+    views = [node for node in ET.fromstring(plot).iter() if node.get("role") == "group"]  # noqa: S314
     found = [node for node in views[view].iter("path") if look in (node.get("class") or "").split()]
     return str(found[0].get("d"))
 
@@ -207,7 +207,7 @@ def test_plot___any___is_an_element_with_labels(
     draw: Callable[[], str], expected: set[str]
 ) -> None:
     plot = draw()
-    views = [node for node in ET.fromstring(plot).iter() if node.get("role") == "img"]  # noqa: S314
+    views = [node for node in ET.fromstring(plot).iter() if node.get("role") == "group"]  # noqa: S314
     assert views
     assert all(view.get("aria-label") for view in views)
     assert expected <= texts(plot)

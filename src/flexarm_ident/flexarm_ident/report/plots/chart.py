@@ -123,7 +123,7 @@ def _view(view: View, labels: Sequence[str], own: Container[str]) -> str:
     )
     about = html.escape(view.description, quote=True)
     words = f'<p class="x">{html.escape(view.x.label)}</p>'
-    return f'<div class="view" role="img" aria-label="{about}">{panels}{words}</div>'
+    return f'<div class="view" role="group" aria-label="{about}">{panels}{words}</div>'
 
 
 def _own_legend(panel: Panel, labels: Sequence[str], own: Container[str]) -> str:
