@@ -138,11 +138,12 @@ def test_verb___with_an_up___asks_it(
     assert up.asked[-1] == {"id": 0, **asked}
 
 
-def test_full_name_of_a_node___names_the_arm_too(up: Up) -> None:
-    done = CliRunner().invoke(remote.get, [f"{ARM}/controller", "law"], catch_exceptions=False)
+@pytest.mark.parametrize("arm", [ARM, ARM.strip("/")])
+def test_full_name_of_a_node___names_the_arm_too(up: Up, arm: str) -> None:
+    done = CliRunner().invoke(remote.get, [f"{arm}/controller", "law"], catch_exceptions=False)
     assert done.output.startswith("controller law")
     done = CliRunner().invoke(
-        remote.set_, [f"{ARM}/controller", "law=pdpc"], catch_exceptions=False
+        remote.set_, [f"{arm}/controller", "law=pdpc"], catch_exceptions=False
     )
     assert done.output == "controller law: pd -> pdpc\n"
     assert {each["node"] for each in up.asked} == {"controller"}
