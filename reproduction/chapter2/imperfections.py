@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.records.preprocess import preprocess
+from reproduction.chapter2.easier_rigs import least_error
 from reproduction.chapter2.order_survey import CUTOFF_HZ, best_error, prepared
 from reproduction.chapter2.tables import METHOD_TEXT, survey_calls, survey_of
 from reproduction.framework.findings import (
@@ -25,8 +25,7 @@ from reproduction.framework.findings import (
     spread,
     subject,
 )
-from reproduction.framework.rig import run_experiment, simulated_record
-from reproduction.framework.study_rig import study_rig
+from reproduction.framework.rig import simulated_record
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,23 +33,11 @@ if TYPE_CHECKING:
     from reproduction.framework.findings import Results
 
 
-NOISELESS_V = (0.0, 0.0, 0.0, 0.0)
 RIG_RECORD = "O_dat2"
 """A square wave excites the arm in the same way with every seed: only the noise changes."""
 EXACT = 0.02
 """The method is effective on a linear system when this little is left of the error: the converters
 of the rig round in any case."""
-
-
-def least_error(name: str, seed: int, noise: bool, friction: bool) -> float:  # noqa: FBT001
-    """Return the mean error of the best model, from a rig with or without noise and friction."""
-    rig = study_rig()
-    if not noise:
-        rig = replace(rig, noise_v=NOISELESS_V, hum_v=NOISELESS_V)
-    if not friction:
-        rig = replace(rig, coulomb_friction_nm=0.0, backlash_deg=0.0)
-    record = prepared(run_experiment(experiment(name), rig, seed))
-    return best_error(record, record)
 
 
 def _rig_errors(results: Results) -> dict[str, list[float]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_daq.experiments.catalogue import catalogue, experiment
-from reproduction.chapter2.imperfections import least_error
+from reproduction.chapter2.easier_rigs import least_error
 from reproduction.chapter2.order_survey import CUTOFF_HZ, best_error, prepared
 from reproduction.chapter2.tables import METHOD_TEXT, PAIRS, survey_calls, survey_of
 from reproduction.framework.findings import (

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 
 from flexarm_daq.experiments.catalogue import experiment
+from reproduction.chapter2.easier_rigs import by_strength, free_calls
 from reproduction.chapter2.order_survey import (
     ORDERS,
     TABLE_OF,
@@ -50,6 +51,8 @@ PRINTED_TO = 0.001
 """Means that depart further from those of the printed errors are misprints, not rounded."""
 MANY = 0.5
 """Numbers of stable orders agree when those of more than this share of the experiments do."""
+OPEN_LOOP = "table-2-1"
+"""Table of the experiments that no law helps against friction."""
 METHOD_TEXT = prose("chapter-2.method", least=ORDERS[0], most=ORDERS[-1], seeds=len(SEEDS))
 PAIRS = {
     f"{kind}_dat{low}": f"{kind}_dat{high}"
@@ -165,9 +168,11 @@ def _order_cells(row: Mapping[str, Any], ours: OrderSurvey) -> tuple[str, ...]:
 def _table(key: str, name: str, results: Results) -> Finding:
     printed = thesis_table(name)
     found = {record: survey_of(results, record) for record in printed}
+    means = {record: float(row["mean"]) for record, row in printed.items()}
+    ours = {record: float(np.median(each.mean_dmv)) for record, each in found.items()}
     judgement = errors_judgement(
-        {record: row["mean"] for record, row in printed.items()},
-        {record: float(np.median(each.mean_dmv)) for record, each in found.items()},
+        means,
+        ours,
         stable={
             record: (float(len(row["stable"])), float(found[record].stable_orders.mean()))
             for record, row in printed.items()
@@ -177,6 +182,7 @@ def _table(key: str, name: str, results: Results) -> Finding:
             leaving=leaving_text(found.values()),
             **_best(printed, found),
             **_apart(printed, found),
+            **(by_strength(means, ours, results) if key == OPEN_LOOP else {}),
         ),
     )
     errors = SideBySide(
@@ -190,6 +196,12 @@ def _table(key: str, name: str, results: Results) -> Finding:
         tuple((record, *_order_cells(row, found[record])) for record, row in printed.items()),
     )
     return Finding(judgement, (errors, orders), text=(METHOD_TEXT, *_misprints(printed)))
+
+
+def _table_calls(key: str, name: str) -> tuple[Call, ...]:
+    records = thesis_table(name)
+    free = (call for record in records for call in free_calls(record))
+    return (*survey_calls(*records), *(free if key == OPEN_LOOP else ()))
 
 
 def leaving_text(found: Iterable[OrderSurvey]) -> str:
@@ -303,6 +315,7 @@ def _typical(results: Results) -> Finding:
             )
         )
     headings = columns(prose("table-2-6.columns"))
+    off = [code for code in printed if not 1.0 / CLOSE <= ours[code] / printed[code] <= CLOSE]
     widest = max(chosen, key=lambda record: int(np.ptp(chosen[record])))
     reason = prose(
         "table-2-6.reason",
@@ -312,6 +325,8 @@ def _typical(results: Results) -> Finding:
         low=np.quantile(list(printed.values()), 0.25),
         high=np.quantile(list(printed.values()), 0.75),
         ours=np.median(ranges),
+        off=len(off),
+        open_loop=sum(_TYPICAL[code]["record"].startswith("O") for code in off),
     )
     text = prose("table-2-6.text")
     table = SideBySide("Typical models, orders as printed", headings, tuple(rows))
@@ -320,7 +335,7 @@ def _typical(results: Results) -> Finding:
 
 SUBJECTS = (
     *(
-        subject(key, survey_calls(*thesis_table(name)), partial(_table, key, name))
+        subject(key, _table_calls(key, name), partial(_table, key, name))
         for key, name in ((name.replace("_", "-"), name) for name in TABLE_OF.values())
     ),
     subject("table-2-5", tuple(Call(special_stability, (code,)) for code in _SPECIAL), _special),

@@ -241,6 +241,9 @@ def loop_judgement(
         reason=prose(
             "figure-2-12.reason",
             late=LATE_SAMPLES,
+            does="would explain it"
+            if late.away.mean() > OFTEN
+            else "makes it likelier, and does not explain it alone",
             away=late.away.mean(),
             loop_hz=np.median(late.loop_hz[late.away]) if late.away.any() else 0.0,
             error=np.median(late.dmv.mean(axis=1)),

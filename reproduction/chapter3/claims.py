@@ -17,7 +17,7 @@ from reproduction.chapter3.examples import (
     THESIS,
     Validation,
 )
-from reproduction.chapter3.trial import both_calls, errors_text, means, trials
+from reproduction.chapter3.trial import both_calls, errors, errors_text, means, trials
 from reproduction.framework.findings import (
     LEVEL,
     Finding,
@@ -276,6 +276,8 @@ def claim_unstable(found: Trials) -> Finding:
                 states=unstable_one.reduced[LEVEL_STATES].order,
                 held=sum(value < LEVEL for value in level_p),
                 compared=len(level_p),
+                **_by_sensor("stable", found, STABLE),
+                **_by_sensor("unstable", found, UNSTABLE),
             ),
         ),
         tables=(
@@ -296,6 +298,16 @@ def claim_unstable(found: Trials) -> Finding:
             ),
         ),
     )
+
+
+def _by_sensor(word: str, found: Trials, code: str) -> dict[str, float]:
+    """Return errors of the position, updated, and of the gauges, full and updated, for a reason."""
+    strong, little = (found[code, noise] for noise in (THESIS, LOW))
+    return {
+        f"{word}_position": float(np.median(errors(strong, "updated")[:, 0])),
+        f"{word}_full": float(np.median(errors(little, INITIAL)[:, 1:3])),
+        f"{word}_gauges": float(np.median(errors(little, "updated")[:, 1:3])),
+    }
 
 
 SUBJECTS = (

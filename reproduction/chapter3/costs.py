@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm_daq.experiments.catalogue import experiment
-from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V
-from reproduction.chapter2.order_survey import fitted_half, identified, matched, model_of, prepared
+from reproduction.chapter3.drift import AS_IT_IS, DRIFTING, drift_calls, drift_table, median_errors
 from reproduction.chapter3.examples import (
     C_UPDATED,
     DISTINCT,
@@ -24,6 +21,7 @@ from reproduction.chapter3.examples import (
     reversed_pairs,
     thesis_rows,
 )
+from reproduction.chapter3.left_out import left_out_reason, ranks_text
 from reproduction.chapter3.trial import (
     RUNS_AWAY,
     both_calls,
@@ -35,84 +33,22 @@ from reproduction.chapter3.trial import (
     ratios,
     records_of,
 )
+from reproduction.chapter3.updated_models import MEAN_NEAR
 from reproduction.framework.findings import (
-    SENSORS,
-    Call,
     Finding,
     SideBySide,
     Subject,
     columns,
     judged,
     prose,
-    spread,
     thesis_table,
 )
-from reproduction.framework.rig import run_experiment
-from reproduction.framework.study_rig import study_rig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from reproduction.chapter3.examples import ReductionTrial, ThesisRow
     from reproduction.framework.findings import Results
-
-
-AS_IT_IS = "as it is"
-_FREE = {"coulomb_friction_nm": 0.0}
-RIGS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
-    {
-        AS_IT_IS: {},
-        "little noise": {"noise_v": LOW_NOISE_V},
-        "no friction": _FREE,
-        "no friction, no gear play, little noise": {
-            **_FREE,
-            "backlash_deg": 0.0,
-            "noise_v": LOW_NOISE_V,
-        },
-    }
-)
-"""Rigs by what makes them easier to model."""
-_DRIFT_SEEDS = range(1, 11)
-
-
-def full_model_errors(code: str, rig: str, seed: int) -> tuple[float, ...]:
-    """Return the four errors by data matching of a full model from one of the easier `RIGS`."""
-    example, changed = EXAMPLES[code], RIGS[rig]
-    entry = experiment(example.experiment)
-    if entry.law and "coulomb_friction_nm" in changed:
-        entry = replace(entry, gains={**entry.gains, "compensation_v": 0.0})
-    parameters = study_rig(entry.payload_kg)
-    record = prepared(
-        run_experiment(entry, replace(parameters, **changed), seed), example.compensation
-    )
-    model, _ = model_of(identified(fitted_half(record)), example.order)
-    return tuple(matched(model, record).delta.tolist())
-
-
-def drift_calls(code: str) -> tuple[Call, ...]:
-    """Return the computations of `drift_table`."""
-    return tuple(
-        Call(full_model_errors, (code, rig, seed)) for rig in RIGS for seed in _DRIFT_SEEDS
-    )
-
-
-def _plain_position(code: str, results: Results) -> float:
-    """Return the error of the position of the printed order, clamped where it is unstable."""
-    found = [results[Call(full_model_errors, (code, AS_IT_IS, seed))] for seed in _DRIFT_SEEDS]
-    return float(np.median(found, axis=0)[0])
-
-
-def drift_table(code: str, results: Results) -> SideBySide:
-    """List the errors of the full model on easier rigs."""
-    rows = []
-    for rig in RIGS:
-        errors = [results[Call(full_model_errors, (code, rig, seed))] for seed in _DRIFT_SEEDS]
-        rows.append((rig, *map(error_text, np.median(errors, axis=0).tolist())))
-    return SideBySide(
-        prose("table-3-xb.drift_title", seeds=len(_DRIFT_SEEDS)),
-        ("rig", *SENSORS),
-        tuple(rows),
-    )
 
 
 RATIO_NEAR = 0.15
@@ -131,12 +67,14 @@ def compare_errors(rows: Sequence[ThesisRow], found: Records, *, reason: str) ->
     }
     turned, turned_low = (_turned(theirs, some) for some in (noisy, found.low))
     near = [key for key, share in off.items() if abs(share) <= RATIO_NEAR]
+    close = [key for key, mean in theirs.items() if abs(ours[key] / mean - 1.0) <= MEAN_NEAR]
     return Finding(
         judged(
-            agrees=len(near) == len(off) and not turned,
+            agrees=len(near) == len(close) == len(off) and not turned,
             same_ranking=not turned,
             evidence=f"Of {len(off)} rows {len(near)} are as much above the full model's error as "
-            f"the thesis's, within {RATIO_NEAR:.0%}; {_order_text(turned)}. With little noise "
+            f"the thesis's, within {RATIO_NEAR:.0%}, and {len(close)} have its mean error, within "
+            f"{MEAN_NEAR:.0%}; {_order_text(turned)}. With little noise "
             f"{_order_text(turned_low)}. Medians of {len(noisy)} records: full "
             f"{ours[INITIAL, 'dmv']:.3f}, MRM {ours['mrm', 'dmv']:.3f}, MSV "
             f"{ours['msv', 'dmv']:.3f}, MRMC {ours['mrmc', 'dmv']:.3f}, updated "
@@ -240,7 +178,7 @@ def _text(found: Records) -> tuple[str, ...]:
     lines = [
         prose("table-3-xb.text", order=example.order, record=example.experiment),
         prose("table-3-xb.text2", seed=shown.seed, states=states),
-        prose("table-3-xb.text3", strong=_left_out(noisy), little=_left_out(low)),
+        prose("table-3-xb.text3", strong=ranks_text(noisy, "mrmc"), little=ranks_text(low, "mrmc")),
         prose("table-3-xb.text4", difference=difference),
     ]
     runaways = int(np.sum(means(noisy, INITIAL, "sfv") > RUNS_AWAY))
@@ -251,18 +189,12 @@ def _text(found: Records) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _left_out(found: Sequence[ReductionTrial]) -> str:
-    return spread([trial.left_out_rank("mrmc") for trial in found], "g")
-
-
 def _values(number: str, found: Records) -> dict[str, Any]:
     """Return the figures of the reasons of a table."""
     rows = {
         (row.stage, row.validation): row
         for row in thesis_rows(thesis_table(f"table_{number.replace('-', '_')}b"))
     }
-    kept = rows["mrmc", "dmv"].modes.split(",")
-    modes = thesis_table(f"table_{number.replace('-', '_')}a")["modes"]
     noisy = found.noisy
     sets = {way: len({trial.stages[way].kept for trial in noisy}) for way in WAYS}
     ours = {
@@ -271,26 +203,14 @@ def _values(number: str, found: Records) -> dict[str, Any]:
     }
     return {
         "kept": prose("table-3-x-parts.kept", records=len(noisy), **sets),
-        "left_out": prose(
-            "table-3-x-parts.left_out",
-            theirs=min(mode["mrm"] for mode in modes if mode["mode"] not in kept),
-            strong=_left_out(noisy),
-        ),
-        "base": rows["mrmc", "dmv"].delta[1],
-        "middle": rows["mrmc", "dmv"].delta[2],
+        **{f"{way}_left_out": left_out_reason(number, noisy, way) for way in ("msv", "mrmc")},
         "position": rows[INITIAL, "dmv"].delta[0],
         "updated": rows["updated", "dmv"].delta[0],
         "our_position": ours[INITIAL],
         "our_updated": ours["updated"],
         "our_c_updated": ours[f"updated{C_UPDATED}"],
         "order": found.example.order,
-        "moved": sum(bool(trial.moved) for trial in noisy),
-        "records": len(noisy),
     }
-
-
-_DRIFT = frozenset({"3-2", "3-3", "3-4"})
-"""Tables whose full model matches the position far less well than the thesis's."""
 
 
 def _subject(number: str, code: str) -> Subject:
@@ -300,11 +220,11 @@ def _subject(number: str, code: str) -> Subject:
             records_of(results, code),
             reason=prose(
                 f"table-{number}b.reason",
-                plain=_plain_position(code, results) if number in _DRIFT else None,
+                plain=median_errors(code, AS_IT_IS, results)[0] if number in DRIFTING else None,
                 **_values(number, records_of(results, code)),
             ),
         )
-        if number not in _DRIFT:
+        if number not in DRIFTING:
             return finding
         order = EXAMPLES[code].order
         return replace(
@@ -316,7 +236,7 @@ def _subject(number: str, code: str) -> Subject:
     return Subject(
         f"table-{number}b",
         f"{code}: reduced, updated and validated",
-        both_calls(code) + (drift_calls(code) if number in _DRIFT else ()),
+        both_calls(code) + (drift_calls(code) if number in DRIFTING else ()),
         build,
     )
 

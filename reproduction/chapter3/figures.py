@@ -8,6 +8,7 @@ import numpy as np
 
 from flexarm_ident.records.iodata import ARM_OUTPUTS
 from reproduction.chapter3.costs import RATIO_NEAR
+from reproduction.chapter3.drift import DRIFTING, drift_calls, drift_reason
 from reproduction.chapter3.examples import (
     EXAMPLES,
     INITIAL,
@@ -18,6 +19,7 @@ from reproduction.chapter3.examples import (
     reversed_pairs,
     thesis_rows,
 )
+from reproduction.chapter3.left_out import left_out_reason
 from reproduction.chapter3.trial import (
     RUNS_AWAY,
     both_calls,
@@ -55,6 +57,8 @@ GOOD = 1.25
 """A model looks like its full one up to this: the thesis calls 1.12 slightly worse and has 1.38 for
 a model that deviates."""
 POINTS = 600
+FULL = (INITIAL, "unstable")
+"""Stages that nothing was left out of."""
 _MEANING: Mapping[Validation, str] = {"dmv": "data matching", "sfv": "set-point following"}
 
 
@@ -83,8 +87,13 @@ FIGURES = tuple(
 )
 
 
-def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) -> Finding:
-    """Draw a stage and judge its four errors, and of a reduced model the cost as well."""
+def compare_figure(
+    figure: FigureOf, rows: Sequence[ThesisRow], found: Records, drift: str = ""
+) -> Finding:
+    """Draw a stage and judge its four errors, and of a reduced model the cost as well.
+
+    `drift` says what makes the position's error of a full model, for the reason.
+    """
     example, low, noisy = found
     stage, validation = figure.stage, figure.validation
     thesis = {(row.stage, row.validation): row for row in rows}
@@ -104,7 +113,7 @@ def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) 
     quiet_cost = float(np.median(ratios(low, stage, validation)))
     near = np.abs(ours - theirs) <= np.maximum(DELTA_SMALL, DELTA_NEAR * theirs)
     agreeing = f"{int(near.sum())} of {len(near)} errors agree ({_pairs(theirs, ours)})"
-    if stage in (INITIAL, "unstable"):
+    if stage in FULL:
         turned = reversed_pairs(
             *(dict(zip(SENSORS, delta.tolist(), strict=True)) for delta in (theirs, ours))
         )
@@ -121,7 +130,7 @@ def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) 
                 else "no two sensors are matched in another order than in the thesis."
             )
             + lost,
-            reason=f"See Table {figure.table}b for what the errors of our full model rest on.",
+            reason=prose("figure-3-x.full_reason", table=figure.table, drift=drift),
         )
     else:
         judgement = judged(
@@ -130,7 +139,8 @@ def compare_figure(figure: FigureOf, rows: Sequence[ThesisRow], found: Records) 
             evidence=f"The error is {_times(our_cost)} the full model's, the thesis's "
             f"{_times(cost)}; with little noise {_times(quiet_cost)}. {agreeing}. Medians of "
             f"{len(noisy)} records.{lost}",
-            reason=_other_cost(cost, our_costs, quiet_cost),
+            reason=_other_cost(cost, our_costs, quiet_cost)
+            + _left_out(figure, noisy, cheaper=our_cost < cost),
         )
     if shown.curves is None:
         raise ValueError(f"{example.code}, seed {shown.seed}: nothing was kept to draw")
@@ -181,6 +191,13 @@ def _other_cost(cost: float, our_costs: NDArray[np.float64], quiet_cost: float) 
     )
 
 
+def _left_out(figure: FigureOf, noisy: Sequence[ReductionTrial], *, cheaper: bool) -> str:
+    """Say which mode is left out, where that costs less than in the thesis."""
+    if not cheaper or figure.stage not in ("msv", "mrmc"):
+        return ""
+    return f" {left_out_reason(figure.table, noisy, figure.stage)}"
+
+
 def _caption(shown: ReductionTrial, code: str, stage: str) -> str:
     kept = shown.stages[stage].kept
     modes = f" and keeps modes {', '.join(kept)}" if kept else ""
@@ -216,18 +233,19 @@ def _plots(curves: Curves, stage: str, validation: Validation) -> tuple[Plot, ..
 
 def _subject(figure: FigureOf) -> Subject:
     code = TABLES[figure.table]
+    rows = thesis_rows(thesis_table(f"table_{figure.table.replace('-', '_')}b"))
+    is_full = figure.stage in FULL and figure.validation == "dmv"
+    drifts = is_full and figure.table in DRIFTING
 
     def build(results: Results) -> Finding:
-        return compare_figure(
-            figure,
-            thesis_rows(thesis_table(f"table_{figure.table.replace('-', '_')}b")),
-            records_of(results, code),
-        )
+        (theirs,) = (row.delta[0] for row in rows if (row.stage, row.validation) == figure[2:])
+        drift = drift_reason(code, results, theirs) if drifts else ""
+        return compare_figure(figure, rows, records_of(results, code), drift)
 
     return Subject(
         f"figure-{figure.number}",
         f"{code}, {STAGES[figure.stage]}: {_MEANING[figure.validation]}",
-        both_calls(code),
+        both_calls(code) + (drift_calls(code) if drifts else ()),
         build,
     )
 

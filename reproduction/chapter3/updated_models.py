@@ -88,6 +88,8 @@ def compare_models(
                 models=len(MODEL_STAGES),
                 low=min(others),
                 high=max(others),
+                theirs=max(others) / min(others),
+                ours=_apart(found),
             ),
         ),
         tables=(
@@ -99,6 +101,12 @@ def compare_models(
         ),
         text=(prose("table-3-6.text"),),
     )
+
+
+def _apart(found: Mapping[str, Sequence[ReductionTrial]]) -> float:
+    """Return the factor between the errors of the records of one model, in the median."""
+    errors = [means(found[code], stage, "dmv") for code, stage in MODEL_STAGES.values()]
+    return float(np.median([each.max() / each.min() for each in errors]))
 
 
 def _medians(found: Mapping[str, Sequence[ReductionTrial]], kind: Validation) -> list[float]:

@@ -42,11 +42,11 @@ _EARLIER = {
 }
 _STRICTER = """\
 
-The rules became stricter since the earlier edition: figures of reduced models are judged by their
-errors too, not by their cost alone; what agrees by construction is counted apart; the laws of all
-PI models are compensated alike; the sums of Table 4-2 are judged; ILQR is judged with the thesis's
-weights too. And models are identified in the thesis's way now, which matches our records less well
-than ours: see choice 2-2."""
+The rules became stricter since the earlier edition: tables and figures of reduced models are judged
+by their errors too, not by their cost alone; what agrees by construction is counted apart; the laws
+of all PI models are compensated alike; the sums of Table 4-2 are judged; ILQR is judged with the
+thesis's weights too. And models are identified in the thesis's way now, which matches our records
+less well than ours: see choice 2-2."""
 _TITLES = {"chapter": "Chapter {}", APPENDICES: "Appendices"}
 _MARKS = {
     Verdict.AGREES: "✔",

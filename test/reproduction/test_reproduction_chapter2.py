@@ -9,6 +9,7 @@ from flexarm_daq.experiments.catalogue import catalogue, experiment
 from reproduction.chapter2 import (
     block_rows,
     claims,
+    easier_rigs,
     imperfections,
     modes,
     order_survey,
@@ -19,7 +20,7 @@ from reproduction.chapter2 import (
 )
 from reproduction.chapter2.order_survey import ORDERS
 from reproduction.framework.findings import SEEDS, Verdict, thesis_table
-from support.chapter2_surveys import made_up_survey
+from support.chapter2_surveys import made_up_late_record, made_up_modes, made_up_survey
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,27 +41,17 @@ FIGURES = (6, 7, 8, 11, 12, 14, 15, 16)
 LOW, HIGH = [0.1] * len(SEEDS), [0.2] * len(SEEDS)
 
 
-def made_up_modes(*, near: bool) -> modes.WaveformModes:
-    modes_hz = modes.MODES_HZ if near else modes.BETWEEN_HZ
-    seeds = len(SEEDS)
-    return modes.WaveformModes(
-        (tuple(modes_hz.tolist()),) * seeds,
-        np.full((seeds, 3), near),
-        np.full((seeds, 2), not near),
-    )
-
-
 def made_up_result(call: Call) -> Any:  # noqa: ANN401 - what the call returns
     signals = np.sin(np.linspace(0.0, 20.0, 400))[:, np.newaxis] * np.ones(4, np.float32)
     points = len(modes.FREQUENCIES_HZ)
     makers: dict[Any, Any] = {
         order_survey.survey: made_up_survey,
-        modes.waveform_modes: lambda _: made_up_modes(near=True),
+        modes.waveform_modes: lambda *_: made_up_modes(near=True),
         tables.special_stability: lambda _: (True,) * len(SEEDS),
         validation.validated_model: lambda _: validation.ValidatedModel(
             0.01, signals, signals, signals, signals
         ),
-        validation.late_record: lambda _: late(away=True),
+        validation.late_record: lambda _: made_up_late_record(away=True),
         block_rows.swept: lambda _: dict.fromkeys(
             block_rows.SWEPT, block_rows.Swept(9.0, 0.3, 0.1, 1.0, 1.0)
         ),
@@ -70,20 +61,13 @@ def made_up_result(call: Call) -> Any:  # noqa: ANN401 - what the call returns
         modes.closed_loop_gains: lambda: {
             order: np.ones((len(SEEDS), points, 4), np.float32) for order in (18, 27)
         },
-        imperfections.least_error: lambda *_: 0.01,
+        easier_rigs.least_error: lambda *_: 0.01,
         sampling_rates.even_error: lambda *_: 0.02,
         imperfections.step_errors: lambda *_: dict.fromkeys(
             (imperfections.ALL_STEPS, *imperfections.STEPS), 0.1
         ),
     }
     return makers[call.function](*call.arguments)
-
-
-def late(*, away: bool) -> validation.LateRecord:
-    seeds = len(SEEDS)
-    return validation.LateRecord(
-        np.full(seeds, away), np.full(seeds, 24.7), np.full((seeds, 4), 0.2)
-    )
 
 
 def built(key: str) -> Finding:
@@ -168,17 +152,26 @@ def test_errors_judgement___needs_errors_and_numbers_of_stable_orders() -> None:
     assert judge(printed, printed, stable={"a": (10.0, 12.0)}, reason="why").verdict is AGREES
 
 
-def test_table_2_1___says_how_far_the_same_experiment_is_apart_at_both_rates() -> None:
+def test_table_2_1___says_what_friction_costs_and_how_far_both_rates_are_apart() -> None:
     (subject,) = (each for each in SUBJECTS if each.key == "table-2-1")
     fast = set(tables.PAIRS.values())
     shape = (len(SEEDS), 4)
     surveys = {
         call: made_up_survey(name, chosen_dmv=np.full(shape, 0.9 if name in fast else 0.3))
         for call in subject.needs
+        if call.function is order_survey.survey
         for name in call.arguments
     }
-    judgement = subject.build(surveys).judgement
+    means = thesis_table("table_2_1")
+    free = {
+        call: (0.5 if experiment(name).magnitude_v == 1.0 else 2.0) * means[name]["mean"]
+        for call in subject.needs
+        if call.function is easier_rigs.least_error
+        for name in call.arguments[:1]
+    }
+    judgement = subject.build(surveys | free).judgement
     assert judgement.verdict is DIFFERS
+    assert "without friction and gear play 0.50 and 2.00 times" in judgement.because
     assert "1.19 in the median and 1.82 at most, in ours by 3.00 and 3.00" in judgement.because
 
 
@@ -188,9 +181,15 @@ def test_table_2_2___a_mode_needs_a_peak() -> None:
     some = modes.WaveformModes(
         good.frequencies_hz, good.peaks & np.array([True, False, True]), good.chance
     )
-    assert judge({"square": good}).verdict is AGREES
-    assert judge({"square": some}).verdict is RANKING
-    assert judge({"square": bad}).verdict is DIFFERS
+    free = {"square": good}
+    assert judge({"square": good}, free).verdict is AGREES
+    assert judge({"square": some}, free).verdict is RANKING
+    differing = judge({"square": bad}, free)
+    assert differing.verdict is DIFFERS
+    assert "near a mode in 100% of all cases and a gauge has a peak there in 100%" in (
+        differing.because
+    )
+    assert "near a mode in 0% of all cases" in judge({"square": bad}, {"square": bad}).because
 
 
 def resonance(frequency_hz: float) -> NDArray[np.float64]:
@@ -239,13 +238,18 @@ def test_validation_figures___are_judged_by_both_models() -> None:
 
 def test_figure_2_12___is_judged_by_the_record_as_it_is_and_explained_by_a_late_one() -> None:
     def judged(stable_loops: int) -> Judgement:
-        return validation.loop_judgement(np.arange(4) < stable_loops, [1.0] * 4, late(away=True))
+        return validation.loop_judgement(
+            np.arange(4) < stable_loops, [1.0] * 4, made_up_late_record(away=True)
+        )
 
     assert judged(0).verdict is AGREES
     assert judged(3).verdict is RANKING
     differing = judged(4)
     assert differing.verdict is DIFFERS
+    assert "would explain it: " in differing.because
     assert "run away in 100% of the seeds, at 24.7 Hz" in differing.because
+    seldom = validation.loop_judgement(np.ones(4, bool), [1.0] * 4, made_up_late_record(away=False))
+    assert "does not explain it alone: " in seldom.because
 
 
 def test_late_record___outputs_behind_the_input___make_the_loop_run_away(

@@ -7,7 +7,7 @@ import pytest
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_ident.fitting.validation import validate_dmv
 from reproduction.chapter2 import (
-    imperfections,
+    easier_rigs,
     order_survey,
     sampling_rates,
     tables,
@@ -45,7 +45,7 @@ def test_evened_pairs___are_as_long_and_their_noise_as_dense() -> None:
 
 def test_least_error___of_a_linear_rig_without_noise___is_next_to_none() -> None:
     def error(*, friction: bool) -> float:
-        return imperfections.least_error("O_dat2", 1, noise=False, friction=friction)
+        return easier_rigs.least_error("O_dat2", 1, noise=False, friction=friction)
 
     assert error(friction=False) < 0.01
     assert error(friction=True) > 0.05

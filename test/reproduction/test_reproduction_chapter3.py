@@ -131,6 +131,9 @@ def test_tables_3_b___are_judged_by_what_each_stage_costs() -> None:
     rows = rows_of("3-1")
     assert errors_verdict(rows) is AGREES
     assert errors_verdict(rows, msv=1.5) is RANKING
+    # Each stage costs what it costs in the thesis, and all errors are half as large again.
+    larger = dict.fromkeys({row.stage for row in rows}, 1.5)
+    assert errors_verdict(rows, **larger) is RANKING
     assert errors_verdict(rows, msv=0.45) is DIFFERS
 
 
@@ -167,6 +170,7 @@ def test_figures___of_full_models_are_judged_by_each_sensor() -> None:
     assert figure_verdict("3-1", (0.047, 0.4328, 0.68, 0.2307)) is AGREES
     assert figure_verdict("3-1", (0.11, 0.27, 0.45, 0.25)) is RANKING
     assert figure_verdict("3-1", (0.4, 0.27, 0.45, 0.3)) is DIFFERS
+    assert "See Table 3-1b" in figure_judgement("3-1", (0.4, 0.27, 0.45, 0.3)).because
 
 
 def test_figures___of_reduced_models_are_judged_by_their_cost_and_by_each_sensor() -> None:
@@ -175,6 +179,7 @@ def test_figures___of_reduced_models_are_judged_by_their_cost_and_by_each_sensor
     assert figure_verdict("3-3", [0.74] * 4) is RANKING
     assert figure_verdict("3-3", [0.5] * 4) is RANKING
     assert figure_verdict("3-3", [0.36] * 4) is DIFFERS
+    assert "that MSV leaves out is number" in figure_judgement("3-3", [0.36] * 4).because
     assert figure_verdict("3-4", [0.7] * 4) is DIFFERS
     more = figure_judgement("3-4", [0.7] * 4).because
     assert "make all of it" in more
@@ -287,7 +292,9 @@ def models_verdict(change: Callable[[float, str], float]) -> tuple[Verdict, str]
 def test_table_3_6___is_judged_by_errors_and_their_order() -> None:
     assert models_verdict(lambda mean, _kind: mean)[0] is AGREES
     assert models_verdict(lambda mean, _kind: 2.0 * mean)[0] is RANKING
-    assert models_verdict(lambda mean, _kind: 1.0 - mean)[0] is DIFFERS
+    differs, why = models_verdict(lambda mean, _kind: 1.0 - mean)
+    assert differs is DIFFERS
+    assert "a factor of 1.20; our records of one experiment differ by 1.00" in why
     verdict, because = models_verdict(
         lambda mean, kind: np.inf if kind == "sfv" and mean > 0.65 else mean
     )

@@ -8,7 +8,13 @@ import pytest
 
 from reproduction.chapter3 import claims
 from reproduction.chapter3.claims import CODES, NOISES
-from reproduction.chapter3.costs import RIGS, drift_calls, drift_table, full_model_errors
+from reproduction.chapter3.drift import (
+    RIGS,
+    drift_calls,
+    drift_reason,
+    drift_table,
+    full_model_errors,
+)
 from reproduction.chapter3.examples import (
     EXAMPLES,
     INITIAL,
@@ -17,6 +23,7 @@ from reproduction.chapter3.examples import (
     ReductionTrial,
     Stage,
 )
+from reproduction.chapter3.left_out import left_out_reason
 from reproduction.chapter3.trial import (
     errors_text,
     means,
@@ -88,7 +95,7 @@ def test_claim_3_3___the_stable_one_has_to_be_better() -> None:
             mean = unstable if code == claims.UNSTABLE else bad
             kinds = ("dmv", "sfv")
             pair = {(stage, kind): [mean] * 4 for stage in ("updated", "level") for kind in kinds}
-            return {("mrmc", "dmv"): [0.6] * 4, **pair}
+            return {(INITIAL, "dmv"): [0.1] * 4, ("mrmc", "dmv"): [0.6] * 4, **pair}
 
         codes = (claims.STABLE, claims.UNSTABLE)
         return claims.claim_unstable(claim_trials(codes, levels)).judgement
@@ -97,6 +104,9 @@ def test_claim_3_3___the_stable_one_has_to_be_better() -> None:
     assert judgement(0.35, seeds_lost=8).verdict is RANKING
     assert judgement(0.25).verdict is DIFFERS
     assert "Reduced to 10 states" in judgement(0.25).because
+    assert "0.300 in the position when it comes from the stable one and 0.250 from the" in (
+        judgement(0.25).because
+    )
     assert "in 0 of 4 comparisons" in judgement(0.25).because
     # The update made nothing better.
     assert judgement(0.7).verdict is DIFFERS
@@ -191,6 +201,9 @@ def test_drift___is_less_without_friction_gear_play_and_noise() -> None:
     table = drift_table("Ao2_19", results)
     assert [row[0] for row in table.rows] == list(RIGS)
     assert table.rows[0][1] == f"{as_it_is[0]:.3f}"
+    words = drift_reason("Ao2_19", results, 0.05)
+    assert f"has {as_it_is[0]:.3f} (as it is), " in words
+    assert words.endswith("the thesis's has 0.050.")
 
 
 def test_trials___are_looked_up_by_seed() -> None:
@@ -201,3 +214,24 @@ def test_trials___are_looked_up_by_seed() -> None:
 def test_left_out_rank___is_that_of_the_strongest_missing_mode() -> None:
     made = trial({}, stages={"mrmc": kept_stage(("7", "8", "3/4"), 1)})
     assert made.left_out_rank("mrmc") == 3
+
+
+@pytest.mark.parametrize(("way", "theirs"), [("msv", 1), ("mrmc", 4)])
+def test_left_out_reason___tells_ranks_and_what_they_cost(way: str, theirs: int) -> None:
+    # Modes of the made-up trial by their rank by MRM: the strongest is "7".
+    by_rank = ("7", "8", "1/2", "3/4", "5/6")
+
+    def words(*costs: float) -> str:
+        found = [
+            trial({(INITIAL, "dmv"): [1.0] * 4}, stages={way: Stage(6, kept, (), (cost,) * 4)})
+            for rank, cost in enumerate(costs)
+            for kept in (by_rank[:rank],)
+        ]
+        return left_out_reason("3-1", found, way)
+
+    falling = words(5.0, 4.0, 3.0, 2.0, 1.0)
+    assert f"that {way.upper()} leaves out is number {theirs} in the thesis" in falling
+    assert "in our records number 3 (1 to 5)" in falling
+    assert "what that costs falls with the rank over our records (Spearman -1.00" in falling
+    assert "does not fall with" in words(1.0, 2.0, 3.0, 4.0, 5.0)
+    assert "the same in all of them" in words(2.0)

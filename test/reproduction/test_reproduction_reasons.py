@@ -33,7 +33,9 @@ def pieces_of_reasons(module: Path) -> list[ast.AST]:
     return pieces
 
 
-def reason_in(node: ast.AST) -> ast.expr | None:
+def reason_in(node: ast.AST) -> ast.AST | None:
+    if isinstance(node, ast.FunctionDef):
+        return node if node.name.endswith("_reason") else None
     if isinstance(node, ast.Assign):
         named = any(isinstance(each, ast.Name) and each.id == "reason" for each in node.targets)
         return node.value if named else None
@@ -70,7 +72,8 @@ def names_of_texts(piece: ast.AST) -> list[ast.expr]:
 def texts_of_reasons() -> set[str]:
     """Return the keys of the texts that reasons are made of: what stands in braces is any word."""
     written = {
-        ast.unparse(name).strip("f'\"")
+        # Without the quotes, and the f before them; a name may begin with f itself.
+        ast.unparse(name).removeprefix("f")[1:-1]
         for module in MODULES
         for piece in pieces_of_reasons(module)
         for name in names_of_texts(piece)
@@ -102,7 +105,12 @@ def test_reasons_on_the_pages___have_no_digits_of_their_own(key: str) -> None:
 
 def test_texts_of_reasons___are_all_that_have_the_name_and_what_goes_into_them() -> None:
     named = {key for key in texts() if key.endswith(".reason")}
-    into_them = {"chapter-2.leaving", "table-3-x-parts.kept", "table-3-x-parts.left_out"}
+    parts = ("kept", "left_out", "correlation")
+    into_them = {
+        "chapter-2.leaving",
+        *(f"figure-3-x.{part}_reason" for part in ("more", "full", "drift")),
+        *(f"table-3-x-parts.{part}" for part in parts),
+    }
     assert named | into_them <= texts_of_reasons()
 
 

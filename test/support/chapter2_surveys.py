@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from reproduction.chapter2 import order_survey
+from reproduction.chapter2 import modes, order_survey, validation
 from reproduction.chapter2.order_survey import ORDERS, OrderSurvey
 from reproduction.framework.findings import SEEDS, thesis_table
 
@@ -29,3 +29,20 @@ def made_up_survey(record: str, **changed: Any) -> OrderSurvey:  # noqa: ANN401 
         "singular_values": np.tile(0.5 ** np.arange(60), (seeds, 1)),
     }
     return OrderSurvey(**values | changed)
+
+
+def made_up_modes(*, near: bool) -> modes.WaveformModes:
+    modes_hz = modes.MODES_HZ if near else modes.BETWEEN_HZ
+    seeds = len(SEEDS)
+    return modes.WaveformModes(
+        (tuple(modes_hz.tolist()),) * seeds,
+        np.full((seeds, 3), near),
+        np.full((seeds, 2), not near),
+    )
+
+
+def made_up_late_record(*, away: bool) -> validation.LateRecord:
+    seeds = len(SEEDS)
+    return validation.LateRecord(
+        np.full(seeds, away), np.full(seeds, 24.7), np.full((seeds, 4), 0.2)
+    )

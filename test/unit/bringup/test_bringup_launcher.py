@@ -200,15 +200,21 @@ def test_clean___of_a_set_up_in_the_cache___leaves_no_empty_folder(
 
 
 STAND_IN = f"""#!/bin/bash
-# Answers as {sys.executable}; as `-m venv` it makes an environment whose pip does nothing, and
-# whose wheels need no repair.
+# Answers as {sys.executable}; as `-m venv` it makes an environment whose pip does nothing, but lays
+# down a uv when asked for a target, and whose wheels need no repair.
 case "$1 $2" in
 "-m venv")
     mkdir -p "${{@: -1}}/bin"
     cat >"${{@: -1}}/bin/python" <<EOF
 #!/bin/sh
 case "\\$2 \\$1" in
-"pip "*) echo "\\$@" >>"$PIP_CALLED" ;;
+"pip "*) echo "\\$@" >>"$PIP_CALLED"
+    while [ \\$# -gt 1 ] && [ "\\$1" != --target ]; do shift; done
+    if [ "\\$1" = --target ]; then
+        mkdir -p "\\$2/bin"
+        printf '#!/bin/sh\\necho uv "\\$@" >>"$PIP_CALLED"; exit $UV_ENDS_WITH' >"\\$2/bin/uv"
+        chmod +x "\\$2/bin/uv"
+    fi ;;
 */fix_wheels.py) ;;
 *) exec {sys.executable} "\\$@" ;;
 esac
@@ -263,6 +269,7 @@ def with_ros(bare: Path) -> dict[str, str]:
         "python": str(tools / "python3"),
         "PATH": f"{tools}:/usr/bin:/bin",
         "PIP_CALLED": str(bare / "pip_called"),
+        "UV_ENDS_WITH": "0",
     }
 
 
@@ -289,6 +296,33 @@ def test_tools_of_test_and_docs___are_installed_for_the_first_verb_that_needs_th
     assert "--require-hashes -r dev.txt" in tools
     assert "jazzy.txt" not in tools
     assert installed("docs") == installed("demo") == ""
+
+
+def test_python_without_headers___is_told_before_anything_is_installed(
+    bare: Path, with_ros: dict[str, str]
+) -> None:
+    python = Path(with_ros["python"])
+    headless = '#!/bin/bash\ncase "$*" in *Python.h*) exit 1 ;; esac\n'
+    python.write_text(headless + python.read_text("utf-8"), "utf-8")
+    done = called(bare, "demo", **with_ros)
+    assert done.returncode == 1
+    assert "sudo apt-get install python3-dev" in done.stderr
+    assert not (bare / ".venv").exists()
+
+
+@pytest.mark.parametrize("uv_ends_with", [0, 2])
+def test_pinned_packages___come_by_uv_and_where_it_fails_by_pip(
+    bare: Path, with_ros: dict[str, str], uv_ends_with: int
+) -> None:
+    done = called(bare, "demo", **with_ros | {"UV_ENDS_WITH": str(uv_ends_with)})
+    assert done.stdout == "called: demo\n", done.stderr
+    calls = (bare / "pip_called").read_text("utf-8").splitlines()
+    as_it_is = "--no-deps --require-hashes -r"
+    assert calls[0].endswith(f"{as_it_is} uv.txt")
+    assert calls[1].startswith("uv pip install")
+    assert calls[1].endswith(f"{as_it_is} jazzy.txt")
+    assert [call.split(" -r ")[1] for call in calls[2:]] == ["jazzy.txt"] * bool(uv_ends_with)
+    assert not list((bare / ".venv").glob("uv.*"))
 
 
 def test_platform_without_wheels_of_ros___is_set_up_without_ros_or_told(bare: Path) -> None:

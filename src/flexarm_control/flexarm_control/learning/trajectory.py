@@ -14,7 +14,6 @@ from math import ceil, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import fftconvolve
 
 from flexarm_control.learning.smooth_move import unit_move
 from flexarm_core.channels import TRAVEL_V
@@ -155,6 +154,9 @@ def bending_hub(arm: FlatArm) -> FlatArm:
 
 def _spread(reference_v: FloatArray, arm: FlatArm, samples: int, rate_hz: float) -> FloatArray:
     """Return position, middle gauge, speed and command of the spread reference, (4, ...)."""
+    # Half a second to load, which every controller would take that learns nothing.
+    from scipy.signal import fftconvolve  # noqa: PLC0415
+
     unit = unit_move(arm, samples, rate_hz)
     # Each change is a move that stays at its end: a change of the position is what ends.
     unit[_POSITION] = np.diff(unit[_POSITION], append=1.0)
