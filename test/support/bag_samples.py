@@ -114,11 +114,11 @@ def motor_command(
     return Sent("/flexarm/command", type_name, time_ns, raw)
 
 
-def commander_info(time_ns: int, *, uses_outputs: bool) -> Sent:
+def commander_info(time_ns: int, *, uses_outputs: bool, node: str = "/n") -> Sent:
     """Return a CommanderInfo on /flexarm/commander."""
     type_name = "flexarm_msgs/msg/CommanderInfo"
     raw = serialised(
-        type_name, header=header(time_ns), node="/n", law="law", uses_outputs=uses_outputs
+        type_name, header=header(time_ns), node=node, law="law", uses_outputs=uses_outputs
     )
     return Sent("/flexarm/commander", type_name, time_ns, raw)
 

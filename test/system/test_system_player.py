@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -46,6 +47,18 @@ def test_player___plays_to_a_recorder_that_pauses_and_ends_by_itself(
     assert content(tmp_path / "copy") == content(tmp_path / "played")
     # The messages are more than one file holds, however long the play has taken.
     assert len(list((tmp_path / "copy").glob("copy_*.mcap"))) >= 2
+
+
+def test_player___nobody_listens_to___plays_after_the_discovery(
+    graph: Graph, tmp_path: Path
+) -> None:
+    messages = played_bag(tmp_path / "played", 100)
+    begun_s = time.monotonic()
+    player = graph.run_node("player", {"bag": str(tmp_path / "played")})
+    assert player.exit_code() == 0
+    assert f"played {len(messages)} messages" in player.printed
+    # 4 s of discovery, and a start; a reader was waited for through 7 s more.
+    assert time.monotonic() - begun_s < 10.0
 
 
 def test_player___leaves_out_and_speeds_up_as_it_is_told(graph: Graph, tmp_path: Path) -> None:

@@ -79,7 +79,10 @@ def test_clock_of_two_arms___is_that_of_one(graph: Graph) -> None:
     parameters = {"autostart": True, "rate_hz": 50.0}
     first = graph.start("daq", parameters, "-r", "__ns:=/arm1")
     second = graph.start("daq", parameters, "-r", "__ns:=/arm2")
-    left = "/clock is left to /arm1/daq, which publishes it too"
+    left = (
+        "/clock is left to /arm1/daq: nodes with use_sim_time follow the time of that arm; "
+        "for this one's own, start its nodes with -r /clock:=NAMESPACE/clock"
+    )
     graph.wait(lambda: left in second.printed, "the second one's word")
 
     def clocks() -> list[str]:
@@ -88,6 +91,15 @@ def test_clock_of_two_arms___is_that_of_one(graph: Graph) -> None:
     # The name of a publisher's node comes after the publisher.
     graph.wait(lambda: clocks() == ["/arm1"], "one clock, of the first arm")
     assert "is left to" not in first.printed
+    # Nothing that a user would have to do: nobody is warned.
+    assert "WARN" not in first.printed + second.printed
+
+
+def test_clock_of_another_program___that_stays___is_warned_of(graph: Graph) -> None:
+    graph.node.create_publisher(Clock, _CLOCK, qos.SENT)
+    daq = graph.start("daq", {"autostart": True, "rate_hz": 50.0}, "-r", "__ns:=/arm1")
+    said = "/clock is published by /flexarm/tester too: end that, or set clock=false before"
+    graph.wait(lambda: said in daq.printed, "the warning")
 
 
 def test_player___with_clock___tells_the_time_of_the_bag(graph: Graph, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from flexarm_bags.reader import (
     REFERENCE,
 )
 from flexarm_bags.records.columns import CdrError, Member, decode, members
-from flexarm_bags.timeline import clock_problems, number_problems, restarts
+from flexarm_bags.timeline import clock_problems, number_problems, restarts, taking_turns
 from flexarm_core.errors import one_line
 from flexarm_core.labels import counted
 
@@ -86,6 +86,7 @@ class ContentCheck:
         self._notes = notes
         self._reader: AnyReader | None = None
         self._loose = 0
+        self._commanders: dict[str, set[str]] = {}
         self.topics: dict[str, TopicContent] = {}
         self.first_ns, self.last_ns = 2**63 - 1, 0
 
@@ -112,7 +113,7 @@ class ContentCheck:
                 layout = members(type_name, reader.typestore.fielddefs)
             except CdrError:
                 layout = None
-            if layout and any(member.is_list for member in layout):
+            if type_name == COMMANDER_INFO or (layout and any(each.is_list for each in layout)):
                 layout = None
             there = {member.name for member in layout or ()}
             lacking = [member for member in _NEEDED if member not in there]
@@ -121,7 +122,7 @@ class ContentCheck:
                 self._problems.append(f"{name}: {type_name} is without {', '.join(lacking)}")
             self.topics[name] = TopicContent(type_name, layout, is_numbered and not lacking)
         ours = {
-            name.rpartition("/")[0]
+            _place(name)
             for name, topic in self.topics.items()
             if topic.type_name.startswith("flexarm_msgs/")
         } | {"/flexarm"}
@@ -144,9 +145,11 @@ class ContentCheck:
         first, topic.count = topic.count, topic.count + count
         try:
             if topic.layout is None:
-                for numbers, rows in messages.groups:
-                    for _, row in zip(numbers, rows, strict=True):
-                        self._reader.deserialize(row.tobytes(), topic.type_name)
+                for raw in messages.raws():
+                    message = self._reader.deserialize(raw, topic.type_name)
+                    if topic.type_name == COMMANDER_INFO:
+                        nodes = self._commanders.setdefault(_place(found.topic), set())
+                        nodes.add(message.node)  # type: ignore[attr-defined]
                 return
             columns = decode(messages.groups, topic.layout)
         except Exception as error:  # noqa: BLE001 - rosbags raises anything on foreign bytes
@@ -193,6 +196,10 @@ class ContentCheck:
             numbers = np.concatenate(topic.numbers)
             stamps_ns = np.concatenate(topic.stamps_ns)
             log_times_ns = np.concatenate(topic.log_times_ns)
+            turns = taking_turns(numbers)
+            if len(turns):
+                self._problems.append(f"{name}: {self._two_sources(name, numbers, turns)}")
+                continue
             begins = restarts(numbers, log_times_ns)
             if len(begins):
                 self._notes.append(f"{name}: {_restarted(topic, numbers[begins - 1])}")
@@ -204,6 +211,23 @@ class ContentCheck:
                     problems += clock_problems(*columns)
                 where = f"{name}, run {run}" if len(begins) else name
                 self._problems += [f"{where}: {problem}" for problem in problems]
+
+    def _two_sources(self, name: str, numbers: Integers, turns: Integers) -> str:
+        """Return in words that two nodes sent at the same time, with those that are known."""
+        topic = self.topics[name]
+        nodes = sorted(self._commanders.get(_place(name), ()))
+        is_told = topic.type_name == MOTOR_COMMAND and len(nodes) > 1
+        named = f" ({', '.join(nodes)})" if is_told else ""
+        return (
+            f"two nodes sent at the same time{named}: their numbers take turns at "
+            f"{counted(len(turns), 'place')}, the first after number {numbers[turns[0] - 1]}; "
+            "end one of them and record again"
+        )
+
+
+def _place(topic: str) -> str:
+    """Return the namespace of a topic."""
+    return topic.rpartition("/")[0]
 
 
 def _restarted(topic: TopicContent, last: Integers) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 from rosbags.interfaces import QosDurability, QosReliability
@@ -188,6 +188,31 @@ def read_information(bag: Path) -> dict[str, Any]:
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
         raise BagError(f"{FILE_NAME}: cannot be read: relative_file_paths is no list of names")
     return information
+
+
+class StatedContent(NamedTuple):
+    """What a folder's ``metadata.yaml`` says of its messages, which takes no parser of theirs."""
+
+    messages: int
+    duration_s: float
+    topics: tuple[str, ...]
+
+
+def stated_content(bag: Path) -> StatedContent:
+    """Return number, extent and topics of a folder's messages; BagError when they are not told."""
+    information = read_information(bag)
+    try:
+        return StatedContent(
+            int(information["message_count"]),
+            information["duration"]["nanoseconds"] / _NS,
+            tuple(
+                str(each["topic_metadata"]["name"])
+                for each in information["topics_with_message_count"]
+                if each["message_count"]
+            ),
+        )
+    except (LookupError, TypeError, ValueError) as error:
+        raise BagError(f"{bag}: {FILE_NAME} does not tell its messages: {error!r}") from error
 
 
 def bag_information(

@@ -2,7 +2,8 @@
 
 An MCAP file of ours holds its messages in chunks, each with a checksum. With an undamaged index at
 the end of the file each chunk is read by itself, and a damaged one costs its own messages only. A
-truncated file has no index; its chunks are read one after the other, past the damaged ones.
+truncated file has no index; its chunks are read one after the other, past the damaged ones. Of a
+chunk that the end of the file cuts, the first messages are there: they alone have no checksum.
 """
 
 from __future__ import annotations
@@ -22,16 +23,20 @@ from mcap.records import Channel, Chunk, ChunkIndex, Message, Schema, Statistics
 from flexarm_bags.definitions import Definitions
 from flexarm_bags.metadata import in_order, read_information
 from flexarm_bags.records.layout import (
+    CHUNK_BYTES,
     MAGIC,
     RECORD_START,
     CutError,
     chunk_content,
     chunk_records,
+    chunk_sizes,
     fingerprint,
     parse,
     record_content,
     summary_of,
+    unpacked_beginning,
     walk,
+    whole_records,
 )
 from flexarm_bags.writer import RecordingError, whole_bag
 from flexarm_core.bounds import BoundError, require_plain_file, too_much, unpacked_bytes_allowed
@@ -44,9 +49,12 @@ if TYPE_CHECKING:
     from mcap.records import McapRecord
 
     from flexarm_bags.metadata import RecordedTopic
+    from flexarm_bags.records.layout import ChunkSizes
 
 # Times, sizes and checksum of a chunk stand in front of the name of its compression.
 _COMPRESSION = b"\x04\x00\x00\x00zstd"
+_CHUNK = bytes([Opcode.CHUNK])
+_LENGTH = struct.Struct("<Q")
 _COMPRESSION_AT = RECORD_START.size + struct.calcsize("<QQQI")
 
 
@@ -258,13 +266,46 @@ class _FileRepair:
                         break
                 else:
                     self._note("it ends in the middle")
+            except CutError as error:
+                self._note(_cause(error))
+                at = max(at, end)
+                yield from self._begun(data, at)
             except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
                 self._note(_cause(error))
             # Only a name in front of the compressed bytes tells where the next chunk may begin.
             at = data.find(_COMPRESSION, at + _COMPRESSION_AT + 1) - _COMPRESSION_AT
 
+    def _begun(self, data: mmap, at: int) -> list[McapRecord]:
+        """Return the whole records of a chunk that the end of the file cuts."""
+        start = at + RECORD_START.size
+        chunk = chunk_sizes(data, start, len(data)) if data[at:start][:1] == _CHUNK else None
+        if chunk is None or not _is_consistent(data, chunk):
+            return []
+        if chunk.unpacked > min(self._left, CHUNK_BYTES):
+            self._note(f"its last chunk says it has {chunk.unpacked >> 20} MB, and is left out")
+            return []
+        packed = data[chunk.packed_start : chunk.packed_end]
+        try:
+            content = unpacked_beginning(packed, chunk.compression, chunk.unpacked)
+            parsed = [parse(kind, content[a:b])[0] for kind, a, b in whole_records(content)]
+        except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
+            self._note(f"its last chunk is damaged: {_cause(error)}")
+            return []
+        self._left -= len(content)
+        if count := sum(isinstance(record, Message) for record in parsed):
+            self._note(f"its last chunk is cut: the first messages of it, {count}, are unchecked")
+        return [record for record in parsed if record is not None]
+
     def _note(self, text: str) -> None:
         self._damage[text] += 1
+
+
+def _is_consistent(data: mmap, chunk: ChunkSizes) -> bool:
+    """Return whether the length of a record is that of its chunk, and no damage."""
+    _, length = RECORD_START.unpack_from(data, chunk.record_start)
+    (packed,) = _LENGTH.unpack_from(data, chunk.packed_start - _LENGTH.size)
+    head = chunk.packed_start - chunk.record_start - RECORD_START.size
+    return bool(length == head + packed)
 
 
 def _cause(error: Exception) -> str:

@@ -21,6 +21,11 @@ _SOON = 8
 _STEP = 0.25
 # A sample may be late by almost a period: only what is above counts as whole ones.
 _EARLY = 0.3
+# Steps back from which on, and the share of them with which, two sources take turns; one answers
+# a sample so many messages after its last answer at most.
+_TURNS = 5
+_MOSTLY = 0.8
+_NEAR = 3
 # A step of one clock against the other, from one sample to the next, that no delay explains.
 _CLOCK_STEP_NS = _NS
 # Steps of stamps that are whole periods, each rounded to whole nanoseconds: no clock does that.
@@ -44,6 +49,29 @@ def restarts(sequences: Integers, log_times_ns: Integers) -> Integers:
     """
     begins = (sequences[1:] == 1) & (sequences[:-1] > 1) & (np.diff(log_times_ns) > 0)
     return np.flatnonzero(begins) + 1
+
+
+def taking_turns(sequences: Integers) -> Integers:
+    """Find where the numbers of two sources on one topic take turns.
+
+    Parameters
+    ----------
+    sequences : ndarray of int, (messages,)
+        Numbers in the order of sending.
+
+    Returns
+    -------
+    ndarray of int, (turns,)
+        Index of each message whose number is not above the one before it, but follows one of those
+        that were sent shortly before; nothing where a few places or other faults explain it.
+    """
+    backward = np.flatnonzero(np.diff(sequences) < 1) + 1
+    if len(backward) < _TURNS:
+        return np.empty(0, np.int64)
+    earlier = backward[:, np.newaxis] - np.arange(2, 2 + _NEAR)
+    follows = sequences[backward, np.newaxis] - 1 == sequences[np.maximum(earlier, 0)]
+    turns = backward[(follows & (earlier >= 0)).any(axis=1)]
+    return turns if len(turns) >= _MOSTLY * len(backward) else np.empty(0, np.int64)
 
 
 def number_problems(sequences: Integers, type_name: str) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from flexarm_control.design.model_sources import load_models
+from flexarm_control.design.model_sources import friction_levels_v, load_models
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_core.errors import SettingError, one_line
 from flexarm_msgs.srv import Tune
@@ -37,6 +37,7 @@ class TunerNode(Node):
                     phase_margin_deg=request.phase_margin_deg or None,
                     delay_s=request.delay_s,
                 ),
+                friction_levels_v(request.models),
             )
         except (SettingError, OSError) as error:
             response.message = one_line(error)

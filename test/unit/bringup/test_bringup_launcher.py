@@ -8,12 +8,19 @@ import subprocess
 import sys
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from click.testing import CliRunner
 
-from flexarm_bringup.cli import main
+from flexarm_bringup.cli import GROUPS, main
+from flexarm_bringup.console.verb_group import LazyVerbGroup
 from support.project import PROJECT
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import click
 
 
 def environment(script: str, install: Path) -> dict[str, str]:
@@ -82,7 +89,8 @@ def bare(tmp_path: Path) -> Path:
     root = tmp_path / "checkout"
     (root / "src" / "flexarm_msgs").mkdir(parents=True)
     (root / "src" / "flexarm_msgs" / "package.xml").touch()
-    shutil.copytree(PROJECT / "requirements", root / "requirements")
+    for name in ("requirements", "bootstrap", "src/flexarm_bringup"):
+        shutil.copytree(PROJECT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("flexarm", "pyproject.toml"):
         shutil.copy2(PROJECT / name, root / name)
     return root
@@ -117,6 +125,49 @@ def test_help___before_the_set_up___says_what_will_happen(
 
 def test_version___before_the_set_up___is_that_of_the_command(bare: Path) -> None:
     assert called(bare, "--version").stdout == CliRunner().invoke(main, ["--version"]).output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("idntify run1", "no verb idntify (nearest: identify): ./flexarm --help lists the verbs"),
+        ("--versoin", "no option --versoin: ./flexarm --help lists the verbs"),
+        ("identify run1 --ordre 10", "identify has no option --ordre (nearest: --order)"),
+        ("up --reel-time", "up has no option --reel-time (nearest: --real-time)"),
+        ("bag check --quick=3", "bag has no option --quick"),
+    ],
+)
+def test_wrong_word___before_the_set_up___is_told_and_installs_nothing(
+    bare: Path, arguments: str, said: str
+) -> None:
+    before = sorted(bare.rglob("*"))
+    done = called(bare, *arguments.split())
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"flexarm: {said}")
+    assert done.stderr.endswith("; nothing was set up\n")
+    assert sorted(bare.rglob("*")) == before
+
+
+def options_of(command: click.Command) -> Iterator[str]:
+    """Yield the long options of a verb, and of the verbs below it."""
+    for each in command.params:
+        yield from (name for name in (*each.opts, *each.secondary_opts) if name[:2] == "--")
+    for below in getattr(command, "commands", {}).values():
+        yield from options_of(below)
+
+
+@pytest.mark.parametrize("verb", [verb for group in GROUPS.values() for verb in group])
+def test_right_words___before_the_set_up___are_let_through(verb: str) -> None:
+    assert isinstance(main, LazyVerbGroup)
+    known = {name for name in options_of(main.load(verb)) if name != "--help"}
+    script = PROJECT / "bootstrap" / "check_words.py"
+    done = subprocess.run(  # noqa: S603 - our own script
+        [sys.executable, "-IS", script, verb, "word", "-3", *known],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_clean___removes_what_the_set_up_made_alone(bare: Path) -> None:

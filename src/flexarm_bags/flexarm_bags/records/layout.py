@@ -123,6 +123,15 @@ def chunk_records(content: bytes) -> list[tuple[int, int, int]]:
     return found
 
 
+def whole_records(content: bytes) -> list[tuple[int, int, int]]:
+    """Return the places of the records up to the first one that is cut, as `walk` yields them."""
+    found = []
+    with suppress(CutError):
+        for place in islice(walk(content), _MOST_RECORDS):
+            found.append(place)  # noqa: PERF402 - what is cut ends the walk with an error
+    return found
+
+
 def record_content(data: bytes | mmap, start: int, end: int) -> bytes:
     """Return the content of a record; ValueError when it is larger than any but an attachment."""
     if end - start > CHUNK_BYTES:
@@ -209,6 +218,16 @@ def unpacked(packed: bytes, compression: str, size: int) -> bytes:
     if compression == "lz4":
         return bytes(LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
     raise ValueError(f"a chunk of the unknown compression {compression}")
+
+
+def unpacked_beginning(packed: bytes, compression: str, size: int) -> bytes:
+    """Return what the first bytes of a chunk give: whole blocks of its compression."""
+    if compression == "zstd":
+        stated = zstandard.frame_content_size(packed)
+        if stated not in {-1, size}:
+            raise ValueError(f"a chunk of {size} bytes says it has {stated}")
+        return zstandard.ZstdDecompressor().stream_reader(packed).read(size)
+    return unpacked(packed, compression, size)[:size]
 
 
 def fingerprint(chunk: records.Chunk) -> tuple[int, ...]:

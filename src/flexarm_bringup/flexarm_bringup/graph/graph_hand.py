@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from flexarm_bringup.graph.assignments import assigned
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import REMOTE, ros_domain, session
-from flexarm_core.nearest import nearest
+from flexarm_core.nearest import nearest_node
 from flexarm_live.graph.node_parameters import own_names, shown
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
@@ -160,7 +160,7 @@ class GraphHand:
             operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
         except LaunchError:
             others = operator.nodes() - {operator.full_name(REMOTE)}
-            raise LaunchError(_nobody(f"node {wanted}", nearest(wanted, others))) from None
+            raise LaunchError(_nobody(f"node {wanted}", nearest_node(wanted, others))) from None
 
 
 def stop_arms_of_graph(stopped_already: Collection[str]) -> Iterator[tuple[str, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,6 +23,9 @@ _STOP_S = 1.0
 """Patience with a stop: the graph is asked then."""
 _TRANSITION_S = 60.0
 _USUAL_S = 5.0
+_FIRST_REPORTS_S = 2.0
+"""Reports come once a second."""
+_POLL_S = 0.1
 _LONGEST = 4 << 20
 _LOOP = ("daq", "controller")
 _NODES = (*_LOOP, "recorder", "ident")
@@ -88,8 +92,15 @@ class LiveHand:
             raise NoAnswerError(one_line(error)) from error
 
     def reports(self) -> Mapping[str, tuple[str, Mapping[str, str]]]:
-        """Return the message and the figures of each node that reports."""
-        reports = self.ask("status").data["reports"]
+        """Return the message and the figures of each node that reports.
+
+        An `up` that has just begun is given the time of the first reports.
+        """
+        deadline_s = time.monotonic() + _FIRST_REPORTS_S
+        while "daq" not in (reports := self.ask("status").data["reports"]):
+            if time.monotonic() >= deadline_s:
+                break
+            time.sleep(_POLL_S)
         return {name: (each["message"], each["values"]) for name, each in reports.items()}
 
     def page(self) -> str:

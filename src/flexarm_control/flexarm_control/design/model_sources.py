@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_control.models.nominal_models import nominal_model
+from flexarm_core.channels import COMMAND
 from flexarm_core.errors import IdentificationError, SettingError
 from flexarm_ident.models import files
 from flexarm_ident.reading.read import read_bag_report
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     import control
 
 _NOMINAL = "nominal:"
+_LEVEL = ".friction_level"
 _FLIPPED = ":flipped"
 _PAYLOAD = re.compile(r"(\d*\.?\d+)=(.+)", re.DOTALL)
 
@@ -65,6 +67,27 @@ def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
             raise SettingError(str(error)) from error
         models.update({f"{name} {key}": model for key, model in found.items()})
     return models
+
+
+def friction_levels_v(names: Sequence[str]) -> dict[str, float]:
+    """Return the friction that `identify` found, V, for each model file that tells it.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Models as `load_models` takes them, which has read them before.
+    """
+    found: dict[str, float] = {}
+    for name in names:
+        if not Path(_source(name)).is_file():
+            continue
+        parameters = files.load_parameters(_source(name))
+        for key, levels in parameters.items():
+            if key.endswith(_LEVEL) and isinstance(levels, list) and len(levels) == 1:
+                prefix = key.removesuffix(_LEVEL)
+                if parameters.get(f"{prefix}.input_names") == [COMMAND.name]:
+                    found[f"{name} {prefix.rpartition('.')[2]}"] = float(levels[0])
+    return found
 
 
 def payload_kg(name: str) -> float:

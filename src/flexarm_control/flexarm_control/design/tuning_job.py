@@ -21,16 +21,18 @@ from flexarm_control.design.tuning_words import (
     compensated,
     confirmation,
     explained,
+    handed_over,
     searched,
     starts_agree,
     stopped_by,
 )
-from flexarm_control.laws.gains import Compensation
+from flexarm_control.laws.gains import Compensation, CompensationLevel
 from flexarm_control.laws.ilqr import IlqrWeights, RegulatorWeights, design_ilqr
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
 from flexarm_control.laws.pdpc_scheduled import ScheduleGains
 from flexarm_control.laws.registry import LAWS
 from flexarm_core.errors import SettingError
+from flexarm_core.specs import parameter_specs
 from flexarm_ident.models.model_parameters import model_parameters
 
 if TYPE_CHECKING:
@@ -50,6 +52,9 @@ _WeightsT = TypeVar("_WeightsT", bound=RegulatorWeights)
 
 # Its compensation leaves little friction for the sum of errors, which overshoots with more.
 _REGULATOR_KI = 1e-4
+_LEVEL = "compensation_v"
+_LEVEL_DIGITS = 3
+_MOST_V = {spec.name: spec.maximum for spec in parameter_specs(CompensationLevel)}[_LEVEL] or 0.0
 _SCHEDULE = ("light", "medium", "heavy")
 
 
@@ -114,8 +119,20 @@ class TuneResult:
     notes: tuple[str, ...] = ()
 
 
-def tune(models: Models, request: TuneRequest) -> TuneResult:
+def tune(
+    models: Models, request: TuneRequest, friction_v: Mapping[str, float] = MappingProxyType({})
+) -> TuneResult:
     """Tune one law, by (4-1) or (4-3).
+
+    Parameters
+    ----------
+    models : mapping of str to control.StateSpace
+        Models by name.
+    request : TuneRequest
+        The law, its weights and margins.
+    friction_v : mapping of str to float
+        Friction that was found with some of the models, V: the least becomes the level of the
+        compensation, as with more than there is the compensation drives the arm.
 
     Raises
     ------
@@ -131,7 +148,18 @@ def tune(models: Models, request: TuneRequest) -> TuneResult:
     if request.law == "pi" or all(map(is_nominal, models)):
         return result
     law = "pdpc" if request.law == "pdp" else request.law
-    return replace(result, notes=(*result.notes, compensated(law)))
+    model = min(friction_v, key=lambda name: friction_v[name], default="")
+    if not model or not 0.0 < friction_v[model] <= _MOST_V:
+        return replace(result, notes=(*result.notes, compensated(law)))
+    level_v = round(friction_v[model], _LEVEL_DIGITS)
+    laws = {name.partition(".")[0] for name in result.parameters} & LAWS.keys()
+    levels = {
+        f"{each}.{_LEVEL}": level_v
+        for each in sorted(laws)
+        if _LEVEL in {spec.name for spec in LAWS[each].parameters}
+    }
+    notes = (*result.notes, handed_over(law, level_v, model))
+    return replace(result, parameters={**result.parameters, **levels}, notes=notes)
 
 
 def _tune_pi(models: Models, request: TuneRequest) -> TuneResult:

@@ -65,11 +65,16 @@ def stopped_by(active: Sequence[str]) -> str:
 
 
 def compensated(law: str) -> str:
-    """Return how much friction a law makes up for, whatever the models are."""
+    """Return how much friction a law makes up for where the models tell none."""
     return (
         f"{law}.compensation_v is {CompensationLevel().compensation_v:g} V, the friction of the "
         "thesis's arm: for another arm, set it to the level that identify finds, or to 0"
     )
+
+
+def handed_over(law: str, level_v: float, model: str) -> str:
+    """Return where the level of a law's compensation comes from."""
+    return f"{law}.compensation_v is {level_v:.3g} V, the friction that identify found in {model}"
 
 
 def explained(wanted: Requirements) -> tuple[str, ...]:

@@ -172,7 +172,7 @@ def _record(table: CsvTable, mapping: CsvMap) -> CsvRecord:
     if mapping.time is not None:
         found, signals = sampling(table, mapping.time), signals[:, 1:]
     elif mapping.rate_hz is not None:
-        found = Sampling(mapping.rate_hz, np.arange(len(signals)))
+        found = Sampling(mapping.rate_hz, table.places)
     else:
         raise CsvImportError(f"{table.path}: the map names neither a time column nor rate_hz")
     _require_stamps(table.path, found)

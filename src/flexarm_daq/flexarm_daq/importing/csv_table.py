@@ -53,6 +53,8 @@ class CsvTable:
         Numbers; NaN in an output that was not measured.
     lines : ndarray of int, (rows,)
         Line of each row in the file, the first being 1.
+    places : ndarray of int, (rows,)
+        Rows from the first to each, with those of empty cells between them.
     cut : tuple of str
         Lines at the ends that are left out, with the reason.
     """
@@ -60,6 +62,7 @@ class CsvTable:
     path: Path
     values: FloatArray
     lines: NDArray[np.int64]
+    places: NDArray[np.int64]
     cut: tuple[str, ...] = ()
 
 
@@ -75,7 +78,8 @@ def read_table(path: Path, mapping: CsvMap) -> CsvTable:
     """Read the columns of a map: its time where there is one, inputs, outputs.
 
     The rows are those from the first to the last in which every output has been measured, as a
-    record has nothing to tell of the state before.
+    record has nothing to tell of the state before. A row whose cells are all empty is a missing
+    one.
 
     Raises
     ------
@@ -87,20 +91,23 @@ def read_table(path: Path, mapping: CsvMap) -> CsvTable:
     """
     with _opened(path) as (header, rows, separator):
         columns = _columns(header, mapping, path)
-        blocks, lines, mark = [], [], ""
+        blocks, lines, places, mark = [], [], [], ""
+        numbered = ((place, row) for place, row in enumerate(rows) if any(map(str.strip, row[1])))
         # Only one block is held as text.
-        while block := list(islice(rows, _BLOCK_ROWS)):
+        while taken := list(islice(numbered, _BLOCK_ROWS)):
+            block = [row for _, row in taken]
             if separator != ",":
                 mark = _decimal_mark(block, columns, path, mark)
             blocks.append(_to_numbers(block, columns, path, mark or "."))
             lines += [line for line, _ in block]
+            places += [place for place, _ in taken]
     if len(lines) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
         raise CsvImportError(f"{path}: data rows: {len(lines)}; at least 2 are needed")
     values = np.concatenate(blocks)
     for column, cells in zip(columns, values.T, strict=True):
         if np.isnan(cells).all():
             raise CsvImportError(f"{path}: column {column.name} has no number: leave it out")
-    return _cut(CsvTable(path, values, np.array(lines)), columns)
+    return _cut(CsvTable(path, values, np.array(lines), np.array(places)), columns)
 
 
 def _cut(table: CsvTable, columns: Sequence[_Column]) -> CsvTable:
@@ -121,7 +128,8 @@ def _cut(table: CsvTable, columns: Sequence[_Column]) -> CsvTable:
             _left_out(table.lines[last + 1 :], f"{columns[early].name} has no value any more")
         )
     rows = slice(first, last + 1)
-    return CsvTable(table.path, table.values[rows], table.lines[rows], tuple(cut))
+    places = table.places[rows] - table.places[first]
+    return CsvTable(table.path, table.values[rows], table.lines[rows], places, tuple(cut))
 
 
 def _left_out(lines: NDArray[np.int64], why: str) -> str:
@@ -167,7 +175,9 @@ def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row], str]]:
                 raise CsvImportError(
                     f"{path}: its columns are separated by spaces: save it with commas between them"
                 )
-            yield header, ((reader.line_num, row) for row in reader if row), separator
+            # A line of blanks is no row: programs put some between the rows, or at the end.
+            filled = (row for row in reader if len(row) > 1 or "".join(row).strip())
+            yield header, ((reader.line_num, row) for row in filled), separator
     except UnicodeDecodeError as error:
         raise CsvImportError(f"{path}: is no text in UTF-8: save it as CSV in UTF-8") from error
     except (OSError, csv.Error) as error:
@@ -209,7 +219,8 @@ def _columns(header: Sequence[str], mapping: CsvMap, path: Path) -> list[_Column
     if doubled := [name for name in wanted if header.count(name) > 1]:
         raise CsvImportError(f"{path}: more than one column {doubled[0]}; {_there(header)}")
     # Where rows have no time, none can be left out.
-    otherwise = "" if mapping.time is None else ", or take the line out: that makes a hole"
+    how = "empty all cells of the row" if mapping.time is None else "take the line out"
+    otherwise = f", or {how}: that makes a hole"
     inputs = f"an input must be known in every row: fill it{otherwise}"
     times = f"a row needs its time: fill it{otherwise}"
     return [

@@ -80,7 +80,7 @@ class PlayerNode(Node):
             self._publishers_of[_CLOCK] = self._clock
         self._pacer = Pacer(running=False)
         self._stopping = threading.Event()
-        self._listeners = max(1, values["listeners"])
+        self._listeners = values["listeners"]
         self._wanted = not values["stopped"]
         self._ready = threading.Event()
         self.failure = ""
@@ -107,6 +107,7 @@ class PlayerNode(Node):
                 self.get_logger().error(self.failure)
                 request_stop()
                 return
+            self.get_logger().info("playing")
             self._pacer.start()
         start_ns = time.time_ns()
         stand_ins = {topic: StandIn(start_ns) for topic in self._samples}

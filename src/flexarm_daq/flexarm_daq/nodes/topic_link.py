@@ -36,6 +36,8 @@ _UNKNOWN = [math.nan] * len(BEND_JOINTS)
 """Speed and torque of a virtual joint: no sensor tells them."""
 _JOINT_STATES_HZ = 50.0
 _CLOCK = "/clock"
+_SHARED_REPORTS = 3
+"""Reports, one a second, after which another publisher of the time is one that stays."""
 
 
 class TopicLink:
@@ -64,7 +66,7 @@ class TopicLink:
             else CommandWaiter(handover, TopicWaiter(node, commands, "command", qos.EVERY))
         )
         self._clock: Publisher[Clock] | None = None
-        self._told = False
+        self._shared = 0
         self._now = Clock()
         self._joint = JointState(name=[HUB, *BEND_JOINTS])
         self._joint.header.frame_id = node.frame
@@ -150,13 +152,17 @@ class TopicLink:
         others = [name for name in publishers if name != own]
         if others and others[0] < own:
             self._release_clock()
-            self._node.get_logger().warning(
-                f"{_CLOCK} is left to {others[0]}, which publishes it too"
+            self._node.get_logger().info(
+                f"{_CLOCK} is left to {others[0]}: nodes with use_sim_time follow the time of that "
+                f"arm; for this one's own, start its nodes with -r {_CLOCK}:=NAMESPACE{_CLOCK}"
             )
-        elif others and not self._told:
-            self._told = True
+            return
+        self._shared = self._shared + 1 if others else 0
+        # Another arm leaves it with its next report.
+        if self._shared == _SHARED_REPORTS:
             self._node.get_logger().warning(
-                f"{_CLOCK} is published by {', '.join(others)} too: clock:=false ends it here"
+                f"{_CLOCK} is published by {', '.join(others)} too: "
+                "end that, or set clock=false before the next run of this node"
             )
 
     def await_readers(self) -> None:

@@ -19,7 +19,7 @@ import scipy
 
 from flexarm_core.errors import DataError
 from flexarm_core.labels import instant
-from flexarm_ident.diagnostics.drive import moves_seldom
+from flexarm_ident.diagnostics.drive import is_stopped, moves_seldom
 from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.subspace.segments import cut, segment_grams
 
@@ -66,8 +66,10 @@ def changes(record: IoData) -> Iterator[DataWarning]:
     """Yield the warnings that the plant, or the law of a closed loop, changed within a record.
 
     A drive that changes by itself, such as a sweep, hides a change of the plant: a model is never
-    as good at frequencies that it was not fitted to.
+    as good at frequencies that it was not fitted to. So does one that was stopped.
     """
+    if is_stopped(record):
+        return
     signals = _with_reference(record)
     coefficients = _MEMORY * (len(signals.inputs) + len(signals.outputs))
     # Where the drive acts in a few places only, the segments are not alike.

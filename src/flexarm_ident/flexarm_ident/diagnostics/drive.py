@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -27,6 +27,7 @@ _POWER = 0.9
 _ACTIVE_SHARE = 0.1
 # Longest hold of the record, and the probability of one as long if the moves came at random.
 _HOLD_SHARE = 0.1
+_STOP_SHARE = 0.05
 _CHANCE = 1e-4
 _ROUNDING = 1e-9
 
@@ -54,26 +55,73 @@ def moves_seldom(record: IoData) -> bool:
     return bool(len(active) and len(runs(active)) < _MOVES and active.mean() <= _ACTIVE_SHARE)
 
 
-def _hold(record: IoData) -> Iterator[DataWarning]:
-    """Yield the longest stretch in which no input changes, if chance does not explain it."""
+def is_stopped(record: IoData) -> bool:
+    """Return whether the inputs end at zero and stay there, as after an emergency stop."""
+    hold = _longest_hold(record)
+    return hold is not None and _is_stop(record, hold)
+
+
+class _Hold(NamedTuple):
+    """Stretch without a change of an input, its share of the record, and changes elsewhere."""
+
+    first: int
+    last: int
+    share: float
+    moves: int
+
+    @property
+    def is_chance(self) -> bool:
+        """Whether moves at random leave a gap as long."""
+        return (self.moves + 1) * (1.0 - self.share) ** self.moves > _CHANCE
+
+
+def _longest_hold(record: IoData) -> _Hold | None:
+    """Return the longest stretch in which no input changes; None without inputs that move."""
     inputs = [u for u in record.u.T if np.ptp(u) > 0.0]
     if not inputs:
-        return
+        return None
     still = np.all([np.abs(np.diff(u)) <= _ROUNDING * np.ptp(u) for u in inputs], axis=0)
     holds = runs(still)
     if not len(holds):
-        return
+        return None
     first, last = max(holds.tolist(), key=lambda hold: hold[1] - hold[0])
-    share, moves = (last - first) / len(still), int(np.count_nonzero(~still))
-    # Of the gaps that some moves at random leave, one is as long with at most this probability.
-    if share < _HOLD_SHARE or (moves + 1) * (1.0 - share) ** moves > _CHANCE:
+    return _Hold(first, last, (last - first) / len(still), int(np.count_nonzero(~still)))
+
+
+def _is_stop(record: IoData, hold: _Hold) -> bool:
+    at_zero = bool(np.all(np.abs(record.u[-1]) <= _ROUNDING * np.ptp(record.u, axis=0)))
+    is_last = hold.last == len(record) - 1
+    return at_zero and is_last and hold.share >= _STOP_SHARE and not hold.is_chance
+
+
+def _hold(record: IoData) -> Iterator[DataWarning]:
+    """Yield the longest stretch in which no input changes, if chance does not explain it."""
+    hold = _longest_hold(record)
+    if hold is None:
+        return
+    first, last, share, moves = hold
+    figures = {
+        "first_row": float(first),
+        "last_row": float(last),
+        "share": share,
+        "moves": float(moves),
+    }
+    if _is_stop(record, hold):
+        yield DataWarning(
+            "held_drive",
+            f"the drive is at zero from {instant(first, record.dt_s)} to the end, "
+            f"{100.0 * share:.3g} % of the record, as after a stop: leave those rows out",
+            figures,
+        )
+        return
+    if share < _HOLD_SHARE or hold.is_chance:
         return
     yield DataWarning(
         "held_drive",
         f"no input changes from {instant(first, record.dt_s)} to {instant(last, record.dt_s)}, "
         f"{100.0 * share:.3g} % of the record, and {moves} times elsewhere: leave those rows out, "
         "or drive on",
-        {"first_row": float(first), "last_row": float(last), "share": share, "moves": float(moves)},
+        figures,
     )
 
 

@@ -161,8 +161,7 @@ class Identification:
         axes : matplotlib.axes.Axes, optional
             Axes to draw on. None: a new figure.
         """
-        physical = [each.mode for each in self.recurring_modes if each.is_physical]
-        return plot_stabilisation(self.diagram, physical, self.order, axes)
+        return plot_stabilisation(self.diagram, self.recurring_modes, self.order, axes)
 
     @property
     def title(self) -> str:

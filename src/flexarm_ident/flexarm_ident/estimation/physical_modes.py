@@ -32,6 +32,11 @@ _HEARD = 0.02
 # Standard deviation of the frequency over the orders. A mode of a plant is at one place; one that
 # describes noise wanders within the width of its cluster, a tenth.
 _SCATTER = 0.03
+# Bending modes stand farther apart; one mode that high orders split stands this near to itself.
+NEAR = 0.06
+"""Distance of neighbours of which one at most is the plant's, in units of their frequency."""
+PHYSICAL, SPLIT, NOISE = "physical", "split", "noise"
+"""What a recurring mode is: the plant's, one of neighbours of which at most one is, or neither."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +127,38 @@ def recurring(
         return None
     nearest = min(judged, key=apart)
     return nearest if apart(nearest) <= limits.frequency * mode.frequency_hz else None
+
+
+def standings(judged: Sequence[JudgedMode]) -> list[str]:
+    """Return what each of the modes is that recur, by rising frequency: a word of the above."""
+    doubtful = {frequency_hz for group in near_modes(judged) for frequency_hz in group}
+    kept = {True: SPLIT, False: PHYSICAL}
+    return [
+        kept[each.mode.frequency_hz in doubtful] if each.is_physical else NOISE for each in judged
+    ]
+
+
+def standing_as(wanted: str, judged: Sequence[JudgedMode]) -> list[RecurringMode]:
+    """Return those of the modes that recur which are what is wanted."""
+    found = zip(judged, standings(judged), strict=True)
+    return [each.mode for each, standing in found if standing == wanted]
+
+
+def near_modes(judged: Sequence[JudgedMode]) -> list[tuple[float, ...]]:
+    """Return the frequencies of physical modes that stand too near to each other, in groups.
+
+    Parameters
+    ----------
+    judged : sequence of JudgedMode
+        Modes that recur, by rising frequency.
+    """
+    groups: list[list[float]] = []
+    for frequency_hz in (each.mode.frequency_hz for each in judged if each.is_physical):
+        if groups and frequency_hz - groups[-1][-1] < NEAR * frequency_hz:
+            groups[-1].append(frequency_hz)
+        else:
+            groups.append([frequency_hz])
+    return [tuple(group) for group in groups if len(group) > 1]
 
 
 def _nearest(modes: Sequence[Mode], frequency_hz: float) -> Mode:

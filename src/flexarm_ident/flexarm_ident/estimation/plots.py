@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm_core.labels import label_and_unit
+from flexarm_ident.estimation.physical_modes import PHYSICAL, SPLIT, standing_as
 from flexarm_ident.fitting.validation import frequency_response
 
 if TYPE_CHECKING:
@@ -16,8 +17,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.diagnostics.stabilisation import RecurringMode, Stabilisation
+    from flexarm_ident.diagnostics.stabilisation import Stabilisation
+    from flexarm_ident.estimation.physical_modes import JudgedMode
 
+_LOOKS: dict[str, dict[str, Any]] = {
+    PHYSICAL: {"linewidth": 5.0, "alpha": 0.3},
+    SPLIT: {"linewidth": 1.0, "linestyle": ":"},
+}
+_LABELS = {PHYSICAL: "physical mode", SPLIT: "one of these at most"}
 _BAND = 2.0
 """Half the width of a band, in standard deviations."""
 
@@ -59,7 +66,7 @@ def plot_response(
 
 
 def plot_stabilisation(
-    diagram: Stabilisation, physical: Sequence[RecurringMode], order: int, axes: Axes | None
+    diagram: Stabilisation, judged: Sequence[JudgedMode], order: int, axes: Axes | None
 ) -> Axes:
     """Plot the modes of all orders over their frequency; those of the plant are marked.
 
@@ -67,16 +74,20 @@ def plot_stabilisation(
     ----------
     diagram : Stabilisation
         Modes of every order.
-    physical : sequence of RecurringMode
-        Modes of the plant.
+    judged : sequence of JudgedMode
+        Modes that recur. Those of the plant are shaded; neighbours of which one at most is the
+        plant's are dashed lines.
     order : int
         Order of the chosen model.
     axes : matplotlib.axes.Axes or None
         Axes to draw on; None for a new figure.
     """
     axes = _new() if axes is None else axes
-    for mode in physical:
-        axes.axvline(mode.frequency_hz, color="C0", linewidth=5.0, alpha=0.3)
+    for standing, settings in _LOOKS.items():
+        for number, mode in enumerate(standing_as(standing, judged)):
+            # Of several lines one is in the legend.
+            label = "" if number else _LABELS[standing]
+            axes.axvline(mode.frequency_hz, color="C0", label=label, **settings)
     for name, look, stays in (("new", "s", False), ("stays", "o", True)):
         seen = [each for each in diagram.poles if each.admissible and each.stable is stays]
         color = "black" if stays else "0.7"

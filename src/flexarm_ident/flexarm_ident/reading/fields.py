@@ -19,11 +19,14 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
 
 _FIELD = re.compile(r"(?:(?P<name>\w+)=)?(?P<topic>/?[^.=\[\]]+)\.(?P<path>.+)")
+_TOPIC = re.compile(r"(?:(?P<name>\w+)=)?(?P<topic>/[^.=\[\]]+)(?P<path>)")
 _ELEMENT = re.compile(r"(?P<array>.+)\[(?P<key>[^\[\]]+)\]")
 # Instants, which nobody wants as a signal.
 _STAMP = "header."
 # So many fields of a topic are shown.
 _SHOWN = 24
+# So many elements of an array are offered for one that it has not.
+_NEAR = 3
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Field:
     path : str
         Place in the message: ``wrench.force.x``, ``data[2]``, ``transforms[0].header.stamp.sec``,
         or ``effort[elbow]`` where a list of texts in the message, such as the joints' names of
-        ``JointState``, tells the place of ``elbow``.
+        ``JointState``, tells the place of ``elbow``. Empty where none was named.
     name : str
         Name of the channel.
     """
@@ -54,13 +57,14 @@ def parse_field(text: str) -> Field:
     """Return the field of ``TOPIC.FIELD`` or ``NAME=TOPIC.FIELD``.
 
     Without a name the channel is called as its field, with underscores: ``joint_states_effort_0``.
+    A topic without a field, ``/joint_states``, is refused where its bag tells the fields it has.
 
     Raises
     ------
     BagError
         If the text has another form.
     """
-    match = _FIELD.fullmatch(text.strip())
+    match = _FIELD.fullmatch(text.strip()) or _TOPIC.fullmatch(text.strip())
     if match is None:
         raise BagError(
             f"{text!r} is no TOPIC.FIELD, such as /joint_states.position[0], and no "
@@ -130,6 +134,14 @@ def wrong_topic(bag: Bag, field: Field) -> BagError:
 def wrong_path(bag: Bag, field: Field) -> BagError:
     """Return the error for a field that a topic has not, with those that it has."""
     there = list(_numbers(bag.first(field.topic)))
+    if not field.path:
+        # The last is the likeliest: a layout or a state of the message comes first.
+        one = re.sub(r"\.\.\d+", "", there[-1]) if there else ""
+        such = f", such as {field.topic}.{one}" if one else ""
+        return BagError(
+            f"{bag.path}: {field.topic} ({bag.types[field.topic]}) is a topic: name one of its "
+            f"numbers{such}; there are: {_shortened(there)}"
+        )
     near = _nearest(field.path, there)
     return BagError(
         f"{bag.path}: {field.topic} ({bag.types[field.topic]}) has no number {field.path}{near}; "
@@ -184,5 +196,13 @@ def _shortened(paths: list[str]) -> str:
 
 def _nearest(wanted: str, there: list[str]) -> str:
     within = [each for each in there if each.startswith((f"{wanted}[", f"{wanted}."))]
-    near = within or get_close_matches(wanted, there, n=1)
-    return f" (did you mean {near[0]}?)" if near else ""
+    near = within[:1] or _elements(wanted, there) or get_close_matches(wanted, there, n=1)
+    return f" (did you mean {' or '.join(near)}?)" if near else ""
+
+
+def _elements(wanted: str, there: list[str]) -> list[str]:
+    """Return the elements of an array for a number that none of them has."""
+    match = _ELEMENT.fullmatch(wanted)
+    if match is None or not match["key"].isdecimal():
+        return []
+    return [each for each in there if each.startswith(f"{match['array']}[")][:_NEAR]

@@ -98,7 +98,7 @@ def step_costs(
         return StepCost(ranking, update, kept, model.nstates, errors, sfv)
 
     costs = [cost(model, None, "none", labels)]
-    for ranking, update in product(rankings(order, known_modes_hz), UPDATES):
+    for ranking, update in product(rankings(order, known_modes_hz, model.nstates), UPDATES):
         reduced = _reduced(identification, ranking, update, order, known_modes_hz)
         costs.append(cost(reduced.model, ranking, update, reduced.kept))
     return tuple(costs)
@@ -126,15 +126,15 @@ def cost_over_orders(
     """
     costs = {}
     for order in orders:
-        if ranking in rankings(order, known_modes_hz):
+        if ranking in rankings(order, known_modes_hz, identification.order):
             reduced = _reduced(identification, ranking, update, order, known_modes_hz)
             costs[reduced.order] = mean_error(_errors(reduced.model, records))
     return tuple(sorted(costs.items()))
 
 
-def rankings(order: int, known_modes_hz: Sequence[float]) -> tuple[str, ...]:
-    """Return the rankings for which an order has room."""
-    room = 0 < 2 * len(known_modes_hz) <= order
+def rankings(order: int, known_modes_hz: Sequence[float], most: int) -> tuple[str, ...]:
+    """Return the rankings for which an order has room: all that a model of `most` states has."""
+    room = 0 < min(2 * len(known_modes_hz), most) <= order
     return ("mrm", "msv", "mrmc") if room else ("mrm", "msv")
 
 

@@ -79,9 +79,18 @@ class LoopNodes:
         return bool(await self.state(name) == State.PRIMARY_STATE_ACTIVE)
 
     async def activate(self, name: str) -> None:
-        """Take a node to active; it waits for all readers that are known here."""
+        """Take a node to active; it waits for all readers that are known here.
+
+        Raises
+        ------
+        CallError
+            When it is the DAQ node, active already, and holds the drive at zero.
+        """
         state = await self.state(name)
         if state == State.PRIMARY_STATE_ACTIVE:
+            reason = self._situation.held(time.monotonic()) if name == "daq" else ""
+            if reason:
+                raise CallError(f"daq is active, but {reason}; deactivate daq ends that")
             return
         if state == State.PRIMARY_STATE_UNCONFIGURED:
             await self._change(name, Transition.TRANSITION_CONFIGURE)

@@ -8,6 +8,7 @@ import { figure } from "./numbers.js";
 const SAME_MODE = 0.02;
 const KINDS = {
   physical: "physical",
+  split: "one of neighbours at most",
   noise: "of the noise",
   rare: "at few orders",
   damped: "strongly damped",
@@ -98,7 +99,7 @@ export class ModelStage {
       marks: [
         { y: order, kind: "chosen", text: `order ${order}` },
         ...modes
-          .filter(({ kind, frequency_hz: at }) => kind === "physical" && at > 0.02 * hz && at < hz)
+          .filter(({ kind, frequency_hz: at }) => ["physical", "split"].includes(kind) && at > 0.02 * hz && at < hz)
           .map(({ frequency_hz: at }) => ({
             x: at,
             kind: this.#keeps(at) ? "kept" : "mode",

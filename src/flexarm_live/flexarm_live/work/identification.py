@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm_ident.diagnostics.stabilisation import Criteria
-from flexarm_ident.estimation.physical_modes import recurring
+from flexarm_ident.estimation.physical_modes import recurring, standings
 from flexarm_ident.job import identify_bags, read_record
 from flexarm_ident.workflow.request import Request
 from flexarm_live.work.process import serve
@@ -67,7 +67,7 @@ def curves(outcome: Outcome) -> dict[str, Any]:
             {
                 "frequency_hz": mode.frequency_hz,
                 "damping": mode.damping_ratio,
-                "kind": _kind(mode, found.recurring_modes),
+                "kind": kind_of(mode, found.recurring_modes),
             }
             for mode in outcome.modes
             if mode.frequency_hz > 0.0 and mode.eigenvalue.imag > 0.0
@@ -91,11 +91,11 @@ def curves(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _kind(mode: Mode, judged: Sequence[JudgedMode]) -> str:
+def kind_of(mode: Mode, judged: Sequence[JudgedMode]) -> str:
     """Return what a mode is by the report's table of the modes that recur over the orders."""
     found = recurring(mode, judged)
     if found is not None:
-        return "physical" if found.is_physical else "noise"
+        return standings(judged)[judged.index(found)]
     return "rare" if mode.damping_ratio <= Criteria().largest_damping else "damped"
 
 

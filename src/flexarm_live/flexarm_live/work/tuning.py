@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm_control.design.model_sources import load_models
+from flexarm_control.design.model_sources import friction_levels_v, load_models
 from flexarm_control.design.step_response import pdp_step_response
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.gains import PdpGains
@@ -54,7 +54,7 @@ def tuned(asked: Mapping[str, Any], report: Report) -> dict[str, Any]:
     models = load_models(asked["models"])
     request = TuneRequest(law=LAWS[law].tuning, **asked["margins"])
     report("searching", 0.1)
-    result = tune(models, request)
+    result = tune(models, request, friction_levels_v(asked["models"]))
     report("drawing", 0.9)
     start = f"{law}."
     gains = {

@@ -16,7 +16,7 @@ from flexarm_live.terminal_socket import listen
 
 if TYPE_CHECKING:
     import socket
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     import click
@@ -53,6 +53,8 @@ class Up:
         self.reports: dict[str, Any] = {
             "daq": {"message": "active", "values": {"drive": "driving"}}
         }
+        self.later: Callable[[int], dict[str, Any]] = lambda _: self.reports
+        """Reports by the number of requests so far."""
         self.silent = False
         self._listening = listening
         threading.Thread(target=self._serve, daemon=True).start()
@@ -75,7 +77,7 @@ class Up:
             "get": {"params": PARAMS} if "node" in request else {"nodes": {"controller": PARAMS}},
             "address": {"url": "http://127.0.0.1:8117/#token=none"},
             "reference": {"value_v": request.get("value_v")},
-            "status": {"reports": self.reports},
+            "status": {"reports": self.later(len(self.asked))},
         }.get(request["do"], {})
         return {"id": 0, "ok": not self.refusal, "message": self.refusal or "held", "data": data}
 
@@ -138,11 +140,12 @@ def test_verb___with_an_up___asks_it(
     assert up.asked[-1] == {"id": 0, **asked}
 
 
-def test_full_name_of_a_node___names_the_arm_too(up: Up) -> None:
-    done = CliRunner().invoke(remote.get, [f"{ARM}/controller", "law"], catch_exceptions=False)
+@pytest.mark.parametrize("arm", [ARM, ARM.strip("/")])
+def test_full_name_of_a_node___names_the_arm_too(up: Up, arm: str) -> None:
+    done = CliRunner().invoke(remote.get, [f"{arm}/controller", "law"], catch_exceptions=False)
     assert done.output.startswith("controller law")
     done = CliRunner().invoke(
-        remote.set_, [f"{ARM}/controller", "law=pdpc"], catch_exceptions=False
+        remote.set_, [f"{arm}/controller", "law=pdpc"], catch_exceptions=False
     )
     assert done.output == "controller law: pd -> pdpc\n"
     assert {each["node"] for each in up.asked} == {"controller"}
@@ -205,7 +208,17 @@ def test_status___figure_that_is_not_known_yet___is_a_dash(up: Up) -> None:
     assert told(remote.status).endswith(f"    {'reply p50 ms':36s} -\n")
 
 
-def test_status___before_the_first_reports___tells_the_page(up: Up) -> None:
+def test_status___directly_after_the_start___waits_for_the_first_reports(up: Up) -> None:
+    reports, up.reports = up.reports, {}
+    up.later = lambda asked: reports if asked >= 3 else {}
+    assert "\ndaq: active\n" in told(remote.status)
+    assert [each["do"] for each in up.asked] == ["status"] * 3 + ["address"]
+
+
+def test_status___before_the_first_reports___tells_the_page(
+    up: Up, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flexarm_bringup.graph.live_hand._FIRST_REPORTS_S", 0.2)
     up.reports = {}
     assert told(remote.status) == (
         "http://127.0.0.1:8117/#token=none\nno node has reported yet: each does once a second\n"

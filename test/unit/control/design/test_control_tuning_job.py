@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexarm_control import ControlError, build_law, nominal_model, tune_pdp, tune_pi
-from flexarm_control.design.model_sources import load_models
+from flexarm_control.design.model_sources import friction_levels_v, load_models
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.chosen_model import chosen_model
@@ -189,6 +189,52 @@ def test_tune___models_from_elsewhere___says_which_friction_the_law_makes_up_for
     level_v = result.parameters.get(f"{told}.compensation_v", usual["compensation_v"])
     assert result.notes[-1].startswith(f"{told}.compensation_v is {level_v} V, the friction of ")
     assert "set it to the level that identify finds, or to 0" in result.notes[-1]
+
+
+def rubbing(folder: Path, level_v: float, input_name: str = "command_v") -> str:
+    """Return a file of a model with dry friction."""
+    model = identified_model()
+    model.input_labels = [input_name]
+    levels = {f"friction_{each}": [0.1] for each in ("offset", "level_std", "offset_std")}
+    friction = {"friction_level": [level_v], **levels, "friction_speed": [0.0] * model.nstates}
+    file = folder / f"{level_v}.yaml"
+    save_model(file, model, name="arm", provenance=friction)
+    return str(file)
+
+
+@pytest.mark.parametrize(
+    ("law", "laws"), [("pdp", ["pdpc", "pdpc_plus"]), ("ilqr", ["ilqr"]), ("lqg", ["lqg"])]
+)
+def test_tune___models_with_their_friction___makes_up_for_the_least_of_it(
+    tmp_path: Path, law: str, laws: list[str]
+) -> None:
+    names = [rubbing(tmp_path, 0.61234), rubbing(tmp_path, 0.75)]
+    result = tune(load_models(names[:1]), TuneRequest(law), friction_levels_v(names))
+    assert {result.parameters[f"{each}.compensation_v"] for each in laws} == {0.612}
+    assert result.notes[-1] == (
+        f"{laws[0]}.compensation_v is 0.612 V, the friction that identify found in {names[0]} arm"
+    )
+    # The law takes them.
+    prefix = f"{laws[0]}."
+    own = {k.removeprefix(prefix): v for k, v in result.parameters.items() if k.startswith(prefix)}
+    assert own.keys() <= {spec.name for spec in LAWS[laws[0]].parameters} | {"model"}
+
+
+def test_friction_of_models___is_that_of_files_with_the_drive_as_input(tmp_path: Path) -> None:
+    torque = rubbing(tmp_path, 0.3, "torque_nm")
+    plain = tmp_path / "plain.yaml"
+    save_model(plain, identified_model(), name="arm", provenance={})
+    assert friction_levels_v(["nominal:0", torque, str(plain)]) == {}
+    assert friction_levels_v([f"0.2={rubbing(tmp_path, 0.5)}"]) == {
+        f"0.2={tmp_path / '0.5.yaml'} arm": 0.5
+    }
+
+
+def test_tune___friction_beyond_what_a_law_makes_up_for___is_left_to_the_user() -> None:
+    model = {"arm.yaml arm": identified_model()}
+    result = tune(model, TuneRequest("ilqr"), {"arm.yaml arm": 2.5})
+    assert result.parameters["ilqr.compensation_v"] == 0.7
+    assert "set it to the level that identify finds" in result.notes[-1]
 
 
 @pytest.mark.parametrize("law", ["pdp", "ilqr", "pi"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -127,9 +128,14 @@ def test_outputs_that_never_meet___are_refused(tmp_path: Path) -> None:
         imported(tmp_path, ["0,1,2,", "1,2,3,", "2,1,,4", "3,2,,4"])
 
 
-def test_missing_input___is_refused_where_no_row_can_be_left_out(tmp_path: Path) -> None:
+def test_missing_input___is_refused_with_two_ways_out_where_rows_have_no_time(
+    tmp_path: Path,
+) -> None:
     mapping = CsvMap(MAP.inputs, MAP.outputs, rate_hz=100.0)
-    said = r"run\.csv, line 3, column u: empty cell; an input must be known in every row: fill it$"
+    said = (
+        r"run\.csv, line 3, column u: empty cell; an input must be known in every row: fill it, or "
+        "empty all cells of the row: that makes a hole$"
+    )
     with pytest.raises(CsvImportError, match=said):
         imported(tmp_path, ["1,2,3", ",2,3", "1,2,3"], mapping)
     said = r"line 3, column u: .*: fill it, or take the line out: that makes a hole$"
@@ -153,3 +159,30 @@ def test_even_rows___are_those_of_the_bag(tmp_path: Path) -> None:
     assert record.closed_loop is True
     np.testing.assert_array_equal(u, record.u)
     np.testing.assert_array_equal(y, record.y_measured)
+
+
+@pytest.mark.parametrize("blank", [",,,", " , ,,", ""])
+def test_rows_of_empty_cells___beside_times___are_missing_rows(tmp_path: Path, blank: str) -> None:
+    rows = lines(0.01 * np.arange(ROWS))
+    rows[OUT] = [blank] * len(rows[OUT])
+    summary = imported(tmp_path, [*rows, blank, blank, "  "])
+    missing = OUT.stop - OUT.start
+    assert (summary.samples, summary.missing_rows) == (ROWS - missing, missing)
+    assert summary.notes == ()
+
+
+def test_rows_of_empty_cells___without_times___keep_the_places_of_the_others(
+    tmp_path: Path,
+) -> None:
+    rows = [row.partition(",")[2] for row in lines(np.zeros(ROWS))]
+    rows[OUT] = [",,"] * len(rows[OUT])
+    mapping = replace(MAP, time=None, rate_hz=100.0)
+    summary = imported(tmp_path, [",,", *rows[:100], "", *rows[100:], ",,", ""], mapping)
+    missing = OUT.stop - OUT.start
+    assert (summary.samples, summary.missing_rows) == (ROWS - missing, missing)
+    # From the first row to the last one; a line without cells is none.
+    assert summary.duration_s == pytest.approx((ROWS - 1) / 100.0)
+    record = read_bag(tmp_path / "bag")
+    assert record.missing is not None
+    assert np.flatnonzero(record.missing.all(axis=1)).tolist() == list(range(OUT.start, OUT.stop))
+    np.testing.assert_array_equal(record.y[OUT.stop :], signals()[OUT.stop :, 1:])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -247,19 +248,36 @@ def test_plant_changed___sweep_of_a_steady_plant___is_not_called_so() -> None:
     assert not list(changes(answer(u, 18)))
 
 
-@pytest.mark.parametrize("factor", [1.0, 1.5])
-def test_law_changed___other_gains_in_mid_record___are_information(factor: float) -> None:
+def controlled(factor: float, *, from_row: int) -> IoData:
+    """Return a closed loop whose gains are multiplied from a row on, or whose drive is stopped."""
     model, rng = arm_model(), np.random.default_rng(19)
     reference = square_wave(SAMPLES, 19, (100, 400))
     x, u, y = np.zeros(model.nstates), np.zeros((SAMPLES, 1)), np.zeros((SAMPLES, 4))
     for k in range(SAMPLES):
         y[k] = model.C @ x + 0.01 * rng.normal(size=4)
-        gain = np.array([[1.0, 0.0, 0.0, 0.3]]) * (factor if k > SAMPLES // 2 else 1.0)
-        u[k] = reference[k] - gain @ y[k]
+        now = factor if k > from_row else 1.0
+        u[k] = (reference[k] - now * np.array([[1.0, 0.0, 0.0, 0.3]]) @ y[k]) if now else 0.0
         x = model.A @ x + model.B @ u[k]
-    data = IoData(u, y, dt_s=DT_S, closed_loop=True, reference=reference[:, 0])
+    return IoData(u, y, dt_s=DT_S, closed_loop=True, reference=reference[:, 0])
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+def test_law_changed___other_gains_in_mid_record___are_information(factor: float) -> None:
+    data = controlled(factor, from_row=SAMPLES // 2)
     found = [(each.name, str(each.grade)) for each in changes(data)]
     assert found == ([("law_changed", "information")] if factor > 1.0 else [])
+
+
+@pytest.mark.parametrize("share", [0.08, 0.3, 0.6])
+def test_drive_that_was_stopped___is_called_so_and_no_change_of_the_law(share: float) -> None:
+    row = round((1.0 - share) * SAMPLES)
+    data = controlled(0.0, from_row=row)
+    assert not list(changes(data))
+    (stop,) = drive_defects(data)
+    assert stop.name == "held_drive"
+    assert stop.figures["first_row"] == row + 1
+    words = r"the drive is at zero from .* to the end, .* % of the record, as after a stop: leave"
+    assert re.match(words, stop.text)
 
 
 @pytest.mark.parametrize("seed", range(4))

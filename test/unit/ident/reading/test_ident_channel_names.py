@@ -40,7 +40,22 @@ def refused_bag(path: Path) -> Path:
     ("inputs", "outputs", "said"),
     [
         (["/drive.data"], ["/joint_states.position[0]"], "(did you mean data[0..1]?)"),
-        (["/drive.data[7]"], ["/joint_states.position[0]"], "layout.data_offset, data[0..1]"),
+        (
+            ["/drive.data[7]"],
+            ["/joint_states.position[0]"],
+            "no number data[7] (did you mean data[0..1]?); there are: layout.",
+        ),
+        (
+            ["/drive.data[0]"],
+            ["/joint_states.position[2]"],
+            "position[2] (did you mean position[shoulder] or position[motor]?); there are: ",
+        ),
+        (
+            ["/drive.data[0]"],
+            ["/joint_states"],
+            f"name one of its numbers, such as /joint_states.effort[motor]; there are: {STATES}",
+        ),
+        (["/joint_state"], ["/ft.wrench.force.x"], "no topic /joint_state (did you mean /joint_st"),
         (
             ["/drive.data[0]"],
             ["/joint_states.postion[shoulder]"],
@@ -56,7 +71,12 @@ def refused_bag(path: Path) -> Path:
         (["/nothing.data"], ["/ft.wrench.force.x"], f"(sensor_msgs/msg/JointState): {STATES}"),
         (["/drive.data[0]"], ["/ft.wrench.force.x"], "the topics do not overlap"),
         (["/drive.data[0]"], ["/pause.data"], "or the bag has a long pause"),
-        (["/drive"], ["/ft.wrench.force.x"], "'/drive' is no TOPIC.FIELD, such as"),
+        (["drive"], ["/ft.wrench.force.x"], "'drive' is no TOPIC.FIELD, such as"),
+        (
+            ["u=/drive"],
+            ["/ft.wrench.force.x"],
+            "is a topic: name one of its numbers, such as /drive.data[0]; there are: layout.",
+        ),
         (["/drive.data[0]"], [], "no output was named"),
         (
             ["u=/drive.data[0]"],

@@ -74,5 +74,7 @@ def test_cost_over_orders___full_order___has_no_cost(found: Identification) -> N
 
 
 def test_rankings___known_modes___need_two_states_each() -> None:
-    assert rankings(6, (1.0, 2.0, 3.0)) == ("mrm", "msv", "mrmc")
-    assert rankings(5, (1.0, 2.0, 3.0)) == rankings(9, ()) == ("mrm", "msv")
+    assert rankings(6, (1.0, 2.0, 3.0), 9) == ("mrm", "msv", "mrmc")
+    assert rankings(5, (1.0, 2.0, 3.0), 9) == rankings(9, (), 9) == ("mrm", "msv")
+    # A whole model of fewer states is kept by any ranking.
+    assert rankings(5, (1.0, 2.0, 3.0), 5) == ("mrm", "msv", "mrmc")

@@ -5,19 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexarm_ident.diagnostics.stabilisation import RecurringMode
-from flexarm_ident.estimation.physical_modes import JudgedMode
+from flexarm_ident.diagnostics.stabilisation import Stabilisation
+from flexarm_ident.estimation.physical_modes import (
+    JudgedMode,
+    near_modes,
+    standing_as,
+    standings,
+)
+from flexarm_ident.estimation.plots import plot_stabilisation
 from flexarm_ident.report.content.blocks import Subject, Words
 from flexarm_ident.report.content.wording import ranges
+from flexarm_ident.report.plots.order_plots import stabilisation_plot
 from flexarm_ident.report.sections.order import (
     SECTION,
-    near_modes,
     pair_words,
     recurring_table,
 )
 from flexarm_ident.workflow.request import Request
 from flexarm_ident.workflow.stages import run
 from support.ident_systems import arm_model, record
+from support.recurring_modes import NEIGHBOURS, judged
 
 
 @pytest.mark.parametrize(
@@ -47,27 +54,6 @@ def test_order_section___words___tell_the_kinds_of_stability_apart(
     assert model.endswith(f"models of these orders were so: {ranges(stable) or 'none'}.")
 
 
-def judged(
-    frequency_hz: float,
-    *,
-    scatter_hz: float = 0.02,
-    damping_scatter: float = 0.004,
-    physical: bool = True,
-) -> JudgedMode:
-    mode = RecurringMode(
-        frequency_hz=frequency_hz,
-        damping_ratio=0.0412345,
-        frequency_std_hz=scatter_hz,
-        damping_std=damping_scatter,
-        count=3,
-        share=0.6,
-        orders=(7, 8, 9),
-        frequencies_hz=(frequency_hz,) * 3,
-        shape=np.ones(4, dtype=complex),
-    )
-    return JudgedMode(mode, 0.266, physical)
-
-
 def test_recurring_table___two_physical_modes_at_one_place___are_no_two_modes_of_the_plant() -> (
     None
 ):
@@ -78,6 +64,25 @@ def test_recurring_table___two_physical_modes_at_one_place___are_no_two_modes_of
     assert "at most one of them is the plant's" in words
     told = [row[-1] for row in recurring_table(modes).rows]
     assert told == ["yes", "one of these at most", "one of these at most"]
+
+
+EMPTY = Stabilisation((4, 5, 6), (), tuple(each.mode for each in NEIGHBOURS), 0.01)
+
+
+def test_neighbours___are_the_same_in_the_table_and_in_both_diagrams() -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    assert standings(NEIGHBOURS) == ["physical", "split", "split", "noise"]
+
+    axes = plot_stabilisation(EMPTY, NEIGHBOURS, 6, None)
+    found = [(np.unique(line.get_xdata()).tolist(), line.get_linestyle()) for line in axes.lines]
+    assert found[:3] == [([9.107], "-"), ([43.25], ":"), ([45.36], ":")]
+    _, labels = axes.get_legend_handles_labels()
+    assert labels[:2] == ["physical mode", "one of these at most"]
+
+    words = "physical modes: 9.11 Hz; one of these at most: 43.2 Hz, 45.4 Hz"
+    assert words in stabilisation_plot(
+        EMPTY, standing_as("physical", NEIGHBOURS), split=standing_as("split", NEIGHBOURS)
+    )
 
 
 @pytest.mark.parametrize(

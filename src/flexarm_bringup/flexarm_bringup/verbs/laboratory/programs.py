@@ -14,6 +14,10 @@ from flexarm_bringup.console.verb_group import RUN_ON, examples
 from flexarm_bringup.graph.live_hand import live_hand
 from flexarm_bringup.graph.processes import LaunchError, NodeProgram, find_executable
 from flexarm_bringup.verbs.laboratory.options import ARM
+from flexarm_core.labels import counted
+
+_BEFORE_PLAY_S = 5
+"""Start of the node, and its discovery."""
 
 
 @click.command(context_settings=RUN_ON)
@@ -114,8 +118,29 @@ def play(bag: Path, **settings: Any) -> None:  # noqa: ANN401
 
     The topics are those that the bag names. The service ~/play stops it.
     """
+    click.echo(_announcement(bag, **settings), err=True)
     parameters = {"bag": bag.absolute(), **settings}
     _become(NodeProgram("flexarm_daq", "player_node", parameters).command())
+
+
+def _announcement(bag: Path, *, rate: float, loop: bool, stand_in: bool, **_: bool) -> str:
+    """Return what will be played; the node itself starts and listens for seconds."""
+    from flexarm_bags.metadata import require_bag, stated_content  # noqa: PLC0415 - others need none
+
+    require_bag(bag)
+    content = f"{bag}"
+    if bag.is_dir():
+        stated = stated_content(bag)
+        content += (
+            f", {counted(stated.messages, 'message')} in {stated.duration_s:.3g} s"
+            f" of {', '.join(stated.topics)}"
+        )
+    parts = [content, f"at rate {rate:g}"]
+    parts += ["again and again"] * loop + ["its samples only"] * stand_in
+    return (
+        f"play {', '.join(parts)}\n"
+        f"It begins in some {_BEFORE_PLAY_S} s: first it finds out who else publishes these topics."
+    )
 
 
 def _become(command: list[str]) -> None:

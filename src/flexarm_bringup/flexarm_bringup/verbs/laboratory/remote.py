@@ -102,13 +102,15 @@ def _described(param: Mapping[str, Any]) -> str:
 def _addressed(node: str, namespace: str) -> tuple[str, str]:
     """Return namespace and name of a node; its full name says both, as in the tools of ROS 2."""
     space, _, name = node.rpartition("/")
+    if space:
+        space = f"/{space.strip('/')}"
     source = click.get_current_context().get_parameter_source("namespace")
     if space and space != namespace and source is ParameterSource.COMMANDLINE:
         raise LaunchError(f"{node} is not in {namespace}: give the full name or --namespace")
     if "." in name:
         name, _, parameter = name.partition(".")
         raise LaunchError(f"{node} is no node: write {name} {parameter}")
-    return (space or namespace, name) if node.startswith("/") else (namespace, node)
+    return space or namespace, name
 
 
 @click.command("set")

@@ -13,7 +13,7 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.quantity import TIME_S, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
-from flexarm_control.design.model_sources import load_models
+from flexarm_control.design.model_sources import friction_levels_v, load_models
 from flexarm_control.design.tuning_job import TUNINGS, TuneRequest
 from flexarm_control.design.tuning_job import tune as tune_gains
 from flexarm_core.outputs import require_place
@@ -112,7 +112,7 @@ def tune_models(
     require_place([out], force=force)
     with terminal.busy(f"tuning on {len(names)} model{'s' * (len(names) != 1)}"):
         models = load_models(names)
-        result = tune_gains(models, TuneRequest(**request))
+        result = tune_gains(models, TuneRequest(**request), friction_levels_v(names))
     _show_certificate(tuple(models), result)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_parameter_file(out, dict(result.parameters), node="/**/controller")

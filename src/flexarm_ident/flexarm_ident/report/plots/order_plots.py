@@ -67,6 +67,7 @@ def stabilisation_plot(
     diagram: Stabilisation,
     physical: Sequence[RecurringMode],
     *,
+    split: Sequence[RecurringMode] = (),
     known_modes_hz: Sequence[float] = (),
     order: int | None = None,
     measured: Spectra | None = None,
@@ -81,6 +82,8 @@ def stabilisation_plot(
         Modes per order and the recurring ones.
     physical : sequence of RecurringMode
         Those of the recurring modes that are the plant's; they are shaded.
+    split : sequence of RecurringMode
+        Neighbours of which one at most is the plant's; they are dashed lines.
     known_modes_hz : sequence of float
         Frequencies marked by thin lines.
     order : int, optional
@@ -103,6 +106,9 @@ def stabilisation_plot(
         width_hz = max(_SPREAD * mode.frequency_std_hz, 0.003 * end_hz)
         edges_hz = [mode.frequency_hz - width_hz, mode.frequency_hz + width_hz]
         found.append(marks.between(edges_hz, y.low, y.high, marks.BAND, "physical mode"))
+    if split:
+        split_hz = [mode.frequency_hz for mode in split]
+        found.append(marks.verticals(split_hz, y, marks.DASHED, "one of these at most"))
     if known_modes_hz:
         found.append(marks.verticals(known_modes_hz, y, marks.RULE, "known modes"))
     unlike = [pole for pole in seen if pole.admissible and not pole.stable]
@@ -113,9 +119,14 @@ def stabilisation_plot(
     ]
     if order is not None:
         found.append(marks.horizontals([order], x, marks.CUT, f"order {order}"))
-    modes = ", ".join(f"{mode.frequency_hz:.3g} Hz" for mode in physical) or "none"
-    words = f"stabilisation diagram, physical modes: {modes}"
+    words = f"stabilisation diagram, physical modes: {_listed_hz(physical) or 'none'}"
+    if split:
+        words += f"; one of these at most: {_listed_hz(split)}"
     return chart(View(words, x, [Panel(y, found, _SIZE)]))
+
+
+def _listed_hz(modes: Sequence[RecurringMode]) -> str:
+    return ", ".join(f"{mode.frequency_hz:.3g} Hz" for mode in modes)
 
 
 def _spectrum(measured: Spectra, end_hz: float, y: Axis) -> list[Mark]:

@@ -5,6 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from flexarm_ident.estimation.physical_modes import (
+    NEAR,
+    NOISE,
+    PHYSICAL,
+    SPLIT,
+    near_modes,
+    standing_as,
+    standings,
+)
 from flexarm_ident.report.content.blocks import Plots, Section, Table, Words
 from flexarm_ident.report.content.wording import listed, ranges
 from flexarm_ident.report.plots.order_plots import singular_value_plot, stabilisation_plot
@@ -17,8 +26,7 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
 
 
-# Bending modes stand farther apart; one mode that high orders split stands this near to itself.
-_NEAR = 0.06
+_TOLD = {PHYSICAL: "yes", SPLIT: "one of these at most", NOISE: "no"}
 _FREQUENCY_DIGITS, _DAMPING_DECIMALS = 4, 4
 
 
@@ -27,7 +35,8 @@ def _build(subject: Subject) -> Iterator[Block]:
     yield from map(Words, _why(subject.outcome))
     diagram = stabilisation_plot(
         found.diagram,
-        [each.mode for each in found.recurring_modes if each.is_physical],
+        standing_as(PHYSICAL, found.recurring_modes),
+        split=standing_as(SPLIT, found.recurring_modes),
         known_modes_hz=request.known_modes_hz,
         order=found.order,
         measured=subject.outcome.spectra,
@@ -78,27 +87,10 @@ def _why(outcome: Outcome) -> list[str]:
     ]
 
 
-def near_modes(judged: Sequence[JudgedMode]) -> list[tuple[float, ...]]:
-    """Return the frequencies of physical modes that stand too near to each other, in groups.
-
-    Parameters
-    ----------
-    judged : sequence of JudgedMode
-        Modes that recur, by rising frequency.
-    """
-    groups: list[list[float]] = []
-    for frequency_hz in (each.mode.frequency_hz for each in judged if each.is_physical):
-        if groups and frequency_hz - groups[-1][-1] < _NEAR * frequency_hz:
-            groups[-1].append(frequency_hz)
-        else:
-            groups.append([frequency_hz])
-    return [tuple(group) for group in groups if len(group) > 1]
-
-
 def pair_words(judged: Sequence[JudgedMode]) -> list[str]:
     """Return a warning for each group of `near_modes`."""
     return [
-        f"{listed([_told_hz(each) for each in group])} Hz stand less than {100.0 * _NEAR:g} % "
+        f"{listed([_told_hz(each) for each in group])} Hz stand less than {100.0 * NEAR:g} % "
         "apart. Such neighbours are mostly one mode that high orders split: at most one of them is "
         "the plant's, unless it is known to have close modes."
         for group in near_modes(judged)
@@ -107,7 +99,6 @@ def pair_words(judged: Sequence[JudgedMode]) -> list[str]:
 
 def recurring_table(judged: Sequence[JudgedMode]) -> Table:
     """Return the modes that recur over the orders, with their scatter and weight."""
-    doubtful = {frequency_hz for group in near_modes(judged) for frequency_hz in group}
     rows = tuple(
         (
             _told_hz(mode.frequency_hz),
@@ -117,9 +108,9 @@ def recurring_table(judged: Sequence[JudgedMode]) -> Table:
             f"{mode.count} ({100.0 * mode.share:.0f} %)",
             ranges(sorted(mode.orders)),
             f"{each.weight:.3f}",
-            _physical(each, doubtful),
+            _TOLD[standing],
         )
-        for each in judged
+        for each, standing in zip(judged, standings(judged), strict=True)
         for mode in (each.mode,)
     )
     scatter = "Scatter over orders"
@@ -129,12 +120,6 @@ def recurring_table(judged: Sequence[JudgedMode]) -> Table:
     )
     marked = tuple(each.is_physical for each in judged)
     return Table("clusters", "Modes that recur over the orders", header, rows, marked)
-
-
-def _physical(each: JudgedMode, doubtful: set[float]) -> str:
-    if each.mode.frequency_hz in doubtful and each.is_physical:
-        return "one of these at most"
-    return "yes" if each.is_physical else "no"
 
 
 def _decimals(frequency_hz: float) -> int:

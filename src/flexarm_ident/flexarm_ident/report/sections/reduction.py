@@ -36,6 +36,8 @@ def _build(subject: Subject) -> Iterator[Block]:
         yield Words(
             "The model was not reduced. The ranks say in which order its modes would be kept."
         )
+    elif len(outcome.identification.modes) == 1:
+        yield Words("The model has one mode alone: there is nothing to reduce.")
     else:
         yield from _costs(outcome, outcome.reduction.order)
     yield Heading("Ranks of the modes")
