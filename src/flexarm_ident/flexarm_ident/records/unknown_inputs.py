@@ -51,13 +51,15 @@ def known_parts(record: IoData) -> tuple[IoData, ...]:
         return (record,)
     told = _notice(record, holes)
     spans = _between(holes, len(record))
+    parts = [record.rows(slice(first, last)) for first, last in spans]
     return tuple(
         replace(
-            record.rows(slice(first, last)),
-            source=f"{record.label}, {first * record.dt_s:.4g} to {last * record.dt_s:.4g} s",
-            notices=() if first else (*record.notices, told),
+            part,
+            source=f"{record.label}, {part.begins_s:.4g} to "
+            f"{part.begins_s + len(part) * part.dt_s:.4g} s",
+            notices=() if number else (*record.notices, told),
         )
-        for first, last in spans
+        for number, part in enumerate(parts)
     )
 
 
