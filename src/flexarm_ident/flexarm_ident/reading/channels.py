@@ -184,7 +184,7 @@ def _jitter(signals: Sequence[Evened]) -> Iterator[DataWarning]:
 def _early(offset: Offset) -> DataWarning:
     text = (
         f"{offset.label} was received {1e3 * offset.early_s:.2f} ms before the outputs' instants, "
-        "no more than delays differ: it counts as acting from these on, which the record bears out"
+        "no more than delays differ, and these refute that it acts before: it counts from them on"
     )
     figures = {"early_s": offset.early_s}
     return DataWarning("early_commands", text, figures, grade=Grade.INFORMATION)

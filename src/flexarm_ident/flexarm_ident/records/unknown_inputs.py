@@ -83,10 +83,11 @@ def _between(holes: Sequence[Span], samples: int) -> list[Span]:
 def _notice(record: IoData, holes: Sequence[Span]) -> DataWarning:
     longest = max(holes, key=lambda each: each[1] - each[0])
     length_s = (longest[1] - longest[0]) * record.dt_s
+    begins_s = record.begins_s + longest[0] * record.dt_s
     return DataWarning(
         "unknown_input",
         f"the input is not known in {counted(len(holes), 'long hole')}, the longest of "
-        f"{length_s:.3g} s at {longest[0] * record.dt_s:.4g} s: the parts between are records of "
+        f"{length_s:.3g} s at {begins_s:.4g} s: the parts between are records of "
         "their own, each with its initial state",
         {"holes": float(len(holes)), "longest_s": length_s},
         grade=Grade.INFORMATION,

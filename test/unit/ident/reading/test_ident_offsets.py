@@ -83,12 +83,14 @@ def tracks(sent: Integers, commands: Array, sampled: Integers, y: Array) -> tupl
     return Track("/u", received_ns(sent, STATE_DELAY_S, 2), commands), *outputs
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_rows___commands_that_act_before_theirs___stay(seed: int) -> None:
-    command, *outputs = map(evened, tracks(*driven(ROW // 5, seed)))
+@pytest.mark.parametrize("early", [0.12, 0.2, 0.4])
+@pytest.mark.parametrize("columns", [2, 3], ids=["without a speed", "with a speed"])
+def test_rows___commands_that_act_before_theirs___stay(early: float, columns: int) -> None:
+    sent, commands, sampled, y = driven(round(early * ROW), seed=1)
+    command, *outputs = map(evened, tracks(sent, commands, sampled, y[:, :columns]))
     found, moved = on_their_rows([command], outputs)
     assert moved == []
-    np.testing.assert_allclose(found.acting[0] % 1.0, 0.8, atol=0.04)
+    np.testing.assert_allclose(found.acting[0] % 1.0, 1.0 - early, atol=0.04)
 
 
 def test_rows___loop_that_answers_within_a_row___stays() -> None:

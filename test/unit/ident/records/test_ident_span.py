@@ -97,6 +97,7 @@ def test_known_parts___of_a_part___are_named_by_the_whole_records_time() -> None
         "run, 4 to 30 s, 4 to 10 s",
         "run, 4 to 30 s, 11 to 30 s",
     )
+    assert "the longest of 1 s at 10 s: " in first.notices[-1].text
 
 
 @pytest.mark.parametrize("late", [[0], [1], [0, 1]])
