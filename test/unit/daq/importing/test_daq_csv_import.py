@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from flexarm_bags.writer import RecordingError
 from flexarm_daq.importing.csv_import import import_csv
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
-from flexarm_daq.importing.csv_table import CsvImportError, read_table
+from flexarm_daq.importing.csv_table import CsvImportError
 from flexarm_ident import identify
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
@@ -127,27 +127,6 @@ def test_import___column_names_with_commas___stand_between_tabs(tmp_path: Path) 
     mapping = CsvMap((CsvChannel("current, A", "i"),), (CsvChannel("angle", "q"),), time="time, s")
     import_csv(file, mapping, tmp_path / "bag", typestore=typestore())
     assert read_bag(tmp_path / "bag").u.tolist() == [[1.0], [3.0]]
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [("2.5,", '"2.5",'), ("2.5,", " 2.5 ,"), ("10000\n", "10_000\n"), ("1e-3", "1E-003")],
-    ids=["quotes", "spaces", "underscore", "exponent"],
-)
-def test_table___cell_in_another_form___has_the_same_numbers_and_lines(
-    tmp_path: Path, old: str, new: str
-) -> None:
-    rows = [f"{k},{k * 2.5 + 1e-3!r},{k * 10000}" for k in range(200)]
-    plain = csv_file(tmp_path, ["t,i,q", "0,2.5,1e-3", *rows[1:]])
-    expected = read_table(plain, ONE_IN_ONE_OUT)
-    other = tmp_path / "other.csv"
-    text = plain.read_text()
-    assert old in text
-    other.write_text(text.replace(old, new, 1))
-    found = read_table(other, ONE_IN_ONE_OUT)
-    np.testing.assert_array_equal(found.values, expected.values)
-    np.testing.assert_array_equal(expected.lines, np.arange(2, 202))
-    np.testing.assert_array_equal(found.lines, expected.lines)
 
 
 def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Path) -> None:
