@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 BAG = BAGS / "c_dat3_0g"
-OF_CHANNELS = ("inputs", "outputs", "clock", "held")
+OF_CHANNELS = ("inputs", "outputs", "clock", "held", "from_s", "to_s")
 OF_SEVERAL = ("each", "jobs", "dask", "parquet")
 
 

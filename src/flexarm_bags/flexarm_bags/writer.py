@@ -314,7 +314,8 @@ def whole_bag(path: Path, topics: Sequence[RecordedTopic]) -> Iterator[BagWriter
     What can be made again is not worth the half of it, which would stand in the way. A record of
     an experiment cannot: for that there is `BagWriter`, whose parameters and errors are the same.
     """
-    bag = BagWriter(path, topics)
+    # Nothing has to be safe before the end.
+    bag = BagWriter(path, topics, flush_period_s=math.inf)
     try:
         with bag:
             yield bag

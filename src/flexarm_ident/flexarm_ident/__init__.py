@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from flexarm_ident.records.columns import from_columns, to_columns
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.preprocess import preprocess
+    from flexarm_ident.records.span import Span
     from flexarm_ident.reduction.balanced import BalancedTruncation, balanced_truncation
     from flexarm_ident.reduction.modal import Reduction, reduce_model
     from flexarm_ident.reduction.realisation import thesis_realisation
@@ -52,6 +53,7 @@ __all__ = [
     "Refinement",
     "Selection",
     "Sfv",
+    "Span",
     "balanced_truncation",
     "estimate_coulomb",
     "fit_arm",

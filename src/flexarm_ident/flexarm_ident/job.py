@@ -21,6 +21,7 @@ from flexarm_ident.reading.read import (
     sample_count,
     stream_bag,
 )
+from flexarm_ident.records.span import EVERYTHING, Span
 from flexarm_ident.report.content.blocks import Subject
 from flexarm_ident.report.page import render_report
 from flexarm_ident.workflow.results import Results
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from flexarm_ident.workflow.outcome import Outcome
     from flexarm_ident.workflow.request import Request
 
-    Read = Callable[[Path, Request, Selection | None], Source]
+    Read = Callable[[Path, Request, Selection | None, Span], Source]
 
 LARGEST_IN_MEMORY = 1_000_000
 """Samples of a bag from which it is read in pieces, each time it is gone through."""
@@ -86,6 +87,7 @@ def identify_bags(
     request: Request,
     *,
     channels: Selection | None = None,
+    span: Span = EVERYTHING,
     exports: Sequence[str] = (),
     force: bool = False,
     read: Read | None = None,
@@ -108,6 +110,8 @@ def identify_bags(
     channels : Selection, optional
         Inputs and outputs among the topics of bags that other programs recorded. None: the bags
         hold samples of flexarm's own types. Chosen channels are read whole.
+    span : Span
+        Part of each record that is used. A record of which a part is used is read whole.
     exports : sequence of str
         Suffixes of further formats, see `models.files.parse_exports`.
     force : bool
@@ -130,7 +134,10 @@ def identify_bags(
     """
     require_place(result_files(folder, exports), force=force)
     report = whole(progress)
-    measured, outcome = _identified(bags, request, channels, report, read or read_record)
+    taken = read or read_record
+    measured, outcome = _identified(
+        bags, request, report, lambda bag: taken(bag, request, channels, span)
+    )
     name = model_name(bags[0])
     found(name, outcome)
     parameters = write_results(
@@ -152,6 +159,7 @@ def report_bags(
     request: Request,
     *,
     channels: Selection | None = None,
+    span: Span = EVERYTHING,
     force: bool = False,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> Results:
@@ -164,7 +172,9 @@ def report_bags(
     """
     require_place([file], force=force)
     report = whole(progress)
-    measured, outcome = _identified(bags, request, channels, report, read_record)
+    measured, outcome = _identified(
+        bags, request, report, lambda bag: read_record(bag, request, channels, span)
+    )
     name = model_name(bags[0])
     subject, _ = _subject(name, outcome, measured)
     page = render_report(replace(subject, begun=begin_date(bags[0])), title=_title(name))
@@ -247,29 +257,30 @@ def result_files(folder: Path, exports: Sequence[str]) -> list[Path]:
 def _identified(
     bags: Sequence[Path],
     request: Request,
-    channels: Selection | None,
     report: Progress,
-    read: Read,
+    read: Callable[[Path], Source],
 ) -> tuple[list[Source], Outcome]:
     """Return the records as measured, and the outcome of their identification."""
     measured: list[Source] = []
     for done, bag in enumerate(bags):
         report("reading", done / len(bags))
-        measured.append(read(bag, request, channels))
+        measured.append(read(bag))
     outcome = run(measured, request, progress=report)
     report("writing", 0.0)
     return measured, outcome
 
 
-def read_record(bag: Path, request: Request, channels: Selection | None) -> Source:
+def read_record(
+    bag: Path, request: Request, channels: Selection | None, span: Span = EVERYTHING
+) -> Source:
     """Return the record of a bag as measured; arguments and errors as in `identify_bags`."""
     if channels is not None:
-        return read_channels(bag, channels)
+        return span.of(read_channels(bag, channels))
     # In pieces, a record is prepared in the default way alone.
     usual = request.remove_compensation and request.bias == "rest" and request.cutoff_hz is None
-    if usual and sample_count(bag) > LARGEST_IN_MEMORY:
+    if usual and span == EVERYTHING and sample_count(bag) > LARGEST_IN_MEMORY:
         return stream_bag(bag)
-    return read_bag(bag)
+    return span.of(read_bag(bag))
 
 
 def _subject(

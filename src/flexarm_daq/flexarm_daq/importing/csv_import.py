@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm_bags.metadata import RecordedTopic, TopicQos
+from flexarm_bags.records.columns import decode, members
 from flexarm_bags.schema import describe
 from flexarm_bags.writer import whole_bag
 from flexarm_daq.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from numpy.typing import NDArray
     from rosbags.typesys.store import Msg, Typestore
 
     from flexarm_bags.schema import MessageDefinition
@@ -37,6 +39,7 @@ CHANNELS_TOPIC = "/flexarm/io_channels"
 # Seconds of a stamp are an int32.
 _LATEST_S = 2**31 - 1
 _NS = 1_000_000_000
+_BLOCK_ROWS = 50_000
 
 
 @dataclass(frozen=True)
@@ -211,7 +214,6 @@ def _write(
     *,
     source: str,
 ) -> None:
-    sample_type = typestore.types["flexarm_msgs/msg/IoSample"]
     info_type = typestore.types["flexarm_msgs/msg/ChannelInfo"]
     header_type = typestore.types["std_msgs/msg/Header"]
     time_type = typestore.types["builtin_interfaces/msg/Time"]
@@ -246,11 +248,30 @@ def _write(
     with whole_bag(bag_path, topics) as bag:
         raw = bytes(typestore.serialize_cdr(info, info_type.__msgtype__))
         bag.write(CHANNELS_TOPIC, raw, 0, 0)
-        rows = zip(record.sampling.places.tolist(), record.inputs, record.outputs, strict=True)
-        for place, inputs, outputs in rows:
-            stamp_ns = round(place * _NS / record.sampling.rate_hz)
-            sample = sample_type(
-                header=header(stamp_ns), sequence=place + 1, inputs=inputs, outputs=outputs
-            )
-            raw = bytes(typestore.serialize_cdr(sample, sample_type.__msgtype__))
-            bag.write(IO_TOPIC, raw, stamp_ns, stamp_ns)
+        stamps_ns = [
+            round(place * _NS / record.sampling.rate_hz)
+            for place in record.sampling.places.tolist()
+        ]
+        for first in range(0, len(stamps_ns), _BLOCK_ROWS):
+            block = slice(first, first + _BLOCK_ROWS)
+            raws = _samples(typestore, header(0), record, np.array(stamps_ns[block]), block)
+            for raw, stamp_ns in zip(raws, stamps_ns[block], strict=True):
+                bag.write(IO_TOPIC, raw, stamp_ns, stamp_ns)
+
+
+def _samples(
+    typestore: Typestore, header: Msg, record: CsvRecord, stamps_ns: NDArray[np.int64], rows: slice
+) -> list[bytes]:
+    """Return some rows as serialised messages: all of them have the places of the first one."""
+    inputs, outputs = record.inputs[rows], record.outputs[rows]
+    sample_type = typestore.types["flexarm_msgs/msg/IoSample"]
+    first = sample_type(header=header, sequence=0, inputs=inputs[0], outputs=outputs[0])
+    raw = np.frombuffer(typestore.serialize_cdr(first, sample_type.__msgtype__), dtype=np.uint8)
+    raws = np.tile(raw, (len(inputs), 1))
+    layout = members(sample_type.__msgtype__, typestore.fielddefs)
+    columns: dict[str, NDArray[Any]] = decode([(np.arange(len(raws)), raws)], layout)
+    columns["header.stamp.sec"][:] = stamps_ns // _NS
+    columns["header.stamp.nanosec"][:] = stamps_ns % _NS
+    columns["sequence"][:] = record.sampling.places[rows] + 1
+    columns["inputs"][:], columns["outputs"][:] = inputs, outputs
+    return [each.tobytes() for each in raws]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain, islice
 from textwrap import shorten
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from flexarm_daq.importing.csv_map import CsvMap
 
     Row = tuple[int, list[str]]
+    _Numbers = tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]
 
 # Of equally many the first one counts.
 _SEPARATORS = ("\t", ",", ";")
@@ -66,6 +67,16 @@ class CsvTable:
     cut: tuple[str, ...] = ()
 
 
+class _File(NamedTuple):
+    """Open file behind its header: by lines, the first with its number, or by the rows in them."""
+
+    header: list[str]
+    separator: str
+    first_line: int
+    lines: Iterator[str]
+    rows: Iterator[Row]
+
+
 class _Column(NamedTuple):
     """Column to read, and what to do about a cell without a number; nothing where it may lack."""
 
@@ -89,25 +100,61 @@ def read_table(path: Path, mapping: CsvMap) -> CsvTable:
     BoundError
         If it is no plain file.
     """
-    with _opened(path) as (header, rows, separator):
-        columns = _columns(header, mapping, path)
-        blocks, lines, places, mark = [], [], [], ""
-        numbered = ((place, row) for place, row in enumerate(rows) if any(map(str.strip, row[1])))
-        # Only one block is held as text.
-        while taken := list(islice(numbered, _BLOCK_ROWS)):
-            block = [row for _, row in taken]
-            if separator != ",":
-                mark = _decimal_mark(block, columns, path, mark)
-            blocks.append(_to_numbers(block, columns, path, mark or "."))
-            lines += [line for line, _ in block]
-            places += [place for place, _ in taken]
+    with _opened(path) as file:
+        columns = _columns(file.header, mapping, path)
+        found = _plain_numbers(file, columns)
+    if found is None:
+        # From the start again: a cell may need another look.
+        with _opened(path) as file:
+            found = _numbers(file, columns, path)
+    values, lines, places = found
     if len(lines) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
         raise CsvImportError(f"{path}: data rows: {len(lines)}; at least 2 are needed")
-    values = np.concatenate(blocks)
     for column, cells in zip(columns, values.T, strict=True):
         if np.isnan(cells).all():
             raise CsvImportError(f"{path}: column {column.name} has no number: leave it out")
-    return _cut(CsvTable(path, values, np.array(lines), np.array(places)), columns)
+    return _cut(CsvTable(path, values, lines, places), columns)
+
+
+def _plain_numbers(file: _File, columns: Sequence[_Column]) -> _Numbers | None:
+    """Return numbers, lines and places of the rows; None where a cell is not a finite number."""
+    if file.separator != ",":
+        return None
+    blocks = []
+    with suppress(ValueError):
+        # Only one block is held as text.
+        while block := list(islice(file.lines, _BLOCK_ROWS)):
+            # An empty line is no row.
+            if not all(map(str.strip, block)):
+                return None
+            numbers = np.loadtxt(
+                block,
+                delimiter=",",
+                comments=None,
+                usecols=[column.place for column in columns],
+                ndmin=2,
+            )
+            if not np.isfinite(numbers).all():
+                return None
+            blocks.append(numbers)
+        values = np.concatenate(blocks)
+        places = np.arange(len(values))
+        return values, file.first_line + places, places
+    return None
+
+
+def _numbers(file: _File, columns: Sequence[_Column], path: Path) -> _Numbers:
+    """Return numbers, lines and places of the rows, of whatever a cell may hold."""
+    blocks, lines, places, mark = [np.empty((0, len(columns)))], [], [], ""
+    numbered = ((place, row) for place, row in enumerate(file.rows) if any(map(str.strip, row[1])))
+    while taken := list(islice(numbered, _BLOCK_ROWS)):
+        block = [row for _, row in taken]
+        if file.separator != ",":
+            mark = _decimal_mark(block, columns, path, mark)
+        blocks.append(_to_numbers(block, columns, path, mark or "."))
+        lines += [line for line, _ in block]
+        places += [place for place, _ in taken]
+    return np.concatenate(blocks), np.array(lines, np.int64), np.array(places, np.int64)
 
 
 def _cut(table: CsvTable, columns: Sequence[_Column]) -> CsvTable:
@@ -145,7 +192,8 @@ def column_names(path: Path) -> list[str]:
     CsvImportError
         If the file cannot be read, or names fewer than two columns.
     """
-    with _opened(path) as (header, *_):
+    with _opened(path) as file:
+        header = file.header
         if len(header) < 2:  # noqa: PLR2004 - an input and an output
             there = f"names one column, {shown(header[0])}" if any(header) else "is empty"
             raise CsvImportError(
@@ -156,11 +204,8 @@ def column_names(path: Path) -> list[str]:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row], str]]:
-    """Open a table; yield the names in its first line, its other rows, and its separator.
-
-    The separator is the one that stands most often in the first line.
-    """
+def _opened(path: Path) -> Iterator[_File]:
+    """Open a table; its separator is the one that stands most often in the first line."""
     try:
         require_plain_file(path)
         # utf-8-sig: spreadsheets put a byte order mark in front of the first name.
@@ -177,7 +222,8 @@ def _opened(path: Path) -> Iterator[tuple[list[str], Iterator[Row], str]]:
                 )
             # A line of blanks is no row: programs put some between the rows, or at the end.
             filled = (row for row in reader if len(row) > 1 or "".join(row).strip())
-            yield header, ((reader.line_num, row) for row in filled), separator
+            rows = ((reader.line_num, row) for row in filled)
+            yield _File(header, separator, reader.line_num + 1, lines, rows)
     except UnicodeDecodeError as error:
         raise CsvImportError(f"{path}: is no text in UTF-8: save it as CSV in UTF-8") from error
     except (OSError, csv.Error) as error:

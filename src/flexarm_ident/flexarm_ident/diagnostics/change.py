@@ -21,6 +21,7 @@ from flexarm_core.errors import DataError
 from flexarm_core.labels import instant
 from flexarm_ident.diagnostics.drive import is_stopped, moves_seldom
 from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.span import without
 from flexarm_ident.subspace.segments import cut, segment_grams
 
 if TYPE_CHECKING:
@@ -139,9 +140,14 @@ def _remedy(record: IoData, row: int) -> str:
     sides = [part.std(axis=0) for part in (record.y[:row], record.y[row:])]
     stopped = np.min(sides, axis=0) < _STOPPED * np.max(sides, axis=0)
     if not stopped.any() or stopped.all():
-        return "identify the parts separately"
+        cut_s = record.begins_s + row * record.dt_s
+        return f"identify the parts separately (--to {cut_s:.9g}s, --from {cut_s:.9g}s)"
     names = ", ".join(np.array(record.outputs)[stopped].tolist())
-    return f"{names} hardly moves on one side: check the sensor, and leave those rows out"
+    # Where one output or more stood still.
+    still = sides[0] < sides[1]
+    rows = (0, row) if np.all(still[stopped]) else (row, len(record))
+    option = without(record, [rows])
+    return f"{names} hardly moves on one side: check the sensor, and leave that out ({option})"
 
 
 def _worse(loss: float) -> str:

@@ -12,6 +12,7 @@ from flexarm_core.labels import counted, instant
 from flexarm_ident.records.holes import holes_told
 from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share, dead_stretches, look
+from flexarm_ident.records.span import without
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -91,7 +92,8 @@ def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator
         "dead_sensor",
         f"{name} is dead in {_percent(samples / len(record))} of the samples, {stretches}, the "
         f"longest from {instant(longest.start, record.dt_s)} to "
-        f"{instant(longest.stop - 1, record.dt_s)}: check the sensor, and leave those rows out",
+        f"{instant(longest.stop - 1, record.dt_s)}: check the sensor, and leave those rows out "
+        f"({without(record, ((rows.start, rows.stop) for rows in dead))})",
         {
             "samples": float(samples),
             "share": samples / len(record),

@@ -10,6 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from flexarm_core.arrays import runs
 from flexarm_core.labels import counted, instant
 from flexarm_ident.records.iodata import DataWarning
+from flexarm_ident.records.span import without
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -110,7 +111,8 @@ def _hold(record: IoData) -> Iterator[DataWarning]:
         yield DataWarning(
             "held_drive",
             f"the drive is at zero from {instant(first, record.dt_s)} to the end, "
-            f"{100.0 * share:.3g} % of the record, as after a stop: leave those rows out",
+            f"{100.0 * share:.3g} % of the record, as after a stop: leave those rows out "
+            f"({without(record, [(first, last)])})",
             figures,
         )
         return
@@ -119,8 +121,8 @@ def _hold(record: IoData) -> Iterator[DataWarning]:
     yield DataWarning(
         "held_drive",
         f"no input changes from {instant(first, record.dt_s)} to {instant(last, record.dt_s)}, "
-        f"{100.0 * share:.3g} % of the record, and {moves} times elsewhere: leave those rows out, "
-        "or drive on",
+        f"{100.0 * share:.3g} % of the record, and {moves} times elsewhere: leave those rows out "
+        f"({without(record, [(first, last)])}), or drive on",
         figures,
     )
 

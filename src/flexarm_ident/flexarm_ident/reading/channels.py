@@ -9,11 +9,11 @@ import numpy as np
 
 from flexarm_core.errors import BagError, DataError
 from flexarm_core.labels import counted, named_twice
-from flexarm_ident.reading.common_grid import common_rows
 from flexarm_ident.reading.fields import parse_field, values_of, wrong_path, wrong_topic
+from flexarm_ident.reading.offsets import on_their_rows
 from flexarm_ident.reading.sampling import JITTER_TOLERANCE, Run
 from flexarm_ident.reading.sampling import notices as sampling_notices
-from flexarm_ident.reading.tracks import NS, advances, evened, lost_messages, track
+from flexarm_ident.reading.tracks import NS, Evened, advances, evened, lost_messages, track
 from flexarm_ident.records.iodata import DataWarning, Grade, IoData
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import BoolArray
     from flexarm_ident.reading.common_grid import CommonRows
     from flexarm_ident.reading.fields import Field
+    from flexarm_ident.reading.offsets import Offset
     from flexarm_ident.reading.tracks import Track
 
     Integers = NDArray[np.int64]
@@ -105,13 +106,14 @@ def selected(bag: Bag, chosen: Selection) -> IoData:
             raise wrong_topic(bag, field)
     messages = {topic: bag.grouped(topic) for topic in {each.topic: None for each in fields}}
     clock, said = _clock(bag, messages, chosen.clock)
-    inputs = [_track(bag, field, messages[field.topic], clock) for field in chosen.inputs]
-    outputs = [_track(bag, field, messages[field.topic], clock) for field in chosen.outputs]
-    if clock == RECEIVE:
-        even, jitter = _without_jitter([*inputs, *outputs])
-        inputs, outputs = even[: len(inputs)], even[len(inputs) :]
-        said += jitter
-    found = common_rows(inputs, outputs, interpolated=chosen.interpolated)
+    sent = evened if clock == RECEIVE else Evened
+    commands, sampled = (
+        [sent(_track(bag, field, messages[field.topic], clock)) for field in role]
+        for role in (chosen.inputs, chosen.outputs)
+    )
+    found, offsets = on_their_rows(commands, sampled, interpolated=chosen.interpolated)
+    said += [*_jitter((*commands, *sampled)), *map(_early, offsets)]
+    inputs, outputs = ([each.sent for each in role] for role in (commands, sampled))
     read_off = [*inputs, *outputs] if chosen.interpolated else outputs
     said += [*_restarted((*inputs, *outputs)), *_lost(inputs), *_findings(found, read_off)]
     return IoData(
@@ -165,22 +167,27 @@ def _track(bag: Bag, field: Field, found: Grouped, clock: str) -> Track:
         raise BagError(f"{bag.path}: {error}") from error
 
 
-def _without_jitter(signals: Sequence[Track]) -> tuple[list[Track], list[DataWarning]]:
-    """Return signals that were sent evenly at even instants, and a word on what was corrected."""
-    even, worst = [], ("", 0.0, 1.0)
-    for signal in signals:
-        sent, jitter_s = evened(signal)
-        even.append(sent)
-        worst = max(worst, (signal.label, jitter_s, sent.period_s), key=lambda each: each[1])
-    label, jitter_s, period_s = worst
+def _jitter(signals: Sequence[Evened]) -> Iterator[DataWarning]:
+    """Yield a word on the most uneven arrivals, where they matter."""
+    worst = max(signals, key=lambda each: each.jitter_s)
+    jitter_s, period_s = worst.jitter_s, worst.sent.period_s
     if jitter_s <= JITTER_TOLERANCE * period_s:
-        return even, []
+        return
     text = (
-        f"{label} arrived {1e3 * jitter_s:.3f} ms RMS off even instants, "
+        f"{worst.sent.label} arrived {1e3 * jitter_s:.3f} ms RMS off even instants, "
         f"{jitter_s / period_s:.2f} of its periods: it counts as sent evenly"
     )
     figures = {"deviation_s": jitter_s}
-    return even, [DataWarning("arrival_jitter", text, figures, grade=Grade.INFORMATION)]
+    yield DataWarning("arrival_jitter", text, figures, grade=Grade.INFORMATION)
+
+
+def _early(offset: Offset) -> DataWarning:
+    text = (
+        f"{offset.label} was received {1e3 * offset.early_s:.2f} ms before the outputs' instants, "
+        "no more than delays differ, and these refute that it acts before: it counts from them on"
+    )
+    figures = {"early_s": offset.early_s}
+    return DataWarning("early_commands", text, figures, grade=Grade.INFORMATION)
 
 
 def _restarted(signals: Sequence[Track]) -> Iterator[DataWarning]:

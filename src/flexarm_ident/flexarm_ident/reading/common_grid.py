@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import BoolArray, FloatArray
     from flexarm_ident.reading.grid import Grid
     from flexarm_ident.reading.tracks import Track
 
@@ -153,9 +153,23 @@ def _instants(signal: Track, kept_ns: Integers, grid: Grid) -> FloatArray:
 
 
 def _mean_of_steps(instants: FloatArray, values: FloatArray, rows: Integers) -> FloatArray:
-    whole = np.rint(instants)
-    punctual = np.where(np.abs(instants - whole) <= ON_TIME, whole, instants)
+    punctual = np.where(_is_punctual(instants), np.rint(instants), instants)
     return held(punctual, values[:, np.newaxis], rows)[:, 0]
+
+
+def _is_punctual(instants: FloatArray) -> BoolArray:
+    """Mark the messages that are near enough to a row to act from it on.
+
+    Those that keep a distance which wanders about the limit are all near, or none: else the input
+    would act in two ways in one record.
+    """
+    off = instants - np.rint(instants)
+    around = off[np.abs(off) <= 2.0 * ON_TIME]
+    if not len(around):
+        return np.zeros(len(off), dtype=np.bool_)
+    usual = float(np.median(around))
+    own = np.abs(off) <= ON_TIME
+    return np.asarray(np.where(np.abs(off - usual) <= ON_TIME, abs(usual) <= ON_TIME, own))
 
 
 def _mean_of_lines(instants: FloatArray, values: FloatArray, rows: Integers) -> FloatArray:

@@ -6,7 +6,7 @@ Messages of other nodes have no numbers. Their periods are counted from the inst
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -63,6 +63,24 @@ class Track:
     def period_s(self) -> float:
         """Median step."""
         return float(np.median(np.diff(self.times_ns))) / NS
+
+
+class Evened(NamedTuple):
+    """Signal at the even instants behind its arrivals.
+
+    Attributes
+    ----------
+    sent : Track
+        The signal; its instants are later than those of sending by the mean delay.
+    jitter_s : float
+        Distance of the arrivals from these instants, RMS; 0 for what stayed as it was.
+    early_s : float
+        Distance of the earliest arrival: how far the mean delay is above the least one.
+    """
+
+    sent: Track
+    jitter_s: float = 0.0
+    early_s: float = 0.0
 
 
 def track(label: str, times_ns: Integers, values: FloatArray) -> Track:
@@ -123,27 +141,32 @@ def lost_messages(times_ns: Integers) -> int:
     return int(counted_periods(times_ns)[-1]) + 1 - len(times_ns)
 
 
-def evened(signal: Track) -> tuple[Track, float]:
-    """Return a signal at the even instants behind arrivals with jitter, and the jitter in s, RMS.
+def evened(signal: Track) -> Evened:
+    """Return a signal at the even instants behind arrivals with jitter.
 
-    A sender with a timer sends evenly, whatever the transport does. Arrivals stay as they are, with
-    jitter 0, when they are too few or too uneven to tell, as those of events are, or when some were
-    lost and the others jitter too much to tell which.
+    A sender with a timer sends evenly, whatever the transport does. Arrivals stay as they are when
+    they are too few or too uneven to tell, as those of events are, or when some were lost and the
+    others jitter too much to tell which.
     """
     start_ns = signal.times_ns[0]
     times_s = (signal.times_ns - start_ns) / NS
     line_s = _line(times_s)
     if len(times_s) >= _FEWEST and _is_whole(times_s, line_s):
         even_ns = start_ns + np.rint(NS * line_s).astype(np.int64)
-        return replace(signal, times_ns=even_ns), float(np.std(times_s - line_s))
+        return _sent(signal, even_ns, times_s - line_s)
     if len(times_s) < _FEWEST or not _is_steady(times_s):
-        return signal, 0.0
+        return Evened(signal)
     grid = place(counted_periods(signal.times_ns), signal.times_ns)
     late_s = grid.period_s * (grid.instants - np.rint(grid.instants))
     even_ns = signal.times_ns[grid.kept] - np.rint(NS * late_s).astype(np.int64)
     even_ns, first = np.unique(even_ns, return_index=True)
     values = signal.values[grid.kept][first]
-    return replace(signal, times_ns=even_ns, values=values), float(np.std(late_s))
+    return _sent(replace(signal, values=values), even_ns, late_s)
+
+
+def _sent(signal: Track, even_ns: Integers, late_s: FloatArray) -> Evened:
+    sent = replace(signal, times_ns=even_ns)
+    return Evened(sent, float(np.std(late_s)), float(np.mean(late_s) - np.min(late_s)))
 
 
 def _line(times_s: FloatArray) -> FloatArray:

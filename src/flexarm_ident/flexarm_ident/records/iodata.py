@@ -103,6 +103,8 @@ class IoData:
         Outputs that were not measured, beside those that are NaN. None: all were.
     input_held : array_like of bool, (samples,), optional
         Rows whose input was not recorded: that of the row before is held. None: all were.
+    begins_s : float
+        Instant of the first row in the record that this one is a part of, as `rows` gives it.
     head_of : int, optional
         Number of samples of the record that this one is the leading part of, as `head` gives it.
         None: it is a record of its own.
@@ -127,6 +129,7 @@ class IoData:
     notices: tuple[DataWarning, ...] = ()
     missing: BoolArray | None = None
     input_held: BoolArray | None = None
+    begins_s: float = 0.0
     head_of: int | None = None
 
     def __post_init__(self) -> None:
@@ -254,6 +257,7 @@ class IoData:
             reference=None if self.reference is None else self.reference[rows],
             missing=None if self.missing is None else self.missing[rows],
             input_held=None if self.input_held is None else self.input_held[rows],
+            begins_s=self.begins_s + (rows.start or 0) * self.dt_s,
             head_of=None,
         )
 

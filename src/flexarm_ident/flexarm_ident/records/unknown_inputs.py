@@ -51,13 +51,15 @@ def known_parts(record: IoData) -> tuple[IoData, ...]:
         return (record,)
     told = _notice(record, holes)
     spans = _between(holes, len(record))
+    parts = [record.rows(slice(first, last)) for first, last in spans]
     return tuple(
         replace(
-            record.rows(slice(first, last)),
-            source=f"{record.label}, {first * record.dt_s:.4g} to {last * record.dt_s:.4g} s",
-            notices=() if first else (*record.notices, told),
+            part,
+            source=f"{record.label}, {part.begins_s:.4g} to "
+            f"{part.begins_s + len(part) * part.dt_s:.4g} s",
+            notices=() if number else (*record.notices, told),
         )
-        for first, last in spans
+        for number, part in enumerate(parts)
     )
 
 
@@ -81,10 +83,11 @@ def _between(holes: Sequence[Span], samples: int) -> list[Span]:
 def _notice(record: IoData, holes: Sequence[Span]) -> DataWarning:
     longest = max(holes, key=lambda each: each[1] - each[0])
     length_s = (longest[1] - longest[0]) * record.dt_s
+    begins_s = record.begins_s + longest[0] * record.dt_s
     return DataWarning(
         "unknown_input",
         f"the input is not known in {counted(len(holes), 'long hole')}, the longest of "
-        f"{length_s:.3g} s at {longest[0] * record.dt_s:.4g} s: the parts between are records of "
+        f"{length_s:.3g} s at {begins_s:.4g} s: the parts between are records of "
         "their own, each with its initial state",
         {"holes": float(len(holes)), "longest_s": length_s},
         grade=Grade.INFORMATION,

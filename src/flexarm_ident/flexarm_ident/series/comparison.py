@@ -16,6 +16,7 @@ from flexarm_ident.job import MODEL_FILE, read_record, whole
 from flexarm_ident.models.files import FORMATS, load_model
 from flexarm_ident.models.modes import frequency_and_damping, frequency_grid
 from flexarm_ident.records.naming import short_names
+from flexarm_ident.records.span import EVERYTHING, Span
 from flexarm_ident.report.content.blocks import Plots, Table, Words
 from flexarm_ident.report.content.match_gallery import near_rows
 from flexarm_ident.report.content.wording import error_text, percent
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.dry_friction import DryFriction
     from flexarm_ident.reading.channels import Selection
     from flexarm_ident.records.iodata import IoData
+    from flexarm_ident.records.source import Source
     from flexarm_ident.report.content.blocks import Block
     from flexarm_ident.workflow.request import Request
 
@@ -90,6 +92,7 @@ def compare_files(
     request: Request,
     *,
     channels: Selection | None = None,
+    span: Span = EVERYTHING,
     force: bool = False,
     progress: Progress = lambda _stage, _fraction: None,
 ) -> list[str]:
@@ -106,7 +109,7 @@ def compare_files(
         HTML file.
     request : Request
         Options of the identifications.
-    channels, force, progress
+    channels, span, force, progress
         As in `job.identify_bags`.
 
     Returns
@@ -128,7 +131,13 @@ def compare_files(
     found = []
     for number, path in enumerate(paths):
         report = whole(_part_of(progress, number, len(paths)))
-        found.append(_compared(names[str(path)], path, request, channels, report))
+        name = names[str(path)]
+        model = _model_of(name, path)
+        if model is None:
+            report("reading", 0.0)
+            record = read_record(path, request, channels, span)
+            model = _identified(name, record, request, report)
+        found.append(model)
     words, text = comparison_page(found)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(text, encoding="utf-8")
@@ -168,14 +177,16 @@ def _part_of(progress: Progress, number: int, count: int) -> Progress:
     return report
 
 
-def _compared(
-    name: str, path: Path, request: Request, channels: Selection | None, report: Progress
-) -> Compared:
+def _model_of(name: str, path: Path) -> Compared | None:
+    """Return the model of a file or a folder; None for a bag."""
     model_file = path / MODEL_FILE if (path / MODEL_FILE).is_file() else path
     if model_file.suffix in FORMATS and model_file.is_file():
         return Compared(name, load_model(model_file), load_friction(model_file))
-    report("reading", 0.0)
-    outcome = run([read_record(path, request, channels)], request, progress=report)
+    return None
+
+
+def _identified(name: str, record: Source, request: Request, report: Progress) -> Compared:
+    outcome = run([record], request, progress=report)
     # Of a record that came in parts, the longest.
     record = max(outcome.records, key=len)
     return Compared(name, outcome.model, outcome.friction, str(outcome.verdict.level), record)

@@ -15,6 +15,7 @@ from flexarm_core.workers import Workers, computed
 from flexarm_ident.job import REPORT_FILE, model_name, read_record, write_results
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.reading.read import begin_date
+from flexarm_ident.records.span import EVERYTHING, Span
 from flexarm_ident.series.parquet import require_parquet, write_parquet
 from flexarm_ident.series.rows import Row, model_cells, read_rows, write_rows
 from flexarm_ident.series.trend import trend_page, trend_plot
@@ -63,6 +64,7 @@ class _Task:
     folder: Path
     request: Request
     channels: Selection | None
+    span: Span
     exports: tuple[str, ...]
     force: bool
     known: Row | None
@@ -75,6 +77,7 @@ def identify_each(
     *,
     names: Sequence[str] = (),
     channels: Selection | None = None,
+    span: Span = EVERYTHING,
     exports: Sequence[str] = (),
     force: bool = False,
     parquet: bool = False,
@@ -96,7 +99,7 @@ def identify_each(
         what `job.identify_bags` writes. Rows of other bags in its table stay.
     names : sequence of str
         Names of the bags in the table and in its messages. None: their paths.
-    request, channels, exports, force
+    request, channels, span, exports, force
         As in `job.identify_bags`, the same for all.
     parquet : bool
         Whether the table is written as `models.parquet` too, at the end.
@@ -132,6 +135,7 @@ def identify_each(
             (folder / places[name]).absolute(),
             request,
             channels,
+            span,
             tuple(exports),
             force,
             rows.get(name),
@@ -169,7 +173,7 @@ def _row(task: _Task) -> tuple[Row, bool]:
     cells: dict[str, str] = {}
     try:
         begun = begin_date(task.bag)
-        record = read_record(task.bag, task.request, task.channels)
+        record = read_record(task.bag, task.request, task.channels, task.span)
         record_sha256, request_sha256 = record_hash(record), _request_hash(task)
         if task.known is not None and task.known.is_of(record_sha256, request_sha256):
             return task.known, True

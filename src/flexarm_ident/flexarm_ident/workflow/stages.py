@@ -20,6 +20,7 @@ from flexarm_ident.fitting.validation import recover_gains, validate_dmv, valida
 from flexarm_ident.friction.dry_friction import refer_friction, validate_with_friction
 from flexarm_ident.records.iodata import Grade, IoData, as_records
 from flexarm_ident.records.preprocess import preprocess
+from flexarm_ident.records.span import measured
 from flexarm_ident.records.unknown_inputs import known_parts
 from flexarm_ident.reduction.modal import reduce_model
 from flexarm_ident.workflow.outcome import Outcome
@@ -85,16 +86,16 @@ def run(
     """
     report = progress or (lambda _stage, _fraction: None)
     given = [records] if isinstance(records, IoData) else records
-    measured = [
+    parts = [
         part
         for record in given
-        for part in (known_parts(record) if isinstance(record, IoData) else (record,))
+        for part in (_parts(record) if isinstance(record, IoData) else (record,))
     ]
-    _check_known_modes(request, measured[0])
-    prepared = [_prepared(record, request) for record in measured]
+    _check_known_modes(request, parts[0])
+    prepared = [_prepared(part, request) for part in parts]
     shown = as_records([record.shown for record in prepared])
     trained = [record.head(request.train_fraction) for record in prepared]
-    in_memory = [record for record in measured if isinstance(record, IoData)]
+    in_memory = [part for part in parts if isinstance(part, IoData)]
     # Compensated drives show no friction that a model could be fitted to: the thesis's own way.
     friction_wanted = request.friction and not is_compensated(in_memory)
     identification = _identify(trained, replace(request, friction=friction_wanted), progress)
@@ -142,6 +143,11 @@ def _warnings(
     others = [(Grade.INFORMATION, note) for note in (*identification.notes, *omitted)]
     others += [(Grade.CAUTION, note) for note in (reduction.warnings if reduction else ())]
     return graded(identification.data_warnings, others)
+
+
+def _parts(record: IoData) -> tuple[IoData, ...]:
+    """Return the parts of a record in which the rig can be simulated from their first rows on."""
+    return tuple(map(measured, known_parts(measured(record))))
 
 
 def _check_known_modes(request: Request, record: Source) -> None:

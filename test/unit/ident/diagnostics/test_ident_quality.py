@@ -158,9 +158,13 @@ def test_assess___channel_repeats_another_in_other_units___both_are_named() -> N
     assert "middle_strain_v repeats base_strain_v" in found["duplicated_channel"].text
 
 
-@pytest.mark.parametrize(("first", "last"), [(0, 400), (1500, 1900)], ids=["at first", "later"])
+@pytest.mark.parametrize(
+    ("first", "last", "rest"),
+    [(0, 400, "--from 1.33333333s --to 10s"), (1500, 1900, "--to 5s")],
+    ids=["at first", "later"],
+)
 def test_assess___gauge_silent_for_a_stretch___is_named_with_its_rows(
-    first: int, last: int
+    first: int, last: int, rest: str
 ) -> None:
     clean = response(square_wave(SAMPLES, 16))
     y = clean.y.copy()
@@ -170,6 +174,7 @@ def test_assess___gauge_silent_for_a_stretch___is_named_with_its_rows(
     assert set(found) == {"dead_sensor"}
     ends = [f"{row * DT_S:.6g} s (row {row})" for row in (first, last - 1)]
     assert f"the longest from {ends[0]} to {ends[1]}: check" in found["dead_sensor"].text
+    assert found["dead_sensor"].text.endswith(f"leave those rows out ({rest})")
     assert found["dead_sensor"].figures == {
         "samples": last - first + 50.0,
         "share": (last - first + 50.0) / SAMPLES,

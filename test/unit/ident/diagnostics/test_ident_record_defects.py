@@ -208,6 +208,9 @@ def test_held_drive___third_of_the_record___is_named_with_its_rows(drive: str) -
     found = only(drive_defects, answer(u, 16), "held_drive")
     assert found["first_row"] == pytest.approx(2000, abs=200)
     assert found["last_row"] == pytest.approx(4400, abs=200)
+    # Before it are more rows than behind it.
+    (text,) = [str(each) for each in drive_defects(answer(u, 16)) if each.name == "held_drive"]
+    assert f"leave those rows out (--to {DT_S * found['first_row']:.9g}s), or drive on" in text
 
 
 @driven
@@ -232,6 +235,8 @@ def test_plant_changed___other_payload_in_mid_record___is_named_near_its_row(
     percent, times = 100.0 * found["loss"], 1.0 + found["loss"]
     worse = f"{percent:.0f} % worse than" if times < 2.0 else f"{times:.0f} times as badly as"
     assert f"predicts the other {worse} its own" in text
+    cut_s = f"{DT_S * found['row']:.9g}s"
+    assert text.endswith(f"identify the parts separately (--to {cut_s}, --from {cut_s})")
 
 
 def test_plant_changed___gauge_that_gives_noise_from_mid_record_on___names_the_sensor() -> None:
@@ -239,7 +244,7 @@ def test_plant_changed___gauge_that_gives_noise_from_mid_record_on___names_the_s
     y, half = data.y.copy(), SAMPLES // 2
     y[half:, 2] = 0.01 * y[:, 2].std() * np.random.default_rng(7).normal(size=SAMPLES - half)
     (text,) = [str(each) for each in changes(replace(data, y=y)) if each.name == "plant_changed"]
-    assert "y2 hardly moves on one side: check the sensor" in text
+    assert "y2 hardly moves on one side: check the sensor, and leave that out (--to " in text
 
 
 def test_plant_changed___sweep_of_a_steady_plant___is_not_called_so() -> None:

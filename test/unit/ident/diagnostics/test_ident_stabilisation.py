@@ -158,7 +158,7 @@ def test_stabilisation_plot___diagram___is_an_element_that_names_the_modes() -> 
     )
     plot = stabilisation_plot(diagram, diagram.modes, known_modes_hz=(9.4,), order=8)
     root = ET.fromstring(plot)  # noqa: S314 (our own text)
-    (view,) = (node for node in root.iter() if node.get("role") == "img")
+    (view,) = (node for node in root.iter() if node.get("role") == "group")
     assert view.get("aria-label") == "stabilisation diagram, physical modes: 10 Hz"
     texts = {words for node in root.iter() for words in (node.text, node.tail)}
     assert {"frequency, Hz", "order", "stays", "known modes", "physical mode", "order 8"} <= texts

@@ -56,11 +56,13 @@ def test_count___late_arrivals_and_some_lost___is_near() -> None:
 def test_even___arrivals_with_jitter___come_back_to_their_timer() -> None:
     late = np.random.default_rng(3).gamma(2.0, 0.2, 3000)
     arrived = Track("/x", sent_ns(np.sort(np.arange(3000.0) + late)), np.arange(3000.0))
-    found, jitter_s = evened(arrived)
+    found, jitter_s, early_s = evened(arrived)
     # The mean delay stays: 0.4 periods.
     off = (found.times_ns - sent_ns(np.arange(3000.0) + 0.4)) / PERIOD_NS
     assert np.abs(off).max() < 0.05
     assert jitter_s == pytest.approx(0.005 * np.sqrt(2.0) * 0.2, rel=0.1)
+    # The least delay is near 0.
+    assert early_s == pytest.approx(0.005 * 0.4, rel=0.1)
     np.testing.assert_array_equal(found.values, arrived.values)
 
 
@@ -68,7 +70,7 @@ def test_even___losses_of_a_steady_sender___keep_their_places() -> None:
     rng = np.random.default_rng(4)
     periods = np.flatnonzero(rng.random(3000) >= 0.05)
     arrived = sent_ns(periods + rng.gamma(2.0, 0.02, len(periods)))
-    found, _ = evened(Track("/x", arrived, periods.astype(np.float64)))
+    found, *_ = evened(Track("/x", arrived, periods.astype(np.float64)))
     late = (found.times_ns - START_NS) / PERIOD_NS - found.values
     # What is within 0.1 periods of its instant counts as on time.
     assert np.abs(late - np.median(late)).max() < 0.12
@@ -78,7 +80,7 @@ def test_even___losses_of_a_steady_sender___keep_their_places() -> None:
 def test_even___events___stay_as_they_are(count: int) -> None:
     steps = np.random.default_rng(5).uniform(0.2, 3.0, count)
     signal = Track("/x", sent_ns(np.cumsum(steps)), np.arange(float(count)))
-    assert evened(signal) == (signal, 0.0)
+    assert evened(signal) == (signal, 0.0, 0.0)
     assert lost_messages(signal.times_ns) == 0
 
 

@@ -95,3 +95,23 @@ def test_run___more_known_modes_than_the_chosen_order_holds___keeps_the_whole_mo
     )
     outcome = run(record, request)
     assert outcome.model.nstates == outcome.identification.order < 10
+
+
+@pytest.mark.parametrize("late", [[1], [0, 1]])
+def test_run___sensor_that_begins_late___result_is_that_of_the_rest(late: list[int]) -> None:
+    whole = white_noise_record(900)
+    y = whole.y + 0.01 * np.random.default_rng(5).standard_normal(whole.y.shape)
+    holed = y.copy()
+    holed[:300, late] = np.nan
+
+    found = run(IoData(whole.u, holed, dt_s=0.01, inputs=("u",), outputs=("y", "z")), Request())
+
+    rest = IoData(whole.u[300:], y[300:], dt_s=0.01, inputs=("u",), outputs=("y", "z"))
+    expected = run(rest, Request())
+    np.testing.assert_array_equal(found.model.A, expected.model.A)
+    np.testing.assert_array_equal(found.dmv_errors, expected.dmv_errors)
+    (told,) = set(found.warnings) - set(expected.warnings)
+    assert told == (
+        f"information: record: {'yz'[late[0]]} was not measured before 3 s (row 300): the record "
+        "is used from there on"
+    )

@@ -1,4 +1,4 @@
-"""Options that name the signals of a bag which flexarm did not record."""
+"""Options that say what of a bag is read: signals of other programs, and a part of the time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from flexarm_bringup.console.quantity import TIME_S, Quantity
 from flexarm_ident.reading.channels import CLOCKS, Selection, selection
+from flexarm_ident.records.span import Span
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,11 +40,26 @@ _OPTIONS = (
         show_default=True,
         help="Each input acts until the next one, or is measured and runs on lines between.",
     ),
+    click.option(
+        "--from",
+        "from_s",
+        type=Quantity(TIME_S, 0.0),
+        default=0.0,
+        metavar="TIME",
+        help="Leave out what is before, s from the start of each record.",
+    ),
+    click.option(
+        "--to",
+        "to_s",
+        type=Quantity(TIME_S, 0.0),
+        metavar="TIME",
+        help="Leave out what is from there on; else to the end.",
+    ),
 )
 
 
 def channel_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options to a verb, which takes them as `taken_channels` does."""
+    """Add the options to a verb, which takes them by `taken_channels` and `taken_span`."""
     for option in reversed(_OPTIONS):
         function = option(function)
     return function
@@ -60,3 +77,8 @@ def taken_channels(options: dict[str, Any]) -> Selection | None:
             )
         return None
     return selection(inputs, outputs, clock=clock, interpolated=not held)
+
+
+def taken_span(options: dict[str, Any]) -> Span:
+    """Take the part of the records out of the options."""
+    return Span(options.pop("from_s"), options.pop("to_s"))

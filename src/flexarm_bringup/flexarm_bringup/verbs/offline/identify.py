@@ -13,7 +13,11 @@ from flexarm_bringup.console import terminal
 from flexarm_bringup.console.finite_range import FiniteRange
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import FORCE, examples
-from flexarm_bringup.verbs.offline.channel_options import channel_options, taken_channels
+from flexarm_bringup.verbs.offline.channel_options import (
+    channel_options,
+    taken_channels,
+    taken_span,
+)
 from flexarm_bringup.verbs.offline.csv_bags import as_bags, taken_columns
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_ident import job
@@ -182,6 +186,7 @@ _MAP = click.option(
     "identify run1 --input /command.data --output '/joint_states.position[0]'",
     "identify run.csv --input torque --output angle",
     "identify run.csv --map columns.yaml",
+    "identify run1 --from 4s --to 2min",
     "identify --each runs/* -o out/months",
 )
 def identify(
@@ -202,7 +207,7 @@ def identify(
     A CSV file is a bag too: --input and --output name its columns, or a map tells more of them.
     """
     columns = taken_columns(bags, map_file, options)
-    exports, channels = parse_exports(export), taken_channels(options)
+    exports, channels, span = parse_exports(export), taken_channels(options), taken_span(options)
     if not each and (jobs is not None or dask or parquet):
         raise click.UsageError("--jobs, --dask and --parquet belong to --each")
     with as_bags(bags, columns) as records:
@@ -216,6 +221,7 @@ def identify(
                 out,
                 Request(**options),
                 channels=channels,
+                span=span,
                 exports=exports,
                 force=force,
                 parquet=parquet,
@@ -228,6 +234,7 @@ def identify(
                 out,
                 Request(**options),
                 channels=channels,
+                span=span,
                 exports=exports,
                 force=force,
                 progress=show,
@@ -275,7 +282,7 @@ def report(
     if len(bags) == 1 and (bags[0] / job.MODEL_FILE).exists():
         raise click.UsageError(f"{bags[0]} is a model: name a bag beside it, to try it on")
     columns = taken_columns(bags, map_file, options)
-    channels = taken_channels(options)
+    channels, span = taken_channels(options), taken_span(options)
     with as_bags(bags, columns) as records, terminal.progress() as show:
         if len(records) > 1:
             from flexarm_ident.series.comparison import compare_files  # noqa: PLC0415 - a rare way
@@ -285,6 +292,7 @@ def report(
                 out,
                 Request(**options),
                 channels=channels,
+                span=span,
                 force=force,
                 progress=show,
             )
@@ -292,7 +300,13 @@ def report(
                 terminal.CONSOLE.print(line, markup=False)
             return
         results = job.report_bags(
-            tuple(records), out, Request(**options), channels=channels, force=force, progress=show
+            tuple(records),
+            out,
+            Request(**options),
+            channels=channels,
+            span=span,
+            force=force,
+            progress=show,
         )
     _show(results, f"report in {out}")
 

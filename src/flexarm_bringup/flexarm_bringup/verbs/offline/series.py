@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.workers import Workers
     from flexarm_ident.reading.channels import Selection
+    from flexarm_ident.records.span import Span
     from flexarm_ident.series.rows import Row
     from flexarm_ident.workflow.request import Request
 
@@ -28,6 +29,7 @@ def model_each(
     request: Request,
     *,
     channels: Selection | None,
+    span: Span,
     exports: Sequence[str],
     force: bool,
     parquet: bool,
@@ -41,6 +43,7 @@ def model_each(
             request,
             names=list(bags.values()),
             channels=channels,
+            span=span,
             exports=exports,
             force=force,
             parquet=parquet,

@@ -10,8 +10,10 @@ from click.testing import CliRunner
 from rosbags.rosbag2 import StoragePlugin
 
 from flexarm_bringup.verbs.offline.identify import identify
-from flexarm_core.errors import BagError
-from flexarm_ident import load_model
+from flexarm_core.errors import BagError, DataError
+from flexarm_ident import IoData, load_model, read_channels, selection
+from flexarm_ident.workflow.request import Request
+from flexarm_ident.workflow.stages import run as identified
 from support.foreign_bags import (
     DAMPING,
     FINE_HZ,
@@ -169,10 +171,35 @@ def test_identify___wrong_field___is_one_line_and_writes_nothing(tmp_path: Path)
     assert not (tmp_path / "out").exists()
 
 
+QUICK = ("--order", "4", "--method", "orse", "--no-friction")
+
+
+def test_identify___part_of_a_bag___model_is_that_of_its_rows(tmp_path: Path) -> None:
+    topics, storage, words = joint_states_alone()
+    bag = write_topics(tmp_path / "run", topics, storage)
+
+    run([str(bag), "-o", str(tmp_path / "out"), *words, *QUICK, "--from", "5s", "--to", "0.2min"])
+
+    data = read_channels(bag, selection([words[1]], [words[3]]))
+    part = IoData(
+        data.u[1000:2400], data.y[1000:2400], dt_s=0.005, inputs=data.inputs, outputs=data.outputs
+    )
+    expected = identified([part], Request(order=4, method="orse", friction=False)).model
+    np.testing.assert_array_equal(load_model(tmp_path / "out" / "model.yaml").A, expected.A)
+
+
+def test_identify___part_behind_the_end___is_one_line_and_writes_nothing(tmp_path: Path) -> None:
+    topics, storage, words = joint_states_alone()
+    bag = write_topics(tmp_path / "run", topics, storage)
+    with pytest.raises(DataError, match="run: --from 31 s is behind its end at 30 s"):
+        run([str(bag), "-o", str(tmp_path / "out"), *words, "--from", "31"])
+    assert not (tmp_path / "out").exists()
+
+
 def test_identify_each___one_bag_is_missing___the_others_have_models(tmp_path: Path) -> None:
     topics, storage, words = joint_states_alone()
     bag, out = write_topics(tmp_path / "run", topics, storage), tmp_path / "out"
-    quick = ["--order", "4", "--method", "orse", "--no-friction", "--jobs", "1"]
+    quick = [*QUICK, "--jobs", "1"]
     missing = tmp_path / "none"
     done = CliRunner().invoke(
         identify, ["--each", str(bag), str(missing), "-o", str(out), *words, *quick]
