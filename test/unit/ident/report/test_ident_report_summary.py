@@ -21,8 +21,8 @@ def test_vibrations___modes_of_a_model___are_parted_as_the_table_parts_them() ->
             "plant's."
         ),
         (
-            "Its vibrations at 9.90 Hz and 50.00 Hz are not taken for the plant's: they do not stay "
-            "over the orders, or hardly answer the input."
+            "Its vibrations at 9.90 Hz and 50.00 Hz are not taken for the plant's: they do not "
+            "stay over the orders, or hardly answer the input."
         ),
     ]
 
