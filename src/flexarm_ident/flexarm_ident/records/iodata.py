@@ -334,9 +334,9 @@ def as_records(data: IoData | Sequence[IoData]) -> tuple[IoData, ...]:
     for record in records[1:]:
         for field in ("inputs", "outputs"):
             if getattr(record, field) != getattr(first, field):
+                names = [", ".join(getattr(each, field)) for each in (record, first)]
                 raise DataError(
-                    f"{record.label}: {field} {getattr(record, field)} differ from "
-                    f"{getattr(first, field)} of {first.label}"
+                    f"{record.label}: {field} {names[0]} differ from {names[1]} of {first.label}"
                 )
         if not math.isclose(record.dt_s, first.dt_s, rel_tol=1e-6):
             raise DataError(
