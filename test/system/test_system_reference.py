@@ -126,7 +126,9 @@ def test_set_point_that_cannot_be_in_force___is_refused_with_the_one_that_is(
     lone: Graph, reference_v: float, profile: str, reason: str
 ) -> None:
     assert lone.refusal("controller", {"reference": "topic"}) == ""
-    assert set_reference(lone, 0.5).success
+    before = set_reference(lone, 0.5)
+    assert before.success
+    assert before.message == "the controller is not active, activate controller"
     assert lone.refusal("controller", {"reference": profile}) == ""
 
     response = set_reference(lone, reference_v)

@@ -47,6 +47,17 @@ def test_status___without_a_graph___says_so(graph: Graph) -> None:
     )
 
 
+def test_status___of_an_arm_that_is_not_there___names_those_that_are(graph: Graph) -> None:
+    graph.start("recorder", {}, "-r", "__ns:=/arm2")
+    graph.wait(lambda: "/arm2/recorder" in graph.operator.nodes(), "the other arm")
+    process = graph.run([str(ROOT / "flexarm"), "status"])
+    assert process.exit_code() == 1
+    assert process.printed == (
+        f"flexarm: no node that reports was heard of in ROS domain {graph.domain} within 4 s in "
+        "/flexarm, but /arm2 was: give --namespace arm2\n"
+    )
+
+
 @pytest.mark.parametrize("verb", ["activate", "deactivate"])
 def test_node_without_a_lifecycle___is_refused_before_any_search(verb: str) -> None:
     done = CliRunner().invoke(main, [verb, "ident"])

@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_msgs.msg import ArmState
-from flexarm_msgs.srv import Identify
+from flexarm_msgs.srv import Identify, SetReference
 from flexarm_node import qos
 from support.project import BAGS
 from support.recorded_samples import States
@@ -160,6 +160,14 @@ def test_law_for_another_rate___controller_ends_and_the_drive_is_at_zero(
         lambda: bool(states) and states[-1].sequence >= 75 and states[-1].command_v == 0.0,
         "samples at zero after that",
     )
+    set_point = SetReference.Request(reference_v=0.5)
+    assert graph.refusal("controller", {"reference": "topic"}) == ""
+    answer = graph.call(SetReference, "set_reference", set_point)
+    assert not answer.success
+    assert answer.message.startswith(
+        "reference 0.5 V refused: the controller is not active, the loop has ended: law "
+    )
+    assert answer.message.endswith(f"{advice}; then activate controller")
 
 
 def test_killed_controller___drive_goes_to_zero_and_stays(graph: Graph, tmp_path: Path) -> None:

@@ -42,6 +42,7 @@ _TELL_AGAIN_NS = 1_000_000_000
 _PAYLOAD_NS = 100_000_000
 # A stream of set-points that are refused is told so often.
 _REFUSED_S = 5.0
+_NOT_ACTIVE = "the controller is not active, activate controller"
 
 
 class _InForce(NamedTuple):
@@ -241,12 +242,16 @@ class ControllerNode(AnsweringNode):
         if response.success:
             self._reference_v = request.reference_v
             self._publish_reference()
+            response.message = "" if self.running else _NOT_ACTIVE
         response.reference_v = self._reference_v
         return response
 
     def _refusal(self, reference_v: float) -> str:
         """Return why a set-point does not come into force; empty when it does."""
         refused = f"reference {reference_v:g} V refused: "
+        if self.trouble:
+            why = f"the controller is not active, {self.trouble}"
+            return f"{refused}{why}; then activate controller"
         if self._setup.profile is not None:
             values = self.parameters.values()
             if values["trajectory"]:

@@ -161,7 +161,19 @@ def yaml_content(text: str) -> object:
         raise
     except Exception as error:
         # The constructors of PyYAML raise almost anything on odd tags, dates and keys.
-        raise YamlError(f"no YAML: {one_line(error)}") from error
+        raise YamlError(f"no YAML: {_with_line(error)}") from error
+
+
+def _with_line(error: Exception) -> str:
+    """Return what is wrong with a text, the line first where it is known."""
+    if not (isinstance(error, yaml.MarkedYAMLError) and error.problem):
+        return one_line(error)
+    # What lacks its end shows at the end of the text; the context is where it begins.
+    mark = error.context_mark or error.problem_mark
+    if mark is None:
+        return one_line(error)
+    context = f" ({error.context})" if error.context else ""
+    return f"line {mark.line + 1}: {error.problem}{context}"
 
 
 def _require_small(text: str) -> None:

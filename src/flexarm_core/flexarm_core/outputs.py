@@ -71,6 +71,33 @@ def require_place(files: Iterable[Path], *, force: bool = False) -> None:
             )
 
 
+def require_folder(folder: Path, option: str) -> None:
+    """Refuse, before any work, a folder in which no file can be made. Nothing is created.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder that may be missing, as those above it may.
+    option : str
+        Option that names it.
+
+    Raises
+    ------
+    OutputError
+        With the name of the folder, and the option.
+    """
+    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        why = reason(error) if there.is_dir() else "it is no folder"
+        what = "" if there == folder else f" in {there}"
+        raise OutputError(
+            f"{folder}: cannot be written{what}: {why}; name another folder with {option}"
+        ) from error
+
+
 def _try_to_write(file: Path) -> None:
     """Open a file for writing, or else a file without a name where its folder is or will be."""
     # A name that no file can have is an error here, and "no such file" everywhere else.

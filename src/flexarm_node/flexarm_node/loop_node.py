@@ -143,6 +143,11 @@ class LoopNode(LifecycleNode):
         return f"{self.get_namespace()}/base_link".lstrip("/")
 
     @property
+    def trouble(self) -> str:
+        """What went wrong since the last activation, in words; empty for nothing."""
+        return self._trouble
+
+    @property
     def running(self) -> bool:
         """True while the loop's thread exists."""
         return self._thread is not None

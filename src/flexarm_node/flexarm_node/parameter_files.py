@@ -6,13 +6,14 @@ node's safety limits. A node that is given such a file and no section of its own
 
 from __future__ import annotations
 
+import itertools
 import re
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexarm_core.bounds import read_text_bytes, yaml_content
-from flexarm_core.errors import FlexarmError
+from flexarm_core.bounds import YamlError, read_text_bytes, yaml_content
+from flexarm_core.errors import FlexarmError, reason
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -31,6 +32,7 @@ NODE_NAMES = (
 """The nodes of flexarm, without their namespace."""
 _PARAMETERS = "ros__parameters"
 _FILE = "--params-file"
+_PARAMETER = ("-p", "--param")
 # Letters too many or too few.
 _MISSPELT_BY = 2
 _BEGIN, _END = "--ros-args", "--"
@@ -45,6 +47,36 @@ def given_files(arguments: Sequence[str]) -> list[Path]:
         if is_ros and word == _FILE:
             files.append(Path(following))
     return files
+
+
+def wrong_words(arguments: Sequence[str]) -> str:
+    """Return what is wrong with the parameters of a command line; empty for nothing.
+
+    ROS 2 itself names neither the line of a file nor what a parameter lacks.
+    """
+    words = itertools.pairwise([*arguments, ""])
+    given = [following for word, following in words if word in _PARAMETER]
+    for each in given:
+        name, sign, _ = each.partition(":=")
+        if not (name and sign):
+            return f"-p {each}: write NAME:=VALUE, such as rate_hz:=300.0"
+    return next(filter(None, map(unreadable, given_files(arguments))), "")
+
+
+def unreadable(file: Path) -> str:
+    """Return why a file holds no parameters of nodes; empty when it does, or is empty."""
+    try:
+        content = yaml_content(read_text_bytes(file).decode("utf-8"))
+    except (OSError, UnicodeDecodeError, YamlError) as error:
+        return f"{file}: {reason(error)}"
+    except FlexarmError as error:
+        return str(error)
+    if content is None or (isinstance(content, dict) and list(_named(content, ""))):
+        return ""
+    return (
+        f"{file}: has parameters of no node: write them below the node's name, "
+        f"/**/daq: {{{_PARAMETERS}: {{rate_hz: 300.0}}}}"
+    )
 
 
 def sections(file: Path) -> list[str]:

@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from flexarm_core.errors import SettingError
+from flexarm_node.parameter_files import wrong_words
 from flexarm_node.transport import set_up_middleware
 
 if TYPE_CHECKING:
@@ -158,7 +159,8 @@ def _begin() -> None:
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
-        raise SettingError(f"wrong ROS arguments: {' '.join(str(error).split())}") from None
+        said = wrong_words(sys.argv) or " ".join(str(error).split())
+        raise SettingError(f"wrong ROS arguments: {said}") from None
 
 
 def _leave(code: int) -> None:

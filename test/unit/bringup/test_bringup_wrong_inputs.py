@@ -68,6 +68,15 @@ WRONG = {
         "nothing: metadata.yaml: cannot be read: it has no rosbag2_bagfile_information",
     ),
     "identify empty.mcap": ("seems to be empty; try `flexarm bag repair empty.mcap -o NEW`",),
+    "identify model": ("model is a model: name the bag or the CSV file of a record",),
+    "identify model/model.yaml": ("model.yaml is a model: name the bag or the CSV file",),
+    "tune model": ("model: is the folder of a model: name model/model.yaml",),
+    "identify BAG OTHER": ("inputs current1_a, current2_a differ from command_v of",),
+    "identify OTHER --input drive --output y": (
+        "'drive' is no TOPIC.FIELD",
+        " (flexarm_msgs/msg/IoSample): ",
+        "without --input and --output it is read as current1_a, current2_a -> ",
+    ),
     "identify BAG BAG": ("is named twice, and would count twice: name it once",),
     "report short.csv --map maps.yaml": ("flexarm: short.csv: 12 samples are too few",),
     "identify BAG --order 0": ("'--order': 0", "range x>=1"),
@@ -91,6 +100,14 @@ WRONG = {
     "learn --reference semi.csv": ("semi.csv: no column time_s", "with commas between them"),
     "learn --reference semi.csv --law pd": ("'pd' is not one of 'planned', 'pdpc'",),
     "experiment": ("Missing argument 'NAMES...'",),
+    "experiment C_dat3 -o /proc/x": ("/proc/x: cannot be written in /proc", "folder with -o"),
+    "experiment C_dat3 -o /dev/full": ("/dev/full: cannot be written: it is no folder", "with -o"),
+    "experiment C_dat3 --params-file broken.yaml -o out": ("broken.yaml: no YAML: line ",),
+    "experiment C_dat3 --params-file maps.yaml -o out": (
+        "maps.yaml: has parameters of no node",
+        "/**/daq: {ros__parameters: {rate_hz: 300.0}}",
+    ),
+    "up --bag /proc/foo": ("/proc: cannot be written: ", "name another folder with --bag"),
     "experiment NOPE": ("no experiment 'NOPE'", "C_dat1 to C_dat14"),
     "experiment C_dat3 --payload -5": ("-5 kg is not in the range 0 to 1 kg",),
     "experiment C_dat3 --payload 200lb": ("'200lb' has a unit", "use kg, g"),
@@ -122,7 +139,8 @@ def test_wrong_input___is_told_in_one_line(
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, encoding="latin-1")
     (tmp_path / "loop").symlink_to("loop")
-    arguments = [str(BAG) if each == "BAG" else each for each in shlex.split(line)]
+    bags = {"BAG": str(BAG), "OTHER": str(BAGS / "quanser_2dsfl")}
+    arguments = [bags.get(each, each) for each in shlex.split(line)]
     done = CliRunner().invoke(main, arguments, prog_name="flexarm")
     assert done.exit_code in {1, 2}
     if isinstance(done.exception, FlexarmError):

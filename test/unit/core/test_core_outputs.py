@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_core.outputs import HEAD_BYTES, MARK, OutputError, is_replaceable, require_place
+from flexarm_core.outputs import (
+    HEAD_BYTES,
+    MARK,
+    OutputError,
+    is_replaceable,
+    require_folder,
+    require_place,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -82,3 +89,13 @@ def test_place___that_cannot_be_written___is_refused_and_leaves_no_trace(
 def test_place___in_folders_that_are_missing___is_good_and_is_not_made(tmp_path: Path) -> None:
     require_place([tmp_path / "a" / "b" / "x.yaml"])
     assert names_in(tmp_path) == set()
+
+
+def test_folder___that_cannot_be_written___is_named_with_its_option(tmp_path: Path) -> None:
+    require_folder(tmp_path / "a" / "b", "-o")
+    assert names_in(tmp_path) == set()
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match=r"file: cannot be written: it is no folder; .* with -o"):
+        require_folder(tmp_path / "file", "-o")
+    with pytest.raises(OutputError, match=r"b: cannot be written in .*file: it is no folder"):
+        require_folder(tmp_path / "file" / "b", "-o")

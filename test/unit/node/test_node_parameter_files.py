@@ -4,7 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from flexarm_node.parameter_files import complaint, given_files, is_for, unknown_nodes
+from flexarm_node.parameter_files import (
+    complaint,
+    given_files,
+    is_for,
+    unknown_nodes,
+    unreadable,
+    wrong_words,
+)
 
 KNOWN = {"/flexarm/daq", "/flexarm/controller"}
 
@@ -90,3 +97,31 @@ def test_complaint___names_a_section_that_was_meant_for_the_node(
     found = complaint([tmp_path / "none.yaml", file], "/flexarm/daq")
     assert found.startswith(f"{file} {said}" if said else "")
     assert bool(found) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("/**/daq: {ros__parameters: {rig: nidaq}}", ""),
+        ("", ""),
+        ("/**/daq:\n  ros__parameters:\n    a: [1\nb: 2", "no YAML: line 3: did not find expected"),
+        ("rate_hz: 500", "has parameters of no node: write them below the node's name, /**/daq"),
+        ("- 1", "has parameters of no node"),
+        ("\xff", "it is no text in UTF-8"),
+    ],
+)
+def test_unreadable___file_of_parameters___tells_what_is_wrong_and_where(
+    tmp_path: Path, text: str, wrong: str
+) -> None:
+    file = tmp_path / "parameters.yaml"
+    file.write_bytes(text.encode("latin-1"))
+    assert unreadable(file).startswith(f"{file}: {wrong}" if wrong else "")
+    assert bool(unreadable(file)) == bool(wrong)
+    assert wrong_words(["node", "--ros-args", "--params-file", str(file)]) == unreadable(file)
+
+
+@pytest.mark.parametrize("given", ["rig=two_mass", "rig", ":=1"])
+def test_wrong_words___parameter_without_its_sign___is_named(given: str) -> None:
+    words = ["node", "--ros-args", "-p", "rate_hz:=300.0", "-p", given]
+    assert wrong_words(words[:4]) == ""
+    assert wrong_words(words) == f"-p {given}: write NAME:=VALUE, such as rate_hz:=300.0"

@@ -79,3 +79,16 @@ POSITION_V = {
 }
 """Units of a position or a set-point; V are those of the potentiometer."""
 TIME_S = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+VOLTAGE_V = {"V": 1.0, "mV": 1e-3}
+_OF_ENDING = {"hz": FREQUENCY_HZ, "kg": MASS_KG, "s": TIME_S, "v": VOLTAGE_V}
+
+
+def units_of(name: str) -> Mapping[str, float]:
+    """Return the units of a parameter by the end of its name; empty for another one."""
+    return _OF_ENDING.get(name.rpartition("_")[2], {})
+
+
+def in_first_unit(text: str, units: Mapping[str, float]) -> float | None:
+    """Return a number with one of the units in the first of them; None for another text."""
+    found = _NUMBER_AND_UNIT.fullmatch(text.strip())
+    return float(found[1]) * units[found[2]] if found and found[2] in units else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from flexarm_bringup.console.quantity import in_first_unit, units_of
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_core.bounds import YamlError, shown, yaml_content
 from flexarm_core.nearest import nearest
@@ -44,14 +45,25 @@ def assigned(node: str, values: Mapping[str, Any], present: Mapping[str, Any]) -
     unknown = [f"{name}{nearest(name, present)}" for name in values if name not in present]
     if unknown:
         raise LaunchError(f"{node} has no parameter {', '.join(unknown)}")
-    for name, value in values.items():
+    bare = {name: _without_unit(name, value, present[name]) for name, value in values.items()}
+    for name, value in bare.items():
         kind = _KINDS.get(type(present[name]))
         if kind is not None and not kind.holds(value):
-            raise LaunchError(f"{node} {name} = {shown(value)}: must be {kind.words}")
+            units = ", ".join(units_of(name)) if isinstance(present[name], float) else ""
+            words = f"{kind.words}, or one with its unit ({units})" if units else kind.words
+            raise LaunchError(f"{node} {name} = {shown(value)}: must be {words}")
     return {
         name: float(value) if isinstance(present[name], float) else value
-        for name, value in values.items()
+        for name, value in bare.items()
     }
+
+
+def _without_unit(name: str, value: Any, present: object) -> Any:  # noqa: ANN401 - of YAML
+    """Return a number that was given with a unit in that of its parameter; others as they are."""
+    if not (isinstance(present, float) and isinstance(value, str)):
+        return value
+    number = in_first_unit(value, units_of(name))
+    return value if number is None else number
 
 
 class _Kind(NamedTuple):

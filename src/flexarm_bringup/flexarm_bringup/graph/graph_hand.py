@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 from flexarm_bringup.graph.assignments import assigned
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.session import REMOTE, ros_domain, session
+from flexarm_bringup.graph.set_point import SetPoint
 from flexarm_core.nearest import nearest_node
 from flexarm_live.graph.node_parameters import own_names, shown
 from flexarm_msgs.srv import SetReference
@@ -78,20 +79,20 @@ class GraphHand:
             operator.wait(complete, "reports", _DISCOVERY_S)
         except LaunchError:
             if not newest:
-                raise LaunchError(_nobody("node that reports")) from None
+                raise LaunchError(self._no_arm("node that reports")) from None
         return {
             name: (report.message, {each.key: each.value for each in report.values})
             for name, report in newest.items()
         }
 
-    def reference(self, volts: float) -> float:
+    def reference(self, volts: float) -> SetPoint:
         """Give the controller a set-point, V; return the one in force."""
         self._find("controller")
         request = SetReference.Request(reference_v=volts)
         response = self._operator.call(SetReference, "set_reference", request)
         if not response.success:
             raise LaunchError(response.message)
-        return float(response.reference_v)
+        return SetPoint(float(response.reference_v), str(response.message))
 
     def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
         """Return the parameters of a node, or of every one, with values, bounds and units."""
@@ -106,7 +107,7 @@ class GraphHand:
             operator.wait(lambda: operator.nodes() >= ours.keys(), "the nodes", _DISCOVERY_S)
         except LaunchError:
             if not operator.nodes() & ours.keys():
-                raise LaunchError(_nobody("node with parameters")) from None
+                raise LaunchError(self._no_arm("node with parameters")) from None
         return [name for full, name in ours.items() if full in operator.nodes()]
 
     def _described(self, node: str) -> list[dict[str, Any]]:
@@ -151,6 +152,16 @@ class GraphHand:
             raise LaunchError(f"{node} is not active but {before.label}")
         self._operator.deactivate(node)
         return str(self._operator.state(node).label)
+
+    def _no_arm(self, wanted: str) -> str:
+        """Return that nothing of this arm was heard of, and which arms were."""
+        nodes = (each.rpartition("/") for each in self._operator.nodes())
+        arms = sorted({space for space, _, name in nodes if name in _REPORTING})
+        if not arms:
+            return _nobody(wanted)
+        options = " or ".join(f"--namespace {arm.strip('/')}" for arm in arms)
+        heard = f"{_where()} in {self._operator.namespace}, but {', '.join(arms)} was"
+        return f"no {wanted} {heard}: give {options}"
 
     def _find(self, name: str) -> None:
         """Wait until a node is discovered."""
@@ -221,8 +232,11 @@ def _stops(operator: Operator) -> set[str]:
 
 
 def _nobody(wanted: str, others: str = "") -> str:
-    where = f"in ROS domain {ros_domain()} within {_DISCOVERY_S:.0f} s"
     return (
-        f"no {wanted} was heard of {where}{others}: "
+        f"no {wanted} {_where()}{others}: "
         "start an arm with flexarm up, or use its ROS_DOMAIN_ID and --namespace"
     )
+
+
+def _where() -> str:
+    return f"was heard of in ROS domain {ros_domain()} within {_DISCOVERY_S:.0f} s"

@@ -15,6 +15,8 @@ from flexarm_live.terminal_socket import namespaces
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from flexarm_bringup.graph.set_point import SetPoint
+
 Result = TypeVar("Result")
 
 
@@ -30,7 +32,7 @@ class Hand(Protocol):
     def page(self) -> str:
         """Return the address of the arm's page; empty when there is none."""
 
-    def reference(self, volts: float) -> float:
+    def reference(self, volts: float) -> SetPoint:
         """Give the controller a set-point, V; return the one in force."""
 
     def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:

@@ -18,7 +18,7 @@ from flexarm_bringup.graph.processes import (
 )
 from flexarm_bringup.graph.session import OPERATOR, ros_domain, session
 from flexarm_core.own_files import private_folder
-from flexarm_node.parameter_files import NODE_NAMES, unknown_nodes
+from flexarm_node.parameter_files import NODE_NAMES, unknown_nodes, unreadable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -74,10 +74,13 @@ def running_graph(
     Raises
     ------
     LaunchError
-        When another graph of this arm runs in this domain, or a node does not start.
+        When another graph of this arm runs in this domain, a file holds no parameters, or a node
+        does not start.
     """
     known = {f"{namespace.rstrip('/')}/{name}" for name in NODE_NAMES}
     for file in files:
+        if wrong := unreadable(file):
+            raise LaunchError(wrong)
         for name in unknown_nodes(file, known):
             terminal.CONSOLE.print(f"note: {file} is also for {name}, no node here", markup=False)
     alone = [name for name in nodes if not (compose and name in _LOOP)]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_bringup.graph.assignments import assigned
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.set_point import SetPoint
 from flexarm_core.errors import one_line
 from flexarm_core.own_files import OwnFileError
 from flexarm_live.terminal_socket import connect
@@ -107,9 +108,10 @@ class LiveHand:
         """Return the address of the arm's page."""
         return str(self.ask("address").data["url"])
 
-    def reference(self, volts: float) -> float:
+    def reference(self, volts: float) -> SetPoint:
         """Give the controller a set-point, V; return the one in force."""
-        return float(self.ask("reference", value_v=volts).data["value_v"])
+        data = self.ask("reference", value_v=volts).data
+        return SetPoint(float(data["value_v"]), str(data.get("note", "")))
 
     def parameters(self, node: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
         """Return the parameters of a node, or of every one, with values, bounds and units."""

@@ -149,8 +149,9 @@ class Follower:
 
     def _send(self, hand: LiveHand, wanted_v: float) -> None:
         try:
-            in_force_v = hand.reference(wanted_v)
-            self.note = f"set-point {self.units.shown('reference_v', in_force_v)}"
+            in_force = hand.reference(wanted_v)
+            words = [f"set-point {self.units.shown('reference_v', in_force.volts)}", in_force.note]
+            self.note = ": ".join(filter(None, words))
         except NoAnswerError:
             raise
         except LaunchError as error:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from flexarm_control.models.nominal_models import nominal_model
 from flexarm_core.channels import COMMAND
 from flexarm_core.errors import IdentificationError, SettingError
+from flexarm_ident.job import MODEL_FILE
 from flexarm_ident.models import files
 from flexarm_ident.reading.read import read_bag_report
 from flexarm_ident.workflow.request import Request
@@ -58,6 +59,8 @@ def load_models(names: Sequence[str]) -> dict[str, control.StateSpace]:
             raise SettingError(
                 f"{source}: no such file: name a file from identify, a bag, or nominal:KG"
             )
+        if (Path(source) / MODEL_FILE).is_file():
+            raise SettingError(f"{source}: is the folder of a model: name {source}/{MODEL_FILE}")
         try:
             if Path(source).is_dir():
                 models[name] = _identified(Path(source))

@@ -22,6 +22,8 @@ from flexarm_control.design.tuning_words import (
     confirmation,
     explained,
     handed_over,
+    no_position,
+    of_unreached,
     searched,
     starts_agree,
     stopped_by,
@@ -31,6 +33,12 @@ from flexarm_control.laws.ilqr import IlqrWeights, RegulatorWeights, design_ilqr
 from flexarm_control.laws.lqg import LqgWeights, design_lqg
 from flexarm_control.laws.pdpc_scheduled import ScheduleGains
 from flexarm_control.laws.registry import LAWS
+from flexarm_control.models.arm_model import (
+    OUTPUTS,
+    POSITION,
+    check_arm_model,
+    unreached_outputs,
+)
 from flexarm_core.errors import SettingError
 from flexarm_core.specs import parameter_specs
 from flexarm_ident.models.model_parameters import model_parameters
@@ -137,14 +145,24 @@ def tune(
     Raises
     ------
     SettingError
-        When the law cannot be tuned, or no gains meet the request.
+        When the law cannot be tuned, the input does not move a model's position, or no gains meet
+        the request.
     """
     if request.law not in TUNINGS:
         *others, last = TUNINGS
         raise SettingError(
             f"law {request.law!r} is not tunable; choose {', '.join(others)} or {last}"
         )
+    for model in models.values():
+        check_arm_model(model)
+    unreached = {name: unreached_outputs(model) for name, model in models.items()}
+    for name, outputs in unreached.items():
+        if OUTPUTS[POSITION] in outputs:
+            raise SettingError(no_position(name))
     result = TUNINGS[request.law](models, request)
+    gains = {name.rpartition(".")[2] for name in result.parameters}
+    said = [of_unreached(name, outputs, gains) for name, outputs in unreached.items() if outputs]
+    result = replace(result, notes=(*said, *result.notes))
     if request.law == "pi" or all(map(is_nominal, models)):
         return result
     law = "pdpc" if request.law == "pdp" else request.law

@@ -8,9 +8,10 @@ import numpy as np
 
 from flexarm_control.design.search import gain_values
 from flexarm_control.laws.gains import CompensationLevel
+from flexarm_control.models.arm_model import MIDDLE_STRAIN, OUTPUTS, POSITION, SPEED
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from flexarm_control.design.requirements import Requirements
     from flexarm_control.design.tuning import PdpTuning
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 _SPREAD = 0.05
 # Part of J below which a difference is none that a step on the arm would show.
 _SAME = 0.01
+_FED_BACK = {OUTPUTS[SPEED]: "kd", OUTPUTS[MIDDLE_STRAIN]: "ksg"}
+"""Gains of (4-7) by the outputs that they feed back."""
 
 
 def starts_agree(found: PdpTuning) -> bool:
@@ -62,6 +65,34 @@ def stopped_by(active: Sequence[str]) -> str:
             "; the best gain may lie beyond: see that all signals are in V, or weigh E and Y anew"
         )
     return text
+
+
+def no_position(model: str) -> str:
+    """Return why a model is no model to tune on."""
+    return (
+        f"{model}: the input does not move {OUTPUTS[POSITION]}: there is nothing to control; "
+        "identify from a record in which the hub moves"
+    )
+
+
+def of_unreached(model: str, outputs: Sequence[str], gains: Collection[str]) -> str:
+    """Return what a tuning is worth where the input does not reach some outputs.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    outputs : sequence of str
+        Outputs that the input does not reach.
+    gains : collection of str
+        Names of the gains that were tuned.
+    """
+    idle = [gain for name, gain in _FED_BACK.items() if name in outputs and gain in gains]
+    worth = f"; {' and '.join(idle)} act on nothing there: set them to 0" if idle else ""
+    return (
+        f"caution: the input does not reach {', '.join(outputs)} of {model}, channels that its rig "
+        f"seems to lack: nothing here is known of them{worth}"
+    )
 
 
 def compensated(law: str) -> str:

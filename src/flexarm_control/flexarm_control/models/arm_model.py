@@ -22,6 +22,8 @@ POSITION, BASE_STRAIN, MIDDLE_STRAIN, SPEED = range(4)
 
 _FREQUENCIES_AT_ONCE = 512
 _ROUNDING = 1e-9
+_FROM_HZ = 0.1
+_LOOKED_AT = 200
 
 
 def check_arm_model(model: control.StateSpace) -> None:
@@ -149,3 +151,14 @@ def frequency_response(model: control.StateSpace, frequency_hz: FloatArray) -> C
         for part in np.array_split(z, 1 + len(z) // _FREQUENCIES_AT_ONCE)
     ]
     return np.concatenate(parts)
+
+
+def unreached_outputs(model: control.StateSpace) -> tuple[str, ...]:
+    """Return the outputs of a model of the arm that its input does not move, rounding apart.
+
+    Such an output is a channel that the rig does not have: its record is constant.
+    """
+    frequency_hz = np.geomspace(_FROM_HZ, 0.5 / model.dt, _LOOKED_AT)
+    largest = np.abs(frequency_response(model, frequency_hz)).max(axis=0)
+    rests = largest <= _ROUNDING * largest.max()
+    return tuple(name for name, is_so in zip(OUTPUTS, rests, strict=True) if is_so)

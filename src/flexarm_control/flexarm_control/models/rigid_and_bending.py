@@ -182,7 +182,9 @@ def _outputs(states: ComplexArray, response: ComplexArray) -> _Fit:
         # The gauges and the speed come to rest; the position stays.
         used = slice(0 if output == POSITION else _SPEED, None)
         C[output, used] = np.linalg.lstsq(left[:, used], wanted, rcond=None)[0]
-    missed = np.linalg.norm(left @ C.T - right, axis=0) / np.linalg.norm(right, axis=0)
+    left_out, whole = (np.linalg.norm(each, axis=0) for each in (left @ C.T - right, right))
+    # Nothing is missed of an output that the rig does not have.
+    missed = np.divide(left_out, whole, out=np.zeros_like(whole), where=whole > 0.0)
     return _Fit(C, missed)
 
 

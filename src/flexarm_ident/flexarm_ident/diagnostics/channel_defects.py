@@ -45,16 +45,6 @@ def channel_defects(record: IoData) -> Iterator[DataWarning]:
                 channel=name,
             )
             continue
-        mean, deviation = _mean_and_deviation(look(x))
-        if abs(mean) > LARGEST_OFFSET * deviation:
-            mean, deviation = _mean_and_deviation(x)
-            yield DataWarning(
-                "offset",
-                f"{name} is almost all offset: remove its bias first (mean {mean:.4g}, deviation "
-                f"{deviation:.2g})",
-                {"mean": mean, "deviation": deviation},
-                channel=name,
-            )
         dense = np.ascontiguousarray(x)
         limits = []
         for extreme, inward in ((float(dense.max()), -1.0), (float(dense.min()), 1.0)):
@@ -71,6 +61,27 @@ def channel_defects(record: IoData) -> Iterator[DataWarning]:
         yield from _dead_sensor(record, name, limits)
     yield from _unmeasured(record)
     yield from _duplicates(record)
+
+
+def offsets(records: Sequence[IoData]) -> Iterator[DataWarning]:
+    """Yield the channels that are almost all offset in a whole record, given in its parts.
+
+    A signal that wanders stays near one value in a part of a second or two.
+    """
+    for parts in zip(*map(_named, records), strict=True):
+        name, x = parts[0][0], np.concatenate([values for _, values in parts])
+        if constant_share(x) > CONSTANT_SHARE:
+            continue
+        mean, deviation = _mean_and_deviation(look(x))
+        if abs(mean) > LARGEST_OFFSET * deviation:
+            mean, deviation = _mean_and_deviation(x)
+            yield DataWarning(
+                "offset",
+                f"{name} is almost all offset: remove its bias first (mean {mean:.4g}, deviation "
+                f"{deviation:.2g})",
+                {"mean": mean, "deviation": deviation},
+                channel=name,
+            )
 
 
 def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator[DataWarning]:

@@ -74,7 +74,9 @@ def richness(gram: BlockGram, records: Sequence[IoData]) -> Iterator[DataWarning
     scale = np.sqrt(np.diag(inputs))
     scale[scale == 0.0] = 1.0
     values = scipy.linalg.eigvalsh(inputs / np.outer(scale, scale))
-    condition = float(values[-1] / max(values[0], np.finfo(float).eps * values[-1]))
+    smallest = max(values[0], np.finfo(float).eps * values[-1])
+    # Inputs that act in stretches too short for the products alone leave all of them zero.
+    condition = float(values[-1] / smallest) if smallest > 0.0 else np.inf
     if condition >= _SINGULAR_CONDITION:
         yield DataWarning(
             "input_condition",

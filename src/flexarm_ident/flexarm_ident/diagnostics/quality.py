@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 from flexarm_ident.diagnostics.change import changes
-from flexarm_ident.diagnostics.channel_defects import channel_defects
+from flexarm_ident.diagnostics.channel_defects import channel_defects, offsets
 from flexarm_ident.diagnostics.drive import drive_defects
 from flexarm_ident.diagnostics.excitation import excited_bands, richness
 from flexarm_ident.diagnostics.input_answer import answer_defects, static_outputs
@@ -14,7 +15,7 @@ from flexarm_ident.diagnostics.outliers import outliers
 from flexarm_ident.diagnostics.quantisation import quantisation
 from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.records.naming import short_names
-from flexarm_ident.subspace.feedback import feedback_test
+from flexarm_ident.subspace.feedback import feedback_test, reaches_inputs
 from flexarm_ident.subspace.gram import block_gram
 
 if TYPE_CHECKING:
@@ -63,6 +64,11 @@ def assess(
     for record in records:
         of_one = [each for look in _OF_ONE_RECORD for each in look(record)]
         found += [replace(each, record=names[record.label]) for each in (*record.notices, *of_one)]
+    wholes = [list(parts) for _, parts in groupby(records, lambda each: each.part_of or id(each))]
+    labels = [parts[0].part_of or parts[0].label for parts in wholes]
+    names = short_names(labels)
+    for label, parts in zip(labels, wholes, strict=True):
+        found += [replace(each, record=names[label]) for each in offsets(parts)]
     return tuple(found)
 
 
@@ -88,21 +94,24 @@ def _feedback(
         "p_value": test.p_value,
         "background": test.background,
     }
-    if test.detected:
-        evidence = (
-            f"the inputs correlate with the outputs' noise, chi-square {test.statistic:.0f} where "
-            f"{test.degrees} is usual"
-        )
-        if not declared:
-            evidence += (
-                ", though no loop is declared (or the output follows the input within a sample)"
-            )
+    biased = "plain ORSE is biased, and a small bias remains with the other methods"
+    usual = f"chi-square {test.statistic:.0f} where {test.degrees} is usual"
+    if not test.detected:
+        text = "closed-loop data: the record states it, and its noise is too small to tell; "
+    elif declared or reaches_inputs(gram):
+        though = "" if declared else ", though no loop is declared"
+        text = f"closed-loop data: the inputs correlate with the outputs' noise, {usual}{though}; "
     else:
-        evidence = "the record states it, and its noise is too small to tell"
+        # What the choice of a method asks as well: later inputs.
+        biased = "fit D in the former case (feedthrough); a small bias remains in the latter"
+        text = (
+            "an output follows the input within a sample, or a controller answers within one: the "
+            f"inputs of the same sample correlate with the outputs' noise, {usual}, later ones do "
+            "not; "
+        )
     yield DataWarning(
         "feedback",
-        f"closed-loop data: {evidence}; plain ORSE is biased, and a small bias remains with the "
-        "other methods",
+        text + biased,
         figures,
         grade=Grade.INFORMATION if declared else Grade.CAUTION,
     )

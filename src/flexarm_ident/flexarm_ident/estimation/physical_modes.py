@@ -138,6 +138,12 @@ def standings(judged: Sequence[JudgedMode]) -> list[str]:
     ]
 
 
+def standing_of(mode: Mode, judged: Sequence[JudgedMode]) -> str | None:
+    """Return what a mode of one model is, as `standings`; None for one that does not recur."""
+    found = recurring(mode, judged)
+    return None if found is None else standings(judged)[judged.index(found)]
+
+
 def standing_as(wanted: str, judged: Sequence[JudgedMode]) -> list[RecurringMode]:
     """Return those of the modes that recur which are what is wanted."""
     found = zip(judged, standings(judged), strict=True)

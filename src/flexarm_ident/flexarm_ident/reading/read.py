@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_bags.reader import ARM_STATE, MOTOR_COMMAND, REFERENCE, opened, sibling
+from flexarm_bags.reader import ARM_STATE, IO_SAMPLE, MOTOR_COMMAND, REFERENCE, opened, sibling
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.alignment import arm_alignment, io_alignment
 from flexarm_ident.reading.channels import selected
@@ -125,6 +125,24 @@ def begin_date(uri: Path | str) -> str:
         begin_ns = int(bag.reader.start_time)
     begun = datetime.fromtimestamp(begin_ns // 10**9, timezone.utc)
     return begun.isoformat() if begun.year >= _FIRST_ROS_YEAR else ""
+
+
+def signals_told(uri: Path | str) -> str:
+    """Return in one line which signals a bag has to be named, and which it has by itself.
+
+    Raises
+    ------
+    BagError
+        If the bag is missing or damaged.
+    """
+    with opened(Path(uri)) as bag:
+        told = f"{bag.path} has {numbers_in(bag)}"
+        topics = [topic for topic, kind in bag.types.items() if kind == IO_SAMPLE]
+        infos = [bag.channels(sibling(topic, "io_channels")) for topic in sorted(topics)]
+    for info in filter(None, infos):
+        names = f"{', '.join(info.inputs)} -> {', '.join(info.outputs)}"
+        told += f"; without --input and --output it is read as {names}"
+    return told
 
 
 def read_channels(uri: Path | str, selection: Selection) -> IoData:

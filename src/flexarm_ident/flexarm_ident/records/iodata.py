@@ -108,6 +108,9 @@ class IoData:
     head_of : int, optional
         Number of samples of the record that this one is the leading part of, as `head` gives it.
         None: it is a record of its own.
+    part_of : str
+        Label of the record between whose holes this one is a part, as `known_parts` gives it. Empty
+        for a whole record.
 
     Raises
     ------
@@ -131,6 +134,7 @@ class IoData:
     input_held: BoolArray | None = None
     begins_s: float = 0.0
     head_of: int | None = None
+    part_of: str = ""
 
     def __post_init__(self) -> None:
         self._set("inputs", without_dots(self.inputs))
@@ -330,9 +334,9 @@ def as_records(data: IoData | Sequence[IoData]) -> tuple[IoData, ...]:
     for record in records[1:]:
         for field in ("inputs", "outputs"):
             if getattr(record, field) != getattr(first, field):
+                names = [", ".join(getattr(each, field)) for each in (record, first)]
                 raise DataError(
-                    f"{record.label}: {field} {getattr(record, field)} differ from "
-                    f"{getattr(first, field)} of {first.label}"
+                    f"{record.label}: {field} {names[0]} differ from {names[1]} of {first.label}"
                 )
         if not math.isclose(record.dt_s, first.dt_s, rel_tol=1e-6):
             raise DataError(

@@ -57,6 +57,7 @@ def known_parts(record: IoData) -> tuple[IoData, ...]:
             part,
             source=f"{record.label}, {part.begins_s:.4g} to "
             f"{part.begins_s + len(part) * part.dt_s:.4g} s",
+            part_of=record.label,
             notices=() if number else (*record.notices, told),
         )
         for number, part in enumerate(parts)

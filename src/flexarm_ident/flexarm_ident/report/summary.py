@@ -5,11 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
+from flexarm_ident.estimation.physical_modes import NOISE, PHYSICAL, SPLIT, standing_of
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.records.iodata import Grade
 from flexarm_ident.report.content.wording import listed, percent, shortened
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexarm_ident.estimation.physical_modes import JudgedMode
+    from flexarm_ident.models.modes import Mode
     from flexarm_ident.workflow.outcome import Outcome
 
 _LIGHT_DAMPING = 0.2
@@ -33,17 +38,49 @@ def summary(outcome: Outcome) -> list[str]:
             "Under the experiment's own control law, it misses them by "
             f"{percent(outcome.sfv.mean)} on average."
         )
-    light = [
-        f"{mode.frequency_hz:.2f} Hz"
-        for mode in sorted(outcome.modes, key=lambda mode: mode.frequency_hz)
-        if mode.kept and mode.is_pair and mode.damping_ratio < _LIGHT_DAMPING
-    ]
-    lines.append(
-        f"It vibrates at {listed(light)} (damping ratio below {_LIGHT_DAMPING})."
-        if light
-        else f"It has no vibration with a damping ratio below {_LIGHT_DAMPING}."
+    found = outcome.identification
+    return lines + vibrations(
+        [mode for mode in outcome.modes if mode.kept],
+        found.recurring_modes,
+        is_arm=found.friction is not None,
     )
-    return lines
+
+
+def vibrations(
+    modes: Sequence[Mode], judged: Sequence[JudgedMode], *, is_arm: bool = False
+) -> list[str]:
+    """Return the light modes of a model, parted as the table of the modes that recur is.
+
+    Parameters
+    ----------
+    modes : sequence of Mode
+        Modes of the model.
+    judged : sequence of JudgedMode
+        Modes that recur over the orders.
+    is_arm : bool
+        Whether the model has an arm's equations of motion, in which no mode is noise.
+    """
+    told: dict[str, list[str]] = {PHYSICAL: [], SPLIT: [], NOISE: []}
+    for mode in sorted(modes, key=lambda each: each.frequency_hz):
+        if mode.is_pair and mode.damping_ratio < _LIGHT_DAMPING:
+            standing = PHYSICAL if is_arm else standing_of(mode, judged) or NOISE
+            told[standing].append(f"{mode.frequency_hz:.2f} Hz")
+    lines = []
+    if told[PHYSICAL]:
+        lines.append(
+            f"It vibrates at {listed(told[PHYSICAL])} (damping ratio below {_LIGHT_DAMPING})."
+        )
+    if told[SPLIT]:
+        lines.append(
+            f"Of its vibrations at {listed(told[SPLIT])}, at most one of close neighbours is the "
+            "plant's."
+        )
+    if told[NOISE]:
+        lines.append(
+            f"Its vibrations at {listed(told[NOISE])} are not taken for the plant's: they do not "
+            "stay over the orders, or hardly answer the input."
+        )
+    return lines or [f"It has no vibration with a damping ratio below {_LIGHT_DAMPING}."]
 
 
 def cautions(outcome: Outcome) -> list[str]:

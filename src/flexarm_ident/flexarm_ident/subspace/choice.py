@@ -99,5 +99,8 @@ def select_method(
     figures = f"spread {noise.spread:.3g} of its power over directions, limit {noise.limit:.3g}"
     if not noise.white:
         return chosen("orse_iv", f"the outputs' noise is coloured: {figures}")
-    reason = f"orse was chosen: no feedback, and the outputs' noise passes for white: {figures}"
+    reason = (
+        "orse was chosen: later inputs are not correlated with the outputs' noise, which passes "
+        f"for white: {figures}"
+    )
     return Selection("orse", reason, gram, space)

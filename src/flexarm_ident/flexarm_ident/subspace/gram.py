@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _BLOCK = 8
 # Matrix products of this length are the fastest: BLAS takes them without packing.
 _CHUNK = 512 * _BLOCK
+# Power of a shifted signal, in units of that of the whole, below which it is rounding.
+_ROUNDING = 1e-13
 
 
 @dataclass(frozen=True)
@@ -211,7 +213,19 @@ class LagSums:
             row = row[:, :-channels] + self._change[before, first - channels :]
             gram[here, first:] = row
             gram[first:, here] = row.T
+        _clear_rounding(gram, channels)
         return gram
+
+
+def _clear_rounding(gram: FloatArray, channels: int) -> None:
+    """Make the rows zero whose power is rounding, which may be negative.
+
+    A signal that rests but for the first few samples has no power in its later shifts.
+    """
+    power = np.diag(gram).reshape(-1, channels)
+    rests = (power <= _ROUNDING * power.max(axis=0)).ravel()
+    gram[rests] = 0.0
+    gram[:, rests] = 0.0
 
 
 def equilibrated(gram: BlockGram) -> tuple[FloatArray, FloatArray]:

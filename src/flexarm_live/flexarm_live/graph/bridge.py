@@ -160,7 +160,9 @@ class Bridge:
         answer = await self._calls.call(SetReference, "set_reference", request)
         if not answer.success:
             raise FlexarmError(answer.message)
-        return Answer(f"set-point {answer.reference_v:.3f} V", {"value_v": answer.reference_v})
+        words = [f"set-point {answer.reference_v:.3f} V", answer.message]
+        data = {"value_v": answer.reference_v, "note": answer.message}
+        return Answer(": ".join(filter(None, words)), data)
 
     async def _end_waveform(self) -> None:
         await self.loop.parameters["controller"].set({"reference": TOPIC})

@@ -120,6 +120,13 @@ class Situation:
             return Badge("STOPPED", _EMERGENCY)
         return self._sampling(daq, now_s)
 
+    def _failed_controller(self, now_s: float) -> str:
+        """Return that the controller has ended by an error, and why; empty when it has not."""
+        report = self._reports.get("controller")
+        if report is None or now_s - report.heard_s > _REPORT_S:
+            return ""
+        return "" if report.active or not report.is_error else f"controller {report.message}"
+
     def _sampling(self, daq: _Report, now_s: float) -> Badge:
         """Return the state of an arm whose DAQ node is active."""
         drive = daq.values.get("drive", "off")
@@ -130,6 +137,8 @@ class Situation:
             return Badge("STALE", "no samples come")
         if drive == "driving":
             return Badge("DRIVING", self.task)
+        if failure := self._failed_controller(now_s):
+            return Badge("STALE", failure)
         return Badge("STALE", daq.reason) if daq.reason else Badge("READY", "no command in force")
 
     def held(self, now_s: float) -> str:

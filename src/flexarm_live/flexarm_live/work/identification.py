@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexarm_ident.diagnostics.stabilisation import Criteria
-from flexarm_ident.estimation.physical_modes import recurring, standings
+from flexarm_ident.estimation.physical_modes import standing_of
 from flexarm_ident.job import identify_bags, read_record
 from flexarm_ident.workflow.request import Request
 from flexarm_live.work.process import serve
@@ -93,10 +93,8 @@ def curves(outcome: Outcome) -> dict[str, Any]:
 
 def kind_of(mode: Mode, judged: Sequence[JudgedMode]) -> str:
     """Return what a mode is by the report's table of the modes that recur over the orders."""
-    found = recurring(mode, judged)
-    if found is not None:
-        return standings(judged)[judged.index(found)]
-    return "rare" if mode.damping_ratio <= Criteria().largest_damping else "damped"
+    rare = "rare" if mode.damping_ratio <= Criteria().largest_damping else "damped"
+    return standing_of(mode, judged) or rare
 
 
 def _spectrum(outcome: Outcome) -> dict[str, Any]:

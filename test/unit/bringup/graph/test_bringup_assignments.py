@@ -9,7 +9,17 @@ import pytest
 from flexarm_bringup.graph.assignments import assigned, parsed
 from flexarm_bringup.graph.processes import LaunchError
 
-PRESENT = {"pdpc.kp": 1.5, "law": "pd", "samples": 0, "autostart": False, "topics": ["state"]}
+PRESENT = {
+    "pdpc.kp": 1.5,
+    "law": "pd",
+    "samples": 0,
+    "autostart": False,
+    "topics": ["state"],
+    "payload_kg": 0.0,
+    "rate_hz": 300.0,
+    "answer_timeout_s": 0.5,
+    "max_command_v": 10.0,
+}
 
 
 @pytest.mark.parametrize(
@@ -20,6 +30,11 @@ PRESENT = {"pdpc.kp": 1.5, "law": "pd", "samples": 0, "autostart": False, "topic
         ("pdpc.kp=.inf", float("inf")),
         ("law=pdpc", "pdpc"),
         ("samples=300", 300),
+        ("payload_kg=200g", 0.2),
+        ("payload_kg=0.2 kg", 0.2),
+        ("rate_hz=1kHz", 1000.0),
+        ("answer_timeout_s=50ms", 0.05),
+        ("max_command_v=500mV", 0.5),
         ("autostart=true", True),
         ("topics=[state, io]", ["state", "io"]),
     ],
@@ -35,6 +50,9 @@ def test_assigned___value_of_the_kind___is_taken(assignment: str, value: object)
     ("assignment", "kind"),
     [
         ("pdpc.kp=abc", "a number"),
+        ("pdpc.kp=2V", "a number"),
+        ("payload_kg=heavy", r"a number, or one with its unit \(kg, g\)"),
+        ("payload_kg=2lb", r"a number, or one with its unit \(kg, g\)"),
         ("pdpc.kp=true", "a number"),
         ("pdpc.kp=[1, 2]", "a number"),
         ("pdpc.kp=", "a number"),

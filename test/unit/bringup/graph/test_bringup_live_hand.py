@@ -56,6 +56,7 @@ class Up:
         self.later: Callable[[int], dict[str, Any]] = lambda _: self.reports
         """Reports by the number of requests so far."""
         self.silent = False
+        self.note = ""
         self._listening = listening
         threading.Thread(target=self._serve, daemon=True).start()
 
@@ -76,7 +77,7 @@ class Up:
         data = {
             "get": {"params": PARAMS} if "node" in request else {"nodes": {"controller": PARAMS}},
             "address": {"url": "http://127.0.0.1:8117/#token=none"},
-            "reference": {"value_v": request.get("value_v")},
+            "reference": {"value_v": request.get("value_v"), "note": self.note},
             "status": {"reports": self.later(len(self.asked))},
         }.get(request["do"], {})
         return {"id": 0, "ok": not self.refusal, "message": self.refusal or "held", "data": data}
@@ -223,6 +224,11 @@ def test_status___before_the_first_reports___tells_the_page(
     assert told(remote.status) == (
         "http://127.0.0.1:8117/#token=none\nno node has reported yet: each does once a second\n"
     )
+
+
+def test_reference___controller_that_is_not_active___tells_it(up: Up) -> None:
+    up.note = "the controller is not active, activate controller"
+    assert told(remote.reference, "1") == f"set-point 1 V: {up.note}\n"
 
 
 def test_verb___that_is_refused___says_why(up: Up) -> None:

@@ -19,10 +19,13 @@ from flexarm_control.models.nominal_models import identified_model
 from flexarm_ident.models.files import save_model
 from flexarm_ident.models.model_parameters import model_parameters
 from flexarm_ident.models.ros_yaml import write_parameter_file
+from flexarm_ident.models.state_space import with_matrices
 from support.project import BAGS
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    import control
 
 
 def test_load_models___file_and_nominal___are_the_models(tmp_path: Path) -> None:
@@ -244,3 +247,30 @@ def test_tune___models_of_the_thesis_or_law_without_compensation___says_nothing_
     name = "out/arm.yaml arm" if law == "pi" else "nominal:0"
     result = tune({name: nominal_model(0.0)}, TuneRequest(law))
     assert not any("compensation_v" in note for note in result.notes)
+
+
+def without(*outputs: int) -> control.StateSpace:
+    """Return the model of a rig that lacks some channels: these are constant."""
+    model = identified_model()
+    C = np.array(model.C)
+    C[list(outputs)] *= 1e-17
+    C[max(outputs)] = 0.0
+    return with_matrices(model, A=model.A, B=model.B, C=C, D=model.D)
+
+
+@pytest.mark.parametrize("law", ["pdp", "lqg", "pi"])
+def test_tune___outputs_that_the_input_does_not_reach___are_named(law: str) -> None:
+    (note, *others) = tune({"rig": without(2, 3)}, TuneRequest(law=law)).notes
+    assert "the input does not reach middle_strain_v, speed_v of rig" in note
+    assert note.endswith("kd and ksg act on nothing there: set them to 0") == (law == "pdp")
+    assert not any("reach" in each for each in others)
+
+
+def test_tune___model_whose_position_does_not_move___is_refused() -> None:
+    with pytest.raises(ControlError, match=r"^rig: the input does not move position_v: .*identify"):
+        tune({"rig": without(0)}, TuneRequest())
+
+
+def test_tune___model_with_all_outputs___says_nothing_of_them() -> None:
+    notes = tune({"rig": nominal_model(0.2)}, TuneRequest(law="pi")).notes
+    assert not any("reach" in each for each in notes)

@@ -61,6 +61,16 @@ def test_model_of_rigid_motion_and_bending___is_found_as_it_was_made() -> None:
     )
 
 
+def test_output_that_the_rig_does_not_have___does_not_change_the_rigid_motion() -> None:
+    without = arm()
+    without.C[2] = 0.0
+    found = design_model(without)
+
+    assert found.time_constant_s == pytest.approx(TIME_CONSTANT_S, rel=1e-3)
+    assert found.missed[2] == 0.0
+    np.testing.assert_array_equal(found.model.C[2], 0.0)
+
+
 @pytest.mark.parametrize("integrator", [0.9999, 0.9995])
 def test_integrator_that_was_identified_inside_the_circle___is_one_again(integrator: float) -> None:
     found = design_model(arm(integrator, extra=(0.97, 0.5))).model

@@ -11,6 +11,7 @@ from flexarm_ident import IoData
 from flexarm_ident.diagnostics.excitation import excited_band_hz, few_values
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.records.iodata import DataWarning
+from flexarm_ident.subspace.choice import select_method
 from flexarm_ident.subspace.gram import block_gram
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
 
@@ -273,5 +274,11 @@ def test_assess___declared_controller___is_reported_with_the_evidence(
 def test_assess___feedthrough_plant_in_open_loop___needs_the_declaration() -> None:
     data = record(random_model(15, feedthrough=True), SAMPLES, 15, noise=0.05)
     gram = block_gram([data], BLOCK_ROWS)
-    assert [each.name for each in assess([data], gram)] == ["feedback"]
+    (told,) = assess([data], gram)
+    assert told.name == "feedback"
     assert not assess([data], gram, feedthrough=True)
+    # The choice of a method asks later inputs alone: the words of both have to agree.
+    chosen = select_method([data], BLOCK_ROWS, closed_loop=False)
+    assert "later inputs are not correlated with the outputs' noise" in chosen.reason
+    assert "later ones do not" in told.text
+    assert "closed-loop data" not in told.text

@@ -91,3 +91,14 @@ def test_block_gram___no_part_as_long_as_the_block_rows___raises() -> None:
     data = IoData(np.ones(200), y, dt_s=0.01, outputs=("a", "b"), source="torn")
     with pytest.raises(DataError, match="torn: no 9 samples, the block rows, follow each other"):
         block_gram([data], 9)
+
+
+def test_block_gram___input_that_rests_after_its_start___leaves_no_power_of_rounding() -> None:
+    data = record(random_model(7, inputs=1), 3000, seed=4)
+    u = data.u.copy()
+    u[9:] = 0.0
+    gram = block_gram([replace(data, u=u)], 20)
+    power = np.diag(gram.matrix)[gram.input_rows(0, 20)]
+    # Shift i holds the samples from i on.
+    np.testing.assert_allclose(power[:9], np.cumsum(u[8::-1, 0] ** 2)[::-1], rtol=1e-10)
+    np.testing.assert_array_equal(power[9:], 0.0)

@@ -55,6 +55,27 @@ def test_badge___with_a_task___tells_it_where_nothing_is_wrong(
     assert found.badge(10.5).reason == reason
 
 
+ENDED = "not active: the loop has ended: law ilqr is made for 300 Hz"
+
+
+@pytest.mark.parametrize(
+    ("drive", "controller", "badge"),
+    [
+        ("ready", (ERROR, ENDED), ("STALE", f"controller {ENDED}")),
+        ("ready", (OK, "not active"), ("READY", "no command in force")),
+        # An experiment drives in its place.
+        ("driving", (ERROR, ENDED), ("DRIVING", "")),
+    ],
+)
+def test_badge___controller_that_has_ended_by_an_error___is_told_with_its_reason(
+    drive: str, controller: tuple[int, str], badge: tuple[str, str]
+) -> None:
+    found = situation(OK, "active", drive)
+    found.hear("controller", *controller, {}, 10.0)
+    assert found.badge(10.5) == badge
+    assert found.held(10.5) == ""
+
+
 def test_badge___without_reports_or_samples___is_stale() -> None:
     assert Situation().badge(0.0) == ("STALE", "the DAQ node has not reported yet")
     found = situation(OK, "active", "driving")

@@ -16,6 +16,7 @@ from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.runs.record_place import new_record, workplace
 from flexarm_bringup.runs.recorded_run import record_run
 from flexarm_core.errors import reason
+from flexarm_core.outputs import require_folder
 from flexarm_daq.loop.limiter import LimiterSettings
 from flexarm_ident.provenance import samples_hash
 
@@ -124,6 +125,7 @@ def _make_room(folder: Path, entries: Sequence[Experiment], *, overwrite: bool) 
                 f"{workplace(bag)} is there: another run records into it, or it was left by one "
                 "that was killed; check the bag in it, move or remove it"
             )
+    require_folder(folder, "-o")
     folder.mkdir(parents=True, exist_ok=True)
     # One that cannot be read shall show before anything runs.
     _described(folder)

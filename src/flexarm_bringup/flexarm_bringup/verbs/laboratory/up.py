@@ -34,6 +34,7 @@ from flexarm_bringup.verbs.laboratory.viewers import (
     foxglove_parameters,
 )
 from flexarm_control.laws.registry import LAWS
+from flexarm_core.outputs import require_folder
 from flexarm_live.serving.foxglove_server import require_foxglove
 
 if TYPE_CHECKING:
@@ -134,6 +135,8 @@ def _run_graph(settings: _Settings) -> None:
     bag = settings.bag
     if bag and bag.exists():
         raise LaunchError(f"{bag} is there already and is not overwritten: choose another name")
+    if bag:
+        require_folder(bag.parent, "--bag")
     daq = {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz}
     parameters = {
         "daq": daq | settings.pace.parameters(),

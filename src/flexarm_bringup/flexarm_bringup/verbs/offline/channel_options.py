@@ -7,11 +7,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console.quantity import TIME_S, Quantity
+from flexarm_core.errors import BagError
 from flexarm_ident.reading.channels import CLOCKS, Selection, selection
+from flexarm_ident.reading.fields import parse_field
+from flexarm_ident.reading.read import signals_told
 from flexarm_ident.records.span import Span
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 _OPTIONS = (
     click.option(
@@ -65,8 +69,14 @@ def channel_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
-def taken_channels(options: dict[str, Any]) -> Selection | None:
-    """Take the channels out of the options; None when none is named."""
+def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:
+    """Take the channels out of the options; None when none is named.
+
+    Raises
+    ------
+    BagError
+        When a name is none of a field, with those that a bag has.
+    """
     inputs, outputs, clock, held = (
         options.pop(name) for name in ("inputs", "outputs", "clock", "held")
     )
@@ -76,6 +86,11 @@ def taken_channels(options: dict[str, Any]) -> Selection | None:
                 "--clock and --interpolated belong to --input and --output of a bag"
             )
         return None
+    try:
+        for name in (*inputs, *outputs):
+            parse_field(name)
+    except BagError as error:
+        raise BagError(f"{error}; {signals_told(bag)}") from error
     return selection(inputs, outputs, clock=clock, interpolated=not held)
 
 

@@ -206,8 +206,12 @@ def identify(
 
     A CSV file is a bag too: --input and --output name its columns, or a map tells more of them.
     """
+    for path in bags:
+        if path.name == job.MODEL_FILE or (path / job.MODEL_FILE).is_file():
+            raise click.UsageError(f"{path} is a model: name the bag or the CSV file of a record")
     columns = taken_columns(bags, map_file, options)
-    exports, channels, span = parse_exports(export), taken_channels(options), taken_span(options)
+    exports, span = parse_exports(export), taken_span(options)
+    channels = taken_channels(options, bags[0])
     if not each and (jobs is not None or dask or parquet):
         raise click.UsageError("--jobs, --dask and --parquet belong to --each")
     with as_bags(bags, columns) as records:
@@ -282,7 +286,7 @@ def report(
     if len(bags) == 1 and (bags[0] / job.MODEL_FILE).exists():
         raise click.UsageError(f"{bags[0]} is a model: name a bag beside it, to try it on")
     columns = taken_columns(bags, map_file, options)
-    channels, span = taken_channels(options), taken_span(options)
+    channels, span = taken_channels(options, bags[0]), taken_span(options)
     with as_bags(bags, columns) as records, terminal.progress() as show:
         if len(records) > 1:
             from flexarm_ident.series.comparison import compare_files  # noqa: PLC0415 - a rare way

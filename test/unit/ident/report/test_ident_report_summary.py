@@ -1,0 +1,39 @@
+"""Vibrations in the report's summary."""
+
+from __future__ import annotations
+
+from flexarm_ident.models.modes import Mode
+from flexarm_ident.report.summary import vibrations
+from support.recurring_modes import NEIGHBOURS
+
+
+def pair(frequency_hz: float, damping_ratio: float = 0.02) -> Mode:
+    """Return a pair of any model: its place counts."""
+    return Mode(0.9 + 0.1j, frequency_hz, damping_ratio, (0, 1), 1.0, 1.0, 1, 1)
+
+
+def test_vibrations___modes_of_a_model___are_parted_as_the_table_parts_them() -> None:
+    modes = [pair(45.3), pair(9.1), pair(43.3), pair(9.9), pair(50.0), pair(70.0, 0.9)]
+    assert vibrations(modes, NEIGHBOURS) == [
+        "It vibrates at 9.10 Hz (damping ratio below 0.2).",
+        (
+            "Of its vibrations at 43.30 Hz and 45.30 Hz, at most one of close neighbours is the "
+            "plant's."
+        ),
+        (
+            "Its vibrations at 9.90 Hz and 50.00 Hz are not taken for the plant's: they do not "
+            "stay over the orders, or hardly answer the input."
+        ),
+    ]
+
+
+def test_vibrations___no_light_mode___is_told() -> None:
+    assert vibrations([pair(70.0, 0.9)], NEIGHBOURS) == [
+        "It has no vibration with a damping ratio below 0.2."
+    ]
+
+
+def test_vibrations___equations_of_an_arm___have_no_mode_of_noise() -> None:
+    assert vibrations([pair(9.9)], NEIGHBOURS, is_arm=True) == [
+        "It vibrates at 9.90 Hz (damping ratio below 0.2)."
+    ]
