@@ -20,6 +20,8 @@ NAMESPACE = "/flexarm"
 """Namespace of an arm that is given none."""
 MANAGED = ("daq", "controller", "experiment")
 """The nodes with a lifecycle."""
+REMEDY = "mend the cause and run again (docs/safety.md)"
+"""What to do when the drive was held at zero in a run."""
 _PATIENCE_S = 8.0
 _KEPT_VOLTAGE = ": a board keeps its last voltage, so at a real rig press the emergency stop"
 _AFTER = dict.fromkeys(("daq_node", "loop_node"), _KEPT_VOLTAGE)
@@ -29,6 +31,10 @@ _LOGGER = re.compile(r"\] \[[\w.]+\.(\w+)\]: ")
 
 class LaunchError(FlexarmError):
     """A program cannot be found or did not do what was expected."""
+
+
+class HeldDriveError(LaunchError):
+    """The drive was held at zero in a run, or its loop failed: the record is not that of a run."""
 
 
 @dataclass(frozen=True)

@@ -132,7 +132,7 @@ class Acquisition(Exchange):
                 self._run_by_the_clock(stop)
         except BaseException as error:
             self._rig.safe_stop()
-            self.safety.on(Event.FAILURE, str(error))
+            self._hold(Event.FAILURE, str(error))
             raise
         finally:
             self._rig.safe_stop()

@@ -138,7 +138,8 @@ class SensorCheck:
         is_equal = reading == self._last[channel] and abs(reading) < SATURATED_V
         self._equal[channel] = self._equal[channel] + 1 if is_equal else 1
         if 0 < self.limits.stuck_samples <= self._equal[channel]:
-            return f"{name} is stuck at {reading:.3f} V"
+            equal = f"{self._equal[channel]} equal readings"
+            return f"{name} is stuck at {reading:.3f} V: {equal}, as stuck_samples has it"
         return ""
 
     def _of_agreement(self, time_s: float, readings: list[float]) -> str:

@@ -6,6 +6,7 @@ starts the sampling, and deactivation stops it with the drive at zero.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import astuple, fields
 from typing import TYPE_CHECKING, Any
@@ -180,6 +181,7 @@ class DaqNode(LoopNode):
         safety, verdicts = acquisition.safety, acquisition.commander.verdicts
         yield {
             "drive": safety.state.value,
+            "held after s": "" if math.isnan(acquisition.held_s) else f"{acquisition.held_s:.3f}",
             "last sample s": self._link.newest_s,
             "samples": acquisition.taken,
             "rate Hz": f"{rate_hz:.1f}",
