@@ -88,6 +88,7 @@ class RunWatch:
             int(figures["samples"]),
             int(figures["missed periods"]),
             float(figures["real-time factor"]),
+            off_rate=figures["off rate"],
         )
 
     def _on_state(self, state: ArmState) -> None:

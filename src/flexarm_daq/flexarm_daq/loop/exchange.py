@@ -157,9 +157,13 @@ class Exchange:
     def real_time_factor(self) -> float:
         """Ratio of the rig's time to that of the wall clock; NaN before the second sample."""
         # Another thread may read between two assignments: the ratio is for information only.
+        passed_s, of_rig_s = self._passed_s()
+        return of_rig_s / passed_s if passed_s > 0.0 else math.nan
+
+    def _passed_s(self) -> tuple[float, float]:
+        """Return the time since the first sample by the machine's clock and by the rig's, s."""
         time_s, tick_s = self._started_s
-        passed_s = self._tick_s - tick_s
-        return (self._sample_time_s - time_s) / passed_s if passed_s > 0.0 else math.nan
+        return self._tick_s - tick_s, self._sample_time_s - time_s
 
     def limit(self, settings: LimiterSettings) -> None:
         """Take other limits from the next command on; any thread may call."""

@@ -33,7 +33,7 @@ from flexarm_daq.nodes.rig_choice import (
 from flexarm_daq.nodes.topic_link import TopicLink
 from flexarm_daq.rigs.faulty import Fault, FaultyRig
 from flexarm_daq.rigs.nidaq.terminals import TERMINALS, NidaqSettings
-from flexarm_daq.rigs.rig_protocol import Rig, RigError
+from flexarm_daq.rigs.rig_protocol import Rig, RigError, has_own_clock
 from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_node.loop_node import LoopNode
 from flexarm_node.process import run
@@ -134,7 +134,7 @@ class DaqNode(LoopNode):
             self._link,
             rate_hz=values["rate_hz"],
             samples=values["samples"],
-            paced_by_rig=values["rig"] != "simulated",
+            paced_by_rig=has_own_clock(rig),
             lockstep=lockstep if virtual else None,
             statistics_s=values["statistics_s"],
         )
@@ -157,14 +157,15 @@ class DaqNode(LoopNode):
         return f"the drive is held at zero: {reason}" if reason else ""
 
     def warning(self) -> str:
-        """Return a line when commands have stopped or come too late; empty otherwise."""
+        """Return a line when commands or samples do not come in time; empty otherwise."""
         acquisition = self._acquisition
         assert acquisition is not None  # noqa: S101 - asked only while the loop runs
         answered = acquisition.commander.answered
         late = acquisition.commander.verdicts[Verdict.LATE]
         rate_hz = self.parameters.values()["rate_hz"]
         if not (answered or late) or acquisition.sequence - answered < _SILENT_S * rate_hz:
-            return ""
+            # The measured rate would make it another warning every second.
+            return "samples do not come at rate_hz: see off rate" if acquisition.off_rate else ""
         since = f" since the one for sample {answered}" if answered else ""
         return f"no command in time{since}: the drive is at zero"
 
@@ -185,6 +186,7 @@ class DaqNode(LoopNode):
             "last sample s": self._link.newest_s,
             "samples": acquisition.taken,
             "rate Hz": f"{rate_hz:.1f}",
+            "off rate": acquisition.off_rate,
             "real-time factor": f"{acquisition.real_time_factor:.3f}",
             "missed periods": acquisition.missed,
             "unanswered samples": acquisition.unanswered,

@@ -40,7 +40,12 @@ class RigSample(NamedTuple):
 
 
 class Rig(Protocol):
-    """Interface between the system and its hardware."""
+    """Interface between the system and its hardware.
+
+    The node paces the sampling: it reads once a period of its own clock. A rig whose hardware has a
+    sample clock says so by an attribute `has_own_clock` that is true, and its `read` blocks until
+    the next sample of that clock.
+    """
 
     def open(self) -> None:
         """Open the hardware, with the drive at zero.
@@ -52,7 +57,9 @@ class Rig(Protocol):
         """
 
     def read(self) -> RigSample:
-        """Sample the four channels now.
+        """Sample the four channels now, or return the next sample of the rig's own clock.
+
+        `time_s` goes on by a period from sample to sample.
 
         Raises
         ------
@@ -85,3 +92,8 @@ class Rig(Protocol):
         DriveNotStoppedError
             If the hardware did not take the zero; the rig is closed all the same.
         """
+
+
+def has_own_clock(rig: Rig) -> bool:
+    """Return whether reading a rig waits for its own clock, which paces the sampling."""
+    return bool(getattr(rig, "has_own_clock", False))
