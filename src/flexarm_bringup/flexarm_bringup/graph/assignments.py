@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 
+_SWITCH = {"off": False, "on": True}
+
+
 def parsed(assignment: str) -> tuple[str, Any]:
     """Return name and value of an assignment; a `LaunchError` when it is none."""
     name, sign, text = assignment.partition("=")
@@ -20,6 +23,9 @@ def parsed(assignment: str) -> tuple[str, Any]:
     if not text:
         # Nothing is the empty text here, and not the null of YAML.
         return name, ""
+    if text in _SWITCH:
+        # A choice of a text parameter more often than a boolean of YAML.
+        return name, text
     try:
         return name, yaml_content(text)
     except YamlError:
@@ -48,10 +54,13 @@ def assigned(node: str, values: Mapping[str, Any], present: Mapping[str, Any]) -
         kind = _KINDS.get(type(present[name]))
         if kind is not None and not kind.holds(value):
             raise LaunchError(f"{node} {name} = {shown(value)}: must be {kind.words}")
-    return {
-        name: float(value) if isinstance(present[name], float) else value
-        for name, value in values.items()
-    }
+    return {name: _as_kind(value, present[name]) for name, value in values.items()}
+
+
+def _as_kind(value: Any, present: object) -> Any:  # noqa: ANN401 - of a YAML text
+    if isinstance(present, float):
+        return float(value)
+    return _SWITCH.get(str(value), value) if isinstance(present, bool) else value
 
 
 class _Kind(NamedTuple):
@@ -73,7 +82,7 @@ def _is_number(value: object) -> bool:
 
 
 _KINDS = {
-    bool: _Kind("true or false", lambda value: isinstance(value, bool)),
+    bool: _Kind("true or false", lambda value: isinstance(value, bool) or value in _SWITCH),
     int: _Kind(
         "a whole number", lambda value: isinstance(value, int) and not isinstance(value, bool)
     ),

@@ -94,6 +94,10 @@ class Rig(Protocol):
         """
 
 
+METHODS = ("open", "read", "write", "safe_stop", "close")
+"""Methods of a rig."""
+
+
 def has_own_clock(rig: Rig) -> bool:
     """Return whether reading a rig waits for its own clock, which paces the sampling."""
     return bool(getattr(rig, "has_own_clock", False))

@@ -10,6 +10,7 @@ from flexarm_bringup.graph.assignments import assigned, parsed
 from flexarm_bringup.graph.processes import LaunchError
 
 PRESENT = {"pdpc.kp": 1.5, "law": "pd", "samples": 0, "autostart": False, "topics": ["state"]}
+PRESENT |= {"self_test": "auto"}
 
 
 @pytest.mark.parametrize(
@@ -21,6 +22,11 @@ PRESENT = {"pdpc.kp": 1.5, "law": "pd", "samples": 0, "autostart": False, "topic
         ("law=pdpc", "pdpc"),
         ("samples=300", 300),
         ("autostart=true", True),
+        ("autostart=on", True),
+        ("autostart=off", False),
+        # As a node's choice, where YAML has a boolean.
+        ("self_test=off", "off"),
+        ("self_test=on", "on"),
         ("topics=[state, io]", ["state", "io"]),
     ],
 )
