@@ -226,8 +226,9 @@ class Operator(GraphClient):
         trouble = self._watch.trouble
         if not trouble:
             return
-        # Deactivated, it has sent everything; after a failure it is on its way there by itself.
-        self.transition("daq", Transition.TRANSITION_DEACTIVATE)
+        # Deactivated, it has sent everything; after a failure it may be on its way there by itself.
+        if self.is_active("daq"):
+            self.transition("daq", Transition.TRANSITION_DEACTIVATE)
         raise HeldDriveError(f"daq: {trouble}; {REMEDY}")
 
     def _why(self, name: str) -> str:

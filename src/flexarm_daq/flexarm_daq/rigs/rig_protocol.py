@@ -59,7 +59,7 @@ class Rig(Protocol):
     def read(self) -> RigSample:
         """Sample the four channels now, or return the next sample of the rig's own clock.
 
-        `time_s` goes on by a period from sample to sample.
+        `time_s` is the instant of the sample, also after a period that was skipped.
 
         Raises
         ------
