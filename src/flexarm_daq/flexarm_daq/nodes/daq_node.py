@@ -33,7 +33,7 @@ from flexarm_daq.nodes.rig_choice import (
 from flexarm_daq.nodes.topic_link import TopicLink
 from flexarm_daq.rigs.faulty import Fault, FaultyRig
 from flexarm_daq.rigs.nidaq.terminals import TERMINALS, NidaqSettings
-from flexarm_daq.rigs.rig_protocol import Rig, RigError, has_own_clock
+from flexarm_daq.rigs.rig_protocol import Rig, RigError, absent_channels, has_own_clock
 from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_node.loop_node import LoopNode
 from flexarm_node.process import run
@@ -130,7 +130,7 @@ class DaqNode(LoopNode):
             rig,
             Limiter(settings),
             Watchdog(1.0 / values["rate_hz"], values["max_age_periods"]),
-            SensorCheck(values["rate_hz"], _sensor_limits(values)),
+            SensorCheck(values["rate_hz"], _sensor_limits(values), absent_channels(rig)),
             self._link,
             rate_hz=values["rate_hz"],
             samples=values["samples"],

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
+from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
+from flexarm_core.nearest import nearest
 from flexarm_daq.loop.self_test import check_possible
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
-from flexarm_daq.rigs.rig_protocol import METHODS
+from flexarm_daq.rigs.rig_protocol import METHODS, absent_channels
 from flexarm_daq.rigs.simulated import SimulatedRig
 
 if TYPE_CHECKING:
@@ -40,7 +42,7 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
     Raises
     ------
     SettingError
-        When the parameters do not fit together, or the rig lacks a method.
+        When the parameters do not fit together, or the rig is none.
     """
     if wants_self_test(values):
         check_possible(values["rate_hz"], values["max_command_v"])
@@ -51,6 +53,7 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
         )
     rig = chosen_rig(values)
     require_methods(rig)
+    require_channels(rig)
     return rig
 
 
@@ -78,6 +81,22 @@ def require_methods(rig: Rig) -> None:
             f"the rig's class {type(rig).__name__} has no method {', '.join(lacking)}: a rig has "
             f"{', '.join(METHODS)} (docs/howto/own_rig.md)"
         )
+
+
+def require_channels(rig: Rig) -> None:
+    """Refuse a rig whose absent channels are none of the channels.
+
+    Raises
+    ------
+    SettingError
+        When one of them is not.
+    """
+    for name in absent_channels(rig):
+        if name not in CHANNEL_NAMES:
+            raise SettingError(
+                f"the rig's class {type(rig).__name__} has absent_channels with {name!r}"
+                f"{nearest(name, CHANNEL_NAMES)}: name some of {', '.join(CHANNEL_NAMES)}"
+            )
 
 
 def _simulated(values: Mapping[str, Any]) -> SimulatedRig:

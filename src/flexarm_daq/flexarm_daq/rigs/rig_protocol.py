@@ -45,6 +45,9 @@ class Rig(Protocol):
     The node paces the sampling: it reads once a period of its own clock. A rig whose hardware has a
     sample clock says so by an attribute `has_own_clock` that is true, and its `read` blocks until
     the next sample of that clock.
+
+    A rig that lacks a sensor reads a constant in its place, and names the channel in an attribute
+    `absent_channels`, a tuple: neither self-test nor sensor check asks anything of that channel.
     """
 
     def open(self) -> None:
@@ -101,3 +104,8 @@ METHODS = ("open", "read", "write", "safe_stop", "close")
 def has_own_clock(rig: Rig) -> bool:
     """Return whether reading a rig waits for its own clock, which paces the sampling."""
     return bool(getattr(rig, "has_own_clock", False))
+
+
+def absent_channels(rig: Rig) -> tuple[str, ...]:
+    """Return the names of the channels that a rig has no sensor for."""
+    return tuple(getattr(rig, "absent_channels", ()))

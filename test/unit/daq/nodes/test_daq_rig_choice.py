@@ -44,3 +44,12 @@ def test_rig___that_lacks_a_method___is_refused(
     values = {spec.name: spec.default for spec in PARAMETERS}
     with pytest.raises(SettingError, match=rf"class SimulatedRig has no method {lacking}: a rig"):
         make_rig(values)
+
+
+def test_rig___with_an_absent_channel_that_is_none___is_refused_with_the_nearest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(SimulatedRig, "absent_channels", ("speed",), raising=False)
+    values = {spec.name: spec.default for spec in PARAMETERS}
+    with pytest.raises(SettingError, match=r"absent_channels with 'speed' \(nearest: speed_v\): "):
+        make_rig(values)
