@@ -207,5 +207,7 @@ def test_run_whose_rig_fails___is_no_run(graph: Graph) -> None:
     graph.start("daq", {"real_time_factor": 0.0, "fault": "read_error", "fault_after_samples": 100})
     graph.configure_loop()
     graph.operator.activate("controller")
-    with pytest.raises(LaunchError, match=r"^daq ended after 100 of 4000 samples"):
+    with pytest.raises(
+        LaunchError, match=r"^daq: the loop has ended: .*, after 0\.330 s of the run"
+    ):
         graph.operator.sample(4000, lambda _: None)

@@ -113,6 +113,19 @@ def test_misspelt_safety_limit_in_a_file___is_refused_with_the_nearest_name(
     )
 
 
+@pytest.mark.parametrize("word", ["off", "on"])
+def test_word_of_which_yaml_has_made_a_boolean___is_the_word_again(
+    graph: Graph, tmp_path: Path, word: str
+) -> None:
+    file = tmp_path / "rig.yaml"
+    file.write_text(f"/**/daq: {{ros__parameters: {{self_test: {word}}}}}\n")
+    process = graph.start("daq", {"self_test": word == "on"})
+    assert values_of(graph, "daq", "self_test") == [word]
+    assert graph.stop(process) == 0
+    graph.start("daq", {}, "--params-file", str(file))
+    assert values_of(graph, "daq", "self_test") == [word]
+
+
 def test_parameters_of_rclpy_and_of_models___are_taken(graph: Graph, tmp_path: Path) -> None:
     file = tmp_path / "all.yaml"
     file.write_text(

@@ -12,6 +12,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.parameter import Parameter
 
 from flexarm_core.errors import FlexarmError, SettingError
 from flexarm_core.nearest import nearest
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from rclpy.node import Node
-    from rclpy.parameter import Parameter
 
     from flexarm_core.specs import ParameterSpec
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 # Not of one node: what rclpy declares with a topic, and models, whose files are for every node.
 _OPEN = ("qos_overrides.", "models.")
+_SWITCH = ("off", "on")
 _ANY_TYPE = ParameterDescriptor(dynamic_typing=True)
 
 
@@ -99,6 +100,7 @@ class Parameters:
         self._open_group = open_group
         self._accept = accept
         self._apply = apply
+        self._restore_words()
         for spec in specs:
             self._declare(spec)
         self._declare_open()
@@ -132,9 +134,17 @@ class Parameters:
             if self._is_open(name):
                 self._node.declare_parameter(name, given.value, _ANY_TYPE)
 
-    def _overrides(self) -> Mapping[str, Parameter]:
-        given: Mapping[str, Parameter] = self._node._parameter_overrides  # noqa: SLF001 - rclpy tells it in no other way
+    def _overrides(self) -> dict[str, Parameter]:
+        given: dict[str, Parameter] = self._node._parameter_overrides  # noqa: SLF001 - rclpy tells it in no other way
         return given
+
+    def _restore_words(self) -> None:
+        """Give back the words "on" and "off", of which YAML has made true and false."""
+        given = self._overrides()
+        for name, spec in self._specs.items():
+            value = given[name].value if name in given else None
+            if isinstance(value, bool) and set(_SWITCH) <= set(spec.choices):
+                given[name] = Parameter(name, value=_SWITCH[value])
 
     def _declare(self, spec: ParameterSpec) -> None:
         try:

@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from flexarm_core.errors import SettingError
+from flexarm_node.command_line import own_words, refuse_words
 from flexarm_node.parameter_files import wrong_words
 from flexarm_node.transport import set_up_middleware
 
@@ -81,7 +82,11 @@ def bounded_end() -> Iterator[None]:
 
 
 def run(
-    make_node: Callable[[], StoppableNode], *, realtime: bool = False, keeps_up: bool = False
+    make_node: Callable[[], StoppableNode],
+    *,
+    realtime: bool = False,
+    keeps_up: bool = False,
+    takes_words: bool = False,
 ) -> int:
     """Run one node until SIGINT or SIGTERM; return the process's exit code, 1 after its failure.
 
@@ -99,6 +104,9 @@ def run(
     keeps_up : bool
         Ask for the priority just below that of a loop: on a machine that the loops of several arms
         keep busy, the node still gets to read all that they send.
+    takes_words : bool
+        The node reads the words of its command line that are not for ROS 2; otherwise they are
+        refused.
     """
     if realtime:
         prefer_realtime()
@@ -116,7 +124,7 @@ def run(
         signal.signal(stop_signal, _leave_to_wakeup)
     try:
         set_up_middleware(loop=realtime)
-        _begin()
+        _begin(takes_words=takes_words)
         node = make_node()
     except SettingError as error:
         sys.stderr.write(f"{error}\n")
@@ -155,7 +163,9 @@ def run(
     return code
 
 
-def _begin() -> None:
+def _begin(*, takes_words: bool) -> None:
+    if not takes_words:
+        refuse_words(own_words(sys.argv[1:]))
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 
+_SWITCH = {"off": False, "on": True}
+
+
 def parsed(assignment: str) -> tuple[str, Any]:
     """Return name and value of an assignment; a `LaunchError` when it is none."""
     name, sign, text = assignment.partition("=")
@@ -21,6 +24,9 @@ def parsed(assignment: str) -> tuple[str, Any]:
     if not text:
         # Nothing is the empty text here, and not the null of YAML.
         return name, ""
+    if text in _SWITCH:
+        # A choice of a text parameter more often than a boolean of YAML.
+        return name, text
     try:
         return name, yaml_content(text)
     except YamlError:
@@ -52,10 +58,13 @@ def assigned(node: str, values: Mapping[str, Any], present: Mapping[str, Any]) -
             units = ", ".join(units_of(name)) if isinstance(present[name], float) else ""
             words = f"{kind.words}, or one with its unit ({units})" if units else kind.words
             raise LaunchError(f"{node} {name} = {shown(value)}: must be {words}")
-    return {
-        name: float(value) if isinstance(present[name], float) else value
-        for name, value in bare.items()
-    }
+    return {name: _as_kind(value, present[name]) for name, value in bare.items()}
+
+
+def _as_kind(value: Any, present: object) -> Any:  # noqa: ANN401 - of a YAML text
+    if isinstance(present, float):
+        return float(value)
+    return _SWITCH.get(str(value), value) if isinstance(present, bool) else value
 
 
 def _without_unit(name: str, value: Any, present: object) -> Any:  # noqa: ANN401 - of YAML
@@ -85,7 +94,7 @@ def _is_number(value: object) -> bool:
 
 
 _KINDS = {
-    bool: _Kind("true or false", lambda value: isinstance(value, bool)),
+    bool: _Kind("true or false", lambda value: isinstance(value, bool) or value in _SWITCH),
     int: _Kind(
         "a whole number", lambda value: isinstance(value, int) and not isinstance(value, bool)
     ),

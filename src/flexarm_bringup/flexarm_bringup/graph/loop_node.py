@@ -19,6 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from flexarm_control.controller_node import ControllerNode
 from flexarm_core.errors import SettingError
 from flexarm_daq.nodes.daq_node import DaqNode
+from flexarm_node.command_line import BEGIN, own_words
 from flexarm_node.process import request_stop, run
 from flexarm_node.topics.handover import DirectHandover
 
@@ -30,14 +31,13 @@ if TYPE_CHECKING:
     Arguments = dict[str, list[str]]
 
 _NAMES = ("daq", "controller")
-_BEGIN = "--ros-args"
 _END_S = 2.0
 # Python's own 5 ms would keep the next sample waiting that long for a thread that computes.
 _SWITCH_S = 5e-5
 
 
 def node_arguments(words: Sequence[str]) -> Arguments:
-    """Return the ROS arguments of each node, from words before those for both.
+    """Return the ROS arguments of each node, from words that are not ROS arguments of both.
 
     Parameters
     ----------
@@ -49,13 +49,15 @@ def node_arguments(words: Sequence[str]) -> Arguments:
     SettingError
         When a word is no parameter of one of the nodes.
     """
-    own = words[: words.index(_BEGIN)] if _BEGIN in words else words
     arguments: Arguments = {name: [] for name in _NAMES}
-    for word in own:
+    for word in own_words(words):
         name, _, assignment = word.partition(".")
         if name not in arguments or ":=" not in assignment:
-            raise SettingError(f"{word!r} is no parameter, such as daq.rate_hz:=1000.0")
-        arguments[name] += [_BEGIN, "-p", assignment] if not arguments[name] else ["-p", assignment]
+            raise SettingError(
+                f"{word!r} is no parameter, such as daq.rate_hz:=1000.0: outside of {BEGIN} each "
+                f"names its node, {' or '.join(_NAMES)}, and has no -p"
+            )
+        arguments[name] += [BEGIN, "-p", assignment] if not arguments[name] else ["-p", assignment]
     return arguments
 
 
@@ -144,4 +146,4 @@ class LoopNode(DaqNode):
 def main() -> int:
     """Run both nodes."""
     sys.setswitchinterval(_SWITCH_S)
-    return run(lambda: LoopNode(node_arguments(sys.argv[1:])), realtime=True)
+    return run(lambda: LoopNode(node_arguments(sys.argv[1:])), realtime=True, takes_words=True)

@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool
 
 from flexarm_bringup.graph.client import SERVICE_S, GraphClient
-from flexarm_bringup.graph.processes import LaunchError
+from flexarm_bringup.graph.processes import REMEDY, HeldDriveError, LaunchError
 from flexarm_bringup.graph.run_watch import RunWatch
 from flexarm_core.nearest import nearest
 from flexarm_msgs.srv import Identify
@@ -165,16 +165,20 @@ class Operator(GraphClient):
         LaunchError
             When hardly a new sample comes for a long time, the DAQ node ends too early, or the
             recorder has failed.
+        HeldDriveError
+            When the drive is held at zero, or the loop has failed; the run ends early.
         """
         with self._watch as watch:
             self.start_sampling(samples)
             self._await_samples(samples, progress)
+            self._require_driving()
             deadline_s = time.monotonic() + SERVICE_S
             while self.is_active("daq"):
                 if time.monotonic() > deadline_s:
                     raise LaunchError("daq did not stop after its last sample")
             progress(samples)
             self.wait(watch.has_reported, "the figures of the run")
+            self._require_driving()
             run = watch.run()
             if run.taken + run.missed < samples:
                 raise LaunchError(
@@ -205,7 +209,7 @@ class Operator(GraphClient):
         watch = self._watch
         watch.restart_clock()
         asked, asked_s = 0, time.monotonic()
-        while watch.sequence < samples:
+        while watch.sequence < samples and not watch.trouble:
             self.spin()
             progress(watch.sequence)
             if time.monotonic() - asked_s > _COMPLAINTS_S:
@@ -216,6 +220,16 @@ class Operator(GraphClient):
                 asked, asked_s = watch.sequence, time.monotonic()
             if stall := watch.stall():
                 raise LaunchError(stall)
+
+    def _require_driving(self) -> None:
+        """End the run when the DAQ node has reported trouble."""
+        trouble = self._watch.trouble
+        if not trouble:
+            return
+        # Deactivated, it has sent everything; after a failure it may be on its way there by itself.
+        if self.is_active("daq"):
+            self.transition("daq", Transition.TRANSITION_DEACTIVATE)
+        raise HeldDriveError(f"daq: {trouble}; {REMEDY}")
 
     def _why(self, name: str) -> str:
         complaint = self._complaint(name)

@@ -20,6 +20,8 @@ NAMESPACE = "/flexarm"
 """Namespace of an arm that is given none."""
 MANAGED = ("daq", "controller", "experiment")
 """The nodes with a lifecycle."""
+REMEDY = "mend the cause and run again (docs/safety.md)"
+"""What to do when the drive was held at zero in a run."""
 _PATIENCE_S = 8.0
 _KEPT_VOLTAGE = ": a board keeps its last voltage, so at a real rig press the emergency stop"
 _AFTER = dict.fromkeys(("daq_node", "loop_node"), _KEPT_VOLTAGE)
@@ -27,8 +29,15 @@ _AFTER = dict.fromkeys(("daq_node", "loop_node"), _KEPT_VOLTAGE)
 _LOGGER = re.compile(r"\] \[[\w.]+\.(\w+)\]: ")
 
 
+_PLACE = re.compile(r' +File "(.+)", line (\d+)')
+
+
 class LaunchError(FlexarmError):
     """A program cannot be found or did not do what was expected."""
+
+
+class HeldDriveError(LaunchError):
+    """The drive was held at zero in a run, or its loop failed: the record is not that of a run."""
 
 
 @dataclass(frozen=True)
@@ -196,11 +205,23 @@ class NodeProcesses:
             return f": it printed nothing ({self.log})"
         # The last line of a traceback names no node.
         logger = _LOGGER.search(lines[-1])
-        return f": {lines[-1]}" if logger is None or logger[1] == node else ""
+        if logger is not None:
+            return f": {lines[-1]}" if logger[1] == node else ""
+        return f": {lines[-1]}{_place(lines)}"
 
 
 def _name(process: subprocess.Popen[bytes]) -> str:
     return Path(str(process.args[0])).name  # type: ignore[index]
+
+
+def _place(lines: Sequence[str]) -> str:
+    """Return file and line of the traceback with which lines end, to be added to its last line."""
+    for line in reversed(lines):
+        if place := _PLACE.match(line):
+            return f" ({place[1]}, line {place[2]})"
+        if not line.startswith(" ") and line is not lines[-1]:
+            break
+    return ""
 
 
 def _signal_name(number: int) -> str:
@@ -219,7 +240,8 @@ def process_cpu_s(pid: int) -> float:
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
-    for stop_signal in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+    # SIGINT would interrupt a node that still imports its modules with a traceback in the log.
+    for stop_signal in (signal.SIGTERM, signal.SIGINT, signal.SIGKILL):
         if process.poll() is None:
             process.send_signal(stop_signal)
         try:

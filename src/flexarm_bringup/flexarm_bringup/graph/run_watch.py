@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from flexarm_bringup.graph.run_figures import Run
 from flexarm_msgs.msg import ArmState
@@ -34,12 +34,16 @@ class RunWatch:
     ----------
     sequence : int
         Number of the newest sample of the run; 0 before the first and between runs.
+    trouble : str
+        What holds the drive at zero or has ended the run, and when, as the node reports it; ""
+        while all is well.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._reporter = f"{node.get_namespace().rstrip('/')}/daq"
         self.sequence = 0
+        self.trouble = ""
         self._sampled_s = ""
         self._figures: dict[str, str] | None = None
         self._counted = 0
@@ -47,6 +51,7 @@ class RunWatch:
 
     def __enter__(self) -> RunWatch:  # noqa: PYI034 - Self needs Python 3.11
         self.sequence = 0
+        self.trouble = ""
         if self._figures is None:
             topic = "/diagnostics"
             self._node.create_subscription(DiagnosticArray, topic, self._on_report, qos.EVERY)
@@ -83,6 +88,7 @@ class RunWatch:
             int(figures["samples"]),
             int(figures["missed periods"]),
             float(figures["real-time factor"]),
+            off_rate=figures["off rate"],
         )
 
     def _on_state(self, state: ArmState) -> None:
@@ -93,3 +99,13 @@ class RunWatch:
         for status in message.status:
             if status.name == self._reporter:
                 self._figures = {each.key: each.value for each in status.values}
+                self.trouble = trouble_in(status) or self.trouble
+
+
+def trouble_in(status: DiagnosticStatus) -> str:
+    """Return what holds the drive or has ended its run by a report, and when; "" without it."""
+    if status.level != DiagnosticStatus.ERROR:
+        return ""
+    trouble = str(status.message).partition(": ")[2]
+    after_s = next((each.value for each in status.values if each.key == "held after s"), "")
+    return f"{trouble}, after {after_s} s of the run" if after_s else trouble

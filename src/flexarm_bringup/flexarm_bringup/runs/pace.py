@@ -11,6 +11,12 @@ if TYPE_CHECKING:
     from flexarm_bringup.graph.run_figures import Run
 
 
+_OFF_RATE = (
+    "the record's times are wrong, and frequencies that are identified from it "
+    "(docs/howto/own_rig.md tells who paces a rig)"
+)
+
+
 class Pace(Enum):
     """Pace that a user can choose; the first two differ in nothing else."""
 
@@ -44,6 +50,9 @@ def in_lockstep(operator: Operator) -> bool:
 
 
 def pace_text(run: Run) -> str:
-    """Return the pace of a run and its missed periods as text."""
+    """Return the pace of a run, its missed periods and a wrong rate as text."""
     missed = f", {run.missed} periods without a sample" if run.missed else ""
-    return f"ran at {run.real_time_factor:.2f} of real time{missed}"
+    text = f"ran at {run.real_time_factor:.2f} of real time{missed}"
+    if not run.off_rate:
+        return text
+    return f"{text}\n  warning: sampled at {run.off_rate}: {_OFF_RATE}"

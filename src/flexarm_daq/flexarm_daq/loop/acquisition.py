@@ -44,6 +44,13 @@ _SPARE_S = 3e-4
 _STOP_POLL_S = 0.05
 
 
+# A rate that is off by more than this part shows when the times differ by more than the jitter.
+_OFF_RATE = 0.005
+_OFF_S = 0.01
+_TELLING_S = 1.0
+_CLOCKS = ("the machine's clock", "the rig's clock")
+
+
 class LockStep(NamedTuple):
     """Settings of virtual time.
 
@@ -106,12 +113,26 @@ class Acquisition(Exchange):
             rig, limiter, watchdog, sensors, link, rate_hz=rate_hz, statistics_s=statistics_s
         )
         self._clock: Clock = time if clock is None else clock
+        self._rate_hz = rate_hz
         self._samples = samples
         self._paced_by_rig = paced_by_rig
         self._lockstep = lockstep
         self._is_answered = lockstep is not None and lockstep.is_answered
         self._spared = 0
         self.late_s = Window(max(1, round(statistics_s * rate_hz)))
+
+    @property
+    def off_rate(self) -> str:
+        """In real time, the measured rate when it is not the one that was asked for; else empty."""
+        if self._lockstep is not None:
+            return ""
+        wanted_s = (self.sequence - 1) * self._period_s
+        allowed_s = max(_OFF_RATE * wanted_s, _OFF_S + 2.0 * self._period_s)
+        for clock, passed_s in zip(_CLOCKS, self._passed_s(), strict=True):
+            if wanted_s >= _TELLING_S and not abs(passed_s - wanted_s) <= allowed_s:
+                rate_hz = self._rate_hz * wanted_s / passed_s
+                return f"{rate_hz:.1f} Hz by {clock}, for rate_hz = {self._rate_hz:g}"
+        return ""
 
     def run(self, stop: threading.Event) -> None:
         """Sample until told to stop or until all samples are taken; the drive ends at zero.
@@ -132,7 +153,7 @@ class Acquisition(Exchange):
                 self._run_by_the_clock(stop)
         except BaseException as error:
             self._rig.safe_stop()
-            self.safety.on(Event.FAILURE, str(error))
+            self._hold(Event.FAILURE, str(error))
             raise
         finally:
             self._rig.safe_stop()

@@ -108,6 +108,8 @@ class Exchange:
         Commands that the limiter changed.
     limited_by : Counter of str
         Number of times that each limit of the limiter acted.
+    held_s : float
+        Time of the run at which the drive was held or the run failed, s; NaN before.
     reply_s : Window
         Time from a sample to its command, s; whole periods between them count as such.
     """
@@ -143,6 +145,7 @@ class Exchange:
         self.unanswered = 0
         self.limited = 0
         self.limited_by: Counter[str] = Counter()
+        self.held_s = math.nan
         self.reply_s = Window(max(1, round(statistics_s * rate_hz)))
 
     @property
@@ -154,9 +157,13 @@ class Exchange:
     def real_time_factor(self) -> float:
         """Ratio of the rig's time to that of the wall clock; NaN before the second sample."""
         # Another thread may read between two assignments: the ratio is for information only.
+        passed_s, of_rig_s = self._passed_s()
+        return of_rig_s / passed_s if passed_s > 0.0 else math.nan
+
+    def _passed_s(self) -> tuple[float, float]:
+        """Return the time since the first sample by the machine's clock and by the rig's, s."""
         time_s, tick_s = self._started_s
-        passed_s = self._tick_s - tick_s
-        return (self._sample_time_s - time_s) / passed_s if passed_s > 0.0 else math.nan
+        return self._tick_s - tick_s, self._sample_time_s - time_s
 
     def limit(self, settings: LimiterSettings) -> None:
         """Take other limits from the next command on; any thread may call."""
@@ -208,7 +215,7 @@ class Exchange:
         in_time = self._watchdog.in_time(command.state_sequence)
         verdict = self.commander.judge(command, self.sequence, in_time=in_time)
         if verdict is Verdict.CONFLICT:
-            self.safety.on(
+            self._hold(
                 Event.TWO_COMMANDERS,
                 f"two commanders: command {command.sequence} for sample {command.state_sequence} "
                 "is not the only one",
@@ -244,12 +251,18 @@ class Exchange:
             self._write(_NOTHING)
             self._limiter.reset()
 
+    def _hold(self, event: Event, reason: str) -> None:
+        """Take an event that ends the driving for good, and note the time of the first."""
+        self.safety.on(event, reason)
+        if math.isnan(self.held_s) and self.safety.reason:
+            self.held_s = max(0, self.sequence - 1) * self._period_s
+
     def _look_for_faults(self, sample: RigSample) -> None:
         complaint = self._sensors.complaint(sample.time_s, sample.volts)
         if complaint:
-            self.safety.on(Event.SENSOR_FAULT, complaint)
+            self._hold(Event.SENSOR_FAULT, complaint)
         if self._emergency:
-            self.safety.on(Event.EMERGENCY_STOP, "emergency stop")
+            self._hold(Event.EMERGENCY_STOP, "emergency stop")
         if self._watchdog.stale(self.sequence, sample.time_s):
             self.commander.release()
             self.safety.on(Event.STALE)

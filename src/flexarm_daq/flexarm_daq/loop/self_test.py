@@ -18,7 +18,7 @@ import numpy as np
 
 from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, INPUT_RANGE_V
 from flexarm_core.errors import SettingError
-from flexarm_daq.rigs.rig_protocol import RigError
+from flexarm_daq.rigs.rig_protocol import RigError, absent_channels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -143,8 +143,8 @@ def complaint(answers: tuple[Answer, ...]) -> str:
         SATURATED: "is at the end of the input range: check its supply and wires",
     }
     return "; ".join(
-        f"{answer.channel} (ACH{number}) {advice[answer.verdict]}"
-        for number, answer in enumerate(answers)
+        f"{answer.channel} (ACH{CHANNEL_NAMES.index(answer.channel)}) {advice[answer.verdict]}"
+        for answer in answers
         if answer.verdict != RIGHT
     )
 
@@ -170,12 +170,14 @@ def run_self_test(rig: Rig, limiter: Limiter, rate_hz: float, *, paced: bool) ->
     RigError
         If the rig fails; `SelfTestError` if a channel is not right.
     """
+    absent = absent_channels(rig)
     try:
         rig.open()
         for attempt in range(_TRIES):
             if attempt:
                 _follow(rig, limiter, np.zeros(round(_SETTLE_S * rate_hz)), rate_hz, paced=paced)
-            answers = judge(*_follow(rig, limiter, profile_v(rate_hz), rate_hz, paced=paced))
+            judged = judge(*_follow(rig, limiter, profile_v(rate_hz), rate_hz, paced=paced))
+            answers = tuple(answer for answer in judged if answer.channel not in absent)
             if any(answer.verdict == WRONG_SIGN for answer in answers):
                 break
             if not complaint(answers):

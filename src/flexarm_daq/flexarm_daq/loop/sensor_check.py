@@ -23,6 +23,8 @@ from flexarm_core.channels import CHANNEL_NAMES, CHANNELS, INPUT_RANGE_V
 from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -88,9 +90,16 @@ class SensorCheck:
         Sampling rate, Hz.
     limits : SensorLimits, optional
         Limits of a healthy rig.
+    absent : collection of str
+        Channels without a sensor: their readings need only be numbers.
     """
 
-    def __init__(self, rate_hz: float, limits: SensorLimits | None = None) -> None:
+    def __init__(
+        self,
+        rate_hz: float,
+        limits: SensorLimits | None = None,
+        absent: Collection[str] = (),
+    ) -> None:
         self.limits = limits if limits is not None else SensorLimits()
         speed_samples = math.ceil(self.limits.speed_saturated_s * rate_hz)
         gauge_samples = math.ceil(self.limits.gauge_saturated_s * rate_hz)
@@ -101,7 +110,9 @@ class SensorCheck:
             speed_samples,
         )
         self._max_gap_s = _MAX_GAP_PERIODS / rate_hz
-        self._can_integrate = rate_hz >= MIN_AGREEMENT_HZ
+        self._absent = frozenset(absent)
+        can_compare = self._absent.isdisjoint((_POSITION.name, _SPEED.name))
+        self._can_integrate = can_compare and rate_hz >= MIN_AGREEMENT_HZ
         self._last_s = -math.inf
         self._last = [math.nan] * len(CHANNELS)
         self._equal = [0] * len(CHANNELS)
@@ -130,6 +141,8 @@ class SensorCheck:
         name = CHANNEL_NAMES[channel]
         if not math.isfinite(reading):
             return f"{name} is not a number"
+        if name in self._absent:
+            return ""
         limit_v = self.limits.max_position_v if channel == 0 else SATURATED_V
         self._saturated[channel] = self._saturated[channel] + 1 if abs(reading) >= limit_v else 0
         if self._saturated[channel] >= self._saturated_samples[channel]:
@@ -138,7 +151,8 @@ class SensorCheck:
         is_equal = reading == self._last[channel] and abs(reading) < SATURATED_V
         self._equal[channel] = self._equal[channel] + 1 if is_equal else 1
         if 0 < self.limits.stuck_samples <= self._equal[channel]:
-            return f"{name} is stuck at {reading:.3f} V"
+            equal = f"{self._equal[channel]} equal readings"
+            return f"{name} is stuck at {reading:.3f} V: {equal}, as stuck_samples has it"
         return ""
 
     def _of_agreement(self, time_s: float, readings: list[float]) -> str:

@@ -6,6 +6,7 @@ starts the sampling, and deactivation stops it with the drive at zero.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import astuple, fields
 from typing import TYPE_CHECKING, Any
@@ -32,7 +33,7 @@ from flexarm_daq.nodes.rig_choice import (
 from flexarm_daq.nodes.topic_link import TopicLink
 from flexarm_daq.rigs.faulty import Fault, FaultyRig
 from flexarm_daq.rigs.nidaq.terminals import TERMINALS, NidaqSettings
-from flexarm_daq.rigs.rig_protocol import Rig, RigError
+from flexarm_daq.rigs.rig_protocol import Rig, RigError, absent_channels, has_own_clock
 from flexarm_daq.rigs.simulated import SimulatedRig
 from flexarm_node.loop_node import LoopNode
 from flexarm_node.process import run
@@ -129,11 +130,11 @@ class DaqNode(LoopNode):
             rig,
             Limiter(settings),
             Watchdog(1.0 / values["rate_hz"], values["max_age_periods"]),
-            SensorCheck(values["rate_hz"], _sensor_limits(values)),
+            SensorCheck(values["rate_hz"], _sensor_limits(values), absent_channels(rig)),
             self._link,
             rate_hz=values["rate_hz"],
             samples=values["samples"],
-            paced_by_rig=values["rig"] != "simulated",
+            paced_by_rig=has_own_clock(rig),
             lockstep=lockstep if virtual else None,
             statistics_s=values["statistics_s"],
         )
@@ -156,14 +157,15 @@ class DaqNode(LoopNode):
         return f"the drive is held at zero: {reason}" if reason else ""
 
     def warning(self) -> str:
-        """Return a line when commands have stopped or come too late; empty otherwise."""
+        """Return a line when commands or samples do not come in time; empty otherwise."""
         acquisition = self._acquisition
         assert acquisition is not None  # noqa: S101 - asked only while the loop runs
         answered = acquisition.commander.answered
         late = acquisition.commander.verdicts[Verdict.LATE]
         rate_hz = self.parameters.values()["rate_hz"]
         if not (answered or late) or acquisition.sequence - answered < _SILENT_S * rate_hz:
-            return ""
+            # The measured rate would make it another warning every second.
+            return "samples do not come at rate_hz: see off rate" if acquisition.off_rate else ""
         since = f" since the one for sample {answered}" if answered else ""
         return f"no command in time{since}: the drive is at zero"
 
@@ -180,9 +182,11 @@ class DaqNode(LoopNode):
         safety, verdicts = acquisition.safety, acquisition.commander.verdicts
         yield {
             "drive": safety.state.value,
+            "held after s": "" if math.isnan(acquisition.held_s) else f"{acquisition.held_s:.3f}",
             "last sample s": self._link.newest_s,
             "samples": acquisition.taken,
             "rate Hz": f"{rate_hz:.1f}",
+            "off rate": acquisition.off_rate,
             "real-time factor": f"{acquisition.real_time_factor:.3f}",
             "missed periods": acquisition.missed,
             "unanswered samples": acquisition.unanswered,

@@ -5,11 +5,14 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
+from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import SettingError
+from flexarm_core.nearest import nearest
 from flexarm_daq.loop.self_test import check_possible
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
+from flexarm_daq.rigs.rig_protocol import METHODS, absent_channels
 from flexarm_daq.rigs.simulated import SimulatedRig
 
 if TYPE_CHECKING:
@@ -39,18 +42,61 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
     Raises
     ------
     SettingError
-        When the parameters do not fit together.
+        When the parameters do not fit together, or the rig is none.
     """
     if wants_self_test(values):
         check_possible(values["rate_hz"], values["max_command_v"])
+    if values["rig"] != "simulated" and values["time"] == "virtual":
+        raise SettingError(
+            f"time = 'virtual', as --fast has it, needs rig = 'simulated', and rig = "
+            f"'{values['rig']}' has real time: leave it out"
+        )
+    rig = chosen_rig(values)
+    require_methods(rig)
+    require_channels(rig)
+    return rig
+
+
+def chosen_rig(values: Mapping[str, Any]) -> Rig:
+    """Make the rig that the parameter `rig` names; a rig of your own is one more branch."""
     if values["rig"] == "simulated":
         return _simulated(values)
-    if values["time"] == "virtual":
-        raise SettingError("time = 'virtual' needs rig = 'simulated': a real rig has real time")
     start = "nidaq."
     wired = {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
     wired |= {"sensors": tuple(wired["sensors"]), "rate_hz": values["rate_hz"]}
     return NidaqRig(NidaqSettings(**wired))
+
+
+def require_methods(rig: Rig) -> None:
+    """Refuse a rig that lacks a method, which would show when the method is needed.
+
+    Raises
+    ------
+    SettingError
+        When it does.
+    """
+    lacking = [name for name in METHODS if not callable(getattr(rig, name, None))]
+    if lacking:
+        raise SettingError(
+            f"the rig's class {type(rig).__name__} has no method {', '.join(lacking)}: a rig has "
+            f"{', '.join(METHODS)} (docs/howto/own_rig.md)"
+        )
+
+
+def require_channels(rig: Rig) -> None:
+    """Refuse a rig whose absent channels are none of the channels.
+
+    Raises
+    ------
+    SettingError
+        When one of them is not.
+    """
+    for name in absent_channels(rig):
+        if name not in CHANNEL_NAMES:
+            raise SettingError(
+                f"the rig's class {type(rig).__name__} has absent_channels with {name!r}"
+                f"{nearest(name, CHANNEL_NAMES)}: name some of {', '.join(CHANNEL_NAMES)}"
+            )
 
 
 def _simulated(values: Mapping[str, Any]) -> SimulatedRig:

@@ -40,7 +40,15 @@ class RigSample(NamedTuple):
 
 
 class Rig(Protocol):
-    """Interface between the system and its hardware."""
+    """Interface between the system and its hardware.
+
+    The node paces the sampling: it reads once a period of its own clock. A rig whose hardware has a
+    sample clock says so by an attribute `has_own_clock` that is true, and its `read` blocks until
+    the next sample of that clock.
+
+    A rig that lacks a sensor reads a constant in its place, and names the channel in an attribute
+    `absent_channels`, a tuple: neither self-test nor sensor check asks anything of that channel.
+    """
 
     def open(self) -> None:
         """Open the hardware, with the drive at zero.
@@ -52,7 +60,9 @@ class Rig(Protocol):
         """
 
     def read(self) -> RigSample:
-        """Sample the four channels now.
+        """Sample the four channels now, or return the next sample of the rig's own clock.
+
+        `time_s` is the instant of the sample, also after a period that was skipped.
 
         Raises
         ------
@@ -85,3 +95,17 @@ class Rig(Protocol):
         DriveNotStoppedError
             If the hardware did not take the zero; the rig is closed all the same.
         """
+
+
+METHODS = ("open", "read", "write", "safe_stop", "close")
+"""Methods of a rig."""
+
+
+def has_own_clock(rig: Rig) -> bool:
+    """Return whether reading a rig waits for its own clock, which paces the sampling."""
+    return bool(getattr(rig, "has_own_clock", False))
+
+
+def absent_channels(rig: Rig) -> tuple[str, ...]:
+    """Return the names of the channels that a rig has no sensor for."""
+    return tuple(getattr(rig, "absent_channels", ()))

@@ -19,6 +19,7 @@ PRESENT = {
     "rate_hz": 300.0,
     "answer_timeout_s": 0.5,
     "max_command_v": 10.0,
+    "self_test": "auto",
 }
 
 
@@ -36,6 +37,11 @@ PRESENT = {
         ("answer_timeout_s=50ms", 0.05),
         ("max_command_v=500mV", 0.5),
         ("autostart=true", True),
+        ("autostart=on", True),
+        ("autostart=off", False),
+        # As a node's choice, where YAML has a boolean.
+        ("self_test=off", "off"),
+        ("self_test=on", "on"),
         ("topics=[state, io]", ["state", "io"]),
     ],
 )

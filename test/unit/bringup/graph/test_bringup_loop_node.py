@@ -79,10 +79,15 @@ def test_arguments___go_to_the_node_that_they_name() -> None:
     assert node_arguments([]) == {"daq": [], "controller": []}
 
 
-@pytest.mark.parametrize("word", ["rate_hz:=1e3", "recorder.bag:=out", "daq.rate_hz"])
+@pytest.mark.parametrize("word", ["rate_hz:=1e3", "recorder.bag:=out", "daq.rate_hz", "-p"])
 def test_argument___for_neither_node___is_refused(word: str) -> None:
     with pytest.raises(SettingError, match="is no parameter, such as"):
         node_arguments([word])
+
+
+def test_argument___after_the_ros_arguments_of_both___is_read_too() -> None:
+    line = ["--ros-args", "-r", "__ns:=/arm2", "--", "daq.max_command_v:=2.0"]
+    assert node_arguments(line)["daq"] == ["--ros-args", "-p", "max_command_v:=2.0"]
 
 
 def test_end___takes_the_drive_to_zero_first(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 
@@ -75,9 +76,20 @@ def check_until_it_ends(nodes: NodeProcesses) -> None:
             "[ERROR] [2.5] [flexarm.rig]: torn",
         ),
         (["[INFO] [1.5] [flexarm.daq]: ready", "ValueError: torn"], "ValueError: torn"),
+        (
+            [
+                "Traceback (most recent call last):",
+                '  File "/a/nodes/daq.py", line 12, in <module>',
+                '  File "/a/rigs/mine.py", line 7',
+                "    def read(self)",
+                "                  ^",
+                "SyntaxError: expected a colon",
+            ],
+            "SyntaxError: expected a colon (/a/rigs/mine.py, line 7)",
+        ),
         (["[ERROR] [1.5] [flexarm.rig]: torn", "[INFO] [2.5] [flexarm.daq]: at zero"], ""),
     ],
-    ids=["nothing", "its_own", "a_traceback", "another_node"],
+    ids=["nothing", "its_own", "a_traceback", "an_unreadable_file", "another_node"],
 )
 def test_node_that_ended___last_line___is_quoted_unless_another_node_logged_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, printed: list[str], quoted: str
@@ -127,3 +139,17 @@ def test_node_that_printed_nothing___is_not_given_the_words_of_an_older_run(
         pytest.raises(LaunchError, match=r"exit code 3: it printed nothing"),
     ):
         check_until_it_ends(nodes)
+
+
+def test_node_that_is_stopped_in_its_start___leaves_no_traceback(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    programs, log = rig_node(monkeypatch, tmp_path, [])
+    node = tmp_path / "rig_node"
+    imports = "import time\nprint('importing', flush=True)\ntime.sleep(60)\n"
+    node.write_text(f"#!{sys.executable}\n{imports}")
+    with NodeProcesses(programs, log):
+        deadline_s = time.monotonic() + 60.0
+        while not log.read_text() and time.monotonic() < deadline_s:
+            time.sleep(0.01)
+    assert log.read_text() == "importing\n"

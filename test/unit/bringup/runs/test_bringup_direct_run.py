@@ -10,6 +10,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from flexarm_bags.check import check_bag
+from flexarm_bringup.graph.processes import HeldDriveError
 from flexarm_bringup.runs.direct_run import DirectRun
 from flexarm_control import build_law, simulate
 from flexarm_core.errors import SettingError
@@ -18,12 +19,24 @@ from flexarm_daq import RigParameters, SimulatedRig
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from flexarm_daq.rigs.rig_protocol import RigSample
+
 RATE_HZ, SAMPLES, SET_POINT_V = 300.0, 450, 2.0
 STEP = {"law": "pdpc", "reference": "step", "step.amplitude_v": SET_POINT_V}
 
 
 def rig() -> SimulatedRig:
     return SimulatedRig(RigParameters(loop_delay_s=6e-4), rate_hz=RATE_HZ, seed=3)
+
+
+class BrokenRig(SimulatedRig):
+    """A rig whose readings of the speed are none from 0.1 s on."""
+
+    def read(self) -> RigSample:
+        sample = super().read()
+        if sample.time_s > 0.0999:
+            sample.volts[3] = np.nan
+        return sample
 
 
 def a_run(samples: int = SAMPLES, real_time_factor: float = 0.0) -> DirectRun:
@@ -67,3 +80,10 @@ def test_law___made_for_another_rate___is_refused_before_the_bag(tmp_path: Path)
     with pytest.raises(SettingError, match=r"made for 300 Hz and the samples come at 500 Hz"):
         run.record({"law": "ilqr", "reference": "step"}, tmp_path / "bag", text="stepping")
     assert not (tmp_path / "bag").exists()
+
+
+def test_drive___held_in_the_run___is_told_with_its_time(tmp_path: Path) -> None:
+    run = a_run()._replace(rig=BrokenRig(RigParameters(), rate_hz=RATE_HZ))
+    # The first reading is that at 0 s.
+    with pytest.raises(HeldDriveError, match=r"speed_v is not a number, after 0\.100 s of the run"):
+        run.record(STEP, tmp_path / "bag", text="stepping")

@@ -29,3 +29,14 @@ def test_pace_text___says_what_was_reached_and_missed() -> None:
     assert (
         pace_text(Run(11900, 100, 1.0)) == "ran at 1.00 of real time, 100 periods without a sample"
     )
+
+
+def test_pace_text___tells_a_rate_that_was_not_asked_for() -> None:
+    told = pace_text(
+        Run(600, 0, 1.0, off_rate="313.9 Hz by the machine's clock, for rate_hz = 300")
+    )
+    assert told.startswith(
+        "ran at 1.00 of real time\n  warning: sampled at 313.9 Hz by the machine's clock, for "
+        "rate_hz = 300: "
+    )
+    assert "docs/howto/own_rig.md" in told

@@ -8,7 +8,7 @@ import pytest
 
 from flexarm_daq.loop.safety import TRANSITIONS, DriveState, Event, Safety
 from flexarm_daq.rigs.rig_protocol import RigError
-from support.acquisition_bench import Bench, Clock, reply
+from support.acquisition_bench import PERIOD_S, Bench, Clock, reply
 from support.project import PROJECT
 
 if TYPE_CHECKING:
@@ -151,6 +151,8 @@ def test_emergency_stop___in_the_middle_of_a_period___lets_no_more_command_act(
     assert bench.rig.writes == [3.0, 4.0, 5.0, 0.0]
     assert bench.acquisition.safety.counts[Event.EMERGENCY_STOP] == 1
     assert bench.acquisition.safety.reason == "emergency stop"
+    # Asked for at sample 4, taken at the fifth.
+    assert bench.acquisition.held_s == pytest.approx(4 * PERIOD_S)
 
 
 def test_error_after_a_hold___keeps_the_first_reason_and_ends_off(

@@ -49,6 +49,7 @@ class Rewired:
         self._drive = drive
         self.written_v: list[float] = []
         self.is_open = False
+        self.absent_channels: tuple[str, ...] = ()
 
     def open(self) -> None:
         self._rig.open()
@@ -105,6 +106,19 @@ def test_inverted_channel___is_refused_by_name(channel: int, payload_kg: float, 
             "wrong sign: swap its wires"
         )
         assert not rig.is_open
+
+
+@pytest.mark.parametrize("absent", range(4))
+def test_channel_without_a_sensor___is_no_fault_and_the_others_are_judged(absent: int) -> None:
+    rig = Rewired(scaled(absent, 0.0), SimulatedRig(seed=1))
+    rig.absent_channels = (CHANNEL_NAMES[absent],)
+    run(rig)
+    broken = (absent + 1) % 4
+    both = Rewired(scaled(broken, -1.0), rig)
+    both.absent_channels = rig.absent_channels
+    told = rf"^self-test: {CHANNEL_NAMES[broken]} \(ACH{broken}\) answers .* the wrong sign"
+    with pytest.raises(SelfTestError, match=told):
+        run(both)
 
 
 @pytest.mark.parametrize("noise_v", [0.0, 0.05])

@@ -107,6 +107,22 @@ def test_reading___that_is_not_a_number___is_found_at_once(channel: int, value: 
     assert first_complaint(volts) == (20, f"{CHANNEL_NAMES[channel]} is not a number")
 
 
+@pytest.mark.parametrize("name", CHANNEL_NAMES)
+def test_channel___without_a_sensor___need_only_be_a_number(name: str) -> None:
+    channel = CHANNEL_NAMES.index(name)
+    # The arm turns far: position and integrated speed agree while both are measured.
+    run = driven(SimulatedRig(seed=3), hold, 900, RATE_HZ)
+    volts = run.y.copy()
+    volts[:, channel] = 0.0
+    samples = list(zip(run.time_s.tolist(), volts, strict=True))
+    of_four = SensorCheck(RATE_HZ)
+    assert any(of_four.complaint(*sample) for sample in samples)
+    check = SensorCheck(RATE_HZ, absent=[name])
+    assert not any(check.complaint(*sample) for sample in samples)
+    volts[0, channel] = math.nan
+    assert check.complaint(10.0, volts[0]) == f"{name} is not a number"
+
+
 @pytest.mark.parametrize("channel", range(4))
 def test_equal_readings___thirty_in_a_row___are_a_stuck_sensor(channel: int) -> None:
     volts = noise(200)

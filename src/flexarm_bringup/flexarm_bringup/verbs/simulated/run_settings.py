@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import FORCE
+from flexarm_bringup.graph.processes import HeldDriveError
 from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
 from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
 from flexarm_ident.job import result_files
@@ -72,17 +74,25 @@ class RunSettings:
 
     @contextmanager
     def bag_folder(self) -> Iterator[Path]:
-        """Give an empty folder for bags; remove it at the end, whatever the end is, unless kept."""
+        """Give an empty folder for bags; remove it at the end, unless kept.
+
+        The bags of a run whose drive was held are evidence: they stay until the next run.
+        """
         folder = self.out / _BAG_FOLDER
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         if not self.keep_bag:
             # A run that is killed leaves the folder: the next one may remove it.
             (folder / _LEFT_OVER).write_text(f"{MARK}\n", "utf-8")
+        keeps = self.keep_bag
         try:
             yield folder.absolute()
+        except HeldDriveError:
+            keeps = True
+            terminal.CONSOLE.print(f"what was recorded is kept in {folder}", markup=False)
+            raise
         finally:
-            if not self.keep_bag:
+            if not keeps:
                 shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import atexit
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from flexarm_daq.rigs.nidaq.driver import load_nidaqmx
 from flexarm_daq.rigs.nidaq.terminals import Drive, NidaqSettings, Sensors
@@ -30,6 +30,8 @@ class NidaqRig:
     nidaqmx : Nidaqmx, optional
         Driver package; `open` imports it if it is not given.
     """
+
+    has_own_clock: ClassVar[bool] = True
 
     def __init__(
         self, settings: NidaqSettings | None = None, *, nidaqmx: Nidaqmx | None = None
