@@ -47,6 +47,7 @@ def main(*, report: Path, out: Path, size: tuple[int, int], force: bool) -> None
         raise click.ClickException(str(error)) from error
     out.parent.mkdir(parents=True, exist_ok=True)
     with Browser() as browser:
+        browser.call("Emulation.setScrollbarsHidden", hidden=True)
         browser.open(report.resolve().as_uri(), width=size[0], height=size[1])
         browser.photograph(out, whole=False)
     click.echo(f"picture in {out}")
