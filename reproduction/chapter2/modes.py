@@ -143,13 +143,7 @@ def _of_waveforms(results: Results, *, friction: bool) -> dict[str, WaveformMode
 
 
 def _table(results: Results) -> Finding:
-    found, free = (
-        {
-            name: results[Call(waveform_modes, (record, friction))]
-            for name, record in RECORDS.items()
-        }
-        for friction in (True, False)
-    )
+    found, free = (_of_waveforms(results, friction=friction) for friction in (True, False))
     printed_hz = np.array(_PRINTED["analytic_hz"], dtype=float)
     rows = tuple(
         (
