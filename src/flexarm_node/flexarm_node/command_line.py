@@ -21,16 +21,19 @@ _PARAMETER, _RULE = "-p", "-r"
 _ASSIGNS = ":="
 
 
-def own_words(words: Sequence[str]) -> list[str]:
-    """Return those words of a command line, without the program's name, that are not for ROS 2."""
-    own: list[str] = []
+def are_for_ros(words: Sequence[str]) -> list[bool]:
+    """Mark the words of a command line that are for ROS 2, with those around them."""
+    marks: list[bool] = []
     is_ros = False
     for word in words:
-        was_ros = is_ros
-        is_ros = word == BEGIN or (is_ros and word != _END)
-        if not (was_ros or is_ros):
-            own.append(word)
-    return own
+        was_ros, is_ros = is_ros, word == BEGIN or (is_ros and word != _END)
+        marks.append(was_ros or is_ros)
+    return marks
+
+
+def own_words(words: Sequence[str]) -> list[str]:
+    """Return those words of a command line, without the program's name, that are not for ROS 2."""
+    return [word for word, is_ros in zip(words, are_for_ros(words), strict=True) if not is_ros]
 
 
 def refuse_words(words: Sequence[str]) -> None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexarm_core.bounds import YamlError, read_text_bytes, yaml_content
 from flexarm_core.errors import FlexarmError, reason
+from flexarm_node.command_line import are_for_ros
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -35,18 +36,12 @@ _FILE = "--params-file"
 _PARAMETER = ("-p", "--param")
 # Letters too many or too few.
 _MISSPELT_BY = 2
-_BEGIN, _END = "--ros-args", "--"
 
 
 def given_files(arguments: Sequence[str]) -> list[Path]:
     """Return the parameter files of a command line."""
-    files: list[Path] = []
-    is_ros = False
-    for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
-        is_ros = word == _BEGIN or (is_ros and word != _END)
-        if is_ros and word == _FILE:
-            files.append(Path(following))
-    return files
+    words = zip(itertools.pairwise([*arguments, ""]), are_for_ros(arguments), strict=True)
+    return [Path(following) for (word, following), is_ros in words if is_ros and word == _FILE]
 
 
 def wrong_words(arguments: Sequence[str]) -> str:
