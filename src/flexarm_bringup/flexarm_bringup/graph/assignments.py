@@ -12,7 +12,6 @@ from flexarm_core.nearest import nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-
 _SWITCH = {"off": False, "on": True}
 
 

@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool
 
 from flexarm_bringup.graph.client import SERVICE_S, GraphClient
-from flexarm_bringup.graph.processes import REMEDY, HeldDriveError, LaunchError
+from flexarm_bringup.graph.processes import HeldDriveError, LaunchError
 from flexarm_bringup.graph.run_watch import RunWatch
 from flexarm_core.nearest import nearest
 from flexarm_msgs.srv import Identify
@@ -229,7 +229,7 @@ class Operator(GraphClient):
         # Deactivated, it has sent everything; after a failure it may be on its way there by itself.
         if self.is_active("daq"):
             self.transition("daq", Transition.TRANSITION_DEACTIVATE)
-        raise HeldDriveError(f"daq: {trouble}; {REMEDY}")
+        raise HeldDriveError(f"daq: {trouble}")
 
     def _why(self, name: str) -> str:
         complaint = self._complaint(name)

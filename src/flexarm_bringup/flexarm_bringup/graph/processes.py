@@ -20,15 +20,11 @@ NAMESPACE = "/flexarm"
 """Namespace of an arm that is given none."""
 MANAGED = ("daq", "controller", "experiment")
 """The nodes with a lifecycle."""
-REMEDY = "mend the cause and run again (docs/safety.md)"
-"""What to do when the drive was held at zero in a run."""
 _PATIENCE_S = 8.0
 _KEPT_VOLTAGE = ": a board keeps its last voltage, so at a real rig press the emergency stop"
 _AFTER = dict.fromkeys(("daq_node", "loop_node"), _KEPT_VOLTAGE)
 """Advice for the user when the process of a node was killed."""
 _LOGGER = re.compile(r"\] \[[\w.]+\.(\w+)\]: ")
-
-
 _PLACE = re.compile(r' +File "(.+)", line (\d+)')
 
 
@@ -37,7 +33,16 @@ class LaunchError(FlexarmError):
 
 
 class HeldDriveError(LaunchError):
-    """The drive was held at zero in a run, or its loop failed: the record is not that of a run."""
+    """The drive was held at zero in a run, or its loop failed: the record is not that of a run.
+
+    Parameters
+    ----------
+    trouble : str
+        What has happened, and when; what to do follows it in the message.
+    """
+
+    def __init__(self, trouble: str) -> None:
+        super().__init__(f"{trouble}; mend the cause and run again (docs/safety.md)")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import time
 from typing import TYPE_CHECKING, NamedTuple
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.graph.processes import REMEDY, HeldDriveError
+from flexarm_bringup.graph.processes import HeldDriveError
 from flexarm_bringup.graph.run_figures import Run
 from flexarm_bringup.runs.loop_bag import LoopBag
 from flexarm_bringup.runs.recorded_run import completed_run
@@ -103,8 +103,9 @@ class DirectRun(NamedTuple):
             finally:
                 loop_bag.close()
         if reason := loop.safety.reason:
-            held = f"the drive is held at zero: {reason}, after {loop.held_s:.3f} s of the run"
-            raise HeldDriveError(f"{held}; {REMEDY}")
+            raise HeldDriveError(
+                f"the drive is held at zero: {reason}, after {loop.held_s:.3f} s of the run"
+            )
         recorded = f"{loop_bag.message_count} messages in {bag}"
         run = Run(loop.taken, loop.missed, loop.real_time_factor, recorded)
         return completed_run(run, bag, lockstep=True)

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.graph.run_figures import Run
 
-
 _OFF_RATE = (
     "the record's times are wrong, and frequencies that are identified from it "
     "(docs/howto/own_rig.md tells who paces a rig)"

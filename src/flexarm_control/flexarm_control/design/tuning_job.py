@@ -165,7 +165,11 @@ def tune(
     result = replace(result, notes=(*said, *result.notes))
     if request.law == "pi" or all(map(is_nominal, models)):
         return result
-    law = "pdpc" if request.law == "pdp" else request.law
+    return _with_level(result, "pdpc" if request.law == "pdp" else request.law, friction_v)
+
+
+def _with_level(result: TuneResult, law: str, friction_v: Mapping[str, float]) -> TuneResult:
+    """Return a result with the level of the laws' compensation, where a model tells it."""
     model = min(friction_v, key=lambda name: friction_v[name], default="")
     if not model or not 0.0 < friction_v[model] <= _MOST_V:
         return replace(result, notes=(*result.notes, compensated(law)))

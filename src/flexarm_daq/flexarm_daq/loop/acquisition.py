@@ -42,8 +42,6 @@ _SPARE_S = 3e-4
 # In virtual time a sample may wait long for its answer or its pace. A stop and the work in spare
 # time must not wait that long.
 _STOP_POLL_S = 0.05
-
-
 # A rate that is off by more than this part shows when the times differ by more than the jitter.
 _OFF_RATE = 0.005
 _OFF_S = 0.01
