@@ -4,20 +4,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+from support.loaded_modules import loaded
 from support.project import BAGS
-
-_LOADED = """
-import sys
-import flexarm_ident, flexarm_ident.job
-slow = "control matplotlib numba scipy.linalg scipy.optimize scipy.signal scipy.stats".split()
-print(*(name for name in slow if name in sys.modules))
-"""
 
 
 def test_import__slow_libraries___wait_until_they_are_needed() -> None:
-    command = [sys.executable, "-c", _LOADED]
-    run = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603 - ours
-    assert not run.stdout.split()
+    slow = "control matplotlib numba scipy.linalg scipy.optimize scipy.signal scipy.stats"
+    assert not loaded("flexarm_ident, flexarm_ident.job", slow)
 
 
 def test_identification__whole_way_to_the_report___needs_no_matplotlib_and_no_statistics(
