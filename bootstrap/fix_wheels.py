@@ -70,7 +70,8 @@ def drop_what_nobody_calls(prefix: Path) -> None:
             if part.is_dir():
                 shutil.rmtree(part)
             else:
-                part.unlink()
+                # It may have gone with a folder above.
+                part.unlink(missing_ok=True)
 
 
 def main() -> None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 LOOKS = (SOLID, DASHED, DOTTED)
 _POINTS = 600
+_DECIMALS_DB = 6
 
 
 def time_plot(
@@ -75,7 +76,8 @@ def range_plot(
     printed : ndarray, (frequencies,), optional
         Magnitude of the printed model.
     """
-    gains_db = 20.0 * np.log10(np.asarray(gains, dtype=float))
+    # The band's name in the file is a hash of its corners, in all their digits.
+    gains_db = np.round(20.0 * np.log10(np.asarray(gains, dtype=float)), _DECIMALS_DB)
     with mpl.rc_context(STYLE):
         figure = figure_of(2.2)
         axes = figure.subplots()
