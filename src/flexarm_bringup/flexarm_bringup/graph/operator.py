@@ -209,15 +209,15 @@ class Operator(GraphClient):
         watch = self._watch
         watch.restart_clock()
         asked, asked_s = 0, time.monotonic()
-        while watch.sequence < samples and not watch.trouble:
+        while (newest := watch.sequence) < samples and not watch.trouble:
+            progress(newest)
             self.spin()
-            progress(watch.sequence)
             if time.monotonic() - asked_s > _COMPLAINTS_S:
                 if complaint := self._complaint("recorder"):
                     raise LaunchError(f"recorder: {complaint}")
-                if watch.sequence == asked and not self.is_active("daq"):
+                if newest == asked and not self.is_active("daq"):
                     return
-                asked, asked_s = watch.sequence, time.monotonic()
+                asked, asked_s = newest, time.monotonic()
             if stall := watch.stall():
                 raise LaunchError(stall)
 

@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from flexarm_msgs.msg import ModeSummary
 
 
+# Both nodes of the loop end when every reader has acknowledged all that they sent.
+_QUIET_S = 0.1
+
+
 class NodeRun(SimulatedRun):
     """Laboratory of nodes; `operator` operates them."""
 
@@ -102,6 +106,7 @@ def _start_parameters(settings: RunSettings) -> dict[str, dict[str, Any]]:
             "reply_delay_s": REPLY_DELAY_S,
             **settings.pace.parameters(),
         },
+        "recorder": {"quiet_s": _QUIET_S},
         "ident": {
             "output_folder": str((settings.out / MODELS_FOLDER).absolute()),
             "force": settings.force,
