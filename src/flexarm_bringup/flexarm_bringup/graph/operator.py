@@ -147,10 +147,19 @@ class Operator(GraphClient):
 
     def identify(self, request: Identify.Request) -> Identify.Response:
         """Call the identification service; its refusal becomes an error."""
-        response = self.call(Identify, "identify", request, _IDENTIFY_S)
-        if not response.success:
-            raise LaunchError(f"identify: {response.message}")
-        return response
+        return self.begin_identify(request)()
+
+    def begin_identify(self, request: Identify.Request) -> Callable[[], Identify.Response]:
+        """Call the identification service; the result waits for its answer, as `identify` does."""
+        answered = self.begin(Identify, "identify", request, _IDENTIFY_S)
+
+        def identified() -> Identify.Response:
+            response: Identify.Response = answered()
+            if not response.success:
+                raise LaunchError(f"identify: {response.message}")
+            return response
+
+        return identified
 
     def start_sampling(self, samples: int = 0) -> None:
         """Activate the DAQ node, which waits for a commander; 0 samples are an endless run."""

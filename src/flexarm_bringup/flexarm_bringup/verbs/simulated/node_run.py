@@ -26,7 +26,7 @@ from flexarm_ident.models.modes import Mode
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.runs.recorded_run import RecordedRun
@@ -68,6 +68,20 @@ class NodeRun(SimulatedRun):
     def identified(self, bag: Path, request: Request) -> IdentifiedModel:
         """Call the service; see `SimulatedRun.identified`."""
         return _model(self._operator.identify(_asked(bag, request)))
+
+    def begin_identify(self, request: Request) -> Callable[[], IdentifiedModel]:
+        """Let the ident node work beside the next runs, where nobody wants to watch the arm."""
+        if self.settings.pace is not Pace.FAST:
+            return super().begin_identify(request)
+        answered = self._operator.begin_identify(_asked(self.experiment_bag, request))
+
+        def identified() -> IdentifiedModel:
+            with terminal.busy("subspace identification of the recorded bag, beside the runs"):
+                model = _model(answered())
+            model.show()
+            return model
+
+        return identified
 
 
 @contextmanager
