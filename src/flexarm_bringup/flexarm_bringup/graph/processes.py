@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexarm_bringup.console.interruption import held_back
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
@@ -129,25 +130,14 @@ class NodeProcesses:
         self._processes: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> NodeProcesses:  # noqa: PYI034 - Self needs Python 3.11
-        from flexarm_node.process import DIE_WITH_PARENT, GATE  # noqa: PLC0415 - it loads rclpy
-
         self.log.parent.mkdir(parents=True, exist_ok=True)
-        wait, self._gate = os.pipe()
-        own = {DIE_WITH_PARENT: str(os.getpid()), GATE: str(wait)}
-        with self.log.open("ab") as output, os.fdopen(wait):
-            self._log_start = output.tell()
-            for command in self._commands:
-                self._processes.append(
-                    subprocess.Popen(  # noqa: S603 - our own nodes
-                        command,
-                        stdin=subprocess.DEVNULL,
-                        stdout=output,
-                        stderr=subprocess.STDOUT,
-                        start_new_session=True,
-                        pass_fds=(wait,),
-                        env=os.environ | own,
-                    )
-                )
+        try:
+            # A process of which nobody knows yet could not be stopped.
+            with held_back(signal.SIGINT, signal.SIGTERM):
+                self._start()
+        except BaseException:
+            self.stop()
+            raise
         return self
 
     def __exit__(
@@ -175,6 +165,26 @@ class NodeProcesses:
         finally:
             signal.signal(signal.SIGINT, previous)
             self._close_gate()
+
+    def _start(self) -> None:
+        from flexarm_node.process import DIE_WITH_PARENT, GATE  # noqa: PLC0415 - it loads rclpy
+
+        wait, self._gate = os.pipe()
+        own = {DIE_WITH_PARENT: str(os.getpid()), GATE: str(wait)}
+        with self.log.open("ab") as output, os.fdopen(wait):
+            self._log_start = output.tell()
+            for command in self._commands:
+                self._processes.append(
+                    subprocess.Popen(  # noqa: S603 - our own nodes
+                        command,
+                        stdin=subprocess.DEVNULL,
+                        stdout=output,
+                        stderr=subprocess.STDOUT,
+                        start_new_session=True,
+                        pass_fds=(wait,),
+                        env=os.environ | own,
+                    )
+                )
 
     def _close_gate(self) -> None:
         if self._gate >= 0:
