@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _IDLE_S: Final = 0.1
 _DRAIN_S: Final = 5.0
+_QUIET_S: Final = 0.5
 
 
 class Disk:
@@ -160,7 +161,7 @@ class Recorder(Process):
         self.disk = Disk()
         self._folder = folder
         self._bags = 0
-        self._recording = Recording(TOPICS, TOPICS[:1])
+        self._recording = Recording(TOPICS, TOPICS[:1], quiet_s=_QUIET_S)
         self._waiting: list[Raw] = []
         self._drain_until_s = math.inf
         self._woken_s = 0.0
@@ -171,7 +172,7 @@ class Recorder(Process):
         self.alive, self.disk, self._waiting = True, Disk(), []
         self.disk.free = free
         self.stalled_until_s = -math.inf
-        self._recording = Recording(TOPICS, TOPICS[:1])
+        self._recording = Recording(TOPICS, TOPICS[:1], quiet_s=_QUIET_S)
         self.open()
         if self.latched is not None:
             self.receive(self.latched)

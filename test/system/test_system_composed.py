@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.system
 
-DAQ = {"rate_hz": 1000.0, "real_time_factor": 0.0, "seed": 7}
+DAQ = {"rate_hz": 1000.0, "seed": 7}
 # A set-point that stays away from the arm, so that the command never is zero by itself.
 CONTROLLER = {
     "law": "pd",
@@ -55,16 +55,21 @@ def end(process: Process, *signals: signal.Signals) -> None:
     assert "Traceback" not in process.printed
 
 
-def test_record___of_one_process___is_that_of_two(graph: Graph, tmp_path: Path) -> None:
+# As fast as it goes, the sampling thread runs the law itself.
+@pytest.mark.parametrize("pace", [0.0, 50.0])
+def test_record___of_one_process___is_that_of_two(
+    graph: Graph, tmp_path: Path, pace: float
+) -> None:
+    daq = DAQ | {"real_time_factor": pace}
     graph.start("recorder")
-    nodes = [graph.start("controller", CONTROLLER), graph.start("daq", DAQ)]
+    nodes = [graph.start("controller", CONTROLLER), graph.start("daq", daq)]
     graph.configure_loop()
     graph.operator.await_recorder()
     two = recorded(graph, tmp_path / "two")
     for node in nodes:
         assert graph.stop(node) == 0
 
-    composed = start_composed(graph, DAQ)
+    composed = start_composed(graph, daq)
     one = recorded(graph, tmp_path / "one")
     end(composed, signal.SIGINT)
 

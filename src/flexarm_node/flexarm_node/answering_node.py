@@ -63,6 +63,8 @@ class AnsweringNode(LoopNode):
     def answer(self, state: Numbers, taken_ns: int) -> tuple[float, float]:
         """Return effort and compensation of the command that answers a sample, V.
 
+        The calling thread is that of the loop, or of the DAQ node's loop in the same process.
+
         Parameters
         ----------
         state : Numbers
@@ -89,6 +91,7 @@ class AnsweringNode(LoopNode):
             if self.direct is None
             else self.direct.states
         )
+        self._turn = nullcontext() if self.direct is None else self.direct.turn
         self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
         self._commander_out = self.create_publisher(CommanderInfo, "commander", qos.STATUS)
 
@@ -117,7 +120,7 @@ class AnsweringNode(LoopNode):
         """Answer until told to stop; a count of samples that goes back begins a new run."""
         self._count.restart()
         self._heard_s = math.inf
-        with nullcontext() if self.direct is None else self.direct.answering():
+        with nullcontext() if self.direct is None else self.direct.answering(self._answer_one):
             while not stopping.is_set():
                 self._answer_next()
         await_acknowledged(*self.publishers())
@@ -140,12 +143,16 @@ class AnsweringNode(LoopNode):
 
     def _answer_next(self) -> None:
         state = self._states.wait_newest(_WAIT_S)
-        if state is None:
+        with self._turn:
+            if state is not None:
+                self._answer_one(state)
+            elif self.direct is not None:
+                self.direct.check()
             self.spare_time()
-            return
+
+    def _answer_one(self, state: Numbers) -> None:
         taken_ns = joined_ns(state.header_stamp_sec, state.header_stamp_nanosec)
         if not self._count.is_new(state.sequence, taken_ns):
-            self.spare_time()
             return
         received_s = self._heard_s = time.monotonic()
         if self._count.begins(state.sequence, taken_ns):
@@ -158,4 +165,3 @@ class AnsweringNode(LoopNode):
         self._commands.publish(self._layout.pack(*command))
         self.answered(taken_ns)
         self._answer_s.add(time.monotonic() - received_s)
-        self.spare_time()

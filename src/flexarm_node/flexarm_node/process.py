@@ -42,6 +42,9 @@ The recorder takes the one below."""
 _DEFAULT_PRIORITY = "20"
 DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
 """Environment variable: the process that started a node, which stops when that one dies."""
+GATE = "FLEXARM_GATE"
+"""Environment variable: file descriptor of a pipe. A node that is ready to join the graph waits for
+a byte of it; its end without one says that there is no graph to join."""
 
 
 class StoppableNode(Protocol):
@@ -115,7 +118,7 @@ def run(
         # Where it is not permitted, the nodes with a loop say so.
         with suppress(PermissionError):
             _take_priority(_priority() - 1)
-    if not _follows_parent():
+    if not (_follows_parent() and _let_in()):
         return 1
     signals, wakeup = os.pipe()
     os.set_blocking(wakeup, False)
@@ -192,6 +195,16 @@ def _follows_parent() -> bool:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     # It may have died before the kernel was told.
     return os.getppid() == int(parent)
+
+
+def _let_in() -> bool:
+    """Wait until the process that started this one opens its gate; return False if it does not."""
+    gate = os.environ.pop(GATE, None)
+    if gate is None:
+        return True
+    opened = os.read(int(gate), 1)
+    os.close(int(gate))
+    return bool(opened)
 
 
 def prefer_realtime() -> None:

@@ -4,6 +4,11 @@ In the range LOCALHOST rmw_fastrtps finds this machine alone, but its sockets li
 address, and a participant elsewhere that knows the ports can join. A profile that keeps the sockets
 on loopback takes the place of the range, in every process of flexarm.
 
+A participant announces itself before it listens, to one port of this machine after the other: the
+answers of those that are there come too early, and are dropped. It learns of them with their next
+announcement, by default every 3 s: a node would wait that long for its graph, and a stop for its
+node. The profile announces every 0.5 s.
+
 Fast DDS over shared memory stops a whole participant for a third of a second when a node joins
 late: it opens the newcomer's channel, and sleeps in a health check while it holds the lock that
 every `publish` needs. A loop must not wait for that. UDP has no channel to open; the other nodes

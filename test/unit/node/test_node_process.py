@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from flexarm_node.process import DIE_WITH_PARENT, PRIORITY
+from flexarm_node.process import DIE_WITH_PARENT, GATE, PRIORITY
 
 NODE = """
 from flexarm_node.process import run
@@ -34,6 +34,24 @@ def test_run___parent_that_died_before_the_start___makes_no_node(gone: bool) -> 
     done = run_node(1 if gone else os.getpid())
     assert done.returncode == 1
     assert ("made" in done.stderr) == (not gone)
+
+
+@pytest.mark.parametrize("opened", [b"+", b""])
+def test_run___behind_a_gate___makes_a_node_when_it_is_opened(opened: bytes) -> None:
+    wait, gate = os.pipe()
+    os.write(gate, opened)
+    os.close(gate)
+    with os.fdopen(wait):
+        done = subprocess.run(  # noqa: S603 - our own program
+            [sys.executable, "-c", NODE],
+            env={**os.environ, GATE: str(wait)},
+            pass_fds=(wait,),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert ("made" in done.stderr) == bool(opened)
 
 
 HANGING = """

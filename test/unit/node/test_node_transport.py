@@ -36,6 +36,7 @@ def test_settings___loop_with_either_version___prompt_heartbeat_in_its_own_words
 ) -> None:
     found = elements(middleware_settings(environment, library, loop=True)[variable])
 
+    # The last times of the profile are those of the heartbeat.
     assert (heartbeat in found, found["sec"], found["nanosec"]) == (True, "0", "100000000")
 
 
@@ -56,6 +57,19 @@ def test_settings___localhost___profile_in_the_place_of_the_range(
     }
     assert (found["useBuiltinTransports"], found["type"]) == ("false", "UDPv4")
     assert found["address"] == "127.0.0.1"
+
+
+@pytest.mark.parametrize(("library", "variable", "_"), VERSIONS)
+def test_settings___localhost___participants_announce_themselves_often(
+    library: str, variable: str, _: str
+) -> None:
+    profile = middleware_settings(LOCALHOST, library, loop=False)[variable]
+    (announcement,) = (
+        each
+        for each in ET.parse(profile).getroot().iter()  # noqa: S314 - our own
+        if each.tag.endswith("}leaseAnnouncement")
+    )
+    assert [each.text for each in announcement] == ["0", "500000000"]
 
 
 @pytest.mark.parametrize("environment", [{}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}])

@@ -36,6 +36,23 @@ def interruptible(*signals: signal.Signals) -> Iterator[None]:
             _told.clear()
 
 
+@contextmanager
+def held_back(*signals: signal.Signals) -> Iterator[None]:
+    """Let signals wait for the end of the block, in which an exception would lose what it makes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    come: list[int] = []
+    before = {each: signal.signal(each, lambda number, _: come.append(number)) for each in signals}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler or signal.SIG_DFL)
+        for number in come[:1]:
+            signal.raise_signal(number)
+
+
 def is_interrupted() -> bool:
     """Return whether a signal has come in the `interruptible` block that is running."""
     return _told.is_set()

@@ -118,12 +118,34 @@ class GraphClient:
         LaunchError
             When the service or its answer does not come in time.
         """
-        client = self.client(service, name)
         if service in _ASKED_ONCE:
-            self.acquaint(_ASKED_ONCE[service], max(timeout_s, SERVICE_S))
-            return self._ask(client, request, timeout_s, patience_s=timeout_s)
+            return self.begin(service, name, request, timeout_s)()
         patience_s = _SOON_S if service in _HARMLESS else _UNHEARD_S
+        client = self.client(service, name)
         return self._ask(client, request, timeout_s, patience_s=patience_s, unheard=unheard)
+
+    def begin(
+        self, service: type, name: str, request: object, timeout_s: float
+    ) -> Callable[[], Any]:
+        """Ask once for long work below the namespace; the result waits for the answer.
+
+        Raises
+        ------
+        LaunchError
+            When the service does not come in time; later, when its answer does not.
+        """
+        client = self.client(service, name)
+        self.acquaint(_ASKED_ONCE[service], max(timeout_s, SERVICE_S))
+        self._await_service(client, timeout_s)
+        answer = client.call_async(request)
+        deadline_s = time.monotonic() + timeout_s
+
+        def answered() -> Any:  # noqa: ANN401 - the service's own response type
+            left_s = max(0.0, deadline_s - time.monotonic())
+            self.wait(answer.done, f"the answer of {client.service_name}", left_s)
+            return answer.result()
+
+        return answered
 
     def client(self, service: type, name: str) -> Client:
         """Return the client of a service below the namespace: only the first is discovered."""
@@ -141,8 +163,7 @@ class GraphClient:
         patience_s: float,
         unheard: Callable[[], object | None] = lambda: None,
     ) -> Any:  # noqa: ANN401 - the service's own response type
-        service = client.service_name
-        self.wait(client.service_is_ready, f"service {service}", max(timeout_s, SERVICE_S))
+        self._await_service(client, timeout_s)
         deadline_s = time.monotonic() + timeout_s
         answers: list[Future[Any]] = []
         while time.monotonic() < deadline_s:
@@ -155,4 +176,9 @@ class GraphClient:
                 self.spin()
             if (inferred := unheard()) is not None:
                 return inferred
+        service = client.service_name
         raise LaunchError(f"the answer of {service} did not come within {timeout_s:.0f} s")
+
+    def _await_service(self, client: Client, timeout_s: float) -> None:
+        longest_s = max(timeout_s, SERVICE_S)
+        self.wait(client.service_is_ready, f"service {client.service_name}", longest_s)

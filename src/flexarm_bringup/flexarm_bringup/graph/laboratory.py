@@ -16,7 +16,7 @@ from flexarm_bringup.graph.processes import (
     NodeProcesses,
     NodeProgram,
 )
-from flexarm_bringup.graph.session import OPERATOR, ros_domain, session
+from flexarm_bringup.graph.session import OPERATOR, interruptible, ros_domain, session
 from flexarm_core.own_files import private_folder
 from flexarm_node.parameter_files import NODE_NAMES, unknown_nodes, unreadable
 
@@ -93,16 +93,22 @@ def running_graph(
     checks = processes.check, processes.complaint
     with (
         claimed_domain(namespace),
+        interruptible(),
+        processes,
         session(OPERATOR, *checks, namespace=namespace) as operator,
     ):
         _require_free_domain(operator)
-        with processes:
-            for name in MANAGED:
-                if name in nodes and name not in idle:
-                    operator.configure(name)
-            if "recorder" in nodes:
-                operator.await_recorder()
+        processes.let_in()
+        for name in MANAGED:
+            if name in nodes and name not in idle:
+                operator.configure(name)
+        if "recorder" in nodes:
+            operator.await_recorder()
+        try:
             yield operator, processes
+        finally:
+            # Before the operator leaves the graph: it may still be asked what they have said.
+            processes.stop()
 
 
 def _loop_program(

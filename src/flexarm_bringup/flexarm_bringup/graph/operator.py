@@ -147,10 +147,19 @@ class Operator(GraphClient):
 
     def identify(self, request: Identify.Request) -> Identify.Response:
         """Call the identification service; its refusal becomes an error."""
-        response = self.call(Identify, "identify", request, _IDENTIFY_S)
-        if not response.success:
-            raise LaunchError(f"identify: {response.message}")
-        return response
+        return self.begin_identify(request)()
+
+    def begin_identify(self, request: Identify.Request) -> Callable[[], Identify.Response]:
+        """Call the identification service; the result waits for its answer, as `identify` does."""
+        answered = self.begin(Identify, "identify", request, _IDENTIFY_S)
+
+        def identified() -> Identify.Response:
+            response: Identify.Response = answered()
+            if not response.success:
+                raise LaunchError(f"identify: {response.message}")
+            return response
+
+        return identified
 
     def start_sampling(self, samples: int = 0) -> None:
         """Activate the DAQ node, which waits for a commander; 0 samples are an endless run."""
@@ -209,15 +218,15 @@ class Operator(GraphClient):
         watch = self._watch
         watch.restart_clock()
         asked, asked_s = 0, time.monotonic()
-        while watch.sequence < samples and not watch.trouble:
+        while (newest := watch.sequence) < samples and not watch.trouble:
+            progress(newest)
             self.spin()
-            progress(watch.sequence)
             if time.monotonic() - asked_s > _COMPLAINTS_S:
                 if complaint := self._complaint("recorder"):
                     raise LaunchError(f"recorder: {complaint}")
-                if watch.sequence == asked and not self.is_active("daq"):
+                if newest == asked and not self.is_active("daq"):
                     return
-                asked, asked_s = watch.sequence, time.monotonic()
+                asked, asked_s = newest, time.monotonic()
             if stall := watch.stall():
                 raise LaunchError(stall)
 

@@ -6,10 +6,12 @@ import os
 import re
 import signal
 import subprocess
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexarm_bringup.console.interruption import held_back
 from flexarm_core.errors import FlexarmError
 
 if TYPE_CHECKING:
@@ -21,6 +23,9 @@ NAMESPACE = "/flexarm"
 MANAGED = ("daq", "controller", "experiment")
 """The nodes with a lifecycle."""
 _PATIENCE_S = 8.0
+_APART_S = 0.05
+"""Time between two nodes that join. Of two that join at the same moment on a busy machine, others
+often discover one only with the next announcements, 3 s later."""
 _KEPT_VOLTAGE = ": a board keeps its last voltage, so at a real rig press the emergency stop"
 _AFTER = dict.fromkeys(("daq_node", "loop_node"), _KEPT_VOLTAGE)
 """Advice for the user when the process of a node was killed."""
@@ -102,6 +107,9 @@ def find_executable(package: str, executable: str) -> Path:
 class NodeProcesses:
     """The processes of a graph; leaving the context stops them in reverse order.
 
+    They load their libraries from the start on, and join the graph when they are let in: only then
+    it is known that their place there is free.
+
     Each one is in a session of its own, so that Ctrl-C reaches this process only and the order of
     the shutdown is ours. Should this process die, the kernel tells them to stop.
 
@@ -117,14 +125,53 @@ class NodeProcesses:
         self._commands = [program.command() for program in programs]
         self.log = log
         self._log_start = 0
+        self._gate = -1
         self._replaceable: set[str] = set()
         self._processes: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> NodeProcesses:  # noqa: PYI034 - Self needs Python 3.11
-        from flexarm_node.process import DIE_WITH_PARENT  # noqa: PLC0415 - it loads rclpy
-
         self.log.parent.mkdir(parents=True, exist_ok=True)
-        with self.log.open("ab") as output:
+        try:
+            # A process of which nobody knows yet could not be stopped.
+            with held_back(signal.SIGINT, signal.SIGTERM):
+                self._start()
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc_value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def let_in(self) -> None:
+        """Let the nodes join the graph, one after another."""
+        for place in range(len(self._processes)):
+            if place > 0:
+                time.sleep(_APART_S)
+            os.write(self._gate, b"+")
+
+    def stop(self) -> None:
+        """Stop the processes that still run, the last one first."""
+        # A second Ctrl-C must not break the shutdown.
+        previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            for process in reversed(self._processes):
+                _stop(process)
+        finally:
+            signal.signal(signal.SIGINT, previous)
+            self._close_gate()
+
+    def _start(self) -> None:
+        from flexarm_node.process import DIE_WITH_PARENT, GATE  # noqa: PLC0415 - it loads rclpy
+
+        wait, self._gate = os.pipe()
+        own = {DIE_WITH_PARENT: str(os.getpid()), GATE: str(wait)}
+        with self.log.open("ab") as output, os.fdopen(wait):
             self._log_start = output.tell()
             for command in self._commands:
                 self._processes.append(
@@ -134,24 +181,15 @@ class NodeProcesses:
                         stdout=output,
                         stderr=subprocess.STDOUT,
                         start_new_session=True,
-                        env=os.environ | {DIE_WITH_PARENT: str(os.getpid())},
+                        pass_fds=(wait,),
+                        env=os.environ | own,
                     )
                 )
-        return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc_value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        # A second Ctrl-C must not break the shutdown.
-        previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        try:
-            for process in reversed(self._processes):
-                _stop(process)
-        finally:
-            signal.signal(signal.SIGINT, previous)
+    def _close_gate(self) -> None:
+        if self._gate >= 0:
+            os.close(self._gate)
+            self._gate = -1
 
     def check(self) -> None:
         """Raise a `LaunchError` with the last line printed for a lost irreplaceable process."""

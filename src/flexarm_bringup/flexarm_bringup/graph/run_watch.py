@@ -6,11 +6,13 @@ import time
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.serialization import deserialize_message
 
 from flexarm_bringup.graph.run_figures import Run
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns, stamp_text
+from flexarm_node.topics.waiting import RawTopicsWaiter
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -25,6 +27,9 @@ not come may take a third of it."""
 class RunWatch:
     """Watch of one run of the DAQ node at a time.
 
+    It looks at the newest sample when it is asked. An executor would call for every one of them,
+    and take as much of the processor as the law.
+
     Parameters
     ----------
     node : Node
@@ -32,8 +37,6 @@ class RunWatch:
 
     Attributes
     ----------
-    sequence : int
-        Number of the newest sample of the run; 0 before the first and between runs.
     trouble : str
         What holds the drive at zero or has ended the run, and when, as the node reports it; ""
         while all is well.
@@ -42,26 +45,38 @@ class RunWatch:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._reporter = f"{node.get_namespace().rstrip('/')}/daq"
-        self.sequence = 0
         self.trouble = ""
+        self._states: RawTopicsWaiter | None = None
+        self._newest = 0
         self._sampled_s = ""
         self._figures: dict[str, str] | None = None
         self._counted = 0
         self._counted_s = 0.0
 
     def __enter__(self) -> RunWatch:  # noqa: PYI034 - Self needs Python 3.11
-        self.sequence = 0
         self.trouble = ""
         if self._figures is None:
             topic = "/diagnostics"
             self._node.create_subscription(DiagnosticArray, topic, self._on_report, qos.EVERY)
         self._figures = {}
-        self._reader = self._node.create_subscription(ArmState, "state", self._on_state, qos.NEWEST)
+        self._states = RawTopicsWaiter(self._node, [(ArmState, "state", qos.NEWEST)])
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._node.destroy_subscription(self._reader)
-        self.sequence = 0
+        if self._states is not None:
+            self._states.close()
+            self._states = None
+        self._newest = 0
+
+    @property
+    def sequence(self) -> int:
+        """Number of the newest sample of the run; 0 before the first and between runs."""
+        waiting = [] if self._states is None else self._states.wait(0.0)
+        if waiting:
+            state = deserialize_message(waiting[-1].raw, ArmState)
+            self._newest = state.sequence
+            self._sampled_s = stamp_text(stamp_ns(state.header.stamp))
+        return self._newest
 
     def restart_clock(self) -> None:
         """Count stalls from now on."""
@@ -69,17 +84,20 @@ class RunWatch:
 
     def stall(self) -> str:
         """Return a stall of the run in words, or nothing."""
-        if self.sequence >= self._counted + _SLOWEST:
-            self._counted, self._counted_s = self.sequence, time.monotonic()
+        newest = self.sequence
+        if newest >= self._counted + _SLOWEST:
+            self._counted, self._counted_s = newest, time.monotonic()
         if time.monotonic() - self._counted_s <= STALLED_S:
             return ""
-        new = self.sequence - self._counted
+        new = newest - self._counted
         return f"{new} new samples in {STALLED_S:.0f} s after {self._counted}"
 
     def has_reported(self) -> bool:
         """Return whether the newest figures are those of the run's last sample."""
         figures = self._figures or {}
-        return figures.get("last sample s") == self._sampled_s and figures["drive"] == "off"
+        # The last sample may have come since the last look.
+        is_newest = self.sequence > 0 and figures.get("last sample s") == self._sampled_s
+        return is_newest and figures["drive"] == "off"
 
     def run(self) -> Run:
         """Return the figures of the run, once they have been reported."""
@@ -90,10 +108,6 @@ class RunWatch:
             float(figures["real-time factor"]),
             off_rate=figures["off rate"],
         )
-
-    def _on_state(self, state: ArmState) -> None:
-        self.sequence = state.sequence
-        self._sampled_s = stamp_text(stamp_ns(state.header.stamp))
 
     def _on_report(self, message: DiagnosticArray) -> None:
         for status in message.status:

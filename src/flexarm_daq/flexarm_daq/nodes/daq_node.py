@@ -93,6 +93,7 @@ class DaqNode(LoopNode):
             cli_args=cli_args,
         )
         self._handover = handover
+        self._tell_pace(self.parameters.values())
         self._rig: Rig | None = None
         self.create_service(Trigger, "emergency_stop", self._on_emergency_stop)
         self.start_if_asked()
@@ -117,6 +118,7 @@ class DaqNode(LoopNode):
         self._link.start(
             values["rate_hz"],
             virtual=virtual,
+            unpaced=values["real_time_factor"] == 0.0,
             clock=values["clock"],
             await_commander=values["await_commander"],
         )
@@ -224,10 +226,16 @@ class DaqNode(LoopNode):
 
     def _on_changed(self, values: Mapping[str, Any]) -> None:
         """Take the limits and the payload at once."""
+        self._tell_pace(values)
         if self._acquisition is not None:
             self._acquisition.limit(_limits(values))
         if isinstance(self._rig, SimulatedRig):
             self._rig.change_payload(values["payload_kg"])
+
+    def _tell_pace(self, values: Mapping[str, Any]) -> None:
+        """Tell a commander in the same process whether samples wait for it."""
+        if self._handover is not None:
+            self._handover.waits = is_virtual(values)
 
     def _on_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response

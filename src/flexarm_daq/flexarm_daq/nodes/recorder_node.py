@@ -65,6 +65,7 @@ class RecorderNode(Node):
         self._recording = Recording(
             resolved,
             (topic for topic, name in zip(resolved, names, strict=True) if name in KEPT),
+            quiet_s=self._settings.values()["quiet_s"],
         )
         self._in_force = [
             topic for topic, name in zip(resolved, names, strict=True) if name in IN_FORCE

@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     from flexarm_bags.writer import BagWriter
     from flexarm_daq.nodes.last_messages import LastMessages
 
-QUIET_S = 0.5
-"""Longest time between the arrivals of two sent messages, on a busy machine too."""
-_QUIET_NS = round(QUIET_S * 1e9)
-
 
 class Message(Protocol):
     """One serialised message, with its topic as an index and the instant of its publication."""
@@ -48,6 +44,8 @@ class Recording:
         Recorded topics.
     kept : iterable of str
         Those of them whose last message belongs into every bag; see `KeptMessages`.
+    quiet_s : float
+        Longest time between the arrivals of two sent messages, s.
 
     Attributes
     ----------
@@ -61,7 +59,7 @@ class Recording:
         True from `end` until all that was sent before it is written.
     """
 
-    def __init__(self, topics: Sequence[str], kept: Iterable[str]) -> None:
+    def __init__(self, topics: Sequence[str], kept: Iterable[str], *, quiet_s: float) -> None:
         self._topics = tuple(topics)
         self._kept = KeptMessages(kept)
         self._sent = [SendTimes() for _ in topics]
@@ -69,6 +67,7 @@ class Recording:
         self._awaited: dict[int, float] = {}
         self._later: list[Message] = []
         self._ended_ns = 0
+        self._quiet_ns = round(quiet_s * 1e9)
         self.writer: BagWriter | None = None
         self.last: LastMessages | None = None
         self.failure = ""
@@ -100,7 +99,7 @@ class Recording:
         """Begin to end the bag, or to take a snapshot, at an instant of the steady clock."""
         self._ended_ns = now_ns
         topics = range(len(self._topics))
-        recent = [topic for topic in topics if now_ns - self._heard_ns[topic] < _QUIET_NS]
+        recent = [topic for topic in topics if now_ns - self._heard_ns[topic] < self._quiet_ns]
         self._awaited = dict.fromkeys(recent or topics, now_ns)
         self._later = []
         self.ending = self.writer is not None
@@ -109,7 +108,7 @@ class Recording:
         """Write those that were sent before the end, of messages that were on their way to it.
 
         Each topic has a way of its own. `ending` turns false when every topic that was heard of
-        before the end has brought a later message, or nothing for `QUIET_S`. What waits in memory
+        before the end has brought a later message, or nothing for `quiet_s`. What waits in memory
         meanwhile is flushed when that is due, as in `take`.
 
         Raises
@@ -127,7 +126,7 @@ class Recording:
             due.append(message)
             if topic in self._awaited:
                 self._awaited[topic] = received_ns
-        self.ending = any(received_ns - last < _QUIET_NS for last in self._awaited.values())
+        self.ending = any(received_ns - last < self._quiet_ns for last in self._awaited.values())
         self._write_and_flush(due)
 
     def close(self) -> str:

@@ -73,9 +73,13 @@ class TopicLink:
         self._joint_every = 1
         self._start_ns = 0
         self._newest_ns = 0
+        self._asks = False
 
-    def start(self, rate_hz: float, *, virtual: bool, clock: bool, await_commander: bool) -> None:
+    def start(
+        self, rate_hz: float, *, virtual: bool, unpaced: bool, clock: bool, await_commander: bool
+    ) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
+        self._asks = virtual and unpaced
         if not (virtual and clock):
             self._release_clock()
         elif self._clock is None:
@@ -112,7 +116,7 @@ class TopicLink:
             record.compensation_v,
             record.command_sequence,
         )
-        if self._handover is not None:
+        if self._handover is not None and not self._asks:
             # Its thread wakes up while this one publishes.
             self._handover.states.put(self._layout.named(*state))
         self._publisher.publish(self._layout.pack(*state))
@@ -121,6 +125,8 @@ class TopicLink:
             self._clock.publish(self._now)
         if record.sequence % self._joint_every == 0 and self._joint_states.get_subscription_count():
             self._publish_joints(record)
+        if self._handover is not None and self._asks:
+            self._handover.ask(self._layout.named(*state))
 
     def wait(self, timeout_s: float) -> Command | None:
         """Return the newest command, or None when none came in time."""

@@ -3,6 +3,9 @@
 A sample goes from thread to thread without the middleware. Its message is published beside it, for
 everybody else. The sampling thread never waits for the law: when that hangs or fails, the sampling
 goes on and the drive goes to zero, as with two processes.
+
+In virtual time that goes as fast as it can, every sample waits for the law anyway. The sampling
+thread then runs the law itself: two changes of thread a sample would take longer than its work.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from flexarm_node.topics.layout import Numbers
     from flexarm_node.topics.waiting import TopicWaiter
@@ -64,29 +67,70 @@ class DirectHandover:
         Commands, MotorCommand.
     answers : bool
         True while the loop of the node that commands runs.
+    waits : bool
+        True where every sample waits for its answer, in virtual time.
+    turn : Lock
+        Held by the thread that does the work of the node that commands.
     """
 
     def __init__(self) -> None:
         self.states: Mailbox[Numbers] = Mailbox()
         self.commands: Mailbox[Numbers] = Mailbox()
         self.answers = False
+        self.waits = False
+        self.turn = threading.Lock()
+        self._answer: Callable[[Numbers], None] | None = None
+        self._is_asked = False
+        self._failure: Exception | None = None
         self._given: deque[Numbers] = deque(maxlen=_REMEMBERED)
+
+    def ask(self, state: Numbers) -> None:
+        """Have a sample answered in the calling thread, where the node that commands is active.
+
+        An error of the answer belongs to that node: its own loop raises it, see `check`.
+        """
+        with self.turn:
+            if self._answer is None:
+                return
+            self._is_asked = True
+            try:
+                self._answer(state)
+            except Exception as error:  # noqa: BLE001 - the sampling goes on
+                self._answer, self._failure = None, error
+            finally:
+                self._is_asked = False
+
+    def check(self) -> None:
+        """Raise the error of an answer that `ask` was told."""
+        if self._failure is not None:
+            failure, self._failure = self._failure, None
+            raise failure
 
     def give(self, command: Numbers) -> None:
         """Hand a command over, before it is published, and let the other thread act on it."""
         self._given.append(command)
         self.commands.put(command)
-        # It needs the interpreter, which this thread would keep for the message.
-        time.sleep(0.0)
+        if not self._is_asked:
+            # It needs the interpreter, which this thread would keep for the message.
+            time.sleep(0.0)
 
     @contextmanager
-    def answering(self) -> Iterator[None]:
-        """Tell the other end that commands are to be expected from this one."""
+    def answering(self, answer: Callable[[Numbers], None]) -> Iterator[None]:
+        """Tell the other end that commands are to be expected from this one.
+
+        Parameters
+        ----------
+        answer : callable
+            Gives the command that answers a sample.
+        """
+        self._answer, self._failure = answer, None
         self.answers = True
         try:
             yield
         finally:
             self.answers = False
+            with self.turn:
+                self._answer = None
 
     def was_given(self, command: Numbers) -> bool:
         """Return whether a command from the topic is one that was handed over."""

@@ -11,6 +11,7 @@ import pytest
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.interruption import (
     check_interruption,
+    held_back,
     interruptible,
     is_interrupted,
 )
@@ -47,6 +48,20 @@ def test_signal___in_a_block_within_another___is_remembered_until_the_outer_one_
         with interruptible(signal.SIGTERM):
             assert is_interrupted()
     assert not is_interrupted()
+
+
+def test_signals___held_back___interrupt_once_the_block_is_done() -> None:
+    done = []
+    with interruptible(signal.SIGINT, signal.SIGTERM):
+        handlers = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt), held_back(signal.SIGINT, signal.SIGTERM):
+            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGINT)
+            done.append("work")
+        assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
+        with held_back(signal.SIGINT):
+            done.append("more")
+    assert done == ["work", "more"]
 
 
 def test_other_thread___leaves_the_signals_alone() -> None:

@@ -153,3 +153,35 @@ def test_node_that_is_stopped_in_its_start___leaves_no_traceback(
         while not log.read_text() and time.monotonic() < deadline_s:
             time.sleep(0.01)
     assert log.read_text() == "importing\n"
+
+
+def test_nodes___start_at_once___and_join_when_they_are_let_in(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    programs, log = rig_node(monkeypatch, tmp_path, [])
+    joining = "read -r -n 1 opened <&$FLEXARM_GATE; echo joins; sleep 60"
+    (tmp_path / "rig_node").write_text(f"#!/bin/bash\necho loads\n{joining}\n")
+
+    def printed(line: str, count: int) -> bool:
+        deadline_s = time.monotonic() + 60.0
+        while log.read_text().count(line) < count and time.monotonic() < deadline_s:
+            time.sleep(0.01)
+        return log.read_text().count(line) == count
+
+    with NodeProcesses([*programs, *programs], log) as nodes:
+        assert printed("loads", 2)
+        assert "joins" not in log.read_text()
+        nodes.let_in()
+        assert printed("joins", 2)
+
+
+def test_nodes___stopped_before_they_are_let_in___join_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    programs, log = rig_node(monkeypatch, tmp_path, [])
+    joining = "read -r -n 1 opened <&$FLEXARM_GATE && echo joins"
+    (tmp_path / "rig_node").write_text(f"#!/bin/bash\n{joining}\n")
+    with NodeProcesses(programs, log) as nodes:
+        pass
+    assert "joins" not in log.read_text()
+    assert set(nodes.exit_codes().values()) != {None}

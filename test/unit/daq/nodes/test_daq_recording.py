@@ -6,7 +6,7 @@ import pytest
 
 from flexarm_bags.writer import BagWriter, RecordingError
 from flexarm_daq.nodes.last_messages import LastMessages
-from flexarm_daq.nodes.recording import QUIET_S, Recording
+from flexarm_daq.nodes.recording import Recording
 from support.acquisition_bench import Clock
 from support.bag_samples import START_NS, arm_state, mcap_file, motor_command, recorded_topics
 from support.recorded_samples import content, salvaged
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 MS = 1_000_000
 NOW_NS = START_NS + 1000 * MS
+QUIET_S = 0.5
 QUIET_MS = round(QUIET_S * 1e3)
 STATE, COMMAND = 0, 1
 NAMES = ("/flexarm/state", "/flexarm/command")
@@ -46,7 +47,7 @@ def bag(tmp_path: Path) -> Path:
 @pytest.fixture
 def recording(bag: Path) -> Recording:
     """Return a recording that has the first sample and the first command, 1 ms after the start."""
-    made = Recording(NAMES, [])
+    made = Recording(NAMES, [], quiet_s=QUIET_S)
     made.open(BagWriter(bag, recorded_topics([SAMPLES[0], COMMANDS[0]])), START_NS)
     made.take([sample(1), command(1)], MS)
     return made
@@ -108,7 +109,7 @@ def test_end___a_topic_without_a_message_for_long___is_not_waited_for(
 
 def test_end___that_waits_for_a_topic___leaves_nothing_in_memory_for_long(bag: Path) -> None:
     clock = Clock()
-    recording = Recording(NAMES, [])
+    recording = Recording(NAMES, [], quiet_s=QUIET_S)
     topics = recorded_topics([SAMPLES[0], COMMANDS[0]])
     recording.open(BagWriter(bag, topics, flush_period_s=0.9, clock=clock), START_NS)
     recording.take([sample(1), command(1)], MS)
@@ -130,7 +131,7 @@ def test_end___without_a_bag___is_over_at_once(recording: Recording, bag: Path) 
 
 
 def test_close___without_a_message___leaves_no_bag(bag: Path) -> None:
-    recording = Recording(NAMES, [])
+    recording = Recording(NAMES, [], quiet_s=QUIET_S)
     recording.open(BagWriter(bag, recorded_topics([SAMPLES[0], COMMANDS[0]])), START_NS)
     assert recording.close() == f"0 messages: no bag is left in {bag}"
     assert not bag.exists()

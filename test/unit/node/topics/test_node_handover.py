@@ -38,6 +38,10 @@ class Topic:
         self.closed = True
 
 
+def ignore(_: object) -> None:
+    """Answer nothing."""
+
+
 def waiter(handover: DirectHandover, topic: Topic) -> CommandWaiter:
     others: Any = topic
     return CommandWaiter(handover, others)
@@ -91,7 +95,7 @@ def test_command___handed_over___comes_once_although_its_topic_has_it_too() -> N
     handover, own = DirectHandover(), Command(1, 0.5)
     topic = Topic([own])
     commands = waiter(handover, topic)
-    with handover.answering():
+    with handover.answering(ignore):
         handover.give(own)
         assert commands.wait_newest(PATIENCE_S) == own
         assert commands.wait_newest(0.0) is None
@@ -102,7 +106,7 @@ def test_command___handed_over___comes_once_although_its_topic_has_it_too() -> N
 def test_command_of_others___beside_ours___is_heard_behind_ours() -> None:
     handover, own, other = DirectHandover(), Command(1, 0.5), Command(1, -0.5)
     commands = waiter(handover, Topic([other, own]))
-    with handover.answering():
+    with handover.answering(ignore):
         handover.give(own)
         assert commands.wait_newest(PATIENCE_S) == own
         assert commands.wait_newest(PATIENCE_S) == other
@@ -111,7 +115,7 @@ def test_command_of_others___beside_ours___is_heard_behind_ours() -> None:
 def test_command_of_others___while_our_commander_is_silent___is_heard() -> None:
     handover, other = DirectHandover(), Command(1, -0.5)
     commands = waiter(handover, Topic([other]))
-    with handover.answering():
+    with handover.answering(ignore):
         assert commands.wait_newest(0.0) == other
 
 
@@ -127,7 +131,7 @@ def test_commander_of_this_process___inactive___topic_is_waited_on() -> None:
 def test_last_command___of_a_commander_that_was_deactivated___is_still_taken() -> None:
     handover, last = DirectHandover(), Command(9)
     commands = waiter(handover, Topic([last]))
-    with handover.answering():
+    with handover.answering(ignore):
         handover.give(last)
     assert commands.wait_newest(0.0) == last
     assert commands.wait_newest(0.0) is None
@@ -145,10 +149,69 @@ def test_answering___ended_by_an_error___is_over() -> None:
     handover = DirectHandover()
 
     def fail() -> None:
-        with handover.answering():
+        with handover.answering(ignore):
             assert handover.answers
             raise RuntimeError("torn")
 
     with pytest.raises(RuntimeError, match="torn"):
         fail()
     assert not handover.answers
+
+
+def test_sample___that_is_asked_for___is_answered_in_the_thread_that_asks() -> None:
+    handover, threads = DirectHandover(), []
+
+    def answer(state: Command) -> None:
+        threads.append(threading.get_ident())
+        handover.give(Command(state.sequence, 0.5))
+
+    with handover.answering(answer):
+        handover.ask(Command(3))
+        assert handover.commands.wait_newest(0.0) == Command(3, 0.5)
+    handover.ask(Command(4))
+    assert threads == [threading.get_ident()]
+
+
+def test_answer___that_fails_where_it_is_asked_for___is_an_error_of_the_commander() -> None:
+    handover = DirectHandover()
+
+    def fail(_: object) -> None:
+        raise ArithmeticError("torn")
+
+    with handover.answering(fail):
+        handover.ask(Command(1))
+        # It has failed once, and is not asked again.
+        handover.ask(Command(2))
+        with pytest.raises(ArithmeticError, match="torn"):
+            handover.check()
+        handover.check()
+    with handover.answering(ignore):
+        handover.ask(Command(3))
+        handover.check()
+
+
+def test_end_of_answering___waits_for_the_answer_that_is_being_given() -> None:
+    handover = DirectHandover()
+    began, may_end = threading.Event(), threading.Event()
+    ended: list[str] = []
+
+    def answer(_: object) -> None:
+        began.set()
+        assert may_end.wait(PATIENCE_S)
+        ended.append("answer")
+
+    asking = threading.Thread(target=handover.ask, args=[Command(1)])
+
+    def ask_and_leave() -> None:
+        with handover.answering(answer):
+            asking.start()
+            assert began.wait(PATIENCE_S)
+        ended.append("answering")
+
+    leaving = threading.Thread(target=ask_and_leave)
+    leaving.start()
+    assert began.wait(PATIENCE_S)
+    may_end.set()
+    leaving.join(PATIENCE_S)
+    asking.join(PATIENCE_S)
+    assert ended == ["answer", "answering"]

@@ -50,12 +50,13 @@ def _run_demo(settings: RunSettings) -> None:
     with simulated_run(settings) as run:
         experiment = run.excite()
         run.begin("Identifying a model from the first half of the record, validating it on all")
-        model = run.identify(_request(true_modes_hz))
+        identified = run.begin_identify(_request(true_modes_hz))
         run.begin(f"Controlling the arm: PDPC, step to {SET_POINT_V:g} V")
         step = run.step("step", {"law": "pdpc"})
         run.begin(f"Moving the arm as planned: step to {SET_POINT_V:g} V")
         law = {"law": "planned", "planned.payload_kg": settings.payload_kg}
         planned = run.step("planned", law, length_s=_PLANNED_S)
+        model = identified()
     write_results(settings, DemoResults(experiment, model, step, planned, true_modes_hz))
     terminal.next_step(run.followed_by)
 

@@ -26,13 +26,17 @@ from flexarm_ident.models.modes import Mode
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from flexarm_bringup.graph.operator import Operator
     from flexarm_bringup.runs.recorded_run import RecordedRun
     from flexarm_bringup.verbs.simulated.run_settings import RunSettings
     from flexarm_ident.workflow.request import Request
     from flexarm_msgs.msg import ModeSummary
+
+
+# Both nodes of the loop end when every reader has acknowledged all that they sent.
+_QUIET_S = 0.1
 
 
 class NodeRun(SimulatedRun):
@@ -64,6 +68,20 @@ class NodeRun(SimulatedRun):
     def identified(self, bag: Path, request: Request) -> IdentifiedModel:
         """Call the service; see `SimulatedRun.identified`."""
         return _model(self._operator.identify(_asked(bag, request)))
+
+    def begin_identify(self, request: Request) -> Callable[[], IdentifiedModel]:
+        """Let the ident node work beside the next runs, where nobody wants to watch the arm."""
+        if self.settings.pace is not Pace.FAST:
+            return super().begin_identify(request)
+        answered = self._operator.begin_identify(_asked(self.experiment_bag, request))
+
+        def identified() -> IdentifiedModel:
+            with terminal.busy("subspace identification of the recorded bag, beside the runs"):
+                model = _model(answered())
+            model.show()
+            return model
+
+        return identified
 
 
 @contextmanager
@@ -102,6 +120,7 @@ def _start_parameters(settings: RunSettings) -> dict[str, dict[str, Any]]:
             "reply_delay_s": REPLY_DELAY_S,
             **settings.pace.parameters(),
         },
+        "recorder": {"quiet_s": _QUIET_S},
         "ident": {
             "output_folder": str((settings.out / MODELS_FOLDER).absolute()),
             "force": settings.force,

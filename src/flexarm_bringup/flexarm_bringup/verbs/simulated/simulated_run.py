@@ -16,7 +16,7 @@ from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V, Controlled
 from flexarm_daq.experiments.catalogue import experiment
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from flexarm_bringup.runs.recorded_run import RecordedRun
@@ -48,6 +48,11 @@ class SimulatedRun(ABC):
         self.settings = settings
         self._bags = bags
 
+    @property
+    def experiment_bag(self) -> Path:
+        """Bag of the closed-loop experiment."""
+        return self._bags / EXPERIMENT
+
     def begin(self, words: str) -> None:
         """Tell the user what comes next."""
         terminal.step(words)
@@ -61,15 +66,20 @@ class SimulatedRun(ABC):
             f"{ENTRY.samples} samples at {ENTRY.rate_hz:.0f} Hz, {pace}"
         )
         controller = ENTRY.commander_parameters(settings.seed)
-        bag = self._bags / EXPERIMENT
+        bag = self.experiment_bag
         return self.record(controller, bag, ENTRY.samples, text="exciting the arm")
 
     def identify(self, request: Request) -> IdentifiedModel:
         """Identify a model from the experiment and print it."""
         with terminal.busy("subspace identification of the recorded bag"):
-            model = self.identified(self._bags / EXPERIMENT, request)
+            model = self.identified(self.experiment_bag, request)
         model.show()
         return model
+
+    def begin_identify(self, request: Request) -> Callable[[], IdentifiedModel]:
+        """Identify a model, beside the next runs where that saves time; the result waits for it."""
+        model = self.identify(request)
+        return lambda: model
 
     def step(
         self, name: str, law: Mapping[str, Any], *, length_s: float = _STEP_S
