@@ -52,12 +52,17 @@ def test_signal___in_a_block_within_another___is_remembered_until_the_outer_one_
 
 def test_signals___held_back___interrupt_once_the_block_is_done() -> None:
     done = []
-    with interruptible(signal.SIGINT, signal.SIGTERM):
-        handlers = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-        with pytest.raises(KeyboardInterrupt), held_back(signal.SIGINT, signal.SIGTERM):
+
+    def work() -> None:
+        with held_back(signal.SIGINT, signal.SIGTERM):
             signal.raise_signal(signal.SIGTERM)
             signal.raise_signal(signal.SIGINT)
             done.append("work")
+
+    with interruptible(signal.SIGINT, signal.SIGTERM):
+        handlers = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt):
+            work()
         assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
         with held_back(signal.SIGINT):
             done.append("more")
