@@ -24,10 +24,8 @@ if TYPE_CHECKING:
 
 BUILDERS_NUMPY = re.compile(r'/opt/python/[^";]*/numpy/(?:_core|core)/include')
 BUILDERS_PYTHON = re.compile(r'/opt/python/[^";]*/include/python3\.\d+')
-NEVER_CALLED = (  # of wheels that are mostly that
-    *(f"cmake/data/{part}" for part in ("bin/ctest", "bin/cpack", "share/cmake-*/Help")),
-    *(f"{package}/**/tests" for package in ("numpy", "scipy", "numba", "matplotlib")),
-)
+NEVER_CALLED = [f"cmake/data/{part}" for part in ("bin/ctest", "bin/cpack", "share/cmake-*/Help")]
+TESTED = ("numpy", "scipy", "numba", "matplotlib")  # wheels of which tests are a large part
 
 
 def name_this_machine(prefix: Path) -> None:
@@ -63,15 +61,23 @@ def link_copies(prefix: Path) -> None:
                 copy.hardlink_to(first)
 
 
-def drop_what_nobody_calls(prefix: Path) -> None:
+def drop_what_nobody_calls(packages: Path) -> None:
     """Remove the parts that neither the build nor a run needs."""
     for pattern in NEVER_CALLED:
-        for part in list(prefix.glob(f"lib/python3*/site-packages/{pattern}")):
+        for part in list(packages.glob(pattern)):
             if part.is_dir():
                 shutil.rmtree(part)
             else:
-                # It may have gone with a folder above.
-                part.unlink(missing_ok=True)
+                part.unlink()
+
+
+def drop_tests(packages: Path) -> None:
+    """Remove tests and their data; other modules stay: numpy.testing imports one of them."""
+    for name in TESTED:
+        for file in [*packages.glob(f"{name}/**/tests/**/*")]:
+            is_helper = file.suffix == ".py" and not file.name.startswith("test_")
+            if file.is_file() and not is_helper:
+                file.unlink()
 
 
 def main() -> None:
@@ -79,7 +85,9 @@ def main() -> None:
     prefix = Path(sys.prefix)
     name_this_machine(prefix)
     link_copies(prefix)
-    drop_what_nobody_calls(prefix)
+    for packages in prefix.glob("lib/python3*/site-packages"):
+        drop_what_nobody_calls(packages)
+        drop_tests(packages)
 
 
 main()

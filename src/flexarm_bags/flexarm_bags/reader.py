@@ -158,6 +158,11 @@ def opened(path: Path) -> Iterator[Bag]:
     except (BagError, DataError, BoundError, DefinitionError) as error:
         # Some of these begin with the bag already.
         raise BagError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
+    except ImportError as error:
+        raise BagError(
+            f"{path}: {one_line(error)}: the installation lacks a part of a library; install it "
+            "again, in a checkout after ./flexarm clean"
+        ) from error
     except Exception as error:
         raise BagError(
             f"{path}: truncated or damaged: {one_line(error).rstrip('.')}{repair_advice(path)}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -13,8 +14,10 @@ from rosbags.convert.cli import main as rosbags_convert
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from flexarm_bags.check import check_bag
+from flexarm_bags.reader import opened
 from flexarm_bags.repair import repair_bag
 from flexarm_bags.writer import BagWriter
+from flexarm_core.errors import BagError
 from flexarm_daq.importing.csv_import import import_csv
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
 from support.bag_samples import controlled_run, information, recorded_topics, typestore, write_bag
@@ -127,3 +130,17 @@ def test_rosbags_convert___takes_every_kind___without_a_word(
 
 def test_check___of_every_kind___finds_nothing(bag: Path) -> None:
     assert check_bag(bag).problems == ()
+
+
+def test_reader___of_an_installation_that_lacks_a_part___does_not_blame_the_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = write_bag(tmp_path / "run", controlled_run(3))
+    monkeypatch.setitem(sys.modules, "numpy.testing", None)
+
+    def read() -> None:
+        with opened(bag):
+            import_module("numpy.testing")
+
+    with pytest.raises(BagError, match=r"numpy\.testing.*the installation lacks a part"):
+        read()
