@@ -24,12 +24,15 @@ if TYPE_CHECKING:
 SERVICE_S = 30.0
 """Deadline of operations that usually take a moment."""
 _UNHEARD_S = 3.0
-_SOON_S = 0.5
-"""Patience with questions that do no harm twice: they may soon be put again."""
+_SOON_S = 0.1
+"""Patience with questions that do no harm twice: they may soon be put again, twice as late each
+time."""
 _HARMLESS = (GetState, GetParameters, Trigger)
 _ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
 """Long work and its node: a second question would be refused while the first is at work."""
 _POLL_S = 0.1
+_SERVICE_POLL_S = 0.02
+"""A service that is discovered wakes nobody up."""
 
 
 class GraphClient:
@@ -75,18 +78,28 @@ class GraphClient:
             for name, space in self.node.get_node_names_and_namespaces()
         }
 
-    def spin(self) -> None:
+    def spin(self, poll_s: float = _POLL_S) -> None:
         """Handle what has come, or wait a moment for it."""
         self._check()
-        self._executor.spin_once(timeout_sec=_POLL_S)
+        self._executor.spin_once(timeout_sec=poll_s)
 
-    def wait(self, condition: Callable[[], bool], what: str, timeout_s: float = SERVICE_S) -> None:
-        """Spin until the condition holds; raise a `LaunchError` after the time."""
+    def wait(
+        self,
+        condition: Callable[[], bool],
+        what: str,
+        timeout_s: float = SERVICE_S,
+        *,
+        poll_s: float = _POLL_S,
+    ) -> None:
+        """Spin until the condition holds; raise a `LaunchError` after the time.
+
+        It is asked after each piece of work, and at the latest after the time of a poll.
+        """
         deadline_s = time.monotonic() + timeout_s
         while not condition():
             if time.monotonic() > deadline_s:
                 raise LaunchError(f"{what} did not come within {timeout_s:.0f} s")
-            self.spin()
+            self.spin(poll_s)
 
     def acquaint(self, name: str, timeout_s: float = SERVICE_S) -> None:
         """Wait until a node knows all the clients and readers that were made here so far.
@@ -136,7 +149,7 @@ class GraphClient:
         """
         client = self.client(service, name)
         self.acquaint(_ASKED_ONCE[service], max(timeout_s, SERVICE_S))
-        self._await_service(client, timeout_s)
+        self.await_service(client, timeout_s)
         answer = client.call_async(request)
         deadline_s = time.monotonic() + timeout_s
 
@@ -163,7 +176,7 @@ class GraphClient:
         patience_s: float,
         unheard: Callable[[], object | None] = lambda: None,
     ) -> Any:  # noqa: ANN401 - the service's own response type
-        self._await_service(client, timeout_s)
+        self.await_service(client, timeout_s)
         deadline_s = time.monotonic() + timeout_s
         answers: list[Future[Any]] = []
         while time.monotonic() < deadline_s:
@@ -176,9 +189,11 @@ class GraphClient:
                 self.spin()
             if (inferred := unheard()) is not None:
                 return inferred
+            patience_s = min(2.0 * patience_s, max(patience_s, _UNHEARD_S))
         service = client.service_name
         raise LaunchError(f"the answer of {service} did not come within {timeout_s:.0f} s")
 
-    def _await_service(self, client: Client, timeout_s: float) -> None:
-        longest_s = max(timeout_s, SERVICE_S)
-        self.wait(client.service_is_ready, f"service {client.service_name}", longest_s)
+    def await_service(self, client: Client, timeout_s: float = SERVICE_S) -> None:
+        """Wait until a service is there."""
+        name, longest_s = f"service {client.service_name}", max(timeout_s, SERVICE_S)
+        self.wait(client.service_is_ready, name, longest_s, poll_s=_SERVICE_POLL_S)

@@ -132,7 +132,7 @@ class Operator(GraphClient):
 
     def await_recorder(self) -> None:
         """Wait for the last service that the recorder announces: then its readers are known too."""
-        self.wait(self.client(SetBool, _RECORD).service_is_ready, "the recorder")
+        self.await_service(self.client(SetBool, _RECORD))
 
     def record(self, bag: str | None) -> str:
         """Start to record into a new bag, or stop with None; return what the recorder says."""
