@@ -179,8 +179,8 @@ def maximise_likelihood(
         white, inputs = [e[:-1] for e in white], [u[1:] for u in inputs]
     if not is_noise(white, inputs):
         return None
-    inverse = truncated_inverse(found.matrix, equilibrated=True)
-    covariance = (inverse.vectors / inverse.values) @ inverse.vectors.T
+    root = truncated_inverse(found.matrix, equilibrated=True).root
+    covariance = root @ root.T
     modes = _modes(problem, found.theta, covariance, model)
     return LikelihoodFit(
         model,

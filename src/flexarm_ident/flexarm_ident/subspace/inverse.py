@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -15,39 +17,42 @@ if TYPE_CHECKING:
 _SMALLEST_EIGENVALUE = 1e-13
 # Part of the largest scale below which a direction is empty.
 _NOTHING = 1e-100
+# An eigenvalue so many times above the smallest that is kept is clear of it, by any rounding of
+# LAPACK's estimate of the condition.
+_CLEAR = 1e3
 
 
-class TruncatedInverse(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class TruncatedInverse:
     """Inverse over the directions above rounding.
 
     Attributes
     ----------
-    vectors : ndarray, (size, rank)
-        Eigenvectors, in the units of the matrix.
-    values : ndarray, (rank,)
-        Their eigenvalues.
-    condition : float
-        Condition number of the whole matrix, scaled if asked for.
+    root : ndarray, (size, rank)
+        Root of the inverse, in the units of the matrix: the inverse is ``root @ root.conj().T``.
+    scaled : ndarray, (size, size)
+        The matrix, scaled if asked for.
     """
 
-    vectors: NDArray[Any]
-    values: FloatArray
-    condition: float
+    root: NDArray[Any]
+    scaled: NDArray[Any]
 
     @property
     def rank(self) -> int:
         """Number of kept directions."""
-        return len(self.values)
+        return int(self.root.shape[1])
 
-    @property
-    def root(self) -> NDArray[Any]:
-        """Root of the inverse, (size, rank): the inverse is ``root @ root.conj().T``."""
-        return np.asarray(self.vectors / np.sqrt(self.values))
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of the whole matrix, scaled if asked for."""
+        values = scipy.linalg.eigvalsh(self.scaled)
+        largest = float(values[-1])
+        rounding = np.finfo(float).eps * largest
+        return largest / max(float(values[0]), rounding) if largest > 0.0 else np.inf
 
     def solve(self, right: NDArray[Any]) -> NDArray[Any]:
         """Return the inverse times a matrix or a vector."""
-        along = self.vectors.conj().T @ right
-        return np.asarray(self.vectors @ (along.T / self.values).T)
+        return np.asarray(self.root @ (self.root.conj().T @ right))
 
 
 def truncated_inverse(
@@ -56,7 +61,8 @@ def truncated_inverse(
     """Return the truncated inverse of a symmetric or Hermitian matrix, (size, size).
 
     The matrix is positive semidefinite but for rounding. Directions below the part `smallest` of
-    the largest eigenvalue are left out, after scaling to a unit diagonal if `equilibrated`.
+    the largest eigenvalue are left out, after scaling to a unit diagonal if `equilibrated`. Where
+    no eigenvalue is near it, Cholesky's factor takes a tenth of the time of the eigenvectors.
     """
     scale = np.ones(len(matrix))
     if equilibrated:
@@ -64,14 +70,25 @@ def truncated_inverse(
         scale = np.sqrt(np.diag(matrix).real.clip(min=0.0))
         # What dies away before the first sample has a power whose inverse overflows.
         scale[scale <= _NOTHING * scale.max()] = 1.0
-        matrix = matrix / np.outer(scale, scale)
-    values, vectors = scipy.linalg.eigh(matrix, driver="evd")
-    kept = values > smallest * values[-1]
-    largest = float(values[-1])
-    rounding = np.finfo(float).eps * largest
-    condition = largest / max(float(values[0]), rounding) if largest > 0.0 else np.inf
-    vectors = vectors[:, kept] / scale[:, np.newaxis]
-    return TruncatedInverse(vectors, values[kept], condition)
+        matrix = matrix / scale / scale[:, np.newaxis]
+    root = _whole_root(matrix, smallest)
+    if root is None:
+        values, vectors = scipy.linalg.eigh(matrix, driver="evd")
+        kept = values > smallest * values[-1]
+        root = vectors[:, kept] / np.sqrt(values[kept])
+    return TruncatedInverse(root / scale[:, np.newaxis], matrix)
+
+
+def _whole_root(matrix: NDArray[Any], smallest: float) -> NDArray[Any] | None:
+    """Return a root of the inverse, (size, size); None unless all eigenvalues are clearly kept."""
+    try:
+        upper = scipy.linalg.cholesky(matrix)
+    except scipy.linalg.LinAlgError:
+        return None
+    estimate, invert = scipy.linalg.get_lapack_funcs(("pocon", "trtri"), (upper,))
+    norm = np.abs(matrix).sum(axis=0).max()
+    reciprocal, _ = estimate(upper, norm)
+    return np.asarray(invert(upper)[0]) if reciprocal > _CLEAR * smallest else None
 
 
 def factor(matrix: FloatArray) -> FloatArray:
