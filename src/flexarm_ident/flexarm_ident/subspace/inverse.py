@@ -17,9 +17,8 @@ if TYPE_CHECKING:
 _SMALLEST_EIGENVALUE = 1e-13
 # Part of the largest scale below which a direction is empty.
 _NOTHING = 1e-100
-# An eigenvalue so many times above the smallest that is kept is clear of it, by any rounding of
-# LAPACK's estimate of the condition.
-_CLEAR = 1e3
+# Ratio of the smallest eigenvalue that is kept to one that is clear of it.
+_CLEAR = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +69,7 @@ def truncated_inverse(
         scale = np.sqrt(np.diag(matrix).real.clip(min=0.0))
         # What dies away before the first sample has a power whose inverse overflows.
         scale[scale <= _NOTHING * scale.max()] = 1.0
-        matrix = matrix / scale / scale[:, np.newaxis]
+        matrix = matrix / np.outer(scale, scale)
     root = _whole_root(matrix, smallest)
     if root is None:
         values, vectors = scipy.linalg.eigh(matrix, driver="evd")
@@ -85,10 +84,11 @@ def _whole_root(matrix: NDArray[Any], smallest: float) -> NDArray[Any] | None:
         upper = scipy.linalg.cholesky(matrix)
     except scipy.linalg.LinAlgError:
         return None
-    estimate, invert = scipy.linalg.get_lapack_funcs(("pocon", "trtri"), (upper,))
-    norm = np.abs(matrix).sum(axis=0).max()
-    reciprocal, _ = estimate(upper, norm)
-    return np.asarray(invert(upper)[0]) if reciprocal > _CLEAR * smallest else None
+    invert = scipy.linalg.lapack.ztrtri if upper.dtype.kind == "c" else scipy.linalg.lapack.dtrtri
+    root, _ = invert(upper)
+    # The traces of the matrix and of its inverse are above the largest eigenvalues of both.
+    condition = float(np.trace(matrix).real) * float(np.sum(np.abs(root) ** 2))
+    return np.asarray(root) if condition * smallest < _CLEAR else None
 
 
 def factor(matrix: FloatArray) -> FloatArray:
