@@ -87,8 +87,8 @@ def _whole_root(matrix: NDArray[Any], smallest: float) -> NDArray[Any] | None:
     invert = scipy.linalg.lapack.ztrtri if upper.dtype.kind == "c" else scipy.linalg.lapack.dtrtri
     root, _ = invert(upper)
     # The traces of the matrix and of its inverse are above the largest eigenvalues of both.
-    condition = float(np.trace(matrix).real) * float(np.sum(np.abs(root) ** 2))
-    return np.asarray(root) if condition * smallest < _CLEAR else None
+    condition_root = np.sqrt(np.trace(matrix).real) * scipy.linalg.norm(root)
+    return np.asarray(root) if condition_root < np.sqrt(_CLEAR / smallest) else None
 
 
 def factor(matrix: FloatArray) -> FloatArray:
