@@ -154,22 +154,24 @@ class ModalSignals:
         r, modes, starts_end = self.inputs, len(self.modes), self._starts
         step = self.modes**_BLOCK
         decay = np.cumprod(np.tile(step, (_CHUNK // _BLOCK, 1)), axis=0)
-        start = np.zeros((r + 1, modes), dtype=complex)
-        start[r] = 1.0
+        # Of the inputs, and of the initial state.
+        start = np.zeros((r, modes), dtype=complex)
+        dying = np.ones(modes, dtype=complex)
         for u, y in record.chunks(_CHUNK):
             blocks, samples = len(u) // _BLOCK, len(u) // _BLOCK * _BLOCK
             rows = np.zeros((blocks + 1, starts_end + _BLOCK * r))
             u_rows = rows[:, starts_end:]
             u_rows[:blocks] = u[:samples].reshape(blocks, _BLOCK * r)
             u_rows[blocks, : (len(u) - samples) * r] = u[samples:].ravel()
-            states = np.empty((blocks + 1, r + 1, modes), dtype=complex)
+            states = np.empty((blocks + 1, r, modes), dtype=complex)
             states[0] = start
             for source in range(r):
                 states[1:, source] = (u_rows[:blocks, source::r] @ self._drive).view(complex)
-            _accumulate(states[:, :r], step)
-            states[1:, r] = decay[:blocks] * start[r]
-            start = states[blocks]
-            rows[:, :starts_end] = states.reshape(blocks + 1, -1).view(float)
+            _accumulate(states, step)
+            free = np.vstack([dying, decay[:blocks] * dying])
+            start, dying = states[blocks], free[blocks]
+            rows[:, : r * self._parts] = states.reshape(blocks + 1, r * modes).view(float)
+            rows[:, r * self._parts : starts_end] = free.view(float)
             last = slice(blocks, blocks + min(len(u) - samples, 1))
             y_rows = y[:samples].reshape(blocks, _BLOCK * self.outputs)
             y_last = np.full((last.stop - last.start, _BLOCK * self.outputs), np.nan)
