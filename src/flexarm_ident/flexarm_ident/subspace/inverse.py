@@ -87,7 +87,9 @@ def _whole_root(matrix: NDArray[Any], smallest: float) -> NDArray[Any] | None:
     invert = scipy.linalg.lapack.ztrtri if upper.dtype.kind == "c" else scipy.linalg.lapack.dtrtri
     root, _ = invert(upper)
     # The traces of the matrix and of its inverse are above the largest eigenvalues of both.
-    condition_root = np.sqrt(np.trace(matrix).real) * scipy.linalg.norm(root)
+    # That of a vector does not overflow.
+    length = float(scipy.linalg.norm(root.ravel()))
+    condition_root = np.sqrt(np.trace(matrix).real) * length
     return np.asarray(root) if condition_root < np.sqrt(_CLEAR / smallest) else None
 
 
