@@ -87,7 +87,7 @@ def _whole_root(matrix: NDArray[Any], smallest: float) -> NDArray[Any] | None:
     invert = scipy.linalg.lapack.ztrtri if upper.dtype.kind == "c" else scipy.linalg.lapack.dtrtri
     root, _ = invert(upper)
     # The traces of the matrix and of its inverse are above the largest eigenvalues of both.
-    # That of a vector does not overflow.
+    # BLAS takes the length of a vector without an overflow of its squares.
     length = float(scipy.linalg.norm(root.ravel()))
     condition_root = np.sqrt(np.trace(matrix).real) * length
     return np.asarray(root) if condition_root < np.sqrt(_CLEAR / smallest) else None
