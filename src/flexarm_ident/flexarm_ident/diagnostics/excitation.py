@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from flexarm_ident.records.iodata import DataWarning, Grade
-from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share
+from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share, hann
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -55,8 +55,13 @@ def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
     # Parts spread over a long record suffice.
     starts = np.linspace(0, len(u) - length, min(_PARTS, 2 * len(u) // length)).astype(int)
     parts = u[starts[:, np.newaxis] + np.arange(length)]
-    frequencies_hz, densities = scipy.signal.periodogram(parts, 1.0 / dt_s, window="hann")
-    density = densities.mean(axis=0)
+    centred = parts - parts.mean(axis=1, keepdims=True)
+    transforms = np.fft.rfft(centred * hann(length), axis=1)
+    density = np.mean(np.abs(transforms) ** 2, axis=0)
+    if length % 2 == 0:
+        # Of the Nyquist frequency there is one line, of the others two.
+        density[-1] /= 2.0
+    frequencies_hz = np.fft.rfftfreq(length, dt_s)
     # The increments' density follows from it. The mean of the record is left out of both.
     increments = density * np.sin(np.pi * frequencies_hz * dt_s) ** 2
     density, increments, frequencies_hz = density[1:], increments[1:], frequencies_hz[1:]

@@ -16,6 +16,7 @@ import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
+from flexarm_ident.records.signals import hann
 from flexarm_ident.subspace.gram import stretches
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ def spectra(
 
 def _transforms(signals: FloatArray, length: int, most: int) -> ComplexArray:
     """Return the transforms of the segments, at most so many, (segments, frequencies, channels)."""
-    window = scipy.signal.windows.hann(length, sym=False)
+    window = hann(length)
     segments = sliding_window_view(signals, length, axis=0)[:: length // 2]
     segments = segments[:: -(-len(segments) // most)]
     centred = segments - segments.mean(axis=-1, keepdims=True)

@@ -15,11 +15,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy
 
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.models.modes import ModeUncertainty, frequency_and_damping, modal_form
+from flexarm_ident.models.modes import (
+    ModeUncertainty,
+    frequency_and_damping,
+    modal_form,
+    nearest,
+)
 from flexarm_ident.models.state_space import WAYS, state_space
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.segments import SEGMENTS, cut, rows, segment_grams
@@ -216,9 +220,7 @@ def _matched(own: ComplexArray, A: FloatArray) -> ComplexArray:
     if len(upper) < len(own):
         # Some pairs of the model have one real eigenvalue each, or none, in the replicate.
         upper = eigenvalues
-    distance = np.abs(np.subtract.outer(own, upper))
-    _, columns = scipy.optimize.linear_sum_assignment(distance)
-    return np.asarray(upper[columns])
+    return np.asarray(upper[nearest(own, upper)])
 
 
 def _figures(eigenvalues: ComplexArray, dt_s: float) -> list[tuple[float, float]]:

@@ -235,7 +235,7 @@ def _linear_model(
         verb = "was" if moved == 1 else "were"
         subject = counted(moved, "unstable eigenvalue")
         notes.append(f"{subject} of order {order} {verb} moved into the unit circle")
-    elif not is_stable(model.A):
+    elif not stable and not is_stable(model.A):
         notes.append(f"the model of order {order} is unstable")
     if way == "integrator":
         notes.append(INTEGRATES)

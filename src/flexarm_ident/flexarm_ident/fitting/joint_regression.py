@@ -64,6 +64,7 @@ class ModalProblem:
     ) -> None:
         vectors = dynamics.vectors
         regression = ModalRegression(signals, dynamics.eigenvalues, C @ vectors)
+        self._products = [regression.of_parameters(each) for each in products]
         self._signals, self._regression = signals, regression
         self._vectors, self._records = vectors, records
         states, shared = len(vectors), regression.shared
@@ -72,14 +73,13 @@ class ModalProblem:
             for number in range(len(records))
         ]
         self._size = shared + len(records) * states
-        self._products = products
-        self.powers = [each.power for each in self._products]
+        self.powers = [each.power for each in products]
 
     def solve(self, weight: FloatArray, *, refined: bool, at_rest: bool) -> Solution:
         """Solve the normal equations for weights of the squared errors, (outputs,).
 
-        With `refined` the records are read once more where digits were lost. Records `at_rest` have
-        no initial states.
+        With `refined` the records are read once more where digits were lost, and the condition
+        number is told. Records `at_rest` have no initial states.
         """
         regression, size = self._regression, self._size
         free = slice(0, regression.shared if at_rest else size)
@@ -88,7 +88,7 @@ class ModalProblem:
             normal[np.ix_(place, place)] += regression.normal(each, weight)
         smallest = size * np.finfo(float).eps
         inverse = truncated_inverse(normal[free, free], smallest=smallest, equilibrated=True)
-        condition = float(np.sqrt(inverse.condition))
+        condition = float(np.sqrt(inverse.condition)) if refined else np.nan
 
         def solve(products: Sequence[Products]) -> tuple[ComplexArray, list[Missed]]:
             right = np.zeros(size, dtype=complex)
@@ -96,20 +96,18 @@ class ModalProblem:
                 right[place] += regression.right(each, weight)
             found = np.zeros(size, dtype=complex)
             found[free] = inverse.solve(right[free])
-            weights = [regression.signal_weights(found[place]) for place in self._places]
-            pairs = zip(products, weights, strict=True)
-            return found, [each.missed(combination) for each, combination in pairs]
+            pairs = zip(products, self._places, strict=True)
+            return found, [regression.missed(each, found[place]) for each, place in pairs]
 
         parameters, missed = solve(self._products)
         # Normal equations square the condition, and small errors vanish in the outputs' power. The
         # residual of the first solution, sample by sample, restores the digits.
         lost = condition > _WELL_CONDITIONED or any(each.is_rounding for each in missed)
         if refined and lost:
+            weights = [regression.signal_weights(parameters[place]) for place in self._places]
             left = [
-                self._signals.residual_products(
-                    record, regression.signal_weights(parameters[place])
-                )
-                for record, place in zip(self._records, self._places, strict=True)
+                regression.of_parameters(self._signals.residual_products(record, combination))
+                for record, combination in zip(self._records, weights, strict=True)
             ]
             change, missed = solve(left)
             parameters = parameters + change

@@ -3,7 +3,8 @@
 In modal coordinates each of the thesis's regressors (2-14), (3-14) is one scalar filter times a
 column of C. The normal matrix is therefore the elementwise product of the scalar signals' Gram and
 the output matrix's products. The signals' Gram itself is lifted: inside a block of samples every
-signal is a fixed linear function of its value at the block's start and of the block's inputs.
+signal is a fixed linear function of its value at the block's start and of the block's inputs. Of
+the record only the products of these are summed; each mode's powers make the signals' of them.
 
 A pair of conjugate modes has one complex signal. Its real and imaginary part stand side by side, so
 that all operations over the samples are real.
@@ -11,16 +12,16 @@ that all operations over the samples are real.
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from flexarm_core.arrays import ComplexArray, FloatArray
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import BoolArray, ComplexArray, FloatArray
     from flexarm_ident.records.source import Samples
 
 _BLOCK = 32
@@ -55,7 +56,10 @@ class Lift(NamedTuple):
 class ModalSignals:
     """Scalar signals of modes: the answer of each to the inputs and to an initial state.
 
-    A and C do not enter, so models that have modes in common share these signals.
+    A and C do not enter, so models that have modes in common share these signals. They stand by
+    their source, each input and last the initial state; the signals of a source are those of the
+    modes, then the conjugates of the complex ones, and with feedthrough the input itself, which is
+    zero for the initial state.
 
     Parameters
     ----------
@@ -71,92 +75,191 @@ class ModalSignals:
         self, modes: ComplexArray, inputs: int, outputs: int, *, feedthrough: bool
     ) -> None:
         self.modes, self.inputs, self.outputs = modes, inputs, outputs
-        self.direct = inputs if feedthrough else 0
-        self.parts = 2 * len(modes)
-        self._map, self._drive = self._lift_maps()
+        self.direct = int(feedthrough)
+        pairs = np.flatnonzero(modes.imag > 0.0)
+        self._eigenvalues = np.concatenate([modes, modes[pairs].conj()])
+        self.count = len(self._eigenvalues) + self.direct
+        """Signals of one source."""
+        # From the real and imaginary parts of the modes, and the input itself, to the signals.
+        self._parts = 2 * len(modes)
+        self._pair = np.zeros((self.count, self._parts + self.direct), dtype=complex)
+        for signal, mode in enumerate([*range(len(modes)), *pairs]):
+            sign = 1.0 if signal < len(modes) else -1.0
+            self._pair[signal, 2 * mode : 2 * mode + 2] = 1.0, 1.0j * sign
+        self._pair[len(self._eigenvalues) :, self._parts :] = np.eye(self.direct)
+        # Of each signal at the samples of a block: the part of its start, and of the inputs.
+        steps = np.arange(_BLOCK)
+        powers = modes ** steps[:, np.newaxis]
+        self._drive = np.ascontiguousarray(powers[::-1]).view(float)
+        self._free = np.zeros((_BLOCK, self.count), dtype=complex)
+        self._free[:, : len(self._eigenvalues)] = np.hstack([powers, powers[:, pairs].conj()])
+        # An input acts from the next sample on.
+        ago = steps[:, np.newaxis] - 1 - steps
+        by_part = powers.T.copy().view(float).reshape(len(modes), _BLOCK, 2).transpose(0, 2, 1)
+        self._driven = np.zeros((self._parts + self.direct, _BLOCK, _BLOCK))
+        self._driven[: self._parts] = by_part.reshape(-1, _BLOCK)[:, ago] * (ago >= 0)
+        self._driven[self._parts :] = np.eye(_BLOCK)
+
+    @property
+    def _starts(self) -> int:
+        """Columns of a lift's row that hold signals at the start."""
+        return self._parts * (self.inputs + 1)
+
+    def places(self, eigenvalues: ComplexArray) -> NDArray[np.intp]:
+        """Return the places of eigenvalues among the signals of a source, (states,)."""
+        distance = np.abs(self._eigenvalues - eigenvalues[:, np.newaxis])
+        return np.asarray(distance.argmin(axis=1))
 
     def products(self, record: Samples) -> Products:
         """Return the products of one record's signals and outputs."""
-        products = Products(self._map, self.outputs)
-        for piece in self._lifted(record):
-            products.add(piece)
-        return products
+        return self._summed(self._lifted(record))
 
-    def residual_products(self, record: Samples, weights: FloatArray) -> Products:
+    def residual_products(self, record: Samples, weights: ComplexArray) -> Products:
         """Return the products of signals and what a combination of them misses in the outputs.
 
-        `weights` are those of the signals by output, (outputs, signals).
+        `weights` are those of the signals by output, (outputs, sources * signals).
         """
-        products = Products(self._map, self.outputs)
-        signals, _, width = self._map.shape
-        response = weights @ self._map.reshape(signals, -1)
-        by_row = response.reshape(self.outputs, _BLOCK, width).transpose(2, 1, 0)
-        lifted = by_row.reshape(width, -1)
-        for rows, y, part_rows, part_y in self._lifted(record):
-            products.add(Lift(rows, y - rows @ lifted, part_rows, part_y - part_rows @ lifted))
-        return products
+        response = self._response(weights)
+        return self._summed(
+            Lift(rows, y - rows @ response, part_rows, part_y - part_rows @ response)
+            for rows, y, part_rows, part_y in self._lifted(record)
+        )
+
+    def _summed(self, lifts: Iterator[Lift]) -> Products:
+        """Return the products of signals and outputs over the chunks of a record."""
+        width = self._starts + _BLOCK * self.inputs
+        gram, cross = np.zeros((width, width)), np.zeros((width, _BLOCK * self.outputs))
+        power = np.zeros(_BLOCK * self.outputs)
+        size = (self.inputs + 1) * self.count
+        part = np.zeros((size, size), dtype=complex)
+        for lift in lifts:
+            gram += lift.rows.T @ lift.rows
+            cross += lift.rows.T @ lift.y
+            power += np.einsum("bi,bi->i", lift.y, lift.y)
+            known = ~np.isnan(lift.part_y)
+            for row, samples in zip(lift.part_rows, known[:, :: self.outputs], strict=True):
+                signals = self._in_block(row, samples)
+                part += signals.conj() @ signals.T
+            y = np.where(known, lift.part_y, 0.0)
+            cross += lift.part_rows.T @ y
+            power += np.einsum("bi,bi->i", y, y)
+        return Products(
+            self._signal_gram(gram) + part,
+            self._signal_cross(cross),
+            power.reshape(-1, self.outputs).sum(axis=0),
+        )
 
     def _lifted(self, record: Samples) -> Iterator[Lift]:
         """Yield a record in blocks; its initial state is one more input, a pulse at the start."""
-        r, modes, starts_end = self.inputs, len(self.modes), (self.inputs + 1) * self.parts
+        r, modes, starts_end = self.inputs, len(self.modes), self._starts
         step = self.modes**_BLOCK
         decay = np.cumprod(np.tile(step, (_CHUNK // _BLOCK, 1)), axis=0)
-        start = np.zeros((r + 1, modes), dtype=complex)
-        start[r] = 1.0
+        # Of the inputs, and of the initial state.
+        start = np.zeros((r, modes), dtype=complex)
+        dying = np.ones(modes, dtype=complex)
         for u, y in record.chunks(_CHUNK):
-            blocks = len(u) // _BLOCK
+            blocks, samples = len(u) // _BLOCK, len(u) // _BLOCK * _BLOCK
             rows = np.zeros((blocks + 1, starts_end + _BLOCK * r))
             u_rows = rows[:, starts_end:]
-            u_rows[:blocks] = u[: blocks * _BLOCK].reshape(blocks, _BLOCK * r)
-            rest = u[blocks * _BLOCK :].ravel()
-            u_rows[blocks, : len(rest)] = rest
-            states = np.empty((blocks + 1, r + 1, modes), dtype=complex)
+            u_rows[:blocks] = u[:samples].reshape(blocks, _BLOCK * r)
+            u_rows[blocks, : (len(u) - samples) * r] = u[samples:].ravel()
+            states = np.empty((blocks + 1, r, modes), dtype=complex)
             states[0] = start
-            states[1:, :r] = (u_rows[:blocks] @ self._drive).view(complex).reshape(blocks, r, modes)
-            _accumulate(states[:, :r], step)
-            states[1:, r] = decay[:blocks] * start[r]
-            start = states[blocks]
-            rows[:, :starts_end] = states.reshape(blocks + 1, -1).view(float)
-            y_rows = np.full((blocks + 1, _BLOCK * self.outputs), np.nan)
-            y_rows.reshape(-1, self.outputs)[: len(y)] = y
+            for source in range(r):
+                states[1:, source] = (u_rows[:blocks, source::r] @ self._drive).view(complex)
+            _accumulate(states, step)
+            free = np.vstack([dying, decay[:blocks] * dying])
+            start, dying = states[blocks], free[blocks]
+            rows[:, : r * self._parts] = states.reshape(blocks + 1, r * modes).view(float)
+            rows[:, r * self._parts : starts_end] = free.view(float)
+            last = slice(blocks, blocks + min(len(u) - samples, 1))
+            y_rows = y[:samples].reshape(blocks, _BLOCK * self.outputs)
+            y_last = np.full((last.stop - last.start, _BLOCK * self.outputs), np.nan)
+            y_last[:, : (len(u) - samples) * self.outputs] = y[samples:].ravel()
             if not np.isnan(y.min(initial=0.0)):
-                last = slice(blocks, blocks + min(len(y) % _BLOCK, 1))
-                yield Lift(rows[:blocks], y_rows[:blocks], rows[last], y_rows[last])
+                yield Lift(rows[:blocks], y_rows, rows[last], y_last)
                 continue
+            y_rows = np.concatenate([y_rows, y_last])
             known = ~np.isnan(y_rows)
             whole = known.all(axis=1)
             part = known.any(axis=1) & ~whole
+            rows = rows[: len(y_rows)]
             yield Lift(rows[whole], y_rows[whole], rows[part], y_rows[part])
 
-    def _lift_maps(self) -> tuple[FloatArray, FloatArray]:
-        """Return the maps from a lift's row to all signals in its block, and to the block's drive.
+    def _at_start(self, parts: FloatArray | ComplexArray) -> ComplexArray:
+        """Return the signals at a block's start from their parts, (sources, signals, ...)."""
+        rows = parts[: self._starts].reshape(self.inputs + 1, self._parts, -1)
+        return np.asarray(self._pair[:, : self._parts] @ rows)
 
-        The first is (signals, samples, row), the second (inputs of the row, signals of inputs).
+    def _in_block(self, row: FloatArray, samples: BoolArray) -> ComplexArray:
+        """Return the signals at some samples of the block of a row, (signals of all, samples)."""
+        signals = self._at_start(row) * self._free.T
+        inputs = row[self._starts :].reshape(_BLOCK, self.inputs)
+        signals[: self.inputs] += self._pair @ (self._driven @ inputs).transpose(2, 0, 1)
+        return signals.reshape(-1, _BLOCK)[:, samples]
+
+    def _response(self, weights: ComplexArray) -> FloatArray:
+        """Return the map from a lift's row to the outputs of its block, (row, samples * outputs).
+
+        The outputs are combinations of the signals with `weights`, (outputs, sources * signals).
         """
-        r, parts, steps = self.inputs, self.parts, np.arange(_BLOCK + 1)
-        inputs_at = (r + 1) * parts
-        at_inputs = inputs_at + r * np.arange(_BLOCK)
-        powers = self.modes ** steps[:, np.newaxis]
-        rotations = np.zeros((len(self.modes), 2, _BLOCK + 1, len(self.modes), 2))
-        for mode, power in enumerate(powers.T):
-            rotations[mode, 0, :, mode] = np.stack([power.real, -power.imag], axis=1)
-            rotations[mode, 1, :, mode] = np.stack([power.imag, power.real], axis=1)
-        free = rotations.reshape(parts, _BLOCK + 1, parts)
-        # An input acts from the next sample on.
-        ago = steps[:, np.newaxis] - 1 - np.arange(_BLOCK)
-        pulse = np.where(ago >= 0, powers.T[:, ago.clip(min=0)], 0.0)
-        driven = np.stack([pulse.real, pulse.imag], axis=1).reshape(parts, _BLOCK + 1, _BLOCK)
-        total = np.zeros((inputs_at + self.direct, _BLOCK + 1, inputs_at + r * _BLOCK))
-        for source in range(r + 1):
-            # The initial state follows D.
-            first = source * parts + (self.direct if source == r else 0)
-            total[first : first + parts, :, source * parts : (source + 1) * parts] = free
-            if source < r:
-                total[first : first + parts, :, at_inputs + source] = driven
-        for j in range(self.direct):
-            total[r * parts + j, np.arange(_BLOCK), at_inputs + j] = 1.0
-        drive = total[: r * parts, _BLOCK, inputs_at:].T
-        return np.ascontiguousarray(total[:, :_BLOCK]), np.ascontiguousarray(drive)
+        r, m, count = self.inputs, self.outputs, self.count
+        by_source = weights.reshape(m, r + 1, 1, count)
+        free = (by_source * self._free) @ self._pair[:, : self._parts]
+        starts = free.real.transpose(1, 3, 2, 0).reshape(self._starts, -1)
+        of_parts = (by_source[:, :r, 0] @ self._pair).real
+        driven = of_parts @ self._driven.reshape(len(self._driven), -1)
+        inputs = driven.reshape(m, r, _BLOCK, _BLOCK).transpose(3, 1, 2, 0)
+        return np.vstack([starts, inputs.reshape(_BLOCK * r, _BLOCK * m)])
+
+    def _signal_gram(self, gram: FloatArray) -> ComplexArray:
+        """Return the signals' products, conjugate by plain, from those of the lift's rows."""
+        r, count, free = self.inputs, self.count, self._free
+        starts = self._at_start(gram).reshape(-1, len(gram)).conj()
+        both = self._at_start(starts.T).reshape(r + 1, count, r + 1, count)
+        # Starts with starts, starts with inputs, and inputs with inputs.
+        total = both.transpose(2, 3, 0, 1) * (free.conj().T @ free)[:, np.newaxis]
+        by_sample = self._driven.transpose(1, 0, 2).reshape(_BLOCK, -1)
+        answer = (free.conj().T @ by_sample).reshape(count, -1, _BLOCK)
+        by_inputs = starts[:, self._starts :].reshape(r + 1, count, _BLOCK, r)
+        mixed = (self._pair @ (answer @ by_inputs)).transpose(0, 1, 3, 2)
+        total[:, :, :r] += mixed
+        total[:r] += mixed.conj().transpose(2, 3, 0, 1)
+        inputs = gram[self._starts :, self._starts :].reshape(_BLOCK, r, _BLOCK, r)
+        driven = self._driven.reshape(len(self._driven), -1)
+        for i in range(r):
+            for j in range(r):
+                passed = (self._driven @ inputs[:, i, :, j]).reshape(driven.shape)
+                total[i, :, j] += self._pair.conj() @ (passed @ driven.T) @ self._pair.T
+        return np.asarray(total.reshape((r + 1) * count, -1))
+
+    def _signal_cross(self, cross: FloatArray) -> ComplexArray:
+        """Return the products of signals and outputs from those of the lift's rows."""
+        r, count = self.inputs, self.count
+        starts = self._at_start(cross).reshape(r + 1, count, _BLOCK, self.outputs)
+        total = np.einsum("te,seto->seo", self._free, starts)
+        inputs = cross[self._starts :].reshape(_BLOCK, r, _BLOCK, self.outputs)
+        ordered = inputs.transpose(1, 2, 0, 3).reshape(r, _BLOCK * _BLOCK, self.outputs)
+        total[:r] += self._pair @ (self._driven.reshape(len(self._driven), -1) @ ordered)
+        return np.asarray(total.reshape((r + 1) * count, -1))
+
+
+class Products(NamedTuple):
+    """Products of the signals with themselves and with the outputs, summed over a record.
+
+    Attributes
+    ----------
+    signals : ndarray, (signals, signals)
+        Products of the conjugate signals with the signals.
+    cross : ndarray, (signals, outputs)
+        Products of signals and outputs.
+    power : ndarray, (outputs,)
+        Sum of each output's squares.
+    """
+
+    signals: ComplexArray
+    cross: ComplexArray
+    power: FloatArray
 
 
 class ModalRegression:
@@ -176,101 +279,47 @@ class ModalRegression:
     """
 
     def __init__(self, signals: ModalSignals, eigenvalues: ComplexArray, C: ComplexArray) -> None:
-        self.inputs = signals.inputs
+        r = self.inputs = signals.inputs
         self.outputs, states = C.shape
-        direct = np.repeat(np.eye(self.outputs), signals.direct, axis=1)
-        self._columns = np.hstack([np.tile(C, self.inputs), direct, C])
+        direct = np.repeat(np.eye(self.outputs), r * signals.direct, axis=1)
+        self._columns = np.hstack([np.tile(C, r), direct, C])
         self.shared = self._columns.shape[1] - states
-        self._expand = _expansion(signals, eigenvalues)
+        self._signals = (r + 1) * signals.count
+        sources = signals.count * np.arange(r + 1)[:, np.newaxis]
+        modes = sources + signals.places(eigenvalues)
+        inputs = np.tile(sources[:r, 0] + signals.count - 1, self.outputs * signals.direct)
+        self._places = np.concatenate([modes[:r].ravel(), inputs, modes[r]])
 
-    def signal_weights(self, parameters: ComplexArray) -> FloatArray:
+    def of_parameters(self, products: Products) -> Products:
+        """Return the products of the signals that belong to the parameters."""
+        places = self._places
+        signals = products.signals[np.ix_(places, places)]
+        return Products(signals, products.cross[places], products.power)
+
+    def signal_weights(self, parameters: ComplexArray) -> ComplexArray:
         """Return the outputs as combinations of the signals, (outputs, signals)."""
-        # The sum over pairs of conjugate modes is real.
-        return np.asarray(((self._columns * parameters) @ self._expand).real)
+        weights = np.zeros((self._signals, self.outputs), dtype=complex)
+        np.add.at(weights, self._places, (self._columns * parameters).T)
+        return weights.T
 
     def normal(self, products: Products, weight: FloatArray) -> ComplexArray:
         """Return one record's normal matrix (2-17), for a weight of each output's squared error."""
         outputs = (self._columns.conj().T * weight) @ self._columns
-        return np.asarray(outputs * (self._expand.conj() @ products.signals @ self._expand.T))
+        return np.asarray(outputs * products.signals)
 
     def right(self, products: Products, weight: FloatArray) -> ComplexArray:
         """Return one record's right side (2-17), for a weight of each output's squared error."""
-        return np.asarray(np.conj(self._columns.T * (self._expand @ products.cross)) @ weight)
+        return np.asarray(np.conj(self._columns.T * products.cross) @ weight)
 
-
-def _expansion(signals: ModalSignals, eigenvalues: ComplexArray) -> ComplexArray:
-    """Return the map from the signals to those of the parameters' columns."""
-    states, r, m = len(eigenvalues), signals.inputs, signals.outputs
-    modes = np.zeros((states, signals.parts), dtype=complex)
-    for state in np.flatnonzero(eigenvalues.imag >= 0.0):
-        first = 2 * int(np.flatnonzero(signals.modes == eigenvalues[state])[0])
-        modes[state, first : first + 2] = 1.0, 1.0j
-        if eigenvalues[state].imag > 0.0:
-            modes[state + 1, first : first + 2] = 1.0, -1.0j
-    direct = np.tile(np.eye(signals.direct), (m, 1))
-    return np.asarray(scipy.linalg.block_diag(*[modes] * r, direct, modes))
-
-
-class Products:
-    """Products of the signals with themselves and with the outputs, summed over a record.
-
-    Parameters
-    ----------
-    signal_map : ndarray, (signals, samples, row)
-        Map from a lift's row to all signals in its block.
-    outputs : int
-        Number of outputs.
-    """
-
-    def __init__(self, signal_map: FloatArray, outputs: int) -> None:
-        signals, length, width = signal_map.shape
-        self._map = signal_map
-        self._gram = np.zeros((width, width))
-        self._cross = np.zeros((width, length * outputs))
-        self._part = np.zeros((signals, signals))
-        self._power = np.zeros(length * outputs)
-        self._outputs = outputs
-
-    def add(self, lift: Lift) -> None:
-        """Add the next samples."""
-        self._gram += lift.rows.T @ lift.rows
-        self._cross += lift.rows.T @ lift.y
-        self._power += np.einsum("bi,bi->i", lift.y, lift.y)
-        known = ~np.isnan(lift.part_y)
-        for row, samples in zip(lift.part_rows, known[:, :: self._outputs], strict=True):
-            signals = (self._map @ row)[:, samples]
-            self._part += signals @ signals.T
-        y = np.where(known, lift.part_y, 0.0)
-        self._cross += lift.part_rows.T @ y
-        self._power += np.einsum("bi,bi->i", y, y)
-
-    @cached_property
-    def signals(self) -> FloatArray:
-        """Gram matrix of the signals."""
-        signals, _, width = self._map.shape
-        lifted = self._map.reshape(-1, width) @ self._gram
-        return np.asarray(
-            lifted.reshape(signals, -1) @ self._map.reshape(signals, -1).T + self._part
-        )
-
-    @cached_property
-    def cross(self) -> FloatArray:
-        """Products of signals and outputs, (signals, outputs)."""
-        signals, length, width = self._map.shape
-        by_sample = self._cross.reshape(width, length, self._outputs).transpose(1, 0, 2)
-        return np.asarray(self._map.reshape(signals, -1) @ by_sample.reshape(length * width, -1))
-
-    @property
-    def power(self) -> FloatArray:
-        """Sum of each output's squares, (outputs,)."""
-        return np.asarray(self._power.reshape(-1, self._outputs).sum(axis=0))
-
-    def missed(self, weights: FloatArray) -> Missed:
-        """Return the squared error of each output, for weights of the signals by output."""
-        explained = np.sum(weights @ self.signals * weights, axis=1)
-        left = self.power - 2.0 * np.sum(weights.T * self.cross, axis=0) + explained
-        terms = np.abs(weights) @ np.sqrt(np.diag(self.signals).clip(min=0.0))
-        rounding = _ROUNDING * (self.power + terms**2)
+    def missed(self, products: Products, parameters: ComplexArray) -> Missed:
+        """Return the squared error of each output of one record."""
+        weights = self._columns * parameters
+        # The sum over pairs of conjugate modes is real.
+        explained = np.sum((weights.conj() @ products.signals) * weights, axis=1).real
+        answered = np.sum(weights.T * products.cross, axis=0).real
+        left = products.power - 2.0 * answered + explained
+        terms = np.abs(weights) @ np.sqrt(np.diag(products.signals).real.clip(min=0.0))
+        rounding = _ROUNDING * (products.power + terms**2)
         return Missed(left.clip(min=0.0), bool(np.any(left < rounding / _WANTED)))
 
 

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from flexarm_ident.diagnostics.uncertainty import ResponseUncertainty
 from flexarm_ident.fitting.levenberg_marquardt import steps_told
@@ -35,6 +34,7 @@ from flexarm_ident.models.modes import (
     frequency_and_damping,
     is_defective,
     modal_form,
+    nearest,
 )
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.subspace.inverse import truncated_inverse
@@ -179,8 +179,8 @@ def maximise_likelihood(
         white, inputs = [e[:-1] for e in white], [u[1:] for u in inputs]
     if not is_noise(white, inputs):
         return None
-    inverse = truncated_inverse(found.matrix, equilibrated=True)
-    covariance = (inverse.vectors / inverse.values) @ inverse.vectors.T
+    root = truncated_inverse(found.matrix, equilibrated=True).root
+    covariance = root @ root.T
     modes = _modes(problem, found.theta, covariance, model)
     return LikelihoodFit(
         model,
@@ -256,9 +256,8 @@ def _modes(
         found.append((eigenvalue, _uncertainty(eigenvalue, spread, float(model.dt))))
     form = modal_form(model)
     own = np.array([form.eigenvalues[group[0]] for group in form.groups])
-    distance = np.abs(np.subtract.outer(own, [eigenvalue for eigenvalue, _ in found]))
-    _, nearest = scipy.optimize.linear_sum_assignment(distance)
-    return tuple(found[each][1] for each in nearest)
+    places = nearest(own, np.array([eigenvalue for eigenvalue, _ in found]))
+    return tuple(found[each][1] for each in places)
 
 
 def _uncertainty(eigenvalue: complex, covariance: FloatArray, dt_s: float) -> ModeUncertainty:

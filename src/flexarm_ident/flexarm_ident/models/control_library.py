@@ -1,9 +1,9 @@
-"""python-control, imported without the plots and the statistics that it seldom uses.
+"""python-control, imported without what it seldom uses: plots, statistics, filters, optimisation.
 
-python-control imports pyplot at its top, and scipy.signal all of scipy.stats for one function. Both
-together take as long as a whole identification of a short record. While they are imported, these
-modules are therefore stand-ins, which the importing ones alone keep: each imports the real one when
-something of it is used, so that `control.bode_plot` and the others draw as ever.
+python-control imports pyplot and much of scipy at its top, for a few functions, which takes longer
+than a whole identification of a short record. While it is imported, these modules are therefore
+stand-ins, which the importing ones alone keep: each imports the real one when something of it is
+used, so that `control.bode_plot` and the others draw as ever.
 """
 
 from __future__ import annotations
@@ -23,9 +23,16 @@ _LATER = {
     "matplotlib.transforms": (),
     # It derives a class from matplotlib's, which no stand-in can be.
     "control.grid": ("nogrid", "sgrid", "zgrid"),
+    # It derives classes from those of scipy.optimize.
+    "control.optimal": (),
+    "scipy.integrate": ("odeint",),
+    "scipy.interpolate": ("splev", "splprep"),
+    "scipy.signal": ("StateSpace", "TransferFunction", "cont2discrete", "tf2zpk", "zpk2tf"),
     "scipy.stats": ("scoreatpercentile",),
 }
 """Modules that the import of python-control can do without, and their functions it takes then."""
+_SETTINGS = {"control.optimal": "_optimal_defaults"}
+"""Settings that it collects of them; where none is set, each has its own in any case."""
 
 
 def control_library() -> ModuleType:
@@ -43,8 +50,7 @@ class _StandIn(ModuleType):
         """Return what the real module has by that name."""
         if name.startswith("__"):  # asked of every module by the import itself
             raise AttributeError(name)
-        _make_room(self)
-        return getattr(import_module(self.__name__), name)
+        return getattr(_real(self.__name__), name)
 
 
 @contextmanager
@@ -54,6 +60,8 @@ def _stand_ins() -> Iterator[None]:
     for name, stand_in in stand_ins.items():
         for function in _LATER[name]:
             setattr(stand_in, function, _deferred(name, function))
+        if name in _SETTINGS:
+            setattr(stand_in, _SETTINGS[name], {})
         package, _, short = name.rpartition(".")
         if package in stand_ins:
             setattr(stand_ins[package], short, stand_in)
@@ -63,6 +71,14 @@ def _stand_ins() -> Iterator[None]:
     finally:
         for stand_in in stand_ins.values():
             _make_room(stand_in)
+
+
+def _real(name: str) -> ModuleType:
+    """Import a module in the place of its stand-in; the others go with it, for it may need them."""
+    for module in list(sys.modules.values()):
+        if isinstance(module, _StandIn):
+            _make_room(module)
+    return import_module(name)
 
 
 def _make_room(stand_in: _StandIn) -> None:
@@ -75,6 +91,6 @@ def _deferred(module: str, function: str) -> Callable[..., Any]:
     """Return a function that imports its module when it is called."""
 
     def call(*args: Any, **settings: Any) -> Any:  # noqa: ANN401 - as the function has it
-        return getattr(import_module(module), function)(*args, **settings)
+        return getattr(_real(module), function)(*args, **settings)
 
     return call

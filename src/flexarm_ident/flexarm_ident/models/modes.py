@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
+from flexarm_ident.models.free_run import BlockSimulation
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import control
+    from numpy.typing import NDArray
 
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
@@ -156,16 +159,25 @@ def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, floa
     return abs(rate) / (2.0 * np.pi * dt_s), -rate.real / abs(rate)
 
 
+def nearest(own: ComplexArray, others: ComplexArray) -> NDArray[np.intp]:
+    """Return the place of the other eigenvalue next to each own one, each used once, (own,).
+
+    There are as many others or more. The sum of the distances is the least.
+    """
+    distance = np.abs(np.subtract.outer(own, others))
+    # A distance of zero would be no edge of the graph. scipy.optimize takes long to import.
+    graph = scipy.sparse.csr_array(distance + distance.max() + 1.0)
+    places = scipy.sparse.csgraph.min_weight_full_bipartite_matching(graph)[1]
+    return np.asarray(places, dtype=np.intp)
+
+
 def modal_response(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> FloatArray:
     """Return the response of one mode to the input from rest, (samples, outputs) (3-6), (3-7).
 
     The mode is one of `ModalForm.groups`. The responses of all modes, with a single one for a pair,
     add up to that of the model (3-5).
     """
-    i = group[0]
-    state = _modal_state(form, group, u)
-    response = np.outer(state.real, form.C[:, i].real) - np.outer(state.imag, form.C[:, i].imag)
-    return np.asarray(len(group) * response)
+    return _simulation(form, [group]).advance(u) @ _shape(form, group).T
 
 
 def modal_response_magnitudes(
@@ -177,34 +189,45 @@ def modal_response_magnitudes(
     of the outputs, (outputs,), make them comparable.
     """
     samples = sum(len(record) for record in records)
-    magnitudes = []
     with np.errstate(over="ignore", invalid="ignore"):
-        for group in form.groups:
-            total = sum(_magnitudes(form, group, record.u) for record in records)
-            largest = np.max(np.asarray(total) / samples * output_scale)
-            magnitudes.append(largest if np.isfinite(largest) else np.finfo(float).max)
-    return np.array(magnitudes)
+        total = np.sum([_magnitudes(form, record.u) for record in records], axis=0)
+        largest = np.max(total / samples * output_scale, axis=1)
+    return np.where(np.isfinite(largest), largest, np.finfo(float).max)
 
 
-def _magnitudes(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> FloatArray:
-    """Return the sum of the magnitudes of one mode's response, (outputs,)."""
-    shape = len(group) * form.C[:, group[0]]
-    if len(group) == 1:
-        # Its outputs differ by a real factor only.
-        return np.asarray(np.abs(shape.real) * np.abs(_modal_state(form, group, u).real).sum())
-    total = np.zeros(len(shape))
-    state = _modal_state(form, group, u)
-    for first in range(0, len(state), _CHUNK):
-        piece = state[first : first + _CHUNK].view(np.float64).reshape(-1, 2)
-        response = np.stack([shape.real, -shape.imag]).T @ piece.T
-        total += np.abs(response, out=response).sum(axis=1)
+def _magnitudes(form: ModalForm, u: FloatArray) -> FloatArray:
+    """Return the sum of the magnitudes of each mode's response, (modes, outputs)."""
+    groups = form.groups
+    shapes = [_shape(form, group) for group in groups]
+    ends = np.cumsum([len(group) for group in groups])
+    simulation = _simulation(form, groups)
+    total = np.zeros((len(groups), len(form.C)))
+    for first in range(0, len(u), _CHUNK):
+        parts = np.split(simulation.advance(u[first : first + _CHUNK]).T, ends[:-1])
+        for mode, (shape, state) in enumerate(zip(shapes, parts, strict=True)):
+            response = shape @ state
+            total[mode] += np.abs(response, out=response).sum(axis=1)
     return total
 
 
-def _modal_state(form: ModalForm, group: tuple[int, ...], u: FloatArray) -> ComplexArray:
-    i = group[0]
-    drive = u @ form.B[i]
-    return np.asarray(scipy.signal.lfilter([0.0, 1.0], [1.0, -form.eigenvalues[i]], drive))
+def _shape(form: ModalForm, group: tuple[int, ...]) -> FloatArray:
+    """Return the map from the state of one mode, in its parts, to the outputs."""
+    column = form.C[:, group[0]]
+    return len(group) * np.stack([column.real, -column.imag], axis=1)[:, : len(group)]
+
+
+def _simulation(form: ModalForm, groups: Sequence[tuple[int, ...]]) -> BlockSimulation:
+    """Return a simulation of the states of some modes: of a pair its real and imaginary part."""
+    A, B = [], []
+    for group in groups:
+        size, value, drive = len(group), form.eigenvalues[group[0]], form.B[group[0]]
+        turn = np.array([[value.real, -value.imag], [value.imag, value.real]])
+        A.append(turn[:size, :size])
+        B.append(np.stack([drive.real, drive.imag])[:size])
+    drives = np.vstack(B)
+    states, inputs = drives.shape
+    still = np.zeros((states, inputs))
+    return BlockSimulation(scipy.linalg.block_diag(*A), drives, np.eye(states), still)
 
 
 def mode_singular_values(form: ModalForm, samples: int, output_scale: FloatArray) -> FloatArray:

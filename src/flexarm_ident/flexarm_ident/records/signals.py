@@ -26,6 +26,11 @@ CONSTANT_SHARE = 0.99
 """Share of equal samples above which a channel counts as constant."""
 
 
+def hann(length: int) -> FloatArray:
+    """Return the Hann window of a spectrum, (length,)."""
+    return np.asarray(0.5 - 0.5 * np.cos(2.0 * np.pi / length * np.arange(length)))
+
+
 def bandwidth_hz(records: Sequence[IoData]) -> float:
     """Return the frequency below which 99.9 % of every output's power lies."""
     highest = 0.0

@@ -94,8 +94,8 @@ def block_gram(records: Sequence[Source], block_rows: int) -> BlockGram:
         If a record has fewer samples than `block_rows`, or no stretch of any has as many.
     """
     outputs, inputs = len(records[0].outputs), len(records[0].inputs)
-    size = block_rows * (outputs + inputs)
-    total, columns = np.zeros((size, size)), 0
+    total: FloatArray | float = 0.0
+    columns = 0
     for record in records:
         if len(record) < block_rows:
             raise DataError(
@@ -109,14 +109,14 @@ def block_gram(records: Sequence[Source], block_rows: int) -> BlockGram:
                 sums.add(y[rows], u[rows])
             if np.isnan(y[-1]).any():
                 sums.end_stretch()
-        total += sums.gram()
+        total = total + sums.gram()
         columns += sums.columns
     if columns == 0:
         raise DataError(
             f"{records[0].label}: no {block_rows} samples, the block rows, follow each other "
             "without a hole: record again or lower block_rows"
         )
-    return BlockGram(total, block_rows, outputs, inputs, columns)
+    return BlockGram(np.asarray(total), block_rows, outputs, inputs, columns)
 
 
 def stretches(y: FloatArray) -> Iterator[slice]:
@@ -165,7 +165,9 @@ class LagSums:
         waiting, arrived = len(self._pending), len(signals[0])
         z = np.empty((waiting + arrived, self._channels))
         z[:waiting] = self._pending
-        np.concatenate(signals, axis=1, out=z[waiting:])
+        columns = (column for each in signals for column in each.T)
+        for channel, column in enumerate(columns):
+            z[waiting:, channel] = column
         if len(self._head) < self._lags - 1:
             # The pending samples still begin at the start.
             self._head = z[: self._lags - 1].copy()
@@ -186,7 +188,8 @@ class LagSums:
                 self._rest += rest.reshape(channels, channels, lags).transpose(2, 0, 1)
             leaving = self._head.ravel()
             entering = self._pending[len(self._pending) - lags + 1 :].ravel()
-            self._change += np.outer(entering, entering) - np.outer(leaving, leaving)
+            change = np.stack([entering, leaving]).T @ np.stack([entering, -leaving])
+            self._change = self._change + change if self.columns else change
             self.columns += self._samples - lags + 1
         self._head = self._pending = np.empty((0, channels))
         self._samples = 0
@@ -238,4 +241,6 @@ def equilibrated(gram: BlockGram) -> tuple[FloatArray, FloatArray]:
     rms = np.sqrt(power / gram.columns)
     rms[rms == 0.0] = 1.0
     weight = np.tile(1.0 / rms, gram.block_rows) / np.sqrt(gram.columns)
-    return gram.matrix * np.outer(weight, weight), rms
+    scaled = np.outer(weight, weight)
+    scaled *= gram.matrix
+    return scaled, rms

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -15,39 +17,41 @@ if TYPE_CHECKING:
 _SMALLEST_EIGENVALUE = 1e-13
 # Part of the largest scale below which a direction is empty.
 _NOTHING = 1e-100
+# Ratio of the smallest eigenvalue that is kept to one that is clear of it.
+_CLEAR = 1e-2
 
 
-class TruncatedInverse(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class TruncatedInverse:
     """Inverse over the directions above rounding.
 
     Attributes
     ----------
-    vectors : ndarray, (size, rank)
-        Eigenvectors, in the units of the matrix.
-    values : ndarray, (rank,)
-        Their eigenvalues.
-    condition : float
-        Condition number of the whole matrix, scaled if asked for.
+    root : ndarray, (size, rank)
+        Root of the inverse, in the units of the matrix: the inverse is ``root @ root.conj().T``.
+    scaled : ndarray, (size, size)
+        The matrix, scaled if asked for.
     """
 
-    vectors: NDArray[Any]
-    values: FloatArray
-    condition: float
+    root: NDArray[Any]
+    scaled: NDArray[Any]
 
     @property
     def rank(self) -> int:
         """Number of kept directions."""
-        return len(self.values)
+        return int(self.root.shape[1])
 
-    @property
-    def root(self) -> NDArray[Any]:
-        """Root of the inverse, (size, rank): the inverse is ``root @ root.conj().T``."""
-        return np.asarray(self.vectors / np.sqrt(self.values))
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of the whole matrix, scaled if asked for."""
+        values = scipy.linalg.eigvalsh(self.scaled)
+        largest = float(values[-1])
+        rounding = np.finfo(float).eps * largest
+        return largest / max(float(values[0]), rounding) if largest > 0.0 else np.inf
 
     def solve(self, right: NDArray[Any]) -> NDArray[Any]:
         """Return the inverse times a matrix or a vector."""
-        along = self.vectors.conj().T @ right
-        return np.asarray(self.vectors @ (along.T / self.values).T)
+        return np.asarray(self.root @ (self.root.conj().T @ right))
 
 
 def truncated_inverse(
@@ -56,7 +60,8 @@ def truncated_inverse(
     """Return the truncated inverse of a symmetric or Hermitian matrix, (size, size).
 
     The matrix is positive semidefinite but for rounding. Directions below the part `smallest` of
-    the largest eigenvalue are left out, after scaling to a unit diagonal if `equilibrated`.
+    the largest eigenvalue are left out, after scaling to a unit diagonal if `equilibrated`. Where
+    no eigenvalue is near it, Cholesky's factor takes a tenth of the time of the eigenvectors.
     """
     scale = np.ones(len(matrix))
     if equilibrated:
@@ -65,13 +70,27 @@ def truncated_inverse(
         # What dies away before the first sample has a power whose inverse overflows.
         scale[scale <= _NOTHING * scale.max()] = 1.0
         matrix = matrix / np.outer(scale, scale)
-    values, vectors = scipy.linalg.eigh(matrix, driver="evd")
-    kept = values > smallest * values[-1]
-    largest = float(values[-1])
-    rounding = np.finfo(float).eps * largest
-    condition = largest / max(float(values[0]), rounding) if largest > 0.0 else np.inf
-    vectors = vectors[:, kept] / scale[:, np.newaxis]
-    return TruncatedInverse(vectors, values[kept], condition)
+    root = _whole_root(matrix, smallest)
+    if root is None:
+        values, vectors = scipy.linalg.eigh(matrix, driver="evd")
+        kept = values > smallest * values[-1]
+        root = vectors[:, kept] / np.sqrt(values[kept])
+    return TruncatedInverse(root / scale[:, np.newaxis], matrix)
+
+
+def _whole_root(matrix: NDArray[Any], smallest: float) -> NDArray[Any] | None:
+    """Return a root of the inverse, (size, size); None unless all eigenvalues are clearly kept."""
+    try:
+        upper = scipy.linalg.cholesky(matrix)
+    except scipy.linalg.LinAlgError:
+        return None
+    invert = scipy.linalg.lapack.ztrtri if upper.dtype.kind == "c" else scipy.linalg.lapack.dtrtri
+    root, _ = invert(upper)
+    # The traces of the matrix and of its inverse are above the largest eigenvalues of both.
+    # BLAS takes the length of a vector without an overflow of its squares.
+    length = float(scipy.linalg.norm(root.ravel()))
+    condition_root = np.sqrt(np.trace(matrix).real) * length
+    return np.asarray(root) if condition_root < np.sqrt(_CLEAR / smallest) else None
 
 
 def factor(matrix: FloatArray) -> FloatArray:

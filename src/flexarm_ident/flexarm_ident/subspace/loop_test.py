@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy
@@ -35,6 +35,25 @@ _CLIP = 3.0
 _OUTLIER = 4.0
 _NORMAL_MAD = 1.4826
 _REFITS = 3
+
+
+class _Regression(NamedTuple):
+    """Past and present of all rows, with the past's products with itself and with the present."""
+
+    past: FloatArray
+    present: FloatArray
+    gram: FloatArray
+    cross: FloatArray
+
+    def remainder(self, kept: NDArray[np.bool_]) -> FloatArray:
+        """Return the remainder of the present after regression on the past over the kept rows."""
+        gram, cross = self.gram, self.cross
+        if not kept.all():
+            # They are few: their products are subtracted in a part of the time of those of all.
+            left_out = self.past[~kept]
+            gram = gram - left_out.T @ left_out
+            cross = cross - left_out.T @ self.present[~kept]
+        return np.asarray(self.present - self.past @ truncated_inverse(gram).solve(cross))
 
 
 def judged_loop(record: IoData) -> bool | None:
@@ -98,7 +117,8 @@ def is_closed_loop(record: IoData) -> bool | None:
     present = np.hstack([_shifted(y, 0, 1, columns), _shifted(u, 0, _ANSWERED_WITHIN, columns)])
     m = y.shape[1]
     kept = np.ones(columns, dtype=np.bool_)
-    remainder = _unpredicted(past, present, kept)
+    regression = _Regression(past, present, past.T @ past, past.T @ present)
+    remainder = regression.remainder(kept)
     verdicts = [_is_answered(remainder[:, :m], remainder[:, m:], kept, memory)]
     for _ in range(_REFITS):
         following = remainder[:, m:]
@@ -106,7 +126,7 @@ def is_closed_loop(record: IoData) -> bool | None:
         if usual.sum() < 2 * memory:
             break
         kept = usual
-        remainder = _unpredicted(past, present, kept)
+        remainder = regression.remainder(kept)
     verdicts.append(_is_answered(remainder[:, :m], remainder[:, m:], kept, memory))
     told = [verdict for verdict in verdicts if verdict is not None]
     return any(told) if told else None
@@ -123,13 +143,6 @@ def _shifted(signals: FloatArray, first: int, last: int, columns: int) -> FloatA
     """Return the samples shifted by `first` to `last` - 1, side by side."""
     starts = range(_INPUT_MEMORY + first, _INPUT_MEMORY + last)
     return np.hstack([signals[start : start + columns] for start in starts])
-
-
-def _unpredicted(past: FloatArray, present: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
-    """Return the remainder of the present after regression on the past over the kept rows."""
-    known = past[kept]
-    root = truncated_inverse(known.T @ known).root
-    return np.asarray(present - past @ (root @ (root.T @ (known.T @ present[kept]))))
 
 
 def _deviation(signals: FloatArray) -> FloatArray:

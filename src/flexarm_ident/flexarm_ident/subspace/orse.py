@@ -272,6 +272,8 @@ def _schur_complement(
     gram: FloatArray, keep: list[int], given: list[int]
 ) -> tuple[FloatArray, float]:
     """Return the remainder of `keep` given `given` (2-20), and the condition number of `given`."""
-    inverse = truncated_inverse(gram[np.ix_(given, given)])
-    cross = gram[np.ix_(keep, given)] @ inverse.root
-    return gram[np.ix_(keep, keep)] - cross @ cross.T, inverse.condition
+    ordered = gram[keep + given][:, keep + given]
+    kept, known = slice(0, len(keep)), slice(len(keep), None)
+    inverse = truncated_inverse(ordered[known, known])
+    cross = ordered[kept, known] @ inverse.root
+    return ordered[kept, kept] - cross @ cross.T, inverse.condition

@@ -26,6 +26,7 @@ from flexarm_ident.subspace.subspace_protocol import StateMatrices, normalised
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.subspace.gram import BlockGram
+    from flexarm_ident.subspace.inverse import TruncatedInverse
 
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
@@ -50,8 +51,10 @@ class PredictorSpace:
 
     Attributes
     ----------
-    rows : ndarray, (vectors, past * (outputs + inputs))
-        Map from the past to the states, the most significant state first.
+    basis : ndarray, (past * outputs, vectors)
+        Map from the predicted outputs to the states, the most significant state first.
+    predicted : ndarray, (past * outputs, past * (outputs + inputs))
+        Map from the past to the predicted outputs, weighted.
     singular_values : ndarray, (past * outputs,)
         Singular values of the weighted predictor's future, descending.
     gram : ndarray
@@ -62,25 +65,31 @@ class PredictorSpace:
         The channels' RMS.
     outputs : int
         Number of outputs.
-    condition : float
-        Condition number of the regression on the past.
+    inverse : TruncatedInverse
+        Inverse of the regression on the past.
     feedthrough : bool
         Whether the output may follow the input at once.
     """
 
-    rows: FloatArray
+    basis: FloatArray
+    predicted: FloatArray
     singular_values: FloatArray
     gram: FloatArray
     past: int
     rms: FloatArray
     outputs: int
-    condition: float
+    inverse: TruncatedInverse
     feedthrough: bool
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the regression on the past."""
+        return self.inverse.condition
 
     @property
     def largest_order(self) -> int:
         """Largest order that the data determine."""
-        return len(self.rows)
+        return int(self.basis.shape[1])
 
     @property
     def block_rows(self) -> int:
@@ -94,6 +103,10 @@ class PredictorSpace:
         _, e = self._one_step(self.largest_order, found)
         variance = np.maximum(np.diag(e @ found.products @ e.T), _SMALLEST_INNOVATION**2)
         return np.asarray(1.0 / (np.sqrt(variance) * self.rms[: self.outputs]))
+
+    def rows(self, states: int) -> FloatArray:
+        """Return the map from the past to the most significant states, (states, past data)."""
+        return np.asarray(self.basis[:, :states].T @ self.predicted)
 
     def matrices(self, order: int) -> StateMatrices:
         """Return A and C of one order; see `innovation`."""
@@ -173,8 +186,9 @@ class PredictorSpace:
     def _made(self, states: int) -> _Signals:
         size, channels = len(self.gram), len(self.rms)
         combinations = np.zeros((2 * states + channels, size))
-        combinations[:states, :-channels] = self.rows[:states]
-        combinations[states : 2 * states, channels:] = self.rows[:states]
+        rows = self.rows(states)
+        combinations[:states, :-channels] = rows
+        combinations[states : 2 * states, channels:] = rows
         combinations[2 * states :, size - channels :] = np.eye(channels)
         products = combinations @ self.gram @ combinations.T
         return _Signals(combinations, products, states, self.outputs)
@@ -223,10 +237,10 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
     history = past * channels
     given = list(range(history)) + (gram.input_rows(past, past + 1) if feedthrough else [])
     present = gram.output_rows(past, past + 1)
-    inverse = truncated_inverse(scaled[np.ix_(given, given)], equilibrated=True)
-    solution = inverse.solve(scaled[np.ix_(given, present)])
+    inverse = truncated_inverse(scaled[given][:, given], equilibrated=True)
+    solution = inverse.solve(scaled[given][:, present])
     responses = solution[:history].T
-    explained = scaled[np.ix_(present, given)] @ solution
+    explained = scaled[present][:, given] @ solution
     left = np.diag(scaled[np.ix_(present, present)] - explained).clip(min=0.0)
     weight = 1.0 / np.maximum(np.sqrt(left), _SMALLEST_INNOVATION)
     future = np.zeros((past, m, history))
@@ -239,7 +253,7 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
     rank = int(np.sum(singular_values > np.finfo(float).eps * singular_values[0] * history))
     basis = left_vectors[:, :rank] / np.sqrt(singular_values[:rank])
     return PredictorSpace(
-        basis.T @ predicted, singular_values, scaled, past, rms, m, inverse.condition, feedthrough
+        basis, predicted, singular_values, scaled, past, rms, m, inverse, feedthrough
     )
 
 

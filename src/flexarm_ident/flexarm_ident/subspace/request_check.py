@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.arrays import column_range
 from flexarm_core.errors import DataError, IdentificationError
 from flexarm_ident.records.magnitude import check_magnitude
+from flexarm_ident.subspace.gram import stretches
 from flexarm_ident.subspace.methods import AUTO, METHODS, check_method
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
+    from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.records.source import Source
 
@@ -23,7 +24,7 @@ BLOCK_ROWS = 40
 """Block rows q of (2-18), unless the records are too short for as many."""
 _FEWEST_CHOSEN_ROWS = 8
 _SMALLEST_BLOCK_ROWS = 2
-_CHUNK = 16384
+_CHUNK, _SLICE = 16384, 512
 
 
 def suitable_block_rows(records: Sequence[Source], order: int | None, method: str) -> int:
@@ -97,7 +98,7 @@ def check_channels(records: Sequence[IoData]) -> None:
     """
     for record in records:
         check_magnitude(record)
-    if all(np.array_equal(*column_range(record.y)) for record in records):
+    if all(_constant(_slices(record.y)).all() for record in records):
         names = ", ".join(records[0].outputs)
         raise DataError(
             f"{records[0].label}: no output changes ({names}), there is nothing to identify: "
@@ -177,18 +178,27 @@ def _usable(record: Source, needed: int) -> int:
     """Return the number of samples outside long holes; stop counting at `needed`."""
     usable = 0
     for _, y in record.chunks(_CHUNK):
-        usable += int(np.count_nonzero(~np.isnan(y).any(axis=1)))
+        usable += sum(rows.stop - rows.start for rows in stretches(y))
         if usable >= needed:
             break
     return usable
 
 
 def _constant_inputs(record: Source) -> NDArray[np.bool_]:
-    """Return which inputs never change; stop reading once all have."""
-    start, constant = None, np.ones(len(record.inputs), dtype=np.bool_)
-    for u, _ in record.chunks(_CHUNK):
-        start = u[0] if start is None else start
-        constant &= ~np.any(u != start, axis=0)
-        if not constant.any():
-            break
-    return constant
+    """Return which inputs never change."""
+    return _constant(u for u, _ in record.chunks(_CHUNK))
+
+
+def _slices(signals: FloatArray) -> Iterator[FloatArray]:
+    """Yield the rows of (samples, channels) in short pieces: most signals change in the first."""
+    return (signals[first : first + _SLICE] for first in range(0, len(signals), _SLICE))
+
+
+def _constant(chunks: Iterator[FloatArray]) -> NDArray[np.bool_]:
+    """Return which columns of chunks, (samples, channels), never change; stop once all have."""
+    first = next(chunks)
+    start = first[0]
+    constant = np.all(first == start, axis=0)
+    while constant.any() and (chunk := next(chunks, None)) is not None:
+        constant &= np.all(chunk == start, axis=0)
+    return np.asarray(constant)

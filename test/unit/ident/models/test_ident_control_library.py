@@ -9,7 +9,8 @@ import sys
 from flexarm_ident.models.control_library import control_library
 control = control_library()
 assert control_library() is control
-print(*(name for name in ("matplotlib", "control.grid", "scipy.stats") if name in sys.modules))
+later = "matplotlib control.grid scipy.integrate scipy.optimize scipy.signal scipy.stats"
+print(*(name for name in later.split() if name in sys.modules))
 """
 _PLOTS = (
     _LIGHT
@@ -42,6 +43,17 @@ print(scipy.signal.find_peaks_cwt(np.sin(np.arange(0.0, 6.0, 0.1)), np.arange(5,
 print(scipy.stats.norm.cdf(0.0))
 """
 )
+_FUNCTIONS = (
+    _LIGHT
+    + """
+oscillator = control.ss([[0.0, 1.0], [-4.0, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+print(control.sample_system(oscillator, 0.1).dt, control.sample_system(control.tf(1, [1, 1]), 1).dt)
+print(abs(control.margin(control.tf(4.0, [1.0, 2.0, 1.0]))[1] - 60.0) < 1e-6)
+print(control.frd(oscillator, [0.1, 1.0, 3.0, 9.0], smooth=True).eval(1.0).real > 0.0)
+import control.optimal
+print(control.optimal.OptimalControlProblem.__name__)
+"""
+)
 _KNOWN = """
 import matplotlib.pyplot, sys
 before = sys.modules["matplotlib.pyplot"]
@@ -63,7 +75,7 @@ def output(program: str) -> list[str]:
     return done.stdout.splitlines()
 
 
-def test_control_library___loads_neither_plots_nor_statistics() -> None:
+def test_control_library___loads_neither_plots_nor_what_of_scipy_it_seldom_uses() -> None:
     assert output(_LIGHT) == [""]
 
 
@@ -79,6 +91,12 @@ def test_control_library__statistics___come_with_their_first_use() -> None:
     assert light == ""
     assert abs(int(peaks.strip("[]")) - 16) <= 1  # the sine's maximum is at pi / 2
     assert abs(float(half) - 0.5) < 1e-12
+
+
+def test_control_library__sampling_and_optimal_control___come_with_their_first_use() -> None:
+    light, *found = output(_FUNCTIONS)
+    assert light == ""
+    assert found == ["0.1 1", "True", "True", "OptimalControlProblem"]
 
 
 def test_control_library__pyplot_imported_before___stays() -> None:

@@ -73,7 +73,7 @@ def test_innovation_covariance___other_data___is_that_of_its_one_step_errors() -
     space = predictor_space(block_gram([first], Q))
     z = np.hstack([other.y, other.u]) / space.rms
     windows = np.lib.stride_tricks.sliding_window_view(z, Q - 1, axis=0)[:-1]
-    x = windows.transpose(0, 2, 1).reshape(len(windows), -1) @ space.rows[:4].T
+    x = windows.transpose(0, 2, 1).reshape(len(windows), -1) @ space.rows(4).T
     errors = other.y[Q - 1 :] - x @ space.innovation(4).C.T
     found = space.innovation_covariance(4, block_gram([other], Q))
     np.testing.assert_allclose(found, errors.T @ errors / len(errors), rtol=1e-6, atol=1e-9)
