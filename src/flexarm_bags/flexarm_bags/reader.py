@@ -159,10 +159,7 @@ def opened(path: Path) -> Iterator[Bag]:
         # Some of these begin with the bag already.
         raise BagError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from error
     except ImportError as error:
-        raise BagError(
-            f"{path}: {one_line(error)}: the installation lacks a part of a library; install it "
-            "again, in a checkout after ./flexarm clean"
-        ) from error
+        raise BagError(f"{path}: {one_line(error)}: part of a library, install again") from error
     except Exception as error:
         raise BagError(
             f"{path}: truncated or damaged: {one_line(error).rstrip('.')}{repair_advice(path)}"
