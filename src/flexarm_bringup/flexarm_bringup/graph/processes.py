@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -153,7 +154,9 @@ class NodeProcesses:
         for place in range(len(self._processes)):
             if place > 0:
                 time.sleep(_APART_S)
-            os.write(self._gate, b"+")
+            # Where none lives any more, the next check tells why.
+            with suppress(BrokenPipeError):
+                os.write(self._gate, b"+")
 
     def stop(self) -> None:
         """Stop the processes that still run, the last one first."""

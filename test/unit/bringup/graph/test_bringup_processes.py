@@ -185,3 +185,12 @@ def test_nodes___stopped_before_they_are_let_in___join_nothing(
         pass
     assert "joins" not in log.read_text()
     assert set(nodes.exit_codes().values()) != {None}
+
+
+def test_nodes___that_ended_before_they_are_let_in___are_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with NodeProcesses(*rig_node(monkeypatch, tmp_path, ["torn"])) as nodes:
+        with pytest.raises(LaunchError, match="rig_node ended with exit code 3: torn"):
+            check_until_it_ends(nodes)
+        nodes.let_in()
