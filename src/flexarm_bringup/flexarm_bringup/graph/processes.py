@@ -6,7 +6,6 @@ import os
 import re
 import signal
 import subprocess
-import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,9 +23,6 @@ NAMESPACE = "/flexarm"
 MANAGED = ("daq", "controller", "experiment")
 """The nodes with a lifecycle."""
 _PATIENCE_S = 8.0
-_APART_S = 0.05
-"""Time between two nodes that join. Of two that join at the same moment on a busy machine, others
-often discover one only with the next announcements, 3 s later."""
 _KEPT_VOLTAGE = ": a board keeps its last voltage, so at a real rig press the emergency stop"
 _AFTER = dict.fromkeys(("daq_node", "loop_node"), _KEPT_VOLTAGE)
 """Advice for the user when the process of a node was killed."""
@@ -150,13 +146,10 @@ class NodeProcesses:
         self.stop()
 
     def let_in(self) -> None:
-        """Let the nodes join the graph, one after another."""
-        for place in range(len(self._processes)):
-            if place > 0:
-                time.sleep(_APART_S)
-            # Where none lives any more, the next check tells why.
-            with suppress(BrokenPipeError):
-                os.write(self._gate, b"+")
+        """Let the nodes join the graph."""
+        # Where none lives any more, the next check tells why.
+        with suppress(BrokenPipeError):
+            os.write(self._gate, b"+" * len(self._processes))
 
     def stop(self) -> None:
         """Stop the processes that still run, the last one first."""
