@@ -21,7 +21,7 @@ DT_S = 0.01
 def wandering(offset: float) -> IoData:
     """Return a hub that wanders slowly through its travel, with holes every 3 s."""
     rng = np.random.default_rng(2)
-    u = rng.choice([-1.0, 1.0], 3000)
+    u = rng.choice([-1.0, 1.0], 3000).astype(float)
     y = offset + 3.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 3000)) + 0.02 * rng.normal(size=3000)
     y += signal.lfilter([0.0, 0.05], [1.0, -0.8], u)
     held = np.zeros(3000, dtype=np.bool_)

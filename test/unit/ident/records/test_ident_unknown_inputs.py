@@ -22,7 +22,7 @@ DT_S = 0.01
 def record(holes: Sequence[tuple[int, int]], samples: int = 3000, seed: int = 1) -> IoData:
     """Return a record of a free mass, an integrator behind a lag, with lost samples."""
     rng = np.random.default_rng(seed)
-    u = np.repeat(rng.choice([-1.0, 1.0], samples // 20), 20)
+    u = np.repeat(rng.choice([-1.0, 1.0], samples // 20), 20).astype(float)
     speed = signal.lfilter([0.0, 0.05], [1.0, -0.95], u)
     place = signal.lfilter([0.0, DT_S], [1.0, -1.0], speed)
     y = np.column_stack([place, speed])
