@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import textwrap
 from contextlib import contextmanager
@@ -11,17 +12,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from flexarm_bringup.console.interruption import check_interruption
 from flexarm_core.labels import decay, label_and_unit, with_deviation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from flexarm_ident.models.modes import Mode
 
-# Without a terminal there is nothing to wrap for.
-CONSOLE = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110)
+# Without a terminal there is nothing to wrap for. Names of a user may have brackets.
+CONSOLE = Console(
+    highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110
+)
 _PLAIN_STEPS = 10
 _LEVEL = ".friction_level"
 _GRADES = {"do not use": "bold red", "caution": "yellow"}
@@ -75,12 +80,17 @@ def note(text: str) -> None:
         )
     else:
         text = f"  {text}"
-    CONSOLE.print(text, markup=False, style=style)
+    CONSOLE.print(text, style=style)
 
 
 def next_step(text: str) -> None:
-    """Print what a user may do next."""
-    CONSOLE.print(f"Then: {text}", markup=False)
+    """Print what a user may do next: a command, with its paths `quoted`."""
+    CONSOLE.print(f"Then: {text}")
+
+
+def quoted(path: Path) -> str:
+    """Return a path as a shell takes it."""
+    return shlex.quote(str(path))
 
 
 @contextmanager
@@ -103,7 +113,11 @@ def _shown_progress() -> Iterator[Callable[[str, float], None]]:
     if not CONSOLE.is_terminal:
         yield _plain_progress()
         return
-    columns = (TextColumn("  {task.description:12}"), BarColumn(), TaskProgressColumn())
+    columns = (
+        TextColumn("  {task.description:12}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+    )
     with Progress(*columns, TimeElapsedColumn(), console=CONSOLE, transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda text, done: bar.update(task, description=text, completed=done)
@@ -133,7 +147,7 @@ def _plain_progress() -> Callable[[str, float], None]:
 def busy(text: str) -> Iterator[None]:
     """Show that something is being worked on."""
     if CONSOLE.is_terminal:
-        with CONSOLE.status(text):
+        with CONSOLE.status(Text(text)):
             yield
     else:
         CONSOLE.print(f"  {text}")
@@ -142,7 +156,12 @@ def busy(text: str) -> Iterator[None]:
 
 def step(text: str) -> None:
     """Announce a step."""
-    CONSOLE.print(f"[bold]{text}[/bold]")
+    CONSOLE.print(text, style="bold")
+
+
+def marked(word: str, colour: str, text: str) -> None:
+    """Print a word in a colour, and what it is said of."""
+    CONSOLE.print(Text.assemble((word, colour), text))
 
 
 def mode_table(modes: Iterable[Mode], dt_s: float) -> Table:

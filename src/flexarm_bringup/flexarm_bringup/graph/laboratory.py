@@ -82,7 +82,7 @@ def running_graph(
         if wrong := unreadable(file):
             raise LaunchError(wrong)
         for name in unknown_nodes(file, known):
-            terminal.CONSOLE.print(f"note: {file} is also for {name}, no node here", markup=False)
+            terminal.CONSOLE.print(f"note: {file} is also for {name}, no node here")
     alone = [name for name in nodes if not (compose and name in _LOOP)]
     programs = [
         NodeProgram(*_NODES[name], parameters.get(name, {}), files, namespace) for name in alone

@@ -48,7 +48,7 @@ def new_record(bag: Path) -> Iterator[Path]:
             _replaced(record).rename(bag)
         if record.exists() and check_bag(record).samples:
             record.rename(partial)
-            terminal.CONSOLE.print(f"what was recorded is kept in {partial}", markup=False)
+            terminal.CONSOLE.print(f"what was recorded is kept in {partial}")
         shutil.rmtree(record.parent, ignore_errors=True)
 
 

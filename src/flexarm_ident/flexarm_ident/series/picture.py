@@ -95,7 +95,12 @@ def inline_svg(figure: Figure, description: str) -> str:
     text = text[text.index("<svg") :].strip()
     # The first font sets the layout; the others are as wide or narrower.
     text = text.replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, Arial, sans-serif")
-    text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), text)
+    # Another processor's last digits are no other picture.
+    text = re.sub(
+        r' (?:d|x|y|transform|points)="[^"]*"',
+        lambda place: re.sub(r"(\.\d\d)\d+", r"\1", place[0]),
+        text,
+    )
     # Names of one figure must not meet those of another in the same page.
     prefix = "f" + hashlib.sha256(text.encode()).hexdigest()[:8]
     used = set(re.findall(r'(?:url\(|href=")#([^")]+)', text))

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import shlex
 from math import exp, nan
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,8 @@ from flexarm_bringup.console.terminal import (
 )
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import pytest
     from rich.table import Table
 
@@ -105,3 +108,22 @@ def test_note___on_a_narrow_terminal___hangs_below_its_first_words(
     assert [line[:4].isspace() for line in lines] == [False, *(True for _ in lines[1:])]
     assert all(len(line) <= 30 for line in lines)
     assert " ".join(page.getvalue().split()).startswith("caution: run1: speed_v stands still")
+
+
+def test_names_with_brackets___are_printed_as_they_are() -> None:
+    with terminal.CONSOLE.capture() as shown:
+        terminal.CONSOLE.print("order 4, results in out/run [a]")
+        rows = [("data (DMV)", [0.1, 0.2, 0.3])]
+        terminal.CONSOLE.print(error_table(["pos [/s]", "x_1 [mm]"], rows))
+        terminal.step("begin [bold]")
+        terminal.marked("ok", "green", "  a [/red] name")
+    for name in ("run [a]", "pos [/s]", "x_1 [mm]", "begin [bold]", "ok  a [/red] name"):
+        assert name in shown.get()
+
+
+def test_next_step___path_with_a_space___is_quoted(tmp_path: Path) -> None:
+    assert shlex.split(f"flexarm identify {terminal.quoted(tmp_path / 'my bag')}") == [
+        "flexarm",
+        "identify",
+        str(tmp_path / "my bag"),
+    ]

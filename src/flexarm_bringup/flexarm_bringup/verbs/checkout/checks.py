@@ -76,7 +76,7 @@ def test(arguments: tuple[str, ...], *, quick: bool) -> None:
             "./flexarm test runs them all"
         )
     if failed:
-        terminal.CONSOLE.print(f"[bold red]failed: {', '.join(failed)}[/bold red]")
+        terminal.CONSOLE.print(f"failed: {', '.join(failed)}", style="bold red")
     sys.exit(1 if failed else 0)
 
 

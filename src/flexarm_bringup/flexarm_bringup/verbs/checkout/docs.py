@@ -57,12 +57,12 @@ def docs(pages: tuple[Path, ...], out: Path, *, force: bool) -> None:
         terminal.step(f"commands: {page.relative_to(root)}")
         for line in outdated(root, page):
             hold = False
-            terminal.CONSOLE.print(line, markup=False)
+            terminal.CONSOLE.print(line)
     if not pages:
         terminal.step(f"site: {out / 'index.html'}")
         if warnings := build_site(root, out, force=force):
             hold = False
-            terminal.CONSOLE.print(warnings, markup=False)
+            terminal.CONSOLE.print(warnings)
     sys.exit(0 if hold else 1)
 
 

@@ -103,9 +103,9 @@ def doctor(
 
 def _is_wrong(name: str, check: Callable[[], str]) -> bool:
     try:
-        terminal.CONSOLE.print(f"[green]ok[/green]    {name}: {check()}")
+        terminal.marked("ok", "green", f"    {name}: {check()}")
     except (ImportError, LaunchError, PackageNotFoundError, RuntimeError) as error:
-        terminal.CONSOLE.print(f"[red]wrong[/red] {name}: {error}")
+        terminal.marked("wrong", "red", f" {name}: {error}")
         return True
     return False
 

@@ -213,13 +213,13 @@ def examine_hardware(settings: NidaqSettings, nidaqmx: Nidaqmx | None = None) ->
         try:
             found = examine()
         except RigError as error:
-            terminal.CONSOLE.print(f"[red]wrong[/red] {name}: {error}")
+            terminal.marked("wrong", "red", f" {name}: {error}")
             left = ", ".join(later for later, _ in steps[number + 1 :])
             if left:
                 terminal.CONSOLE.print(f"        not examined: {left}")
             terminal.CONSOLE.print("Nothing was moved. Mend this first, then look again.")
             return 1
-        terminal.CONSOLE.print(f"[green]ok[/green]    {name}: {found}")
+        terminal.marked("ok", "green", f"    {name}: {found}")
     for line in ("Nothing was moved.", *_REMAINS):
         terminal.CONSOLE.print(line)
     return 0

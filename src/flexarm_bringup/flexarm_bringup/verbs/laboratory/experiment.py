@@ -111,7 +111,7 @@ def _run(entries: Sequence[Experiment], settings: dict[str, Any]) -> None:
 
     made = ExperimentSettings(**settings)
     run_experiments(entries, made)
-    terminal.next_step(f"flexarm identify {made.folder / entries[-1].name}")
+    terminal.next_step(f"flexarm identify {terminal.quoted(made.folder / entries[-1].name)}")
 
 
 def _has(entry: Experiment, words: Sequence[str]) -> bool:

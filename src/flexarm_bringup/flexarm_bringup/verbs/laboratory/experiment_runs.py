@@ -103,7 +103,7 @@ def run_experiments(entries: Sequence[Experiment], settings: ExperimentSettings)
             )
             problems = check_bag(bag).problems
             for problem in problems:
-                terminal.CONSOLE.print(f"  problem: {problem}", markup=False)
+                terminal.CONSOLE.print(f"  problem: {problem}")
             _describe(folder, entry, recorded, problems, settings)
             _show_extent(recorded)
     count = len(entries)

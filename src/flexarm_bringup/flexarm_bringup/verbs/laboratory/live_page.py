@@ -85,7 +85,7 @@ class Address:
         if not self._is_shown and (address := self._find()):
             self._is_shown = True
             self._processes.let_be_replaced(self._executable)
-            terminal.CONSOLE.print(address, markup=False, highlight=False, soft_wrap=True)
+            terminal.CONSOLE.print(address, highlight=False, soft_wrap=True)
         return self._is_shown
 
 

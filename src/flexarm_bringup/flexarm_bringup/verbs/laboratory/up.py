@@ -174,8 +174,8 @@ def _run_graph(settings: _Settings) -> None:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
             if bag and bag.exists():
-                terminal.CONSOLE.print(f"recorded in {bag}", markup=False)
-                terminal.CONSOLE.print(f"what the nodes printed is in {log}", markup=False)
+                terminal.CONSOLE.print(f"recorded in {bag}")
+                terminal.CONSOLE.print(f"what the nodes printed is in {log}")
         if bag and processes.exit_codes()["recorder_node"]:
             raise LaunchError(f"the recording is not complete: flexarm bag repair {bag} -o OTHER")
 
@@ -213,7 +213,7 @@ def _stay(
             # Else its first commands might come before the recorder is discovered.
             readers = operator.node.count_subscribers("command")
             replace = _REPLACE.format(operator.namespace, readers)
-            terminal.CONSOLE.print(f"{loss}: {replace}", markup=False)
+            terminal.CONSOLE.print(f"{loss}: {replace}")
         return False
 
     try:
@@ -244,4 +244,4 @@ class _Complaints:
         self._read += len(new + newline)
         for line in new.decode(errors="replace").splitlines():
             if any(level in line for level in levels):
-                terminal.CONSOLE.print(line, markup=False)
+                terminal.CONSOLE.print(line)

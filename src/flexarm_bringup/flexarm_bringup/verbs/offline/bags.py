@@ -44,7 +44,7 @@ def import_(csv: Path, map_file: Path, output: Path) -> None:
             counted(made.missing_cells, "cell"),
         )
         click.echo(f"  note: {rows} and {cells} are missing: holes of the record")
-    terminal.next_step(f"flexarm identify {output}")
+    terminal.next_step(f"flexarm identify {terminal.quoted(output)}")
 
 
 @click.group()
@@ -66,7 +66,7 @@ def repair(damaged: Path, output: Path) -> None:
         *(f"  damage: {line}" for line in made.damage),
     )
     for line in lines:
-        terminal.CONSOLE.print(line, markup=False)
+        terminal.CONSOLE.print(line)
 
 
 def _loss(made: RepairSummary) -> str:
@@ -101,7 +101,7 @@ def _is_good(bag: Path) -> bool:
         *(f"  note: {note}" for note in found.notes),
     )
     for line in lines:
-        terminal.CONSOLE.print(line, markup=False)
+        terminal.CONSOLE.print(line)
     return not found.problems
 
 

@@ -301,7 +301,7 @@ def report(
                 progress=show,
             )
             for line in (*lines, f"report in {out}"):
-                terminal.CONSOLE.print(line, markup=False)
+                terminal.CONSOLE.print(line)
             return
         results = job.report_bags(
             tuple(records),
@@ -318,7 +318,7 @@ def report(
 def _show(results: Results, written: str) -> None:
     """Print verdict, modes, errors and warnings of a model, and what was written."""
     outcome = results.outcome
-    terminal.CONSOLE.print(f"{outcome.verdict}", style="bold", markup=False)
+    terminal.CONSOLE.print(f"{outcome.verdict}", style="bold")
     terminal.show_model(
         terminal.ShownModel(
             modes=outcome.modes,
@@ -337,6 +337,6 @@ def _show(results: Results, written: str) -> None:
 
 def _after(results: Results, out: Path) -> str:
     """Return what follows on a model: a law for that of the arm, else a look at the report."""
-    model = f"{out / job.MODEL_FILE}"
+    model, report = (terminal.quoted(out / name) for name in (job.MODEL_FILE, job.REPORT_FILE))
     is_arm = tuple(results.outcome.records[0].outputs) == CHANNEL_NAMES
-    return f"flexarm tune {model}" if is_arm else f"open {out / job.REPORT_FILE} in a browser"
+    return f"flexarm tune {model}" if is_arm else f"open {report} in a browser"

@@ -53,7 +53,7 @@ def replay(bag: Path, tolerance_v: float, topic: str | None) -> None:
             "sample and all commands between them"
         )
     for line in (f"{bag}: {_verdict(outcome, tolerance_v)}", *_details(outcome)):
-        terminal.CONSOLE.print(line, markup=False, soft_wrap=True)
+        terminal.CONSOLE.print(line, soft_wrap=True)
     sys.exit(1 if outcome.differences else 0)
 
 

@@ -53,7 +53,7 @@ def model_each(
     terminal.CONSOLE.print(_table(series.rows))
     for row in series.rows:
         if row.failure:
-            terminal.CONSOLE.print(f"  no model of {row.bag}: {row.failure}", markup=False)
+            terminal.CONSOLE.print(f"  no model of {row.bag}: {row.failure}")
     there = f", {series.skipped} of them there already" if series.skipped else ""
     models = counted(len(series.rows) - series.failed, "model")
     terminal.CONSOLE.print(

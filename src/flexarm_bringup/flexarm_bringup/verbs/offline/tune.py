@@ -73,8 +73,9 @@ def tune(models: tuple[str, ...], out: Path, *, force: bool, **options: Any) -> 
     given = {k: v for k, v in options.items() if source(k) is not ParameterSource.DEFAULT}
     rate_hz = tune_models(models, out, force=force, **given)
     law = "pdpc" if options["law"] == "pdp" else options["law"]
+    file = terminal.quoted(out)
     terminal.next_step(
-        f"flexarm up --law {law} --rate {rate_hz:.6g} --params-file {out} --reference square"
+        f"flexarm up --law {law} --rate {rate_hz:.6g} --params-file {file} --reference square"
     )
 
 
@@ -116,9 +117,7 @@ def tune_models(
     _show_certificate(tuple(models), result)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_parameter_file(out, dict(result.parameters), node="/**/controller")
-    terminal.CONSOLE.print(
-        f"J {result.criteria[0]:.4f}: {_of_first_law(result)}; written to {out}", markup=False
-    )
+    terminal.CONSOLE.print(f"J {result.criteria[0]:.4f}: {_of_first_law(result)}; written to {out}")
     return 1.0 / float(next(iter(models.values())).dt)
 
 
@@ -138,7 +137,7 @@ def _show_certificate(names: tuple[str, ...], result: TuneResult) -> None:
     if table.row_count:
         terminal.CONSOLE.print(table)
     for line in (*result.explanation, *result.notes):
-        terminal.CONSOLE.print(f"  {line}", markup=False)
+        terminal.CONSOLE.print(f"  {line}")
 
 
 def _of_first_law(result: TuneResult) -> str:

@@ -95,7 +95,7 @@ def _run_design(settings: DesignSettings) -> None:
         modes_hz, _ = bending_modes(model)
         result = tune({name: model}, TuneRequest(settings.law, delay_s=REPLY_DELAY_S))
         for line in result.notes:
-            terminal.CONSOLE.print(f"  {line}", markup=False)
+            terminal.CONSOLE.print(f"  {line}")
         write_parameter_file(
             settings.out / CONTROLLER_FILE, dict(result.parameters), node="/**/controller"
         )

@@ -115,7 +115,7 @@ def _run_learn(settings: LearnSettings) -> None:
         done = learned(play, first, mend, repetitions=settings.repetitions)
     _write(settings, done, outputs_v[best(done)])
     file = (settings.out / TRAJECTORY_FILE).absolute()
-    changes = f"law={settings.law} trajectory={file}"
+    changes = f"law={settings.law} trajectory={terminal.quoted(file)}"
     terminal.next_step(f"flexarm set controller {changes}, beside flexarm up")
 
 
@@ -140,7 +140,7 @@ def _write(settings: LearnSettings, done: Sequence[Repetition], y: FloatArray) -
     head = ("repetition", "position mV", "gauge mV", "of the first")
     for row in (head, *rows):
         mark = "  kept" if row == rows[kept] else ""
-        terminal.CONSOLE.print("  {:>10}  {:>11}  {:>8}  {:>12}".format(*row) + mark, markup=False)
+        terminal.CONSOLE.print("  {:>10}  {:>11}  {:>8}  {:>12}".format(*row) + mark)
     summary = _summary(settings, done)
     (out / SUMMARY_FILE).write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
     (out / REPORT_FILE).write_text(_page(head, rows, done[kept].played, y, kept), "utf-8")

@@ -35,8 +35,9 @@ if TYPE_CHECKING:
     from flexarm_msgs.msg import ModeSummary
 
 
-# Both nodes of the loop end when every reader has acknowledged all that they sent.
-_QUIET_S = 0.1
+# Both nodes of the loop end when every reader has acknowledged all that they sent, or after some
+# seconds. What comes then comes with heartbeats, 0.1 s from each other.
+_QUIET_S = 0.25
 
 
 class NodeRun(SimulatedRun):

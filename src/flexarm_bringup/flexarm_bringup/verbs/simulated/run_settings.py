@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import shutil
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -77,7 +79,32 @@ class RunSettings:
         """Give an empty folder for bags; remove it at the end, unless kept.
 
         The bags of a run whose drive was held are evidence: they stay until the next run.
+
+        Raises
+        ------
+        OutputError
+            When another run is at work in the folder of the results.
         """
+        with self._claimed():
+            yield from self._emptied()
+
+    @contextmanager
+    def _claimed(self) -> Iterator[None]:
+        """Keep another run out of the folder of the results: it would take these bags away."""
+        self.out.mkdir(parents=True, exist_ok=True)
+        claim = os.open(self.out, os.O_RDONLY)
+        try:
+            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(
+                f"{self.out}: another run is at work there: choose another --out, or wait for it"
+            ) from None
+        else:
+            yield
+        finally:
+            os.close(claim)
+
+    def _emptied(self) -> Iterator[Path]:
         folder = self.out / _BAG_FOLDER
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
@@ -89,7 +116,7 @@ class RunSettings:
             yield folder.absolute()
         except HeldDriveError:
             keeps = True
-            terminal.CONSOLE.print(f"what was recorded is kept in {folder}", markup=False)
+            terminal.CONSOLE.print(f"what was recorded is kept in {folder}")
             raise
         finally:
             if not keeps:

@@ -9,6 +9,7 @@ import pytest
 from flexarm_bringup.graph.processes import HeldDriveError, LaunchError
 from flexarm_bringup.runs.pace import Pace
 from flexarm_bringup.verbs.simulated.run_settings import RunSettings
+from flexarm_core.outputs import OutputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -47,3 +48,17 @@ def test_bags___of_a_run_whose_drive_was_held___stay_until_the_next_run(
     run.make_room()
     with run.bag_folder() as bags:
         assert not (bags / "experiment").exists()
+
+
+def test_bags___of_a_run_at_work___are_not_taken_away_by_another_one(tmp_path: Path) -> None:
+    first, second = settings(tmp_path / "same"), settings(tmp_path / "same")
+    with first.bag_folder() as bags:
+        (bags / "experiment").mkdir()
+        with (
+            pytest.raises(OutputError, match=r"same: another run is at work there: choose another"),
+            second.bag_folder(),
+        ):
+            pass
+        assert (bags / "experiment").is_dir()
+    with second.bag_folder():
+        pass
