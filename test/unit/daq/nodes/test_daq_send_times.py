@@ -38,5 +38,13 @@ def test_clock___set_while_recording___does_not_decide(step: int) -> None:
     assert not times.was_sent_before(STEADY + MS + step, STEADY)
 
 
+def test_messages___to_a_recorder_that_is_behind___were_sent_before_the_stop() -> None:
+    # Each of the last 2000 messages was read later than the one before it, 2 s at last.
+    times = heard([0] * 5000, [0.3] * 3000 + [float(k) for k in range(2000)])
+    for before_ms in (0.4, 500.0, 1900.0):
+        assert times.was_sent_before(STEADY - round(before_ms * MS), STEADY)
+    assert not times.was_sent_before(STEADY + MS, STEADY)
+
+
 def test_first_message_of_a_sender___counts_as_sent_before() -> None:
     assert SendTimes().was_sent_before(2**62, STEADY)
