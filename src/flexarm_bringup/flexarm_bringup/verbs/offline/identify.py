@@ -186,7 +186,7 @@ _MAP = click.option(
     "identify run1 --input /command.data --output '/joint_states.position[0]'",
     "identify run.csv --input torque --output angle",
     "identify run.csv --map columns.yaml",
-    "identify run1 --from 4s --to 2min",
+    "identify run1 --from 4s --to 30s",
     "identify --each runs/* -o out/months",
 )
 def identify(
