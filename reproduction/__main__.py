@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import FORCE, VerbGroup, examples
@@ -78,7 +78,7 @@ def show_subjects(wanted: Sequence[str]) -> None:
     """Print the keys that are asked for, or all of them, with their titles."""
     table = Table("key", "what it shows", box=None)
     for subject in select(all_subjects(), wanted or ["all"]):
-        table.add_row(subject.key, escape(subject.title))
+        table.add_row(subject.key, subject.title)
     terminal.CONSOLE.print(table)
 
 
@@ -105,9 +105,9 @@ def reproduce_subjects(
 
 def _show(outcome: Outcome) -> None:
     subject = outcome.subject
-    terminal.step(f"{subject.key}: {escape(subject.title)}")
+    terminal.step(f"{subject.key}: {subject.title}")
     if outcome.finding is None:
-        terminal.CONSOLE.print(f"  [red]failed[/red]: {escape(outcome.failure)}")
+        terminal.marked("  failed", "red", f": {outcome.failure}")
         return
     _show_finding(outcome.finding)
 
@@ -117,23 +117,22 @@ def _show_finding(finding: Finding) -> None:
         terminal.CONSOLE.print(_rich_table(table))
     judgement = finding.judgement
     colour = _COLOURS[judgement.verdict]
-    words = f"[{colour}]{judgement.verdict.value}[/{colour}]: {escape(judgement.because)}"
-    terminal.CONSOLE.print(f"  {words}")
+    terminal.marked(f"  {judgement.verdict.value}", colour, f": {judgement.because}")
 
 
 def _rich_table(side_by_side: SideBySide) -> Table:
-    headings = map(escape, side_by_side.headings)
-    table = Table(title=escape(side_by_side.title), title_justify="left", box=None)
-    for heading in headings:
+    table = Table(title=side_by_side.title, title_justify="left", box=None)
+    for heading in side_by_side.headings:
         table.add_column(heading, overflow="fold")
     for row in side_by_side.rows:
-        table.add_row(*map(escape, row))
+        table.add_row(*row)
     return table
 
 
 def _show_counts(judgements: Sequence[Judgement]) -> None:
-    words = (f"[{_COLOURS[kind]}]{kind.value} {n}[/]" for kind, n in count(judgements).items())
-    terminal.CONSOLE.print(", ".join(words))
+    counted = count(judgements).items()
+    words = (Text(f"{kind.value} {n}", _COLOURS[kind]) for kind, n in counted)
+    terminal.CONSOLE.print(Text(", ").join(words))
 
 
 if __name__ == "__main__":

@@ -97,10 +97,10 @@ def command(
     """Run the graph by seeds; exit code 1 when an invariant does not hold."""
     if seed is not None:
         first_seed, seeds = seed, 1
-        terminal.CONSOLE.print(str(draw(seed)), markup=False)
+        terminal.CONSOLE.print(str(draw(seed)))
     figures = campaign(range(first_seed, first_seed + seeds), Workers(jobs or -1, dask))
     for failure in figures.failures:
-        terminal.CONSOLE.print(described(failure), markup=False)
+        terminal.CONSOLE.print(described(failure))
     table = make_table(*_HEADS, words=0)
     table.add_row(*_cells(figures))
     terminal.CONSOLE.print(table)
