@@ -25,9 +25,9 @@ SERVICE_S = 30.0
 """Deadline of operations that usually take a moment."""
 _UNHEARD_S = 3.0
 _SOON_S = 0.1
+_HARMLESS = {GetState: _SOON_S, GetParameters: _SOON_S, Trigger: 0.5}
 """Patience with questions that do no harm twice: they may soon be put again, twice as late each
-time."""
-_HARMLESS = (GetState, GetParameters, Trigger)
+time. What is triggered takes a while."""
 _ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
 """Long work and its node: a second question would be refused while the first is at work."""
 _POLL_S = 0.1
@@ -133,7 +133,7 @@ class GraphClient:
         """
         if service in _ASKED_ONCE:
             return self.begin(service, name, request, timeout_s)()
-        patience_s = _SOON_S if service in _HARMLESS else _UNHEARD_S
+        patience_s = _HARMLESS.get(service, _UNHEARD_S)
         client = self.client(service, name)
         return self._ask(client, request, timeout_s, patience_s=patience_s, unheard=unheard)
 
