@@ -1,13 +1,19 @@
-"""Files of a user: a private folder for what processes share, who wrote a file, and its path."""
+"""Files of a user: a private folder for what processes share, claims, who wrote a file, paths."""
 
 from __future__ import annotations
 
+import fcntl
 import os
 import stat
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import gettempdir
+from typing import TYPE_CHECKING
 
 from flexarm_core.errors import FlexarmError, SettingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -40,6 +46,27 @@ def private_folder() -> Path:
                 "TMPDIR to another folder"
             ) from None
     return folder
+
+
+@contextmanager
+def claimed(descriptor: int, taken: FlexarmError) -> Iterator[None]:
+    """Hold an open file or folder for this block alone, and close it.
+
+    Parameters
+    ----------
+    descriptor : int
+        File descriptor.
+    taken : FlexarmError
+        Raised when another process, or another descriptor of this one, holds it.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise taken from None
+    else:
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def is_own_file(path: Path) -> bool:

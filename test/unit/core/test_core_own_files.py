@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_core.own_files import OwnFileError, is_own_file, private_folder
+from flexarm_core.own_files import OwnFileError, claimed, is_own_file, private_folder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -80,3 +80,16 @@ def test_own_file___is_neither_a_link_nor_open_to_others(
     file.chmod(0o644)
     monkeypatch.setattr(os, "getuid", lambda: file.stat().st_uid + 1)
     assert not is_own_file(file)
+
+
+def test_claimed___folder___is_held_for_the_block_alone(tmp_path: Path) -> None:
+    def claim() -> int:
+        return os.open(tmp_path, os.O_RDONLY)
+
+    with claimed(claim(), OwnFileError("first")):
+        with pytest.raises(OwnFileError, match="second"), claimed(claim(), OwnFileError("second")):
+            pass
+        with pytest.raises(OwnFileError, match="third"), claimed(claim(), OwnFileError("third")):
+            pass
+    with claimed(claim(), OwnFileError("fourth")):
+        pass

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import time
 from contextlib import contextmanager
@@ -17,7 +16,7 @@ from flexarm_bringup.graph.processes import (
     NodeProgram,
 )
 from flexarm_bringup.graph.session import OPERATOR, interruptible, ros_domain, session
-from flexarm_core.own_files import private_folder
+from flexarm_core.own_files import claimed, private_folder
 from flexarm_node.parameter_files import NODE_NAMES, unknown_nodes, unreadable
 
 if TYPE_CHECKING:
@@ -98,13 +97,13 @@ def running_graph(
         session(OPERATOR, *checks, namespace=namespace) as operator,
     ):
         _require_free_domain(operator)
-        processes.let_in()
-        for name in MANAGED:
-            if name in nodes and name not in idle:
-                operator.configure(name)
-        if "recorder" in nodes:
-            operator.await_recorder()
         try:
+            processes.let_in()
+            for name in MANAGED:
+                if name in nodes and name not in idle:
+                    operator.configure(name)
+            if "recorder" in nodes:
+                operator.await_recorder()
             yield operator, processes
         finally:
             # Before the operator leaves the graph: it may still be asked what they have said.
@@ -138,14 +137,8 @@ def claimed_domain(namespace: str) -> Iterator[None]:
         raise LaunchError(
             f"cannot claim the ROS domain: {error.filename}: {error.strerror}"
         ) from error
-    try:
-        fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise LaunchError(_taken("a graph")) from None
-    else:
+    with claimed(claim, LaunchError(_taken("a graph"))):
         yield
-    finally:
-        os.close(claim)
 
 
 def _require_free_domain(operator: Operator) -> None:

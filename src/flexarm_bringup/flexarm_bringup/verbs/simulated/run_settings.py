@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from flexarm_bringup.console.verb_group import FORCE
 from flexarm_bringup.graph.processes import HeldDriveError
 from flexarm_bringup.verbs.laboratory.options import ARM, PAYLOAD, paced
 from flexarm_core.outputs import MARK, OutputError, is_replaceable, require_place
+from flexarm_core.own_files import claimed
 from flexarm_ident.job import result_files
 
 if TYPE_CHECKING:
@@ -85,24 +85,13 @@ class RunSettings:
         OutputError
             When another run is at work in the folder of the results.
         """
-        with self._claimed():
-            yield from self._emptied()
-
-    @contextmanager
-    def _claimed(self) -> Iterator[None]:
-        """Keep another run out of the folder of the results: it would take these bags away."""
         self.out.mkdir(parents=True, exist_ok=True)
-        claim = os.open(self.out, os.O_RDONLY)
-        try:
-            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(
-                f"{self.out}: another run is at work there: choose another --out, or wait for it"
-            ) from None
-        else:
-            yield
-        finally:
-            os.close(claim)
+        taken = OutputError(
+            f"{self.out}: another run is at work there: choose another --out, or wait for it"
+        )
+        # Another run would take these bags away.
+        with claimed(os.open(self.out, os.O_RDONLY), taken):
+            yield from self._emptied()
 
     def _emptied(self) -> Iterator[Path]:
         folder = self.out / _BAG_FOLDER
