@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from flexarm_ident.records.iodata import DataWarning, Grade
-from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share, hann
+from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share, hann_transforms
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -55,9 +55,7 @@ def excited_band_hz(u: FloatArray, dt_s: float) -> tuple[float, float, float]:
     # Parts spread over a long record suffice.
     starts = np.linspace(0, len(u) - length, min(_PARTS, 2 * len(u) // length)).astype(int)
     parts = u[starts[:, np.newaxis] + np.arange(length)]
-    centred = parts - parts.mean(axis=1, keepdims=True)
-    transforms = np.fft.rfft(centred * hann(length), axis=1)
-    density = np.mean(np.abs(transforms) ** 2, axis=0)
+    density = np.mean(np.abs(hann_transforms(parts)) ** 2, axis=0)
     if length % 2 == 0:
         # Of the Nyquist frequency there is one line, of the others two.
         density[-1] /= 2.0

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
-from flexarm_ident.records.signals import hann
+from flexarm_ident.records.signals import hann_transforms
 from flexarm_ident.subspace.gram import stretches
 
 if TYPE_CHECKING:
@@ -117,12 +117,10 @@ def spectra(
 
 def _transforms(signals: FloatArray, length: int, most: int) -> ComplexArray:
     """Return the transforms of the segments, at most so many, (segments, frequencies, channels)."""
-    window = hann(length)
     segments = sliding_window_view(signals, length, axis=0)[:: length // 2]
     segments = segments[:: -(-len(segments) // most)]
-    centred = segments - segments.mean(axis=-1, keepdims=True)
-    transforms = scipy.fft.rfft(centred * window, axis=-1)
-    return np.asarray(transforms[..., 1 : length // 2].transpose(0, 2, 1))
+    transforms = hann_transforms(segments)[..., 1 : length // 2]
+    return np.asarray(transforms.transpose(0, 2, 1))
 
 
 def _estimates(

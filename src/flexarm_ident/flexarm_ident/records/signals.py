@@ -10,7 +10,7 @@ import scipy
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_core.arrays import FloatArray
+    from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
 
 _POWER_IN_BAND = 0.999
@@ -26,9 +26,19 @@ CONSTANT_SHARE = 0.99
 """Share of equal samples above which a channel counts as constant."""
 
 
-def hann(length: int) -> FloatArray:
-    """Return the Hann window of a spectrum, (length,)."""
-    return np.asarray(0.5 - 0.5 * np.cos(2.0 * np.pi / length * np.arange(length)))
+def hann_transforms(segments: FloatArray) -> ComplexArray:
+    """Return the transforms of segments about their means by a Hann window, (..., frequencies).
+
+    Parameters
+    ----------
+    segments : ndarray, (..., samples)
+        Pieces of signals.
+    """
+    length = segments.shape[-1]
+    # scipy.signal has such windows too, and takes long to import.
+    window = np.hanning(length + 1)[:-1]
+    centred = segments - segments.mean(axis=-1, keepdims=True)
+    return np.asarray(scipy.fft.rfft(centred * window, axis=-1))
 
 
 def bandwidth_hz(records: Sequence[IoData]) -> float:
