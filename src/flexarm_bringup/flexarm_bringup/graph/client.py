@@ -189,7 +189,7 @@ class GraphClient:
                 self.spin()
             if (inferred := unheard()) is not None:
                 return inferred
-            patience_s = min(2.0 * patience_s, max(patience_s, _UNHEARD_S))
+            patience_s = min(2.0 * patience_s, _UNHEARD_S)
         service = client.service_name
         raise LaunchError(f"the answer of {service} did not come within {timeout_s:.0f} s")
 

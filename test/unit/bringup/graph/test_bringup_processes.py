@@ -53,8 +53,15 @@ def rig_node(
     monkeypatch: pytest.MonkeyPatch, folder: Path, printed: list[str]
 ) -> tuple[list[NodeProgram], Path]:
     """Return a node that prints something and ends with 3, and the log for it."""
+    return made_node(monkeypatch, folder, *(f"echo '{line}'" for line in printed), "exit 3")
+
+
+def made_node(
+    monkeypatch: pytest.MonkeyPatch, folder: Path, *lines: str
+) -> tuple[list[NodeProgram], Path]:
+    """Return a node of these lines of a shell, and the log for it."""
     node = folder / "rig_node"
-    node.write_text("\n".join(["#!/bin/sh", *(f"echo '{line}'" for line in printed), "exit 3"]))
+    node.write_text("\n".join(["#!/bin/bash", *lines, ""]))
     node.chmod(0o755)
     monkeypatch.setattr(processes, "find_executable", lambda *_: node)
     return [NodeProgram("any", "rig_node", {})], folder / "nodes.log"
@@ -158,9 +165,8 @@ def test_node_that_is_stopped_in_its_start___leaves_no_traceback(
 def test_nodes___start_at_once___and_join_when_they_are_let_in(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    programs, log = rig_node(monkeypatch, tmp_path, [])
-    joining = "read -r -n 1 opened <&$FLEXARM_GATE; echo joins; sleep 60"
-    (tmp_path / "rig_node").write_text(f"#!/bin/bash\necho loads\n{joining}\n")
+    lines = "echo loads", "read -r -n 1 opened <&$FLEXARM_GATE", "echo joins", "sleep 60"
+    programs, log = made_node(monkeypatch, tmp_path, *lines)
 
     def printed(line: str, count: int) -> bool:
         deadline_s = time.monotonic() + 60.0
@@ -178,12 +184,10 @@ def test_nodes___start_at_once___and_join_when_they_are_let_in(
 def test_nodes___stopped_before_they_are_let_in___join_nothing(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    programs, log = rig_node(monkeypatch, tmp_path, [])
     joining = "read -r -n 1 opened <&$FLEXARM_GATE && echo joins"
-    (tmp_path / "rig_node").write_text(f"#!/bin/bash\n{joining}\n")
-    with NodeProcesses(programs, log) as nodes:
+    with NodeProcesses(*made_node(monkeypatch, tmp_path, joining)) as nodes:
         pass
-    assert "joins" not in log.read_text()
+    assert "joins" not in nodes.log.read_text()
     assert set(nodes.exit_codes().values()) != {None}
 
 

@@ -75,14 +75,7 @@ class NodeRun(SimulatedRun):
         if self.settings.pace is not Pace.FAST:
             return super().begin_identify(request)
         answered = self._operator.begin_identify(_asked(self.experiment_bag, request))
-
-        def identified() -> IdentifiedModel:
-            with terminal.busy("subspace identification of the recorded bag, beside the runs"):
-                model = _model(answered())
-            model.show()
-            return model
-
-        return identified
+        return lambda: self.shown(lambda: _model(answered()), ", beside the runs")
 
 
 @contextmanager

@@ -71,8 +71,12 @@ class SimulatedRun(ABC):
 
     def identify(self, request: Request) -> IdentifiedModel:
         """Identify a model from the experiment and print it."""
-        with terminal.busy("subspace identification of the recorded bag"):
-            model = self.identified(self.experiment_bag, request)
+        return self.shown(lambda: self.identified(self.experiment_bag, request))
+
+    def shown(self, identified: Callable[[], IdentifiedModel], beside: str = "") -> IdentifiedModel:
+        """Print a model and return it; until it is there, print what is being worked on."""
+        with terminal.busy(f"subspace identification of the recorded bag{beside}"):
+            model = identified()
         model.show()
         return model
 
