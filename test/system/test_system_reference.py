@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
 
 from flexarm_msgs.srv import SetReference
 from flexarm_node import qos
@@ -63,6 +64,17 @@ def test_set_points_by_the_service___beside_a_recorder___are_all_in_force_and_to
     ]
     running.wait(lambda: told[-100:] == given, "every set-point on the topic")
     assert in_force(running) == pytest.approx(given[-1])
+
+
+def test_set_point_while_the_drive_is_held___tells_so(running: Graph) -> None:
+    assert running.call(Trigger, "emergency_stop", Trigger.Request()).success
+
+    # What was on its way when the stop was asked for still shows the command.
+    running.wait(lambda: set_reference(running, 0.5).message != "", "words of the held drive")
+
+    held = set_reference(running, 0.5)
+    assert held.success
+    assert held.message == "no command drives the arm: flexarm status says what holds it"
 
 
 @pytest.fixture(scope="module")

@@ -43,6 +43,7 @@ _PAYLOAD_NS = 100_000_000
 # A stream of set-points that are refused is told so often.
 _REFUSED_S = 5.0
 _NOT_ACTIVE = "the controller is not active, activate controller"
+_NOT_DRIVING = "no command drives the arm: flexarm status says what holds it"
 
 
 class _InForce(NamedTuple):
@@ -91,6 +92,7 @@ class ControllerNode(AnsweringNode):
         self._told_ns = 0
         self._weighed_ns = 0
         self._in_force: _InForce | None = None
+        self._drives = True
         self.start_if_asked()
 
     def commander(self) -> tuple[str, bool]:
@@ -146,10 +148,12 @@ class ControllerNode(AnsweringNode):
         self._told_ns = 0
         self._weighed_ns = 0
         self._in_force = None
+        self._drives = True
 
     def answer(self, state: Numbers, taken_ns: int) -> Effort:
         """Return the law's answer to the sample and the reference at its instant."""
         setup, reference_v = self._setup, self._reference_v
+        self._drives = state.command_sequence > 0
         self._handover.replace(setup.law)
         setup.check_rate(self._rate.add(taken_ns))
         self._note_law(taken_ns, setup, reference_v, self.upcoming)
@@ -243,9 +247,15 @@ class ControllerNode(AnsweringNode):
         if response.success:
             self._reference_v = request.reference_v
             self._publish_reference()
-            response.message = "" if self.running else _NOT_ACTIVE
+            response.message = self._hindrance()
         response.reference_v = self._reference_v
         return response
+
+    def _hindrance(self) -> str:
+        """Return why the arm does not follow the set-point in force; empty when it does."""
+        if not self.running:
+            return _NOT_ACTIVE
+        return self.warning() or ("" if self._drives else _NOT_DRIVING)
 
     def _refusal(self, reference_v: float) -> str:
         """Return why a set-point does not come into force; empty when it does."""

@@ -9,10 +9,21 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
+# Similarity, from 0 to 1, above which two names may mean the same: kp and pdpc.kp have 0.44.
+_ALIKE = 0.4
+_FEW = 8
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return " (nearest: ...)" to be added to a name that is not known; empty if none is known."""
-    near = get_close_matches(name, list(known), n=1, cutoff=0.0)
-    return f" (nearest: {near[0]})" if near else ""
+    """Return " (nearest: ...)" to be added to a name that is not known.
+
+    Where none is like it, a few known ones are named, and of many none.
+    """
+    names = list(known)
+    near = get_close_matches(name, names, n=1, cutoff=_ALIKE)
+    if near:
+        return f" (nearest: {near[0]})"
+    return f" (known: {', '.join(names)})" if 0 < len(names) <= _FEW else ""
 
 
 def nearest_node(name: str, known: Iterable[str]) -> str:

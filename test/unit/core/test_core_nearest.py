@@ -2,21 +2,37 @@ from __future__ import annotations
 
 import pytest
 
-from flexarm_core.nearest import nearest_node
+from flexarm_core.nearest import nearest, nearest_node
 
 NODES = ["/flexarm/controller", "/flexarm/daq", "/arm2/daq", "/arm2/recorder"]
 
 
 @pytest.mark.parametrize(
-    ("name", "nearest"),
+    ("name", "near"),
     [
         ("/arm2/controler", "/arm2/recorder"),
         ("/flexarm/contoller", "/flexarm/controller"),
         ("/arm3/controller", "/flexarm/controller"),
     ],
 )
-def test_nearest_node___is_one_of_the_arm_that_was_named(name: str, nearest: str) -> None:
-    assert nearest_node(name, NODES) == f" (nearest: {nearest})"
+def test_nearest_node___is_one_of_the_arm_that_was_named(name: str, near: str) -> None:
+    assert nearest_node(name, NODES) == f" (nearest: {near})"
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "told"),
+    [
+        ("kp", ["law", "pdpc.kp", "reference"], " (nearest: pdpc.kp)"),
+        ("payload", ["seed", "payload_kg"], " (nearest: payload_kg)"),
+        ("zzz", ["daq", "controller"], " (known: daq, controller)"),
+        ("zzz", [f"gain_{number}" for number in range(9)], ""),
+        ("zzz", [], ""),
+    ],
+)
+def test_nearest___is_a_name_that_is_like_it___else_the_few_there_are(
+    name: str, known: list[str], told: str
+) -> None:
+    assert nearest(name, known) == told
 
 
 def test_nearest_node___of_an_empty_graph___is_none() -> None:

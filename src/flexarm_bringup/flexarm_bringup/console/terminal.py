@@ -36,11 +36,11 @@ _GRADES = {"do not use": "bold red", "caution": "yellow"}
 class ShownModel(NamedTuple):
     """Facts of an identified model that the user sees.
 
-    Errors are those of (2-25), one per output and the mean; `left_out`, on blocks left out of the
-    fit, and `sfv` may be empty. Of the parameters `models.<name>.*` the friction is shown.
+    Errors are those of (2-25), one per output and the mean; `left_out`, of the full model on blocks
+    left out of the fit, and `sfv` may be empty. Of the parameters `models.<name>.*` the friction is shown.
     """
 
-    modes: Iterable[Mode]
+    modes: Sequence[Mode]
     outputs: Sequence[str]
     dmv: Sequence[float]
     left_out: Sequence[float]
@@ -53,12 +53,13 @@ def show_model(model: ShownModel) -> None:
     """Print modes, errors, dry friction and warnings."""
     dt_s = next(value for key, value in model.parameters.items() if key.endswith(".dt_s"))
     CONSOLE.print(mode_table(model.modes, dt_s))
-    rows = [("data (DMV)", model.dmv)]
-    rows += [
-        (name, errors)
-        for name, errors in (("left out (CV)", model.left_out), ("set-point (SFV)", model.sfv))
-        if len(errors)
+    is_reduced = not all(mode.kept for mode in model.modes)
+    rows = [
+        ("data (DMV)", model.dmv),
+        ("full, left out (CV)" if is_reduced else "left out (CV)", model.left_out),
+        ("set-point (SFV)", model.sfv),
     ]
+    rows = [(name, errors) for name, errors in rows if len(errors)]
     CONSOLE.print(error_table(model.outputs, rows))
     friction = friction_table(model.parameters)
     if friction.row_count:

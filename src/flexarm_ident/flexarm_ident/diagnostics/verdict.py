@@ -84,7 +84,7 @@ class Verdict:
 
     def __str__(self) -> str:
         worse = ", worse than a line at zero" if self.error >= _WORSE else ""
-        data = "data left out of the fit" if self.unseen else "the fitted data"
+        data = "data that were not fitted" if self.unseen else "the fitted data"
         at_mean = f", at its mean for {', '.join(self.by_deviation)}" if self.by_deviation else ""
         text = (
             f"{self.level}{worse}: error {self.error:.3g} in free simulation of {data} (worst "

@@ -35,7 +35,7 @@ def card(subject: Subject) -> Card:
 
 
 def _figures(found: Verdict) -> list[tuple[str, str]]:
-    data = "data left out of the fit" if found.unseen else "the fitted data"
+    data = "data that were not fitted" if found.unseen else "the fitted data"
     worst = label_and_unit(found.worst_output)[0]
     about = (
         f"error in free simulation of {data}; the worst is {worst} with {percent(found.worst)}, "

@@ -152,6 +152,7 @@ def _request_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return function
 
 
+_PAGES = (".html", ".htm")
 _MAP = click.option(
     "--map",
     "map_file",
@@ -285,6 +286,8 @@ def report(
         options["update"] = "none"
     if len(bags) == 1 and (bags[0] / job.MODEL_FILE).exists():
         raise click.UsageError(f"{bags[0]} is a model: name a bag beside it, to try it on")
+    if out.suffix.lower() not in _PAGES:
+        raise click.UsageError(f"-o {out}: the report is one page: {out.with_suffix('.html')}")
     columns = taken_columns(bags, map_file, options)
     channels, span = taken_channels(options, bags[0]), taken_span(options)
     with as_bags(bags, columns) as records, terminal.progress() as show:

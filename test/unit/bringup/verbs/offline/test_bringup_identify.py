@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from rosbags.rosbag2 import StoragePlugin
 
-from flexarm_bringup.verbs.offline.identify import identify
+from flexarm_bringup.verbs.offline.identify import identify, report
 from flexarm_core.errors import BagError, DataError
 from flexarm_ident import IoData, load_model, read_channels, selection
 from flexarm_ident.workflow.request import Request
@@ -219,3 +219,9 @@ def test_identify___clock_without_channels___is_refused(tmp_path: Path) -> None:
     refused = CliRunner().invoke(identify, [str(tmp_path), "--clock", "header"])
     assert refused.exit_code == 2
     assert "belong to --input and --output" in refused.output
+
+
+def test_report___file_without_suffix___is_refused_with_the_name_to_give(tmp_path: Path) -> None:
+    refused = CliRunner().invoke(report, [str(tmp_path), "-o", str(tmp_path / "arm")])
+    assert refused.exit_code == 2
+    assert f"the report is one page: {tmp_path / 'arm.html'}" in refused.output
