@@ -196,6 +196,9 @@ class Daq(Process):
         self._oracle.on_command(answer)
         return answer.command
 
+    def acted(self) -> None:
+        """Do nothing: nothing waits."""
+
     def spare_time(self) -> None:
         """Report nothing."""
 

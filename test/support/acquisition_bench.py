@@ -116,6 +116,9 @@ class ScriptedLink:
             self._clock.now_s = until_s + WAKE_UP_S
         return None
 
+    def acted(self) -> None:
+        """Do nothing: nothing waits."""
+
     def spare_time(self) -> None:
         self.spare_times_s.append(self._clock.now_s - self._start_s)
         self.spared.append(self.records[-1].sequence)

@@ -107,6 +107,9 @@ class RestlessController:
             self._clock.sleep(timeout_s + 1e-6)
         return answer
 
+    def acted(self) -> None:
+        """Do nothing: nothing waits."""
+
     def spare_time(self) -> None:
         """Do nothing."""
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import time
 from abc import abstractmethod
-from contextlib import nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from flexarm_msgs.msg import ArmState, CommanderInfo, MotorCommand
 from flexarm_node import qos
@@ -28,6 +27,14 @@ if TYPE_CHECKING:
 _WAIT_S = 0.1
 _SILENT_S = 1.0
 _STATISTICS_SAMPLES = 3000
+
+
+class _Answer(NamedTuple):
+    """Numbers of a command, stamp of the sample that it answers, and when that came, s."""
+
+    command: tuple[float, ...]
+    taken_ns: int
+    received_s: float
 
 
 class AnsweringNode(LoopNode):
@@ -86,25 +93,24 @@ class AnsweringNode(LoopNode):
         self._answer_s = Window(_STATISTICS_SAMPLES)
         frame = {"header.frame_id": self.frame}
         self._layout = Layout(MotorCommand, frame)
-        self._states = (
-            TopicWaiter(self, Layout(ArmState, frame), "state", qos.NEWEST)
-            if self.direct is None
-            else self.direct.states
-        )
-        self._turn = nullcontext() if self.direct is None else self.direct.turn
+        self._states = None
+        if self.direct is None:
+            self._states = TopicWaiter(self, Layout(ArmState, frame), "state", qos.NEWEST)
         self._commands = self.create_publisher(MotorCommand, "command", qos.SENT)
         self._commander_out = self.create_publisher(CommanderInfo, "commander", qos.STATUS)
 
     def release_topics(self) -> None:
         """Give the topics back."""
-        self._states.close()
+        if self._states is not None:
+            self._states.close()
         self.destroy_publisher(self._commands)
         self.destroy_publisher(self._commander_out)
 
     def prepare(self) -> None:
         """Wait for every reader of what is sent, drop an old sample, declare the commander."""
         self.await_listeners(*self.publishers(), least=1)
-        self._states.wait_newest(0.0)
+        if self._states is not None:
+            self._states.wait_newest(0.0)
         self.declare_commander()
 
     def declare_commander(self) -> None:
@@ -120,9 +126,10 @@ class AnsweringNode(LoopNode):
         """Answer until told to stop; a count of samples that goes back begins a new run."""
         self._count.restart()
         self._heard_s = math.inf
-        with nullcontext() if self.direct is None else self.direct.answering(self._answer_one):
-            while not stopping.is_set():
-                self._answer_next()
+        if self._states is not None:
+            self._answer_topic(self._states, stopping)
+        elif self.direct is not None:
+            self._leave_to_the_sampling_thread(self.direct, stopping)
         await_acknowledged(*self.publishers())
 
     def warning(self) -> str:
@@ -141,27 +148,38 @@ class AnsweringNode(LoopNode):
             "answer p99 ms": f"{answer.p99 * 1e3:.3f}",
         }
 
-    def _answer_next(self) -> None:
-        state = self._states.wait_newest(_WAIT_S)
-        with self._turn:
-            if state is not None:
-                self._answer_one(state)
-            elif self.direct is not None:
-                self.direct.check()
+    def _answer_topic(self, states: TopicWaiter, stopping: threading.Event) -> None:
+        while not stopping.is_set():
+            state = states.wait_newest(_WAIT_S)
+            if state is not None and (answer := self._answer_to(state)) is not None:
+                self._send(answer)
             self.spare_time()
 
-    def _answer_one(self, state: Numbers) -> None:
+    def _leave_to_the_sampling_thread(
+        self, direct: DirectHandover, stopping: threading.Event
+    ) -> None:
+        def give(state: Numbers) -> None:
+            if (answer := self._answer_to(state)) is not None:
+                direct.give(self._layout.named(*answer.command), lambda: self._send(answer))
+
+        with direct.answering(give, self.spare_time):
+            while not stopping.wait(_WAIT_S):
+                direct.check()
+
+    def _answer_to(self, state: Numbers) -> _Answer | None:
+        """Return the answer to a sample; None to one that was answered before."""
         taken_ns = joined_ns(state.header_stamp_sec, state.header_stamp_nanosec)
         if not self._count.is_new(state.sequence, taken_ns):
-            return
+            return None
         received_s = self._heard_s = time.monotonic()
         if self._count.begins(state.sequence, taken_ns):
             self.begin()
         effort_v, compensation_v = self.answer(state, taken_ns)
         stamp = stamp_members(self.time.now_ns())
         command = (*stamp, self._count.next(), state.sequence, effort_v, compensation_v)
-        if self.direct is not None:
-            self.direct.give(self._layout.named(*command))
-        self._commands.publish(self._layout.pack(*command))
-        self.answered(taken_ns)
-        self._answer_s.add(time.monotonic() - received_s)
+        return _Answer(command, taken_ns, received_s)
+
+    def _send(self, answer: _Answer) -> None:
+        self._commands.publish(self._layout.pack(*answer.command))
+        self.answered(answer.taken_ns)
+        self._answer_s.add(time.monotonic() - answer.received_s)

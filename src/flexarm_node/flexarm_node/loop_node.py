@@ -159,6 +159,12 @@ class LoopNode(LifecycleNode):
         """
         next(self._reports)
 
+    def report_beside(self, warning: str) -> None:
+        """Warn on `/diagnostics` and in the log, while the loop's own thread hangs."""
+        self.get_logger().warning(warning)
+        status = DiagnosticStatus(level=DiagnosticStatus.WARN, message=f"active: {warning}")
+        self._report(status)
+
     def await_listeners(self, *publishers: Publisher, least: int = 0) -> None:
         """Wait until every reader will get the first messages; warn when it takes long.
 
@@ -295,13 +301,13 @@ class LoopNode(LifecycleNode):
                 next_s = time.monotonic() + _STEP_S
                 while time.monotonic() < next_s:
                     yield
-            self._report(
-                DiagnosticStatus(
-                    level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
-                    message=f"active: {warning}" if warning else "active",
-                    values=values,
-                )
+            status = DiagnosticStatus(
+                level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
+                message=f"active: {warning}" if warning else "active",
+                values=values,
             )
+            yield
+            self._report(status)
 
     def _report(self, status: DiagnosticStatus) -> None:
         if self._trouble:

@@ -37,7 +37,8 @@ class ShownModel(NamedTuple):
     """Facts of an identified model that the user sees.
 
     Errors are those of (2-25), one per output and the mean; `left_out`, of the full model on blocks
-    left out of the fit, and `sfv` may be empty. Of the parameters `models.<name>.*` the friction is shown.
+    left out of the fit, and `sfv` may be empty. Of the parameters `models.<name>.*` the friction is
+    shown.
     """
 
     modes: Sequence[Mode]

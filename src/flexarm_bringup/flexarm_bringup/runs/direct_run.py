@@ -162,6 +162,9 @@ class _DirectLink:
             time.sleep(max(0.0, timeout_s))
         return answer
 
+    def acted(self) -> None:
+        """Do nothing: nothing waits."""
+
     def spare_time(self) -> None:
         """Do nothing: nobody asks for figures."""
 

@@ -18,6 +18,7 @@ Time comes from the rig and from the monotonic clock, so a jump of the wall cloc
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, NamedTuple
 
 from flexarm_daq.loop.commander import Verdict
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     import threading
 
     from flexarm_core.clock import Clock
+    from flexarm_daq.loop.deadman import Deadman
     from flexarm_daq.loop.exchange import Link
     from flexarm_daq.loop.limiter import Limiter
     from flexarm_daq.loop.sensor_check import SensorCheck
@@ -83,6 +85,8 @@ class Acquisition(Exchange):
         Settings of virtual time; None runs in real time.
     statistics_s : float
         Time that `late_s` and `reply_s` look back, s.
+    deadman : Deadman, optional
+        Switch for a link that answers in the thread of the loop, in real time.
     clock : Clock, optional
         Clock of the loop, by default that of the machine.
 
@@ -105,10 +109,14 @@ class Acquisition(Exchange):
         paced_by_rig: bool = False,
         lockstep: LockStep | None = None,
         statistics_s: float = 10.0,
+        deadman: Deadman | None = None,
         clock: Clock | None = None,
     ) -> None:
         super().__init__(
-            rig, limiter, watchdog, sensors, link, rate_hz=rate_hz, statistics_s=statistics_s
+            *(rig, limiter, watchdog, sensors, link),
+            rate_hz=rate_hz,
+            statistics_s=statistics_s,
+            deadman=deadman,
         )
         self._clock: Clock = time if clock is None else clock
         self._rate_hz = rate_hz
@@ -143,12 +151,13 @@ class Acquisition(Exchange):
         try:
             self._rig.open()
             self.safety.on(Event.START)
-            if self._lockstep is not None:
-                self._run_in_lockstep(self._lockstep, stop)
-            elif self._paced_by_rig:
-                self._run_by_the_rig(stop)
-            else:
-                self._run_by_the_clock(stop)
+            with self._deadman or nullcontext():
+                if self._lockstep is not None:
+                    self._run_in_lockstep(self._lockstep, stop)
+                elif self._paced_by_rig:
+                    self._run_by_the_rig(stop)
+                else:
+                    self._run_by_the_clock(stop)
         except BaseException as error:
             self._rig.safe_stop()
             self._hold(Event.FAILURE, str(error))
@@ -212,11 +221,14 @@ class Acquisition(Exchange):
         # A late command may not act, but its sender is there: the next sample waits for it.
         if self._act(command, self._clock.monotonic()) in (Verdict.ACCEPTED, Verdict.LATE):
             self._is_answered = True
+        self._link.acted()
         return True
 
     def _serve_until(self, deadline_s: float, stop: threading.Event) -> float:
         """Let commands act until a deadline, and return the lateness at the end, s."""
         if self._spared < self.taken - 1:
+            # The answer of a law in this process is there already.
+            self._serve(0.0)
             self._spare()
         while not stop.is_set():
             left_s = deadline_s - self._clock.monotonic()

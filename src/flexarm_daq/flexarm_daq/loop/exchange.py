@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_daq.loop.commander import Command
+    from flexarm_daq.loop.deadman import Deadman
     from flexarm_daq.loop.limiter import Limiter, LimiterSettings
     from flexarm_daq.loop.sensor_check import SensorCheck
     from flexarm_daq.loop.watchdog import Watchdog
@@ -66,6 +67,9 @@ class Link(Protocol):
     def wait(self, timeout_s: float) -> Command | None:
         """Return the newest command, or None when none came in time."""
 
+    def acted(self) -> None:
+        """Do what has waited for the answer to a sample: it has acted, or was refused."""
+
     def spare_time(self) -> None:
         """Do short work that can wait.
 
@@ -93,6 +97,8 @@ class Exchange:
         Sampling rate, Hz.
     statistics_s : float
         Time that `reply_s` looks back, s.
+    deadman : Deadman, optional
+        Switch for a link that answers in the thread of the loop.
 
     Attributes
     ----------
@@ -124,12 +130,15 @@ class Exchange:
         *,
         rate_hz: float,
         statistics_s: float = 10.0,
+        deadman: Deadman | None = None,
     ) -> None:
         self._rig = rig
         self._limiter = limiter
         self._watchdog = watchdog
         self._sensors = sensors
         self._link = link
+        self._deadman = deadman
+        self._overdue = 0
         self._period_s = 1.0 / rate_hz
         self._emergency = False
         self._position_v = 0.0
@@ -208,11 +217,24 @@ class Exchange:
         self._sample_time_s = sample.time_s
         if self.taken == 1:
             self._started_s = (sample.time_s, now_s)
-        self._link.publish(Record(self.sequence, sample.time_s, now_s, sample.volts, *in_force))
+        self._publish(Record(self.sequence, sample.time_s, now_s, sample.volts, *in_force))
+
+    def _publish(self, record: Record) -> None:
+        """Publish a sample; an answer in this thread that takes too long is not obeyed."""
+        if self._deadman is None:
+            self._link.publish(record)
+            return
+        self._deadman.begin()
+        self._link.publish(record)
+        if self._deadman.end():
+            self._overdue = self.sequence
+        if self._deadman.has_released():
+            self._lose_commander()
 
     def _act(self, command: Command, now_s: float) -> Verdict:
         """Let a command act if it may; return the verdict on it."""
-        in_time = self._watchdog.in_time(command.state_sequence)
+        answered = command.state_sequence
+        in_time = answered != self._overdue and self._watchdog.in_time(answered)
         verdict = self.commander.judge(command, self.sequence, in_time=in_time)
         if verdict is Verdict.CONFLICT:
             self._hold(

@@ -49,6 +49,11 @@ class Watchdog:
         self._recent: deque[_Sample] = deque(maxlen=max_age_periods)
         self._answered: _Sample | None = None
 
+    @property
+    def longest_answer_s(self) -> float:
+        """Longest time from a sample to a command that may begin to act, s."""
+        return self._late_periods * self._period_s
+
     def stale(self, sequence: int, time_s: float) -> bool:
         """Take note of a sample, and return whether no command is young enough for it.
 

@@ -18,6 +18,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.tables import defaults, read_table
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.commander import Verdict
+from flexarm_daq.loop.deadman import Deadman
 from flexarm_daq.loop.limiter import LIMITS, Limiter, LimiterSettings
 from flexarm_daq.loop.safety import COUNTED
 from flexarm_daq.loop.self_test import run_self_test
@@ -118,7 +119,6 @@ class DaqNode(LoopNode):
         self._link.start(
             values["rate_hz"],
             virtual=virtual,
-            unpaced=values["real_time_factor"] == 0.0,
             clock=values["clock"],
             await_commander=values["await_commander"],
         )
@@ -128,10 +128,14 @@ class DaqNode(LoopNode):
             is_answered=self._link.has_commander(),
         )
         self._rate = Rate()
+        watchdog = Watchdog(1.0 / values["rate_hz"], values["max_age_periods"])
+        deadman = None
+        if self._handover is not None and not virtual:
+            deadman = Deadman(watchdog.longest_answer_s, rig.safe_stop, self._tell_held_up)
         self._acquisition = Acquisition(
             rig,
             Limiter(settings),
-            Watchdog(1.0 / values["rate_hz"], values["max_age_periods"]),
+            watchdog,
             SensorCheck(values["rate_hz"], _sensor_limits(values), absent_channels(rig)),
             self._link,
             rate_hz=values["rate_hz"],
@@ -139,6 +143,7 @@ class DaqNode(LoopNode):
             paced_by_rig=has_own_clock(rig),
             lockstep=lockstep if virtual else None,
             statistics_s=values["statistics_s"],
+            deadman=deadman,
         )
 
     def loop(self, stopping: threading.Event) -> None:
@@ -149,8 +154,15 @@ class DaqNode(LoopNode):
             taken = self._acquisition.taken
             self.get_logger().info(f"{taken} sample{'s' * (taken != 1)}, the drive is at zero")
         finally:
+            self._link.acted()
             if not stopping.is_set():
                 self._link.await_readers()
+
+    def _tell_held_up(self, passed_s: float) -> None:
+        """Report in the place of the loop's thread, which the law has not left."""
+        self.report_beside(
+            f"the law has held up the sampling for {passed_s:.0f} s: the drive is at zero"
+        )
 
     def alarm(self) -> str:
         """Return why the drive is held at zero, or was to the end of the run."""
@@ -192,12 +204,16 @@ class DaqNode(LoopNode):
             "real-time factor": f"{acquisition.real_time_factor:.3f}",
             "missed periods": acquisition.missed,
             "unanswered samples": acquisition.unanswered,
+        }
+        yield {
             "refused commands": acquisition.refused,
             **{
                 f"refused commands: {verdict.value}": verdicts[verdict]
                 for verdict in Verdict
                 if verdict is not Verdict.ACCEPTED
             },
+        }
+        yield {
             "limited commands": acquisition.limited,
             **{f"limited commands: {name}": acquisition.limited_by[name] for name in LIMITS},
             **{f"events: {event.value}": safety.counts[event] for event in COUNTED},

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from flexarm_daq.loop.exchange import Record
     from flexarm_node.loop_node import LoopNode
     from flexarm_node.topics.handover import DirectHandover
+    from flexarm_node.topics.layout import Numbers
 
 _POSITION, _, _, _SPEED = CHANNELS
 _ARM = RigParameters()
@@ -73,13 +74,11 @@ class TopicLink:
         self._joint_every = 1
         self._start_ns = 0
         self._newest_ns = 0
-        self._asks = False
+        self._unsent: tuple[Numbers, Record] | None = None
+        self._is_others_turn = False
 
-    def start(
-        self, rate_hz: float, *, virtual: bool, unpaced: bool, clock: bool, await_commander: bool
-    ) -> None:
+    def start(self, rate_hz: float, *, virtual: bool, clock: bool, await_commander: bool) -> None:
         """Prepare for a run: match every reader, drop the commands of an earlier run."""
-        self._asks = virtual and unpaced
         if not (virtual and clock):
             self._release_clock()
         elif self._clock is None:
@@ -116,21 +115,37 @@ class TopicLink:
             record.compensation_v,
             record.command_sequence,
         )
-        if self._handover is not None and not self._asks:
-            # Its thread wakes up while this one publishes.
-            self._handover.states.put(self._layout.named(*state))
-        self._publisher.publish(self._layout.pack(*state))
+        sample = self._layout.named(*state)
+        if self._handover is None or not self._handover.answers:
+            self._send(sample, record)
+            return
+        self._unsent = sample, record
+        self._handover.ask(sample)
+
+    def acted(self) -> None:
+        """Publish the sample whose answer has acted, and let the commander publish that."""
+        if self._unsent is not None and self._handover is not None:
+            unsent, self._unsent = self._unsent, None
+            self._send(*unsent)
+            self._handover.acted()
+
+    def _send(self, sample: Numbers, record: Record) -> None:
+        self._publisher.publish(self._layout.pack(*sample))
         if self._clock is not None and self._clock.get_subscription_count():
             set_stamp(self._now.clock, self._newest_ns)
             self._clock.publish(self._now)
         if record.sequence % self._joint_every == 0 and self._joint_states.get_subscription_count():
             self._publish_joints(record)
-        if self._handover is not None and self._asks:
-            self._handover.ask(self._layout.named(*state))
 
     def wait(self, timeout_s: float) -> Command | None:
         """Return the newest command, or None when none came in time."""
-        message = self._commands.wait_newest(timeout_s)
+        until_s = time.monotonic() + timeout_s
+        message = None
+        if self._unsent is not None:
+            message = self._commands.wait_newest(0.0)
+        if message is None:
+            self.acted()
+            message = self._commands.wait_newest(max(0.0, until_s - time.monotonic()))
         if message is None:
             return None
         return Command(
@@ -142,8 +157,12 @@ class TopicLink:
         )
 
     def spare_time(self) -> None:
-        """Let the node report its figures."""
-        self._node.spare_time()
+        """Let the node report its figures, or the commander of this process."""
+        self._is_others_turn = self._handover is not None and not self._is_others_turn
+        if self._handover is not None and self._is_others_turn:
+            self._handover.spare_time()
+        else:
+            self._node.spare_time()
 
     def commanders(self) -> list[str]:
         """Return the nodes that could send commands; a killed node stays listed for a while."""

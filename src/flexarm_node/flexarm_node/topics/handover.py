@@ -1,11 +1,11 @@
 """Hand-over of samples and commands between two nodes of one process.
 
-A sample goes from thread to thread without the middleware. Its message is published beside it, for
-everybody else. The sampling thread never waits for the law: when that hangs or fails, the sampling
-goes on and the drive goes to zero, as with two processes.
+The sampling thread runs the law itself: two changes of thread a sample take longer than most laws.
+What the answer does not need, messages for everybody else among it, waits until the command has
+acted.
 
-In virtual time that goes as fast as it can, every sample waits for the law anyway. The sampling
-thread then runs the law itself: two changes of thread a sample would take longer than its work.
+A law that hangs holds up the sampling. The DAQ node has a second thread that takes the drive to
+zero then.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import threading
 import time
 from collections import deque
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -22,49 +22,24 @@ if TYPE_CHECKING:
     from flexarm_node.topics.layout import Numbers
     from flexarm_node.topics.waiting import TopicWaiter
 
-Item = TypeVar("Item")
+    Work = Callable[[], None]
 
 # More than are ever on their way from the node to its own process.
 _REMEMBERED = 100
 
 
-class Mailbox(Generic[Item]):
-    """Newest item from one thread to one other."""
-
-    def __init__(self) -> None:
-        self._items: deque[Item] = deque(maxlen=1)
-        self._filled = threading.Lock()
-        self._filled.acquire()
-
-    def put(self, item: Item) -> None:
-        """Leave an item in the place of an older one."""
-        self._items.append(item)
-        if self._filled.locked():
-            self._filled.release()
-
-    def wait_newest(self, timeout_s: float) -> Item | None:
-        """Return the item that waits, or one that comes within the time."""
-        until_s = time.monotonic() + timeout_s
-        # The lock may be open for an item that was taken before.
-        while not self._items:
-            if not self._filled.acquire(timeout=max(0.0, until_s - time.monotonic())):
-                break
-        return self._items.popleft() if self._items else None
-
-    def close(self) -> None:
-        """Drop what waits."""
-        self._items.clear()
+def _nothing() -> None:
+    pass
 
 
 class DirectHandover:
     """Way of the samples and the commands between the loops of two nodes.
 
+    Everything is done in the thread that samples, but for the begin and the end of `answering`. An
+    error of the node that commands belongs to that node: its own loop raises it, see `check`.
+
     Attributes
     ----------
-    states : Mailbox of Numbers
-        Samples, ArmState.
-    commands : Mailbox of Numbers
-        Commands, MotorCommand.
     answers : bool
         True while the loop of the node that commands runs.
     waits : bool
@@ -74,68 +49,94 @@ class DirectHandover:
     """
 
     def __init__(self) -> None:
-        self.states: Mailbox[Numbers] = Mailbox()
-        self.commands: Mailbox[Numbers] = Mailbox()
         self.answers = False
         self.waits = False
         self.turn = threading.Lock()
         self._answer: Callable[[Numbers], None] | None = None
-        self._is_asked = False
+        self._spare_time: Work = _nothing
+        self._was_asked = False
+        self._command: Numbers | None = None
+        self._rest: Work = _nothing
         self._failure: Exception | None = None
         self._given: deque[Numbers] = deque(maxlen=_REMEMBERED)
 
     def ask(self, state: Numbers) -> None:
-        """Have a sample answered in the calling thread, where the node that commands is active.
-
-        An error of the answer belongs to that node: its own loop raises it, see `check`.
-        """
+        """Have a sample answered, where the node that commands is active."""
         with self.turn:
-            if self._answer is None:
-                return
-            self._is_asked = True
-            try:
-                self._answer(state)
-            except Exception as error:  # noqa: BLE001 - the sampling goes on
-                self._answer, self._failure = None, error
-            finally:
-                self._is_asked = False
+            if self._answer is not None:
+                self._was_asked = True
+                answer = self._answer
+                self._do(lambda: answer(state))
+
+    def give(self, command: Numbers, rest: Work = _nothing) -> None:
+        """Hand a command over; called by the answer, which leaves the rest of its work."""
+        self._given.append(command)
+        self._command, self._rest = command, rest
+
+    def take(self) -> Numbers | None:
+        """Return the command that was given; None when there is none, or it was taken."""
+        command, self._command = self._command, None
+        return command
+
+    def acted(self) -> None:
+        """Do the rest of the work for a command that has acted."""
+        with self.turn:
+            self._do_rest()
+
+    def spare_time(self) -> None:
+        """Do work of the node that commands that can wait."""
+        with self.turn:
+            self._do(self._spare_time)
 
     def check(self) -> None:
-        """Raise the error of an answer that `ask` was told."""
+        """Raise the error of the node that commands, if there was one; called in its own loop.
+
+        Where nobody has asked since the last call, this one does the work that can wait.
+        """
+        with self.turn:
+            if not self._was_asked:
+                self._do(self._spare_time)
+            self._was_asked = False
         if self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure
 
-    def give(self, command: Numbers) -> None:
-        """Hand a command over, before it is published, and let the other thread act on it."""
-        self._given.append(command)
-        self.commands.put(command)
-        if not self._is_asked:
-            # It needs the interpreter, which this thread would keep for the message.
-            time.sleep(0.0)
-
     @contextmanager
-    def answering(self, answer: Callable[[Numbers], None]) -> Iterator[None]:
+    def answering(self, answer: Callable[[Numbers], None], spare_time: Work) -> Iterator[None]:
         """Tell the other end that commands are to be expected from this one.
 
         Parameters
         ----------
         answer : callable
             Gives the command that answers a sample.
+        spare_time : callable
+            Does short work that can wait.
         """
-        self._answer, self._failure = answer, None
+        self._failure = None
+        self._answer, self._spare_time = answer, spare_time
         self.answers = True
         try:
             yield
         finally:
             self.answers = False
             with self.turn:
-                self._answer = None
+                self._answer, self._spare_time = None, _nothing
+                self._do_rest()
 
     def was_given(self, command: Numbers) -> bool:
         """Return whether a command from the topic is one that was handed over."""
-        # A copy: another thread may be adding to it.
-        return any(command == own for own in reversed(tuple(self._given)))
+        return any(command == own for own in reversed(self._given))
+
+    def _do_rest(self) -> None:
+        rest, self._rest = self._rest, _nothing
+        self._do(rest)
+
+    def _do(self, work: Work) -> None:
+        """Do work of the node that commands; after an error it is not asked again."""
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 - the sampling goes on
+            self._answer, self._spare_time, self._failure = None, _nothing, error
 
 
 class CommandWaiter:
@@ -155,7 +156,6 @@ class CommandWaiter:
     def __init__(self, handover: DirectHandover, others: TopicWaiter) -> None:
         self._handover = handover
         self._others = others
-        self._others_are_next = False
 
     @property
     def topic(self) -> str:
@@ -168,21 +168,19 @@ class CommandWaiter:
 
     def wait_newest(self, timeout_s: float) -> Numbers | None:
         """Return a command, or None when none came in time."""
+        command = self._handover.take()
+        if command is not None:
+            return command
         if not self._handover.answers:
-            command = self._of_others(timeout_s)
-            return self._handover.commands.wait_newest(0.0) if command is None else command
-        if self._others_are_next:
-            self._others_are_next = False
-            if (command := self._of_others(0.0)) is not None:
-                return command
-        command = self._handover.commands.wait_newest(timeout_s)
-        self._others_are_next = command is not None
-        return self._of_others(0.0) if command is None else command
+            return self._of_others(timeout_s)
+        # The topic brings the answer of this process once more, which would end a wait there.
+        time.sleep(timeout_s)
+        return self._of_others(0.0)
 
     def close(self) -> None:
         """Remove the subscription. No thread may be waiting any more."""
         self._others.close()
-        self._handover.commands.close()
+        self._handover.take()
 
     def _of_others(self, timeout_s: float) -> Numbers | None:
         heard = self._others.wait_all(timeout_s)

@@ -81,6 +81,9 @@ class Controller:
         self._machine.sleep(REPLY_S)
         return Command(sequence, sequence, 0.5, 0.0, 1)
 
+    def acted(self) -> None:
+        """Do nothing: nothing waits."""
+
     def spare_time(self) -> None:
         """Do nothing."""
 

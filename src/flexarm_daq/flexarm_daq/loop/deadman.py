@@ -1,0 +1,87 @@
+"""Dead man's switch: a law that hangs in the sampling thread must not drive the arm on."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import TracebackType
+
+_POLL_S = 1e-2
+_TELLING_S = 1.0
+_END_S = 1.0
+
+
+class Deadman:
+    """Second thread that takes the drive to zero while an answer holds up the sampling thread.
+
+    It looks every 10 ms. The sampling thread is never in the rig at the same time: the two share a
+    lock, and an answer that ends takes it first.
+
+    Parameters
+    ----------
+    longest_s : float
+        Longest time that an answer may take, s.
+    release : callable
+        Takes the drive to zero.
+    tell : callable
+        Called in the second thread with the time that an answer has taken, s, once a second.
+    """
+
+    def __init__(
+        self, longest_s: float, release: Callable[[], None], tell: Callable[[float], None]
+    ) -> None:
+        self._longest_s = longest_s
+        self._release = release
+        self._tell = tell
+        self._lock = threading.Lock()
+        self._since_s = math.inf
+        self._has_released = False
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True, name="deadman")
+
+    def __enter__(self) -> Deadman:  # noqa: PYI034 - Self needs Python 3.11
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc_value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._stopping.set()
+        self._thread.join(_END_S)
+
+    def begin(self) -> None:
+        """Take note that an answer begins."""
+        self._since_s = time.monotonic()
+
+    def end(self) -> bool:
+        """Take note that it has ended; return whether it took too long."""
+        with self._lock:
+            passed_s = time.monotonic() - self._since_s
+            self._since_s = math.inf
+        return passed_s > self._longest_s
+
+    def has_released(self) -> bool:
+        """Return whether the drive was taken to zero here since the last call."""
+        released, self._has_released = self._has_released, False
+        return released
+
+    def _watch(self) -> None:
+        told_s = -math.inf
+        while not self._stopping.wait(_POLL_S):
+            with self._lock:
+                now_s = time.monotonic()
+                passed_s = now_s - self._since_s
+                if passed_s > self._longest_s and not self._has_released:
+                    self._has_released = True
+                    self._release()
+            if passed_s > _TELLING_S and now_s - told_s > _TELLING_S:
+                told_s = now_s
+                self._tell(passed_s)
