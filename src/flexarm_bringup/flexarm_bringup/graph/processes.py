@@ -162,6 +162,12 @@ class NodeProcesses:
             signal.signal(signal.SIGINT, previous)
             self._close_gate()
 
+    def end(self, *executables: str) -> None:
+        """Stop processes that are no longer needed, by the names of their executables."""
+        for process in [each for each in reversed(self._processes) if _name(each) in executables]:
+            _stop(process)
+            self._processes.remove(process)
+
     def _start(self) -> None:
         from flexarm_node.process import DIE_WITH_PARENT, GATE  # noqa: PLC0415 - it loads rclpy
 

@@ -58,7 +58,21 @@ def test_command___handed_over___comes_once_although_its_topic_has_it_too() -> N
         handover.give(own)
         assert commands.wait_newest(PATIENCE_S) == own
         assert commands.wait_newest(0.0) is None
-    assert topic.waits_s == [0.0]
+    # The topic has its turn behind a command, and when none has come.
+    assert topic.waits_s == [0.0, 0.0]
+
+
+def test_topic___where_commands_are_handed_over_one_after_the_other___is_read_between_them() -> (
+    None
+):
+    handover, own = DirectHandover(), [Command(number) for number in range(1, 6)]
+    topic = Topic(*([command] for command in own))
+    commands = waiter(handover, topic)
+    with handover.answering(ignore, nothing):
+        for command in own:
+            handover.give(command)
+            assert commands.wait_newest(PATIENCE_S) == command
+    assert topic.waits_s == [0.0] * 4
 
 
 def test_command_of_others___beside_ours___is_heard_behind_ours() -> None:

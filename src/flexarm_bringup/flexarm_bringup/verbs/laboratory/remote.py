@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @ARM
-@click.option(
-    "--all", "everything", is_flag=True, help="Every arm that is heard of."
-)
+@click.option("--all", "everything", is_flag=True, help="Every arm that is heard of.")
 @examples("stop", "stop --namespace arm2", "stop --all")
 def stop(*, namespace: str, everything: bool) -> None:
     """Stop the drive until the DAQ node is deactivated.

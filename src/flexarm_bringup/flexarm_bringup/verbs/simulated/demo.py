@@ -56,6 +56,7 @@ def _run_demo(settings: RunSettings) -> None:
         run.begin(f"Moving the arm as planned: step to {SET_POINT_V:g} V")
         law = {"law": "planned", "planned.payload_kg": settings.payload_kg}
         planned = run.step("planned", law, length_s=_PLANNED_S)
+        run.end_runs()
         model = identified()
     write_results(settings, DemoResults(experiment, model, step, planned, true_modes_hz))
     terminal.next_step(run.followed_by)

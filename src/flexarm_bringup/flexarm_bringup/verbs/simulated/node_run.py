@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from flexarm_bringup.graph.operator import Operator
+    from flexarm_bringup.graph.processes import NodeProcesses
     from flexarm_bringup.runs.recorded_run import RecordedRun
     from flexarm_bringup.verbs.simulated.run_settings import RunSettings
     from flexarm_ident.workflow.request import Request
@@ -36,18 +37,21 @@ if TYPE_CHECKING:
 
 
 # Both nodes of the loop end when every reader has acknowledged all that they sent, or after some
-# seconds. What comes then comes with heartbeats, 0.1 s from each other.
-_QUIET_S = 0.25
+# seconds. What comes then comes with the next heartbeat, within 0.1 s.
+_QUIET_S = 0.1
 
 
 class NodeRun(SimulatedRun):
-    """Laboratory of nodes; `operator` operates them."""
+    """Laboratory of nodes; `operator` operates them, and `processes` are theirs."""
 
     followed_by = "flexarm experiment C_dat3, for a record of your own (docs/tutorial.md)"
 
-    def __init__(self, operator: Operator, bags: Path, settings: RunSettings) -> None:
+    def __init__(
+        self, operator: Operator, processes: NodeProcesses, bags: Path, settings: RunSettings
+    ) -> None:
         super().__init__(bags, settings)
         self._operator = operator
+        self._processes = processes
 
     def begin(self, words: str) -> None:
         """Tell the user what comes next, on the page too."""
@@ -78,6 +82,12 @@ class NodeRun(SimulatedRun):
         return lambda: self.shown(lambda: _model(answered()), ", beside the runs")
 
 
+    def end_runs(self) -> None:
+        """End the loop and the recorder, where an identification is still at work."""
+        if self.settings.pace is Pace.FAST:
+            self._processes.end("loop_node", "recorder_node")
+
+
 @contextmanager
 def node_run(settings: RunSettings) -> Iterator[SimulatedRun]:
     """Run the nodes of a laboratory.
@@ -102,7 +112,7 @@ def node_run(settings: RunSettings) -> Iterator[SimulatedRun]:
             if settings.live:
                 page = PageAddress(settings.namespace, processes)
                 operator.wait(page.look, "the page")
-            yield NodeRun(operator, bags, settings)
+            yield NodeRun(operator, processes, bags, settings)
 
 
 def _start_parameters(settings: RunSettings) -> dict[str, dict[str, Any]]:

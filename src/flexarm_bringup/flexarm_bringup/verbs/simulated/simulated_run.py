@@ -100,6 +100,9 @@ class SimulatedRun(ABC):
         bag = self._bags / f"repetition_{number}"
         return self.record(controller, bag, samples, text=f"repetition {number}")
 
+    def end_runs(self) -> None:  # noqa: B027 - most have nothing to end
+        """Tell that no run follows: what runs need may end beside the rest of the work."""
+
     @abstractmethod
     def change_seed(self, seed: int) -> None:
         """Change the seed of the noise of the following runs."""
