@@ -272,7 +272,7 @@ class Identification:
         return self.samples == tuple(map(len, self.records))
 
     def _estimate(self, gram: BlockGram) -> StateMatrices:
-        data = Data(gram, self.records, feedthrough=bool(np.any(self.model.D)))
+        data = Data(gram, self.records, bool(np.any(self.model.D)), self.order)
         return METHODS[self.method].build(data).matrices(self.order)
 
     @cached_property

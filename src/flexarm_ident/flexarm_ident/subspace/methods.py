@@ -28,11 +28,15 @@ AUTO = "auto"
 
 
 class Data(NamedTuple):
-    """Data for an estimator: products of `Method.shifts` block rows, and records or their heads."""
+    """Data for an estimator: products of `Method.shifts` block rows, and records or their heads.
+
+    An `order` is one that alone is asked for.
+    """
 
     gram: BlockGram
     records: Sequence[IoData]
     feedthrough: bool
+    order: int | None = None
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,9 @@ _ROWS = (
     ),
     Method(
         name="pbsid",
-        build=lambda data: predictor_space(data.gram, feedthrough=data.feedthrough),
+        build=lambda data: predictor_space(
+            data.gram, feedthrough=data.feedthrough, order=data.order
+        ),
         looks_back=True,
         title="PBSID-opt",
         help="closed loop, friction",

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.inverse import TruncatedInverse
 
+# Part of the largest eigenvalue above which an eigenvector has eight digits.
+_CLEAR = 1e-8
 # An innovation below this part of an output's RMS is rounding, not noise.
 _SMALLEST_INNOVATION = 1e-6
 # The largest that the choice of the order and the stabilisation diagram ask for.
@@ -218,11 +220,13 @@ def _regression(products: FloatArray, of: FloatArray, on: FloatArray) -> FloatAr
     return inverse.solve(on @ products @ of.T).T
 
 
-def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorSpace:
+def predictor_space(
+    gram: BlockGram, *, feedthrough: bool = False, order: int | None = None
+) -> PredictorSpace:
     """Return the predictor's states, from the Gram of ``p + 1`` block rows: past and present.
 
     With feedthrough the output may follow the input at once (D). Under feedback the controller must
-    then answer with a delay.
+    then answer with a delay. An `order` that alone is asked for takes half of the time.
 
     Raises
     ------
@@ -249,12 +253,36 @@ def predictor_space(gram: BlockGram, *, feedthrough: bool = False) -> PredictorS
         future[ahead, :, ahead * channels :] = responses[:, : history - ahead * channels]
     predicted = (weight[:, np.newaxis] * future).reshape(past * m, history)
     root = factor(scaled[:history, :history])
-    left_vectors, singular_values, _ = scipy.linalg.svd(predicted @ root, full_matrices=False)
+    left_vectors, singular_values = _directions(predicted @ root, order)
     rank = int(np.sum(singular_values > np.finfo(float).eps * singular_values[0] * history))
     basis = left_vectors[:, :rank] / np.sqrt(singular_values[:rank])
     return PredictorSpace(
         basis, predicted, singular_values, scaled, past, rms, m, inverse, feedthrough
     )
+
+
+def _directions(matrix: FloatArray, count: int | None) -> tuple[FloatArray, FloatArray]:
+    """Return left singular vectors and singular values, all or the leading ones.
+
+    The eigenvalues of the square are found sooner than the singular values. Those that are small
+    beside the largest lose digits there, and are found in what the others leave.
+    """
+    if count is None or count >= len(matrix):
+        vectors, values, _ = scipy.linalg.svd(matrix, full_matrices=False)
+        return vectors, values
+    size = len(matrix)
+    found = np.empty((size, 0))
+    squares = np.empty(0)
+    while len(squares) < count:
+        wanted = (size - count + len(squares), size - 1)
+        some, vectors = scipy.linalg.eigh(matrix @ matrix.T, subset_by_index=wanted)
+        clear = some >= _CLEAR * some[-1]
+        # Where all is rounding, it may be negative.
+        clear[-1] = True
+        found = np.hstack([found, vectors[:, clear][:, ::-1]])
+        squares = np.concatenate([squares, some[clear][::-1]])
+        matrix = matrix - vectors[:, clear] @ (vectors[:, clear].T @ matrix)
+    return found, np.sqrt(squares.clip(min=0.0))
 
 
 def past_length(gram: BlockGram, *, feedthrough: bool = False) -> int:

@@ -30,14 +30,15 @@ def responses(A: Array, B: Array, C: Array, D: Array, count: int = 25) -> Array:
     return np.array(all_responses)
 
 
-@given(seed=st.integers(0, 50), feedthrough=st.booleans())
-@settings(max_examples=15)
+@given(seed=st.integers(0, 50), feedthrough=st.booleans(), alone=st.booleans())
+@settings(max_examples=30)
 def test_predictor___noise_free_records___recovers_pulse_responses(
-    *, seed: int, feedthrough: bool
+    *, seed: int, feedthrough: bool, alone: bool
 ) -> None:
     model = random_model(seed, feedthrough=feedthrough)
     records = [record(model, 700, seed), record(model, 500, seed + 1)]
-    space = predictor_space(block_gram(records, 9), feedthrough=feedthrough)
+    gram = block_gram(records, 9)
+    space = predictor_space(gram, feedthrough=feedthrough, order=5 if alone else None)
     found = space.innovation(5)
     known = pulse_responses(model)
     scale = np.abs(known).max()
@@ -113,3 +114,13 @@ def test_predictor___impossible_order___raises(order: int) -> None:
 def test_predictor___no_past___raises() -> None:
     with pytest.raises(IdentificationError, match="2 or more block rows"):
         predictor_space(block_gram([record(random_model(1), 100, 1)], 1))
+
+
+@given(seed=st.integers(0, 50), noise=st.sampled_from([1e-9, 1e-3, 0.1]))
+@settings(max_examples=15)
+def test_predictor___of_one_order___has_the_poles_of_that_of_all(*, seed: int, noise: float) -> None:
+    gram = block_gram([record(random_model(seed), 3000, seed, noise=noise)], 30)
+    one = predictor_space(gram, order=5).matrices(5)
+    every = predictor_space(gram).matrices(5)
+    found = np.linalg.eigvals(one.A)
+    assert pole_error(every.A, found) < 1e-6
