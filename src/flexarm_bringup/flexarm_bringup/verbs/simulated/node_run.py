@@ -81,7 +81,6 @@ class NodeRun(SimulatedRun):
         answered = self._operator.begin_identify(_asked(self.experiment_bag, request))
         return lambda: self.shown(lambda: _model(answered()), ", beside the runs")
 
-
     def end_runs(self) -> None:
         """End the loop and the recorder, where an identification is still at work."""
         if self.settings.pace is Pace.FAST:
