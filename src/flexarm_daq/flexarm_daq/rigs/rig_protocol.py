@@ -85,7 +85,11 @@ class Rig(Protocol):
         """
 
     def safe_stop(self) -> None:
-        """Set the drive to zero; works in any state, any number of times, and never raises."""
+        """Set the drive to zero; works in any state, any number of times, and never raises.
+
+        Another thread may call it, though never beside a call of this or another method, and
+        `write` may follow.
+        """
 
     def close(self) -> None:
         """Set the drive to zero and release the hardware; does nothing on a closed rig.
