@@ -9,7 +9,6 @@ from abc import abstractmethod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
@@ -17,7 +16,7 @@ from flexarm_core.errors import one_line
 from flexarm_core.tables import read_table
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
-from flexarm_node.reports import Reporter
+from flexarm_node.reports import Level, Report, Reporter, entries
 from flexarm_node.topics.waiting import has_every_reader, wait_until
 from flexarm_node.transport import complaint_about_transport
 
@@ -89,7 +88,7 @@ class LoopNode(LifecycleNode):
         self._expected = expected
         self._trouble = ""
         self._warning = ""
-        self._last_values: list[KeyValue] = []
+        self._last_entries: list[bytes] = []
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._ended = self.create_guard_condition(self._deactivate_ended)
@@ -162,8 +161,7 @@ class LoopNode(LifecycleNode):
     def report_beside(self, warning: str) -> None:
         """Warn on `/diagnostics` and in the log, while the loop's own thread hangs."""
         self.get_logger().warning(warning)
-        status = DiagnosticStatus(level=DiagnosticStatus.WARN, message=f"active: {warning}")
-        self._report(status)
+        self._report(Report(Level.WARN, f"active: {warning}"))
 
     def await_listeners(self, *publishers: Publisher, least: int = 0) -> None:
         """Wait until every reader will get the first messages; warn when it takes long.
@@ -200,7 +198,7 @@ class LoopNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the loop."""
         self._trouble = ""
-        self._last_values = []
+        self._last_entries = []
         try:
             self.prepare()
         except Exception as error:  # noqa: BLE001 - rclpy would swallow it
@@ -252,7 +250,7 @@ class LoopNode(LifecycleNode):
             self._tell(self.alarm())
         except Exception as error:  # noqa: BLE001 - the node outlives its loop, and shows it
             self._tell(f"the loop has ended: {self._reason(error)}")
-        self._last_values = [value for figures in self.figures() for value in _listed(figures)]
+        self._last_entries = [each for figures in self.figures() for each in entries(figures)]
         self._report_idle()
         if not self._stopping.is_set():
             self._ended.trigger()
@@ -275,7 +273,7 @@ class LoopNode(LifecycleNode):
             self.trigger_deactivate()
 
     def _report_idle(self) -> None:
-        self._report(DiagnosticStatus(message="not active", values=self._last_values))
+        self._report(Report(Level.OK, "not active", self._last_entries))
 
     def _report_now_and_then(self) -> Iterator[None]:
         """Report once a second, in short steps, and as soon as there is another alarm.
@@ -295,26 +293,17 @@ class LoopNode(LifecycleNode):
             if warning and warning != self._warning:
                 self.get_logger().warning(warning)
             self._warning = warning
-            values: list[KeyValue] = []
+            listed: list[bytes] = []
             for figures in self.figures():
-                values += _listed(figures)
+                listed += entries(figures)
                 next_s = time.monotonic() + _STEP_S
                 while time.monotonic() < next_s:
                     yield
-            status = DiagnosticStatus(
-                level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
-                message=f"active: {warning}" if warning else "active",
-                values=values,
-            )
-            yield
-            self._report(status)
+            level = Level.WARN if warning else Level.OK
+            self._report(Report(level, f"active: {warning}" if warning else "active", listed))
 
-    def _report(self, status: DiagnosticStatus) -> None:
+    def _report(self, report: Report) -> None:
         if self._trouble:
-            status.level = DiagnosticStatus.ERROR
-            status.message += f": {self._trouble}"
-        self._reporter.publish(status, self.rig())
-
-
-def _listed(figures: Figures) -> list[KeyValue]:
-    return [KeyValue(key=key, value=str(value)) for key, value in figures.items()]
+            message = f"{report.message}: {self._trouble}"
+            report = report._replace(level=Level.ERROR, message=message)
+        self._reporter.publish(report, self.rig())

@@ -1,18 +1,84 @@
-"""Reports on `/diagnostics`: named so that two arms, and two nodes of one, are told apart."""
+"""Reports on `/diagnostics`: named so that two arms, and two nodes of one, are told apart.
+
+A report of a loop is put together in pieces, as bytes (CDR, XCDR version 1): rclpy would convert
+the message as a whole, and keep the interpreter for half of a period at 2 kHz.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from enum import IntEnum
+from functools import lru_cache
+from struct import Struct
+from typing import TYPE_CHECKING, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from flexarm_node import qos
-from flexarm_node.stamps import set_stamp
+from flexarm_node.stamps import stamp_members
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from rclpy.node import Node
 
     from flexarm_node.node_time import NodeTime
+
+_ENCAPSULATION = b"\0\1\0\0"
+_STAMP = Struct("<iI")
+_COUNT = Struct("<I")
+_ALIGNED = 4
+
+
+class Level(IntEnum):
+    """Level of a DiagnosticStatus."""
+
+    OK = DiagnosticStatus.OK[0]
+    WARN = DiagnosticStatus.WARN[0]
+    ERROR = DiagnosticStatus.ERROR[0]
+
+
+class Report(NamedTuple):
+    """What a node says of itself; the entries are made by `entries`."""
+
+    level: Level
+    message: str
+    entries: Iterable[bytes] = ()
+
+
+def entries(values: Mapping[str, object]) -> list[bytes]:
+    """Return the bytes of each key with its value as a KeyValue."""
+    return [_key(key) + _text(str(value)) for key, value in values.items()]
+
+
+def report_bytes(report: Report, name: str, hardware_id: str, now_ns: int) -> bytes:
+    """Return the bytes of a DiagnosticArray with one status.
+
+    Parameters
+    ----------
+    report : Report
+        Level, message and entries.
+    name, hardware_id : str
+        Those of the status.
+    now_ns : int
+        Stamp, ns.
+    """
+    listed = list(report.entries)
+    texts = (_text(text) for text in (name, report.message, hardware_id))
+    parts = (
+        *(_ENCAPSULATION, _STAMP.pack(*stamp_members(now_ns)), _text("")),
+        *(_COUNT.pack(1), bytes([report.level]).ljust(_ALIGNED, b"\0"), *texts),
+        *(_COUNT.pack(len(listed)), *listed),
+    )
+    return b"".join(parts)
+
+
+def _text(text: str) -> bytes:
+    """Return a text behind its length, filled up for the number that follows."""
+    raw = text.encode() + b"\0"
+    return _COUNT.pack(len(raw)) + raw + bytes(-len(raw) % _ALIGNED)
+
+
+_key = lru_cache(maxsize=256)(_text)
 
 
 class Reporter:
@@ -31,10 +97,8 @@ class Reporter:
         self._time = node_time
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.SENT)
 
-    def publish(self, status: DiagnosticStatus, rig: str = "") -> None:
-        """Publish a status, with the arm and the rig of the node as its hardware."""
-        status.name = self._node.get_fully_qualified_name()
-        status.hardware_id = f"{self._node.get_namespace()} {rig}".strip()
-        message = DiagnosticArray(status=[status])
-        set_stamp(message.header.stamp, self._time.now_ns())
-        self._publisher.publish(message)
+    def publish(self, report: Report, rig: str = "") -> None:
+        """Publish a report, with the arm and the rig of the node as its hardware."""
+        name = self._node.get_fully_qualified_name()
+        hardware_id = f"{self._node.get_namespace()} {rig}".strip()
+        self._publisher.publish(report_bytes(report, name, hardware_id, self._time.now_ns()))

@@ -17,7 +17,6 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
@@ -34,7 +33,7 @@ from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
 from flexarm_node.qos import EVERY
-from flexarm_node.reports import Reporter
+from flexarm_node.reports import Level, Report, Reporter, entries
 from flexarm_node.topics.waiting import RawTopicsWaiter
 
 if TYPE_CHECKING:
@@ -187,21 +186,18 @@ class RecorderNode(Node):
             raise
 
     def _report(self) -> None:
-        status = DiagnosticStatus(message="not recording")
+        level, message, values = Level.OK, "not recording", {}
         writer, last = self._recording.writer, self._recording.last
         if writer is not None:
             complaints = [*writer.sequences.complaints(), *self._silence(writer)]
-            status.message = "; ".join([f"recording to {writer.path}", *complaints])
-            status.values = [KeyValue(key="messages", value=str(writer.message_count))]
+            level = Level.WARN if complaints else Level.OK
+            message = "; ".join([f"recording to {writer.path}", *complaints])
+            values = {"messages": writer.message_count}
             if last is not None:
-                kept = KeyValue(key="messages kept for a snapshot", value=str(len(last)))
-                status.values = [*status.values, kept]
-            if complaints:
-                status.level = DiagnosticStatus.WARN
+                values["messages kept for a snapshot"] = len(last)
         if self.failure:
-            status.level = DiagnosticStatus.ERROR
-            status.message = self.failure
-        self._reporter.publish(status)
+            level, message = Level.ERROR, self.failure
+        self._reporter.publish(Report(level, message, entries(values)))
 
     def _silence(self, writer: BagWriter) -> list[str]:
         """Complain when nobody has published for long, in the log too."""
