@@ -87,5 +87,5 @@ def test_store___knows___its_own_names_only(tmp_path: Path) -> None:
     (folder / "report.html").write_bytes(b"<p>")
     assert store.models() == [bag.name]
     assert store.report(bag.name) == b"<p>"
-    with pytest.raises(FlexarmError, match=r"no model 'x' \(nearest: live"):
+    with pytest.raises(FlexarmError, match=r"no model 'x' \(known: live"):
         store.model_file("x")
