@@ -41,10 +41,12 @@ def start_composed(graph: Graph, daq: dict[str, Any]) -> Process:
     return process
 
 
-def recorded(graph: Graph, bag: Path) -> tuple[str, list[tuple[str, str, bool]]]:
-    """Record one run; return the hash of its samples and who commanded."""
+def recorded(graph: Graph, bag: Path) -> tuple[str, list[float], list[tuple[str, str, bool]]]:
+    """Record one run; return the hash of its samples, its set-points, and who commanded."""
     graph.operator.recorded_run("controller", str(bag), 600, lambda _: None)
-    return samples_hash(read_bag(bag)), declarations(bag)
+    record = read_bag(bag)
+    assert record.reference is not None
+    return samples_hash(record), record.reference.tolist(), declarations(bag)
 
 
 def end(process: Process, *signals: signal.Signals) -> None:

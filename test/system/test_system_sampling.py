@@ -170,6 +170,20 @@ def test_law_for_another_rate___controller_ends_and_the_drive_is_at_zero(
     assert answer.message.endswith(f"{advice}; then activate controller")
 
 
+def test_law_for_another_rate___is_refused_while_samples_come(graph: Graph) -> None:
+    states: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)
+    start_loop(graph, {"real_time_factor": 0.0, "rate_hz": 500.0})
+    assert graph.transition("daq", "activate")
+    graph.wait(lambda: bool(states) and states[-1].sequence > 200, "a measured rate")
+    assert graph.refusal("controller", {"law": "ilqr"}) == (
+        "law ilqr is made for 300 Hz and the samples come at 500 Hz: "
+        "sample at that rate or take another law"
+    )
+    assert graph.refusal("controller", {"law": "pdp"}) == ""
+    assert graph.transition("daq", "deactivate")
+
+
 def test_killed_controller___drive_goes_to_zero_and_stays(graph: Graph, tmp_path: Path) -> None:
     states: list[ArmState] = []
     graph.node.create_subscription(ArmState, "state", states.append, qos.EVERY)

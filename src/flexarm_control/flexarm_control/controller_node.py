@@ -70,6 +70,8 @@ class ControllerNode(AnsweringNode):
         ROS arguments of this node alone.
     """
 
+    _measured_hz: float | None = None
+
     def __init__(self, direct: DirectHandover | None = None, cli_args: Sequence[str] = ()) -> None:
         self.direct = direct
         super().__init__(
@@ -144,6 +146,7 @@ class ControllerNode(AnsweringNode):
         self._handover.replace(self._setup.law)
         self._handover.reset()
         self._rate.reset()
+        self._measured_hz = None
         self._told_v = None
         self._told_ns = 0
         self._weighed_ns = 0
@@ -155,11 +158,11 @@ class ControllerNode(AnsweringNode):
         setup, reference_v = self._setup, self._reference_v
         self._drives = state.command_sequence > 0
         self._handover.replace(setup.law)
-        setup.check_rate(self._rate.add(taken_ns))
+        self._measured_hz = self._rate.add(taken_ns) or self._measured_hz
+        setup.check_rate(self._measured_hz)
         self._note_law(taken_ns, setup, reference_v, self.upcoming)
         if setup.profile is not None:
             self._reference_v = reference_v = setup.profile((taken_ns - self.run_start_ns) * 1e-9)
-            self._tell_reference(taken_ns)
         volts = (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v)
         return self._handover.step(volts, reference_v)
 
@@ -167,6 +170,9 @@ class ControllerNode(AnsweringNode):
         """Publish what is in force for the law, when that is due, and the payload at intervals."""
         self._tell_law(taken_ns)
         setup = self._setup
+        if setup.profile is not None:
+            # Not before the sample is published: a record has it from the next one on.
+            self._tell_reference(taken_ns)
         if setup.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return
         self._weighed_ns = taken_ns
@@ -219,7 +225,10 @@ class ControllerNode(AnsweringNode):
 
     def _on_request(self, values: Mapping[str, Any]) -> None:
         """Check parameters: they make a setup, which is kept, since a design takes time."""
-        self._accepted = Setup.of(values)
+        accepted = Setup.of(values)
+        if self.is_answering():
+            accepted.check_rate(self._measured_hz)
+        self._accepted = accepted
 
     def _on_parameters(self, _: Mapping[str, Any]) -> None:
         """Put accepted parameters into force, from the next sample on."""

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
-# Similarity, from 0 to 1, above which two names may mean the same: kp and pdpc.kp have 0.44.
-_ALIKE = 0.4
+# Similarity, from 0 to 1, from which two names may mean the same.
+_ALIKE = 0.6
 _FEW = 8
 
 
@@ -20,7 +20,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
     Where none is like it, a few known ones are named, and of many none.
     """
     names = list(known)
-    near = get_close_matches(name, names, n=1, cutoff=_ALIKE)
+    # A part of a name, such as kp of pdpc.kp, is the less like it the longer that is.
+    within = sorted((each for each in names if len(name) > 1 and name in each), key=len)
+    near = within[:1] or get_close_matches(name, names, n=1, cutoff=_ALIKE)
     if near:
         return f" (nearest: {near[0]})"
     return f" (known: {', '.join(names)})" if 0 < len(names) <= _FEW else ""

@@ -132,6 +132,10 @@ class AnsweringNode(LoopNode):
             self._leave_to_the_sampling_thread(self.direct, stopping)
         await_acknowledged(*self.publishers())
 
+    def is_answering(self) -> bool:
+        """Return whether samples are coming."""
+        return 0.0 <= time.monotonic() - self._heard_s < _SILENT_S
+
     def warning(self) -> str:
         """Return that the samples have stopped, when they have."""
         if time.monotonic() - self._heard_s < _SILENT_S:

@@ -24,6 +24,7 @@ def test_nearest_node___is_one_of_the_arm_that_was_named(name: str, near: str) -
     [
         ("kp", ["law", "pdpc.kp", "reference"], " (nearest: pdpc.kp)"),
         ("payload", ["seed", "payload_kg"], " (nearest: payload_kg)"),
+        ("nonsense", ["listeners", *"abcdefghi"], ""),
         ("zzz", ["daq", "controller"], " (known: daq, controller)"),
         ("zzz", [f"gain_{number}" for number in range(9)], ""),
         ("zzz", [], ""),

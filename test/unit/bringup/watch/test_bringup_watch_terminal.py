@@ -137,6 +137,6 @@ def test_watch___without_an_up___says_what_to_do(
     done = subprocess.run(WATCH, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     assert done.returncode == 1
     assert done.stderr == (
-        "flexarm: no `flexarm up` of /arm runs here: start it with ./flexarm up, or name its "
-        "--namespace or ROS_DOMAIN_ID\n"
+        "flexarm: no `flexarm up` of /arm runs here: start it with ./flexarm up, without "
+        "--no-page, or name its --namespace or ROS_DOMAIN_ID\n"
     )

@@ -36,10 +36,11 @@ def verdict(floors: Sequence[Floor]) -> str:
     """Return which rate the machine can promise, and the next step; `floors` by their rates."""
     kept = list(takewhile(lambda floor: floor.kept, floors))
     if not kept:
+        worst_ms = 1e3 * floors[0].late.maximum
         return (
-            f"no rate is kept, not even {floors[0].rate_hz:g} Hz: end other programs, or permit "
-            "real-time priority (`ulimit -r`). The simulated rig loses nothing here: its time "
-            "waits for the machine"
+            f"no rate can be promised: at {floors[0].rate_hz:g} Hz the loop was up to "
+            f"{worst_ms:.0f} ms late. End other programs, or permit real-time priority "
+            "(`ulimit -r`). The simulated rig loses nothing here: its time waits for the machine"
         )
     promise_hz = kept[-1].rate_hz
     way = " in one process (up --compose)" if promise_hz >= _ONE_PROCESS_HZ else ""

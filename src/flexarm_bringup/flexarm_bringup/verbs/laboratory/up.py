@@ -34,6 +34,7 @@ from flexarm_bringup.verbs.laboratory.viewers import (
     foxglove_parameters,
 )
 from flexarm_control.laws.registry import LAWS
+from flexarm_control.sample_rate import suits
 from flexarm_core.outputs import require_folder
 from flexarm_live.serving.foxglove_server import require_foxglove
 
@@ -140,7 +141,7 @@ def _run_graph(settings: _Settings) -> None:
     daq = {"payload_kg": settings.payload_kg, "rate_hz": settings.rate_hz}
     parameters = {
         "daq": daq | settings.pace.parameters(),
-        "controller": {"law": settings.law, "reference": settings.reference},
+        "controller": _controller(settings),
         "recorder": {"topics": _RECORDED},
     }
     nodes: tuple[str, ...] = LABORATORY
@@ -178,6 +179,25 @@ def _run_graph(settings: _Settings) -> None:
                 terminal.CONSOLE.print(f"what the nodes printed is in {log}")
         if bag and processes.exit_codes()["recorder_node"]:
             raise LaunchError(f"the recording is not complete: flexarm bag repair {bag} -o OTHER")
+
+
+def _controller(settings: _Settings) -> dict[str, Any]:
+    """Return parameters of the controller: a law for one rate is made for that of the samples."""
+    parameters: dict[str, Any] = {"law": settings.law, "reference": settings.reference}
+    if settings.parameter_files or settings.law not in LAWS:
+        return parameters
+    law = LAWS[settings.law]
+    gains: dict[str, Any] = {spec.name: spec.default for spec in law.parameters}
+    if "rate_hz" in gains:
+        return parameters | {f"{settings.law}.rate_hz": settings.rate_hz}
+    gains.pop("model", None)
+    made_hz = law.rate_hz(gains, None)
+    if made_hz is not None and not suits(made_hz, settings.rate_hz):
+        raise LaunchError(
+            f"law {settings.law} is made for {made_hz:g} Hz and --rate is {settings.rate_hz:g} Hz: "
+            "sample at that rate, take another law, or one for a model of that rate (--params-file)"
+        )
+    return parameters
 
 
 def _start(operator: Operator, settings: _Settings) -> None:

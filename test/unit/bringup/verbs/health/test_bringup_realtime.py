@@ -24,7 +24,8 @@ def floors(kept: tuple[bool, ...]) -> list[Floor]:
         ((True, True, True, True, False), "1000 Hz is kept in one process (up --compose)"),
         # A rate above one that is not kept was luck.
         ((True, False, True, False, False), "100 Hz is kept: nothing missed"),
-        ((False, False, False, False, False), "no rate is kept, not even 100 Hz"),
+        ((False, True, True, True, False), "no rate can be promised: at 100 Hz the loop was up"),
+        ((False, False, False, False, False), "no rate can be promised: at 100 Hz the loop was up"),
     ],
 )
 def test_verdict___is_the_highest_rate_up_to_which_all_are_kept(
