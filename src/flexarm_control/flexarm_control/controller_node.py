@@ -166,13 +166,18 @@ class ControllerNode(AnsweringNode):
         volts = (state.position_v, state.base_strain_v, state.middle_strain_v, state.speed_v)
         return self._handover.step(volts, reference_v)
 
+    def before_command(self, taken_ns: int) -> None:
+        """Publish the reference of a built-in profile: in virtual time the command ends the sample.
+
+        A record has it from the sample on behind which it was published.
+        """
+        if self._setup.profile is not None:
+            self._tell_reference(taken_ns)
+
     def answered(self, taken_ns: int) -> None:
         """Publish what is in force for the law, when that is due, and the payload at intervals."""
         self._tell_law(taken_ns)
         setup = self._setup
-        if setup.profile is not None:
-            # Not before the sample is published: a record has it from the next one on.
-            self._tell_reference(taken_ns)
         if setup.payload is None or taken_ns - self._weighed_ns < _PAYLOAD_NS:
             return
         self._weighed_ns = taken_ns
@@ -226,7 +231,7 @@ class ControllerNode(AnsweringNode):
     def _on_request(self, values: Mapping[str, Any]) -> None:
         """Check parameters: they make a setup, which is kept, since a design takes time."""
         accepted = Setup.of(values)
-        if self.is_answering():
+        if self.running and not self.trouble and self.is_answering():
             accepted.check_rate(self._measured_hz)
         self._accepted = accepted
 

@@ -80,6 +80,9 @@ class AnsweringNode(LoopNode):
             Its stamp, ns.
         """
 
+    def before_command(self, taken_ns: int) -> None:
+        """Publish what a record has between a sample and the command that answers it."""
+
     def answered(self, taken_ns: int) -> None:
         """Do what may wait until the command is sent; see `answer`."""
 
@@ -184,6 +187,7 @@ class AnsweringNode(LoopNode):
         return _Answer(command, taken_ns, received_s)
 
     def _send(self, answer: _Answer) -> None:
+        self.before_command(answer.taken_ns)
         self._commands.publish(self._layout.pack(*answer.command))
         self.answered(answer.taken_ns)
         self._answer_s.add(time.monotonic() - answer.received_s)
