@@ -30,11 +30,10 @@ _STATISTICS_SAMPLES = 3000
 
 
 class _Answer(NamedTuple):
-    """Numbers of a command, stamp of the sample that it answers, and when that came, s."""
+    """Numbers of a command, and the stamp of the sample that it answers, ns."""
 
     command: tuple[float, ...]
     taken_ns: int
-    received_s: float
 
 
 class AnsweringNode(LoopNode):
@@ -184,10 +183,10 @@ class AnsweringNode(LoopNode):
         effort_v, compensation_v = self.answer(state, taken_ns)
         stamp = stamp_members(self.time.now_ns())
         command = (*stamp, self._count.next(), state.sequence, effort_v, compensation_v)
-        return _Answer(command, taken_ns, received_s)
+        self._answer_s.add(time.monotonic() - received_s)
+        return _Answer(command, taken_ns)
 
     def _send(self, answer: _Answer) -> None:
         self.before_command(answer.taken_ns)
         self._commands.publish(self._layout.pack(*answer.command))
         self.answered(answer.taken_ns)
-        self._answer_s.add(time.monotonic() - answer.received_s)

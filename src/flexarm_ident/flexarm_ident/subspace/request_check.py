@@ -24,6 +24,8 @@ BLOCK_ROWS = 40
 """Block rows q of (2-18), unless the records are too short for as many."""
 _FEWEST_CHOSEN_ROWS = 8
 _SMALLEST_BLOCK_ROWS = 2
+# Decompositions of larger matrices take minutes and gigabytes.
+_LARGEST_MATRIX = 4000
 _CHUNK, _SLICE = 16384, 512
 
 
@@ -69,7 +71,7 @@ def check_request(
     Raises
     ------
     IdentificationError
-        If method, order or block rows are out of range.
+        If method, order or block rows are out of range, or their matrices too large.
     DataError
         If the records together are too short or an input is constant.
     """
@@ -79,6 +81,7 @@ def check_request(
     if order is not None:
         _check_order(records, order, block_rows, method)
     _check_length(records, block_rows, method)
+    _check_size(records[0], block_rows, method)
     constant = np.all([_constant_inputs(record) for record in records], axis=0)
     for name, is_constant in zip(records[0].inputs, constant, strict=True):
         if is_constant:
@@ -103,6 +106,18 @@ def check_channels(records: Sequence[IoData]) -> None:
         raise DataError(
             f"{records[0].label}: no output changes ({names}), there is nothing to identify: "
             "record a rig that moves"
+        )
+
+
+def _check_size(record: Source, block_rows: int, method: str) -> None:
+    channels = len(record.outputs) + len(record.inputs)
+    shifts = _shifts(method, block_rows)
+    if shifts * channels > _LARGEST_MATRIX:
+        most = _LARGEST_MATRIX // channels * block_rows // shifts
+        raise IdentificationError(
+            f"{record.label}: block_rows = {block_rows}, which is more than the order, makes "
+            f"matrices of {shifts * channels} rows for {channels} channels: {most} at most, lower "
+            "the order or block_rows"
         )
 
 

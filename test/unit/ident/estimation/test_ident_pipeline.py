@@ -200,6 +200,15 @@ def test_identify___impossible_request___raises_one_clear_line(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("options", [{"order": 900}, {"block_rows": 901, "method": "pbsid"}])
+def test_identify___matrices_too_large___are_refused_with_what_would_do(
+    options: dict[str, Any],
+) -> None:
+    data = arm_experiment(10, 30_000)
+    with pytest.raises(IdentificationError, match="matrices of 9010 rows for 5 channels: 400 at"):
+        identify(data, **options)
+
+
 @pytest.mark.parametrize("samples", [150, 250, 400])
 def test_identify___record_too_short_for_forty_block_rows___has_fewer_of_them(samples: int) -> None:
     # 5 channels and 1 take 12 samples a block row with those of the past.
