@@ -143,7 +143,7 @@ class Browser:
         self.click_at(
             *self.ask(
                 f"""(() => {{ const node = document.querySelector({json.dumps(selector)});
-                node.scrollIntoView({{ block: "center" }});
+                node.scrollIntoView({{ block: "center", behavior: "instant" }});
                 const box = node.getBoundingClientRect();
                 return [box.x + box.width / 2, box.y + box.height / 2]; }})()"""
             )
