@@ -231,7 +231,7 @@ class ControllerNode(AnsweringNode):
     def _on_request(self, values: Mapping[str, Any]) -> None:
         """Check parameters: they make a setup, which is kept, since a design takes time."""
         accepted = Setup.of(values)
-        if self.is_answering() and self.running and not self.trouble:
+        if self.is_answering():
             accepted.check_rate(self._measured_hz)
         self._accepted = accepted
 

@@ -135,8 +135,9 @@ class AnsweringNode(LoopNode):
         await_acknowledged(*self.publishers())
 
     def is_answering(self) -> bool:
-        """Return whether samples are coming."""
-        return 0.0 <= time.monotonic() - self._heard_s < _SILENT_S
+        """Return whether samples are coming and the loop answers them."""
+        is_heard = 0.0 <= time.monotonic() - self._heard_s < _SILENT_S
+        return is_heard and self.running and not self.trouble
 
     def warning(self) -> str:
         """Return that the samples have stopped, when they have."""

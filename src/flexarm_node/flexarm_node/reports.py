@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_members
+from flexarm_node.topics.layout import ENCAPSULATION
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
     from flexarm_node.node_time import NodeTime
 
-_ENCAPSULATION = b"\0\1\0\0"
 _STAMP = Struct("<iI")
 _COUNT = Struct("<I")
 _ALIGNED = 4
@@ -65,7 +65,7 @@ def report_bytes(report: Report, name: str, hardware_id: str, now_ns: int) -> by
     listed = list(report.entries)
     texts = (_text(text) for text in (name, report.message, hardware_id))
     parts = (
-        *(_ENCAPSULATION, _STAMP.pack(*stamp_members(now_ns)), _text("")),
+        *(ENCAPSULATION, _STAMP.pack(*stamp_members(now_ns)), _text("")),
         *(_COUNT.pack(1), bytes([report.level]).ljust(_ALIGNED, b"\0"), *texts),
         *(_COUNT.pack(len(listed)), *listed),
     )

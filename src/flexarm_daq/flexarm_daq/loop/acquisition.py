@@ -221,7 +221,7 @@ class Acquisition(Exchange):
         # A late command may not act, but its sender is there: the next sample waits for it.
         if self._act(command, self._clock.monotonic()) in (Verdict.ACCEPTED, Verdict.LATE):
             self._is_answered = True
-        self._link.acted()
+        self._watched(self._link.acted)
         return True
 
     def _serve_until(self, deadline_s: float, stop: threading.Event) -> float:
@@ -249,7 +249,7 @@ class Acquisition(Exchange):
 
     def _spare(self) -> None:
         self._spared = self.taken
-        self._link.spare_time()
+        self._watched(self._link.spare_time)
 
     def _await_answer(self, timeout_s: float, stop: threading.Event) -> None:
         until_s = self._clock.monotonic() + timeout_s

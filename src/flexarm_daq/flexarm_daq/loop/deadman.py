@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from types import TracebackType
 
 _POLL_S = 1e-2
 _TELLING_S = 1.0
@@ -17,19 +16,20 @@ _END_S = 1.0
 
 
 class Deadman:
-    """Second thread that takes the drive to zero while an answer holds up the sampling thread.
+    """Second thread that takes the drive to zero while work outside the rig holds up the sampling.
 
-    It looks every 10 ms. The sampling thread is never in the rig at the same time: the two share a
-    lock, and an answer that ends takes it first.
+    That is an answer of the law, what follows it, and reports. The second thread looks every 10 ms.
+    The sampling thread is never in the rig at the same time: the two share a lock, and work that
+    ends takes it first.
 
     Parameters
     ----------
     longest_s : float
-        Longest time that an answer may take, s.
+        Longest time that such work may take, s.
     release : callable
         Takes the drive to zero.
     tell : callable
-        Called in the second thread with the time that an answer has taken, s, once a second.
+        Called in the second thread with the time that it has taken, s, once a second.
     """
 
     def __init__(
@@ -48,17 +48,12 @@ class Deadman:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc_value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stopping.set()
         self._thread.join(_END_S)
 
     def begin(self) -> None:
-        """Take note that an answer begins."""
+        """Take note that work outside the rig begins."""
         self._since_s = time.monotonic()
 
     def end(self) -> bool:

@@ -16,6 +16,8 @@ from flexarm_daq.rigs.rig_protocol import RigError
 from flexarm_node.statistics import Window
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -217,15 +219,19 @@ class Exchange:
         self._sample_time_s = sample.time_s
         if self.taken == 1:
             self._started_s = (sample.time_s, now_s)
-        self._publish(Record(self.sequence, sample.time_s, now_s, sample.volts, *in_force))
+        record = Record(self.sequence, sample.time_s, now_s, sample.volts, *in_force)
+        self._watched(lambda: self._link.publish(record))
 
-    def _publish(self, record: Record) -> None:
-        """Publish a sample; an answer in this thread that takes too long is not obeyed."""
+    def _watched(self, work: Callable[[], None]) -> None:
+        """Let the link work, in this thread maybe for the law; it may hang there.
+
+        An answer that took too long is not obeyed.
+        """
         if self._deadman is None:
-            self._link.publish(record)
+            work()
             return
         self._deadman.begin()
-        self._link.publish(record)
+        work()
         if self._deadman.end():
             self._overdue = self.sequence
         if self._deadman.has_released():

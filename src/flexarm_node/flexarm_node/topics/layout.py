@@ -24,7 +24,8 @@ Numbers: TypeAlias = Any
 ``header_stamp_sec``: the message class says them, and no type."""
 _LITTLE_ENDIAN: Final = b"\0\1"
 _BIG_ENDIAN: Final = b"\0\0"
-_OPTIONS: Final = b"\0\0"
+ENCAPSULATION: Final = _LITTLE_ENDIAN + b"\0\0"
+"""Begin of the bytes of every message that is written."""
 _TEXT: Final = "string"
 _COUNT: Final = "I"
 _CODES: Final = {
@@ -106,7 +107,7 @@ class Layout:
         values: list[float | bytes] = [*numbers]
         for place, content in reversed(self._texts):
             values[place:place] = len(content), content
-        return self._packing.pack(_LITTLE_ENDIAN + _OPTIONS, *values)
+        return self._packing.pack(ENCAPSULATION, *values)
 
     def unpack(self, raw: bytes) -> Numbers | None:
         """Return the numbers of a message, little or big endian; None for another layout."""

@@ -55,10 +55,11 @@ class Rig:
 
 
 class HangingLaw:
-    """Law in the thread of the loop that hangs once, until the drive is at zero."""
+    """Law in the thread of the loop that hangs once in some work, until the drive is at zero."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Rig, work: str) -> None:
         self._rig = rig
+        self._work = work
         self._answer: Command | None = None
         self.sequences: list[int] = []
         self.before_v = 0.0
@@ -66,11 +67,9 @@ class HangingLaw:
 
     def publish(self, record: Record) -> None:
         self.sequences.append(record.sequence)
-        if len(self.sequences) == HANGS_AT:
-            self.before_v = self._rig.drive_v
-            assert self._rig.stopped.wait(PATIENCE_S)
-        elif len(self.sequences) > HANGS_AT:
+        if len(self.sequences) > HANGS_AT:
             self.after_v.append(self._rig.drive_v)
+        self._hang("answer")
         number = len(self.sequences)
         self._answer = Command(number, record.sequence, 0.5, 0.0, number)
 
@@ -81,16 +80,25 @@ class HangingLaw:
         return answer
 
     def acted(self) -> None:
-        """Do nothing."""
+        self._hang("rest of the answer")
 
     def spare_time(self) -> None:
-        """Do nothing."""
+        self._hang("report")
+
+    def _hang(self, work: str) -> None:
+        is_time = len(self.sequences) >= HANGS_AT and not self._rig.stopped.is_set()
+        if work == self._work and is_time:
+            self.before_v = self._rig.drive_v
+            assert self._rig.stopped.wait(PATIENCE_S)
 
 
-def test_law_that_hangs___drive_is_at_zero_meanwhile___and_is_driven_by_the_next_answer() -> None:
+@pytest.mark.parametrize("work", ["answer", "rest of the answer", "report"])
+def test_law_that_hangs___drive_is_at_zero_meanwhile___and_is_driven_by_the_next_answer(
+    work: str,
+) -> None:
     rig = Rig()
     told: list[float] = []
-    law = HangingLaw(rig)
+    law = HangingLaw(rig, work)
     watchdog = Watchdog(1.0 / RATE_HZ)
     loop = Acquisition(
         rig,
@@ -107,7 +115,8 @@ def test_law_that_hangs___drive_is_at_zero_meanwhile___and_is_driven_by_the_next
 
     assert law.before_v == pytest.approx(0.5)
     assert rig.stopped_by[0] != threading.get_ident()
-    assert loop.commander.verdicts[Verdict.LATE] >= 1
+    if work == "answer":
+        assert loop.commander.verdicts[Verdict.LATE] >= 1
     assert loop.safety.counts[Event.STALE] >= 1
     assert loop.missed >= 1
     assert law.after_v[0] == pytest.approx(0.0)

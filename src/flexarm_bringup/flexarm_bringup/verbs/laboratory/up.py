@@ -187,11 +187,9 @@ def _controller(settings: _Settings) -> dict[str, Any]:
     if settings.parameter_files or settings.law not in LAWS:
         return parameters
     law = LAWS[settings.law]
-    gains: dict[str, Any] = {spec.name: spec.default for spec in law.parameters}
-    if "rate_hz" in gains:
+    if any(spec.name == "rate_hz" for spec in law.parameters):
         return parameters | {f"{settings.law}.rate_hz": settings.rate_hz}
-    gains.pop("model", None)
-    made_hz = law.rate_hz(gains, None)
+    made_hz = law.rate_hz({})
     if made_hz is not None and not suits(made_hz, settings.rate_hz):
         raise LaunchError(
             f"law {settings.law} is made for {made_hz:g} Hz and --rate is {settings.rate_hz:g} Hz: "
