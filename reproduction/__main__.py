@@ -79,7 +79,7 @@ def show_subjects(wanted: Sequence[str]) -> None:
     table = Table("key", "what it shows", box=None)
     for subject in select(all_subjects(), wanted or ["all"]):
         table.add_row(subject.key, subject.title)
-    terminal.CONSOLE.print(table)
+    terminal.show_table(table)
 
 
 def reproduce_subjects(
@@ -114,7 +114,7 @@ def _show(outcome: Outcome) -> None:
 
 def _show_finding(finding: Finding) -> None:
     for table in finding.tables:
-        terminal.CONSOLE.print(_rich_table(table))
+        terminal.show_table(_rich_table(table))
     judgement = finding.judgement
     colour = _COLOURS[judgement.verdict]
     terminal.marked(f"  {judgement.verdict.value}", colour, f": {judgement.because}")

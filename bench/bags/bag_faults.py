@@ -23,7 +23,6 @@ import click
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
-from rich.console import Console
 from rich.progress import track
 from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -34,6 +33,7 @@ from flexarm_bags.metadata import RecordedTopic
 from flexarm_bags.repair import repair_bag
 from flexarm_bags.schema import describe
 from flexarm_bags.writer import BagWriter, RecordingError
+from flexarm_bringup.console import terminal
 from flexarm_core.errors import BagError
 from flexarm_ident.reading.read import read_bag
 
@@ -70,7 +70,6 @@ def main(
     if read is not None:
         read_mutated(read, mutations, seed)
         return
-    console = Console()
     chance = random.Random(seed)  # noqa: S311 - chance, not secrecy
     with tempfile.TemporaryDirectory(prefix="flexarm_faults_") as name:
         folder = Path(name)
@@ -90,9 +89,9 @@ def main(
         "mutations": mutations,
         **verdict,
     }
-    console.print(f"{cuts} cuts: at most {max(lost_s):.3f} s lost after repair")
-    console.print(f"{flips} wrong bits: {len(unnoticed)} unnoticed {unnoticed[:5]}")
-    console.print(
+    terminal.CONSOLE.print(f"{cuts} cuts: at most {max(lost_s):.3f} s lost after repair")
+    terminal.CONSOLE.print(f"{flips} wrong bits: {len(unnoticed)} unnoticed {unnoticed[:5]}")
+    terminal.CONSOLE.print(
         f"{mutations} mutated files: {verdict['read']} read, {verdict['refused']} refused with the"
         f" named error, {len(verdict['wrong'])} otherwise {verdict['wrong'][:5]}"  # type: ignore[arg-type, index]
     )

@@ -13,7 +13,6 @@ import time
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rosbags.highlevel import AnyReader
 
 from bench.bags.messages import RATE_HZ, STATE, TYPES, experiment, typestore
@@ -21,6 +20,7 @@ from bench.tools import json_option, make_table, write_json
 from flexarm_bags.metadata import RecordedTopic
 from flexarm_bags.schema import describe
 from flexarm_bags.writer import BagWriter
+from flexarm_bringup.console import terminal
 from flexarm_ident.reading.read import read_bag
 
 _SHORT_S = 40.0
@@ -50,10 +50,9 @@ def main(seconds: float, json_file: Path | None) -> None:
     table = make_table("reader", "CPU s", "messages/s", title=title)
     table.add_row("read_bag", f"{by_read_bag:.2f}", f"{samples / by_read_bag:.0f}")
     table.add_row("AnyReader", f"{by_any_reader:.2f}", f"{samples / by_any_reader:.0f}")
-    console = Console()
-    console.print(table)
-    console.print(f"read_bag is {figures['ratio_to_anyreader']:.1f} times as fast")
-    console.print(f"a bag of {_SHORT_S:g} s with commands: {short_s:.3f} s")
+    terminal.show_table(table)
+    terminal.CONSOLE.print(f"read_bag is {figures['ratio_to_anyreader']:.1f} times as fast")
+    terminal.CONSOLE.print(f"a bag of {_SHORT_S:g} s with commands: {short_s:.3f} s")
     write_json(json_file, figures)
 
 

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-from rich.console import Console
 
 from bench.tools import count_option, json_option, make_table, write_json, write_table
 from flexarm_bringup.console import terminal
@@ -260,7 +259,7 @@ def main(
     table = make_table(*HEADINGS, words=2)
     for row in rows:
         table.add_row(*row)
-    Console().print(table)
+    terminal.show_table(table)
     if docs:
         write_table(PAGE, "calibration", HEADINGS, rows)
     write_json(json_file, {"best": best, "measured": measured})

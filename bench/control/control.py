@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 from scipy.optimize import NonlinearConstraint, minimize
 from scipy.signal import dlsim
 
 from bench.tools import count_option, json_option, run_trials, write_json
+from flexarm_bringup.console import terminal
 from flexarm_control import (
     LAWS,
     PdpGains,
@@ -126,15 +126,14 @@ def main(*, seeds: int, json_file: Path | None) -> None:
     ]
     trials = run_trials(trial, cases, chunk=4)
     ilqr = run_trials(ilqr_trial, list(product((3.0, 5.0), range(seeds))))
-    console = Console()
-    console.print(f"tuned gains kp {tuned.kp:.4f}, kd {tuned.kd:.4f}, ksg {tuned.ksg:.4f}")
-    console.print(
+    terminal.CONSOLE.print(f"tuned gains kp {tuned.kp:.4f}, kd {tuned.kd:.4f}, ksg {tuned.ksg:.4f}")
+    terminal.CONSOLE.print(
         f"tuning {tuning_s:.2f} s from three starts; {one_start_s:.2f} s from one, "
         f"{naive_s:.2f} s with scipy's dlsim"
     )
-    console.print(costs(step_us))
-    console.print(table(trials))
-    console.print(lines(trials, ilqr))
+    terminal.show_table(costs(step_us))
+    terminal.show_table(table(trials))
+    terminal.show_table(lines(trials, ilqr))
     figures = {
         "step_us": step_us,
         "tuning_s": tuning_s,

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
-from rich.console import Console
 
 from bench.control.control import LENGTH_S, SETTLED_S, step_cost_us
 from bench.tools import count_option, json_option, make_table, run_trials, write_json
+from flexarm_bringup.console import terminal
 from flexarm_control import LAWS, build_law, step_figures
 from flexarm_core.labels import counted
 from flexarm_daq import RigParameters
@@ -140,12 +140,11 @@ def main(
     grid = product(names, variants, PAYLOADS_KG, SETPOINTS_V, range(seeds))
     cases = [Case(*each) for each in grid]
     steps = run_trials(step, cases, chunk=4)
-    console = Console()
     for title, head, rows in tables(steps):
         table = make_table(*head, title=title)
         for row in rows:
             table.add_row(*row)
-        console.print(table)
+        terminal.show_table(table)
     step_us = {name: step_cost_us(build_law(name)) for name in LAWS if name in names}
     write_json(json_file, {"step_us": step_us, "trials": [asdict(each) for each in steps]})
     if docs:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
-from rich.console import Console
 
 from bench.tools import count_option, json_option, make_table, run_trials, write_json, write_table
+from flexarm_bringup.console import terminal
 from flexarm_control import build_law
 from flexarm_control.laws.gains import CompensationLevel, TunedPdpGains
 from flexarm_control.laws.registry import LAWS
@@ -94,7 +94,7 @@ def main(*, seeds: int, law: str, json_file: Path | None, docs: bool) -> None:
     table = make_table(*_HEADS, title="mean / worst, of the first run", words=2)
     for row in rows:
         table.add_row(*row)
-    Console().print(table)
+    terminal.show_table(table)
     write_json(json_file, [asdict(each) for each in made])
     if docs:
         write_table(_PAGE, "learning", _HEADS, rows)

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import click
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from bench.control.control import THRESHOLDS
 from bench.tools import count_option, json_option, run_trials, write_json
+from flexarm_bringup.console import terminal
 from flexarm_control.design.criteria import step_figures
 from flexarm_control.laws.payload import PayloadDetection, PayloadEstimator
 from flexarm_control.laws.pdpc import Pdpc
@@ -60,9 +60,8 @@ def main(*, seeds: int, noise: str, json_file: Path | None) -> None:
     """Run the trials, print one table, and write them to a file on request."""
     cases = list(product(PAYLOADS_KG, SETPOINTS_V, (noise,), range(seeds), ("fixed", "scheduled")))
     trials = run_trials(trial, cases, chunk=4)
-    console = Console()
-    console.print(table(trials))
-    console.print(detection(trials))
+    terminal.show_table(table(trials))
+    terminal.show_table(detection(trials))
     write_json(json_file, trials)
 
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import numpy as np
-from rich.console import Console
 
 from bench.control.control import THRESHOLDS
 from bench.tools import count_option, json_option, make_table, run_trials, write_json
+from flexarm_bringup.console import terminal
 from flexarm_control import (
     PdpGains,
     margins,
@@ -100,10 +100,9 @@ def main(*, rigs: int, spread: float, json_file: Path | None) -> None:
     runs = run_trials(step, grid + random, chunk=4)
     on_grid, at_random = runs[: len(grid)], runs[len(grid) :]
     disks = [margins(model, tuned).disk_margin for model in models]
-    console = Console()
-    console.print("disk margins " + ", ".join(f"{disk:.2f}" for disk in disks))
-    console.print(table("worst over the payloads", on_grid))
-    console.print(table(f"{rigs} rigs, parameters off by up to {spread:.0%}", at_random))
+    terminal.CONSOLE.print("disk margins " + ", ".join(f"{disk:.2f}" for disk in disks))
+    terminal.show_table(table("worst over the payloads", on_grid))
+    terminal.show_table(table(f"{rigs} rigs, parameters off by up to {spread:.0%}", at_random))
     figures = {
         "disk_margins": disks,
         "grid": [each._asdict() for each in on_grid],

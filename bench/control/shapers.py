@@ -12,9 +12,9 @@ from pathlib import Path
 
 import click
 import numpy as np
-from rich.console import Console
 
 from bench.tools import count_option, json_option, make_table, run_trials, write_json, write_table
+from flexarm_bringup.console import terminal
 from flexarm_control import LAWS, build_law, step_figures
 from flexarm_control.shaping.shaped_law import ShapedLaw
 from flexarm_control.shaping.shapers import NONE, SHAPERS
@@ -57,7 +57,7 @@ def main(*, seeds: int, laws: tuple[str, ...], json_file: Path | None, docs: boo
     table = make_table(*_HEADS, words=2)
     for row in rows:
         table.add_row(*row)
-    Console().print(table)
+    terminal.show_table(table)
     write_json(json_file, steps)
     if docs:
         write_table(_PAGE, "shapers", _HEADS, rows)

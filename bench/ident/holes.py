@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING
 import click
 import control
 import numpy as np
-from rich.console import Console
 
 from bench.ident.damages import DAMAGES, RATE_HZ, Run, read, simulated
 from bench.ident.ident import interpreters
@@ -35,6 +34,7 @@ from bench.tools import (
     run_trials,
     write_json,
 )
+from flexarm_bringup.console import terminal
 from flexarm_core.errors import IdentificationError
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
@@ -175,12 +175,13 @@ def main(*, seeds: int, first_seed: int, only: tuple[str, ...], json_file: Path 
     found = list(chain.from_iterable(run_trials(trials, cases)))
     linear = [(seed, tuple(LINEAR_DAMAGES), python) for seed, _, _ in cases]
     beside = list(chain.from_iterable(run_trials(linear_trials, linear)))
-    console = Console(width=120)
-    console.print(table(found, names))
-    console.print(table(beside, tuple(LINEAR_DAMAGES)))
+    terminal.show_table(table(found, names))
+    terminal.show_table(table(beside, tuple(LINEAR_DAMAGES)))
     found += beside
     if python is None:
-        console.print(f"{BASELINE} is not installed: `bench ident --install-peers` gets it")
+        terminal.CONSOLE.print(
+            f"{BASELINE} is not installed: `bench ident --install-peers` gets it"
+        )
     write_json(json_file, found)
 
 

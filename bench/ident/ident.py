@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
-from rich.console import Console
 from scipy import io
 
 from bench.ident.plant import NOISES, error, trial
 from bench.ident.stability import counted
 from bench.tools import count_option, first_seed_option, json_option, make_table, write_json
+from flexarm_bringup.console import terminal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -94,15 +94,14 @@ def main(
     install_peers: bool,
 ) -> None:
     """Measure, print one table, and write its rows to a file on request."""
-    console = Console()
     if stability is not None:
         seeds_used = range(first_seed, first_seed + stability)
         counts = list(counted(OURS, _LENGTHS[0], seeds_used, order=ORDER, block_rows=BLOCK_ROWS))
-        console.print(stability_table(counts))
+        terminal.show_table(stability_table(counts))
         write_json(json_file, counts)
         return
     if install_peers:
-        install(console)
+        install()
     pythons = interpreters()
     missing = [name for name in PEERS if name not in pythons]
     if not shutil.which("octave"):
@@ -111,14 +110,20 @@ def main(
     rows: list[Row] = []
     for row in swept(methods, range(first_seed, first_seed + (1 if quick else seeds)), quick=quick):
         rows.append(row)
-        console.print(f"{row.noise} {row.k} {row.method}: {row.failure or row.error}", style="dim")
+        terminal.CONSOLE.print(
+            f"{row.noise} {row.k} {row.method}: {row.failure or row.error}", style="dim"
+        )
         # A run that is ended early leaves what it measured.
         write_json(json_file, rows)
-    console.print(table(rows))
+    terminal.show_table(table(rows))
     if not quick:
-        console.print(f"{' and '.join(_SLOW)}: more than {_SLOW_LENGTH} samples once, white noise")
+        terminal.CONSOLE.print(
+            f"{' and '.join(_SLOW)}: more than {_SLOW_LENGTH} samples once, white noise"
+        )
     if missing:
-        console.print(f"not installed: {', '.join(missing)}; --install-peers gets those of PyPI")
+        terminal.CONSOLE.print(
+            f"not installed: {', '.join(missing)}; --install-peers gets those of PyPI"
+        )
 
 
 def cache() -> Path:
@@ -127,18 +132,18 @@ def cache() -> Path:
     return Path(base) / "flexarm" / "peers"
 
 
-def install(console: Console) -> None:
+def install() -> None:
     """Install every peer of `requirements/peers.in` into an environment of its own."""
     lines = (_HERE.parents[1] / "requirements" / "peers.in").read_text("utf-8").splitlines()
     wanted = [line.partition("#")[0].strip() for line in lines]
     for name, (_, distribution) in PEERS.items():
         requirement = next(line for line in wanted if line.startswith(distribution))
         folder = cache() / name
-        console.print(f"installing {requirement} into {folder}")
+        terminal.CONSOLE.print(f"installing {requirement} into {folder}")
         subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)  # noqa: S603
         pip = [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", requirement]
         if subprocess.run(pip, check=False).returncode != 0:  # noqa: S603 - a line of our own file
-            console.print(f"{distribution} could not be installed", style="bold red")
+            terminal.CONSOLE.print(f"{distribution} could not be installed", style="bold red")
 
 
 def interpreters() -> dict[str, str]:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import click
 import numpy as np
-from rich.console import Console
 from scipy import signal
 
 from bench.ident.plant import AR1_POLE, DT_S, error, plant, trial
@@ -26,6 +25,7 @@ from bench.tools import (
     run_trials,
     write_json,
 )
+from flexarm_bringup.console import terminal
 from flexarm_ident import IoData, identify
 from flexarm_ident.models.free_run import simulate
 from flexarm_ident.models.modes import modal_form
@@ -172,7 +172,7 @@ def main(*, seeds: int, first_seed: int, json_file: Path | None) -> None:
     cases = list(product(LENGTHS, range(first_seed, first_seed + seeds)))
     found = np.log(run_trials(errors, cases)).reshape(len(LENGTHS), seeds, -1)
     means = np.exp(found.mean(axis=1))
-    Console().print(table(means, seeds))
+    terminal.show_table(table(means, seeds))
     names = ("best", *_COLUMNS)
     rows = [
         {"k": k, "seeds": seeds} | dict(zip(names, row, strict=True))

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import click
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from bench.tools import (
@@ -26,6 +25,7 @@ from bench.tools import (
     run_trials,
     write_json,
 )
+from flexarm_bringup.console import terminal
 from flexarm_daq import RigParameters
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_daq.rigs.beam import natural_frequencies_hz
@@ -97,9 +97,8 @@ def main(*, seeds: int, first_seed: int, order: int | None, json_file: Path | No
     """Run the records, print one table, and write them to a file on request."""
     cases = list(product(EXPERIMENTS, range(first_seed, first_seed + seeds), (order,)))
     trials = run_trials(trial, cases)
-    console = Console()
-    console.print(table(trials))
-    console.print(verdict(trials))
+    terminal.show_table(table(trials))
+    terminal.show_table(verdict(trials))
     write_json(json_file, trials)
 
 

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 import pytest
-from rich.console import Console
 from rich.table import Table
 
 from bench.live.drawing import DRAWING, drawing_part
@@ -24,6 +23,7 @@ from bench.live.laboratory import laboratory
 from bench.live.load import LOOP, SLOW, loop_part, slow_part
 from bench.live.reactions import STOP, VERBS, stop_part, verbs_part
 from bench.tools import json_option, write_json, write_table
+from flexarm_bringup.console import terminal
 from flexarm_core.errors import FlexarmError, one_line
 from support.browser import CHROMIUM, Browser
 
@@ -74,20 +74,19 @@ def main(
     *, parts: tuple[str, ...], rate_hz: float, quick: bool, json_file: Path | None, docs: bool
 ) -> None:
     """Measure the page of a running arm, print one table, and write it to files on request."""
-    console = Console()
     if CHROMIUM is None:
         raise click.ClickException("no Chromium on PATH: the page is measured in it")
     rows = []
     try:
         for row in measured(parts or _PARTS, rate_hz, _QUICK if quick else Extent()):
             rows.append(row)
-            console.print("  ".join(row.cells()), style="dim", markup=False, highlight=False)
+            terminal.CONSOLE.print("  ".join(row.cells()), style="dim")
     except (FlexarmError, pytest.fail.Exception) as error:
         raise click.ClickException(one_line(error)) from None
     table = Table(*HEADS)
     for row in rows:
         table.add_row(*row.cells())
-    console.print(table)
+    terminal.show_table(table)
     write_json(json_file, rows)
     if docs:
         write_table(_PAGE, "live", HEADS, [row.cells() for row in rows])

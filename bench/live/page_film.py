@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 from PIL import Image
-from rich.console import Console
 
 from bench.live import pointer
 from bench.live.film import FilmError, Shot, encoded, frames_of
 from bench.live.pointer import Place
+from flexarm_bringup.console import terminal
 from flexarm_bringup.console.verb_group import FORCE
 from flexarm_core.errors import FlexarmError
 from flexarm_core.outputs import require_place
@@ -123,7 +123,7 @@ def main(*, out: Path, pace: float, force: bool) -> None:
         raise click.ClickException(str(error)) from None
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_bytes(file)
-    Console().print(f"{out}: {len(frames)} frames, {len(file)} bytes, {colours} colours")
+    terminal.CONSOLE.print(f"{out}: {len(frames)} frames, {len(file)} bytes, {colours} colours")
 
 
 def filmed(pace: float) -> list[Shot]:

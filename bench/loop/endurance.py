@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
 
 from bench.tools import json_option, write_json
 from flexarm_bags.check import check_bag
@@ -49,13 +48,12 @@ def main(*, rate_hz: float, minutes: float, idle: bool, json_file: Path | None) 
         "skipped": run.missed,
         "problems": list(found.problems),
     }
-    console = Console()
-    console.print(
+    terminal.CONSOLE.print(
         f"{run.taken} samples in {minutes:g} minutes at {rate_hz:g} Hz, {reading.samples} recorded,"
         f" {run.missed} periods skipped"
     )
     for problem in found.problems:
-        console.print(f"  {problem}")
+        terminal.CONSOLE.print(f"  {problem}")
     write_json(json_file, figures)
     sys.exit(reading.samples != run.taken)
 

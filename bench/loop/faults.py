@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING
 
 import click
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from bench.tools import FAULTS_PAGE, count_option, json_option, write_json, write_table
+from flexarm_bringup.console import terminal
 
 _ROOT = Path(__file__).parents[2]
 # The campaign shares its injections and its graph with the tests.
@@ -66,12 +66,13 @@ class Row:
 @click.option("--docs", is_flag=True, help="Write the table of docs/faults.md.")
 def main(*, kills: int, seeds: int, json_file: Path | None, docs: bool) -> None:
     """Inject every fault, print one table, and write it to files on request."""
-    console = Console()
     rows = []
     for row in (*broken_rigs(seeds), *killed_processes(kills)):
         rows.append(row)
-        console.print(f"{row.fault} {row.where}: {row.stopped} of {row.trials}", style="dim")
-    console.print(table(rows))
+        terminal.CONSOLE.print(
+            f"{row.fault} {row.where}: {row.stopped} of {row.trials}", style="dim"
+        )
+    terminal.show_table(table(rows))
     write_json(json_file, rows)
     if docs:
         write_table(FAULTS_PAGE, "faults", _HEADS, list(map(_cells, rows)))

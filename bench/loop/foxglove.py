@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
 from websockets.exceptions import ConnectionClosed
 
 from bench.tools import json_option, write_json
@@ -71,7 +70,7 @@ def main(*, rate_hz: float, seconds: float, json_file: Path | None) -> None:
     except TimeoutError:
         raise click.ClickException(f"no message came to the viewer for {_PATIENCE_S:g} s") from None
     order = "in order" if figures.in_order else "not in order"
-    Console().print(
+    terminal.CONSOLE.print(
         f"A Foxglove-protocol client got {figures.received} of {figures.sampled} samples in"
         f" {seconds:g} s at {rate_hz:g} Hz, {order}; {figures.skipped} periods skipped, factor of"
         f" real time {figures.real_time_factor:.3f}, node foxglove {100 * figures.cpu:.1f} % of a"

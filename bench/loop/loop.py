@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 from diagnostic_msgs.msg import DiagnosticArray
-from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from bench.loop import peers
 from bench.tools import json_option, write_json
+from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
 from flexarm_node import machine_floor, qos
@@ -84,7 +84,6 @@ def main(
     *, rates_hz: tuple[float, ...], minutes: float, load: bool, json_file: Path | None
 ) -> None:
     """Measure each rate, print one table, and write its rows to a file on request."""
-    console = Console()
     programs, missing = peers.built(Path("out/bench/peer"))
     try:
         rows = [
@@ -94,11 +93,11 @@ def main(
         ]
     except LaunchError as error:
         raise click.ClickException(str(error)) from None
-    console.print(table(rows))
+    terminal.show_table(table(rows))
     for line in missing:
-        console.print(line, markup=False)
+        terminal.CONSOLE.print(line)
     if not all(row.realtime for row in rows):
-        console.print(
+        terminal.CONSOLE.print(
             "Without real-time priority, which this account may not take: a busy machine shows."
         )
     write_json(json_file, rows)

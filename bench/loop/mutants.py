@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
 
 from bench.tools import (
     FAULTS_PAGE,
@@ -29,6 +28,7 @@ from bench.tools import (
     write_json,
     write_table,
 )
+from flexarm_bringup.console import terminal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -103,7 +103,6 @@ def main(*, jobs: int, json_file: Path | None, docs: bool) -> None:
         raise click.ClickException(
             "no mutmut: ./flexarm exec python -m pip install -r requirements/mutants.in"
         )
-    console = Console()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         _copy_checkout(folder)
@@ -111,11 +110,11 @@ def main(*, jobs: int, json_file: Path | None, docs: bool) -> None:
         _mutmut(folder, "run", "--max-children", str(jobs), *patterns)
         scores = list(_scores(_states(folder)))
         for name in (name for score in scores for name in score.lived):
-            console.print(_mutmut(folder, "show", name, capture=True), markup=False)
+            terminal.CONSOLE.print(_mutmut(folder, "show", name, capture=True))
     table, rows = make_table(*_HEADS), list(_rows(scores))
     for row in rows:
         table.add_row(*row)
-    console.print(table)
+    terminal.show_table(table)
     write_json(json_file, scores)
     if docs:
         write_table(FAULTS_PAGE, "mutants", _HEADS, rows)

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import click
 import numpy as np
-from rich.console import Console
 
 from bench.tools import json_option, make_table, write_json
+from flexarm_bringup.console import terminal
 from flexarm_daq import RigParameters, SimulatedRig
 from flexarm_daq.rigs.batch import RigBatch
 from flexarm_daq.rigs.gym import ArmVectorEnv
@@ -54,8 +54,8 @@ def main(seconds: float, json_file: Path | None) -> None:
     table.add_row(f"many, {_RIGS} rigs", f"{figures['many_times_real_time']:.0f}")
     table.add_row("sampled", f"{figures['sampled_times_real_time']:.0f}")
     table.add_row(f"learning, {_ARMS} arms", f"{figures['learning_times_real_time']:.0f}")
-    Console().print(table)
-    Console().print(f"learning: {steps_per_s:,.0f} steps/s on one core")
+    terminal.show_table(table)
+    terminal.CONSOLE.print(f"learning: {steps_per_s:,.0f} steps/s on one core")
     write_json(json_file, figures)
 
 

@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.progress import track
 
 from bench.tools import count_option, json_option, make_table, typed_environment, write_json
+from flexarm_bringup.console import terminal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,8 +74,8 @@ def main(runs: int, json_file: Path | None) -> None:
             f"{row['cpu_s']:.2f}",
             f"{row['memory_mb']:.0f}",
         )
-    Console().print(table)
-    Console().print(f"ratios are those of the medians, to {_BASELINE}")
+    terminal.show_table(table)
+    terminal.CONSOLE.print(f"ratios are those of the medians, to {_BASELINE}")
     write_json(json_file, figures)
 
 

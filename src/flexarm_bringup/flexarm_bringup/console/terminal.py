@@ -28,6 +28,7 @@ CONSOLE = Console(
     highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else 110
 )
 _PLAIN_STEPS = 10
+_WIDEST = 1000
 _LEVEL = ".friction_level"
 _GRADES = {"do not use": "bold red", "caution": "yellow"}
 """Colours of notes, by their first words."""
@@ -53,7 +54,7 @@ class ShownModel(NamedTuple):
 def show_model(model: ShownModel) -> None:
     """Print modes, errors, dry friction and warnings."""
     dt_s = next(value for key, value in model.parameters.items() if key.endswith(".dt_s"))
-    CONSOLE.print(mode_table(model.modes, dt_s))
+    show_table(mode_table(model.modes, dt_s))
     is_reduced = not all(mode.kept for mode in model.modes)
     rows = [
         ("data (DMV)", model.dmv),
@@ -61,12 +62,30 @@ def show_model(model: ShownModel) -> None:
         ("set-point (SFV)", model.sfv),
     ]
     rows = [(name, errors) for name, errors in rows if len(errors)]
-    CONSOLE.print(error_table(model.outputs, rows))
+    show_table(error_table(model.outputs, rows))
     friction = friction_table(model.parameters)
     if friction.row_count:
-        CONSOLE.print(friction)
+        show_table(friction)
     for warning in model.warnings:
         note(warning)
+
+
+def show_table(table: Table) -> None:
+    """Print a table with all its words: a narrow terminal wraps its rows, as it does other lines.
+
+    Rich would end names in an ellipsis there, and one that no other has may be lost.
+    """
+    natural = CONSOLE.measure(table, options=CONSOLE.options.update(max_width=_WIDEST)).maximum
+    # A console never prints wider than it is.
+    wide = Console(
+        file=CONSOLE.file,
+        force_terminal=CONSOLE.is_terminal,
+        highlight=False,
+        markup=False,
+        soft_wrap=True,
+        width=max(CONSOLE.width, natural),
+    )
+    wide.print(table)
 
 
 def note(text: str) -> None:

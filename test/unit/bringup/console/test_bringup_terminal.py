@@ -57,6 +57,16 @@ def test_error_table___errors___have_a_column_for_each_output() -> None:
     assert rows == [("data (DMV)", "0.2500", "0.1250")]
 
 
+def test_show_table___narrow_terminal___prints_every_name_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shown = io.StringIO()
+    monkeypatch.setattr(terminal, "CONSOLE", Console(file=shown, width=40))
+    names = [f"acceleration_of_the_wing_{number}" for number in range(5)]
+    terminal.show_table(error_table(names, [("data (DMV)", [0.25] * 6)]))
+    assert all(name in shown.getvalue() for name in names)
+
+
 def test_error_table___output_without_an_error___has_a_dash() -> None:
     rows = cells(error_table(["position_v", "gauge_v"], [("data (DMV)", [0.25, nan, 0.25])]))
     assert rows == [("data (DMV)", "0.2500", "-", "0.2500")]

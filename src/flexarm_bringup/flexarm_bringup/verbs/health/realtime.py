@@ -28,7 +28,7 @@ def examine_realtime() -> None:
     for rate_hz in RATES_HZ:
         terminal.step(f"a bare loop at {rate_hz:g} Hz for {_LENGTH_S:g} s")
         floors.append(sleep_floor(rate_hz, _LENGTH_S))
-    terminal.CONSOLE.print(_table(floors))
+    terminal.show_table(_table(floors))
     terminal.CONSOLE.print(verdict(floors))
 
 

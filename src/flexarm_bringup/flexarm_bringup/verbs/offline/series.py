@@ -50,7 +50,7 @@ def model_each(
             workers=workers,
             progress=show,
         )
-    terminal.CONSOLE.print(_table(series.rows))
+    terminal.show_table(_table(series.rows))
     for row in series.rows:
         if row.failure:
             terminal.CONSOLE.print(f"  no model of {row.bag}: {row.failure}")

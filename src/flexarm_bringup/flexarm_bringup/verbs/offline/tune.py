@@ -135,7 +135,7 @@ def _show_certificate(names: tuple[str, ...], result: TuneResult) -> None:
             f"{strain:.3f}",
         )
     if table.row_count:
-        terminal.CONSOLE.print(table)
+        terminal.show_table(table)
     for line in (*result.explanation, *result.notes):
         terminal.CONSOLE.print(f"  {line}")
 
