@@ -30,6 +30,8 @@ def main() -> str:
         return f"no {kind} {verb}{nearest(verb, places)}: ./flexarm --help lists the verbs"
     module, _, function = places[verb].partition(":")
     file = PACKAGE / "verbs" / f"{module.replace('.', '/')}.py"
+    if verb == "bench" and words and not words[0].startswith("-") and words[0] not in benches(file):
+        return f"no bench {words[0]}{nearest(words[0], benches(file))}: ./flexarm bench --help"
     if hands_on(file, function):
         return ""
     known = HELP.union(*map(options, {file, *imported(file, set())}))
@@ -49,6 +51,14 @@ def verbs() -> dict[str, str]:
             groups: dict[str, dict[str, str]] = ast.literal_eval(node.value)
             return {verb: place for group in groups.values() for verb, place in group.items()}
     raise AssertionError("cli.py has no GROUPS")
+
+
+def benches(file: Path) -> set[str]:
+    """Return the names of the benchmarks."""
+    for node in ast.parse(file.read_text("utf-8")).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_BENCHES":
+            return {"all", *(name for name, *_ in ast.literal_eval(node.value))}
+    raise AssertionError("bench.py has no _BENCHES")
 
 
 def hands_on(file: Path, function: str) -> bool:

@@ -135,6 +135,7 @@ def test_version___before_the_set_up___is_that_of_the_command(bare: Path) -> Non
         ("identify run1 --ordre 10", "identify has no option --ordre (nearest: --order)"),
         ("up --reel-time", "up has no option --reel-time (nearest: --real-time)"),
         ("bag check --quick=3", "bag has no option --quick"),
+        ("bench idnet", "no bench idnet (nearest: ident): ./flexarm bench --help"),
     ],
 )
 def test_wrong_word___before_the_set_up___is_told_and_installs_nothing(
@@ -162,7 +163,7 @@ def test_right_words___before_the_set_up___are_let_through(verb: str) -> None:
     known = {name for name in options_of(main.load(verb)) if name != "--help"}
     script = PROJECT / "bootstrap" / "check_words.py"
     done = subprocess.run(  # noqa: S603 - our own script
-        [sys.executable, "-IS", script, verb, "word", "-3", *known],
+        [sys.executable, "-IS", script, verb, "all" if verb == "bench" else "word", "-3", *known],
         capture_output=True,
         text=True,
         check=False,
@@ -292,6 +293,9 @@ def test_tools_of_test_and_docs___are_installed_for_the_first_verb_that_needs_th
 
     assert "-r jazzy.txt" in installed("demo")
     assert installed("test", "--help") == ""
+    refused = called(bare, "bench", "idnet", **with_ros)
+    assert "no bench idnet (nearest: ident)" in refused.stderr
+    assert (bare / "pip_called").read_text("utf-8") == ""
     tools = installed("test")
     assert "--require-hashes -r dev.txt" in tools
     assert "jazzy.txt" not in tools
