@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexarm_core.outputs import is_replaceable, require_place
+from flexarm_core.outputs import HEAD_BYTES, is_replaceable, require_place
 from flexarm_ident.friction.dry_friction import friction_fields
 from flexarm_ident.models.files import FORMATS, save_model
 from flexarm_ident.models.model_parameters import model_parameters
@@ -79,6 +79,17 @@ def whole(progress: Progress) -> Progress:
 def model_name(bag: Path) -> str:
     """Return the name of a bag with the characters that a parameter's name may have."""
     return re.sub(r"\W", "_", bag.resolve().stem) or "model"
+
+
+def model_in(folder: Path) -> str:
+    """Return the name of the model whose results stand in a folder; empty without any."""
+    file = folder / MODEL_FILE
+    if not (file.is_file() and is_replaceable(file)):
+        return ""
+    with file.open("rb") as stream:
+        head = stream.read(HEAD_BYTES)
+    found = re.search(rb"^ +models:\n +(\w+):$", head, re.MULTILINE)
+    return found[1].decode() if found else ""
 
 
 def identify_bags(

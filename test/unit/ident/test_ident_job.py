@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from flexarm_core.outputs import MARK, OutputError
 from flexarm_ident import IdentificationError, IoData, job, read_bag
 from flexarm_ident.background import Background, Cancelled
-from flexarm_ident.job import identify_bags, model_name, whole
+from flexarm_ident.job import identify_bags, model_in, model_name, whole
 from flexarm_ident.models.files import load_model
 from flexarm_ident.provenance import record_hash
 from flexarm_ident.workflow.request import Request
@@ -142,6 +142,7 @@ def test_identify_bags___two_bags___writes_one_model_with_its_origin(tmp_path: P
         progress=lambda *report: told.append(report),
     )
 
+    assert (model_in(tmp_path / "out"), model_in(results.folder)) == ("", "first")
     assert results.name == "first"
     assert names_in(results.folder) == {"model.yaml", "model.json", "model.mat", "report.html"}
     assert names_in(tmp_path / "out") == {"model"}

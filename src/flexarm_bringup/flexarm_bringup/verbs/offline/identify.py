@@ -233,6 +233,7 @@ def identify(
                 workers=Workers(jobs or -1, dask),
             )
             return
+        former = job.model_in(out)
         with terminal.progress() as show:
             results = job.identify_bags(
                 tuple(records),
@@ -244,7 +245,8 @@ def identify(
                 force=force,
                 progress=show,
             )
-    _show(results, f"results in {out}")
+    replaced = f", in place of those of {former}" if former not in {"", results.name} else ""
+    _show(results, f"results in {out}{replaced}")
     terminal.next_step(_after(results, out))
 
 
