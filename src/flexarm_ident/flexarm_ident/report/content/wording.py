@@ -103,7 +103,10 @@ def deviation_words(outcome: Outcome) -> str:
     if found.likelihood is not None:
         return "± is the standard deviation, from the curvature of the likelihood."
     if found.mode_uncertainty:
-        return "± is the standard deviation, from leaving out one tenth of the data at a time."
+        return (
+            "± is the standard deviation, from leaving out one tenth of the data at a time. It is "
+            "the scatter of the noise alone: a bias, such as that of dry friction, comes on top."
+        )
     if found.friction is not None:
         return (
             "There is no standard deviation: an arm with dry friction is fitted by simulation, "
