@@ -93,8 +93,13 @@ def test_shared_topic___hears_others_and_not_itself(graph: Graph) -> None:
         "shared",
         sent=qos.SENT,
         read=qos.EVERY,
-        heard=lambda message: heard.append(message.data),
     )
+
+    def hears(number: float) -> bool:
+        if (message := shared.newest()) is not None:
+            heard.append(message.data)
+        return number in heard
+
     other = graph.node.create_publisher(Float64, "shared", qos.SENT)
     graph.wait(lambda: shared.publisher.get_subscription_count() == 1, "the node itself")
     graph.wait(lambda: other.get_subscription_count() == 1, "the other")
@@ -102,7 +107,7 @@ def test_shared_topic___hears_others_and_not_itself(graph: Graph) -> None:
     for number in range(20):
         shared.publish(Float64(data=-1.0))
         other.publish(Float64(data=float(number)))
-        graph.wait(lambda number=number: number in heard, "the other's message")  # type: ignore[misc]
+        graph.wait(lambda number=number: hears(number), "the other's message")  # type: ignore[misc]
 
     assert heard == [float(number) for number in range(20)]
 
@@ -120,6 +125,20 @@ def test_set_points_by_the_verb_and_by_a_stream___are_in_force(running: Graph) -
         return in_force(running) == pytest.approx(0.75)
 
     running.wait(follows, "the stream")
+
+
+def test_set_point_on_the_topic___of_a_controller_that_is_not_active___is_that_of_its_start(
+    lone: Graph,
+) -> None:
+    assert lone.refusal("controller", {"reference": "topic"}) == ""
+    stream = lone.node.create_publisher(Float64, "reference", qos.SENT)
+    lone.wait(lambda: stream.get_subscription_count() == 1, "the controller")
+
+    def follows() -> bool:
+        stream.publish(Float64(data=-0.25))
+        return in_force(lone) == pytest.approx(-0.25)
+
+    lone.wait(follows, "the set-point")
 
 
 @pytest.mark.parametrize(

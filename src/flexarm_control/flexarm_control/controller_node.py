@@ -59,8 +59,9 @@ class _InForce(NamedTuple):
 class ControllerNode(AnsweringNode):
     """Node that connects parameters and topics to a law and a reference.
 
-    Samples arrive in the thread of the loop, parameters, references and transitions in that of the
-    executor. The two share the setup and the reference, each replaced by one assignment.
+    Samples and set-points of the topic arrive in the thread of the loop, parameters, calls and
+    transitions in that of the executor. The two share the setup and the reference, each replaced by
+    one assignment.
 
     Parameters
     ----------
@@ -111,7 +112,6 @@ class ControllerNode(AnsweringNode):
             "reference",
             sent=qos.STATUS_SENT,
             read=qos.NEWEST,
-            heard=self._on_reference,
         )
         self._payloads = self.create_publisher(PayloadEstimate, "payload", qos.STATUS)
         self._laws = self.create_publisher(LawInForce, "law", qos.SENT)
@@ -137,6 +137,7 @@ class ControllerNode(AnsweringNode):
             # cost the loop some periods.
             import_module("control")
         super().prepare()
+        self.listen()
         if self._setup.profile is None:
             # A record needs the set-point in force from its first sample on.
             self._publish_reference()
@@ -245,8 +246,11 @@ class ControllerNode(AnsweringNode):
         if self._references is not None:
             self._references.publish(Float64(data=self._reference_v))
 
-    def _on_reference(self, message: Float64) -> None:
+    def listen(self) -> None:
         """Take the set-point from the topic."""
+        message = None if self._references is None else self._references.newest()
+        if message is None:
+            return
         if refusal := self._refusal(message.data):
             self.get_logger().error(refusal, throttle_duration_sec=_REFUSED_S)
             return
@@ -256,6 +260,8 @@ class ControllerNode(AnsweringNode):
         self, request: SetReference.Request, response: SetReference.Response
     ) -> SetReference.Response:
         """Take the set-point of a call, and publish it for recorders and viewers."""
+        # What came on the topic before is older.
+        self.listen()
         response.message = self._refusal(request.reference_v)
         response.success = not response.message
         if response.success:

@@ -96,7 +96,7 @@ class LoopNode(LifecycleNode):
         self._reporter = Reporter(self, self.time)
         # On the node's own clock a wall clock set back would silence the reports.
         self._idle_reports = self.create_timer(
-            _REPORT_S, self._report_idle, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            _REPORT_S, self._idle, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         if warning := complaint_about_transport():
             self.get_logger().warning(warning)
@@ -151,11 +151,18 @@ class LoopNode(LifecycleNode):
         """True while the loop's thread exists."""
         return self._thread is not None
 
+    def listen(self) -> None:
+        """Take what has come on topics beside the samples.
+
+        It is called in the loop's spare time, and once a second without a loop.
+        """
+
     def spare_time(self) -> None:
-        """Do a piece of the report, when one is due.
+        """Listen, and do a piece of the report when one is due.
 
         The loop calls it in its own thread, whenever it waits for the next sample.
         """
+        self.listen()
         next(self._reports)
 
     def report_beside(self, warning: str) -> None:
@@ -271,6 +278,10 @@ class LoopNode(LifecycleNode):
     def _deactivate_ended(self) -> None:
         if self.running:
             self.trigger_deactivate()
+
+    def _idle(self) -> None:
+        self.listen()
+        self._report_idle()
 
     def _report_idle(self) -> None:
         self._report(Report(Level.OK, "not active", self._last_entries))

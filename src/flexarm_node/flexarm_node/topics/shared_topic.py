@@ -1,16 +1,22 @@
-"""Topic that a node publishes and reads: it hears what others publish there, and not itself."""
+"""Topic that a node publishes and reads: it hears what others publish there, and not itself.
+
+It is read by the thread of the loop. In an executor each message of the node itself would wake
+another thread, which takes longer than the answer to a sample: a reference that changes with every
+sample would take all of the time of a fast loop.
+"""
 
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from flexarm_node.topics.waiting import RawTopicsWaiter, message_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     from rclpy.node import Node
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
@@ -42,8 +48,6 @@ class SharedTopic(Generic[Message]):
         As for `Node.create_publisher`.
     sent, read : QoSProfile
         QoS of the publisher and of the subscription.
-    heard : callable
-        Called in the executor's thread with every message of others.
     """
 
     def __init__(
@@ -54,13 +58,13 @@ class SharedTopic(Generic[Message]):
         *,
         sent: QoSProfile,
         read: QoSProfile,
-        heard: Callable[[Message], None],
     ) -> None:
         self._node = node
-        self._heard = heard
+        self._message_type = message_type
         self._sent: deque[_Sending] = deque(maxlen=_REMEMBERED)
         self.publisher: Publisher[Message] = node.create_publisher(message_type, topic, sent)
-        self._subscription = node.create_subscription(message_type, topic, self._on_message, read)
+        self._reader = RawTopicsWaiter(node, [(message_type, topic, read)])
+        self._turn = threading.Lock()
 
     def publish(self, message: Message) -> None:
         """Publish a message. Any thread may call."""
@@ -70,14 +74,21 @@ class SharedTopic(Generic[Message]):
         self.publisher.publish(message)
         sending.ended_ns = time.time_ns()
 
+    def newest(self) -> Message | None:
+        """Return the newest message of others that was not returned yet. Any thread may call."""
+        with self._turn:
+            for heard in reversed(self._reader.wait(0.0)):
+                if not self._is_own(heard.source_ns):
+                    message: Message | None = message_of(heard.raw, self._message_type)
+                    return message
+        return None
+
     def close(self) -> None:
         """Remove publisher and subscription."""
         self._node.destroy_publisher(self.publisher)
-        self._node.destroy_subscription(self._subscription)
+        self._reader.close()
 
-    def _on_message(self, message: Message, info: Mapping[str, Any]) -> None:
-        sent_ns = info["source_timestamp"]
+    def _is_own(self, sent_ns: int) -> bool:
         # A copy: another thread may be adding to it.
         newest_first = reversed(tuple(self._sent))
-        if not any(own.begun_ns <= sent_ns <= own.ended_ns for own in newest_first):
-            self._heard(message)
+        return any(own.begun_ns <= sent_ns <= own.ended_ns for own in newest_first)

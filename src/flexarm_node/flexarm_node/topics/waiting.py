@@ -76,6 +76,14 @@ def await_acknowledged(*publishers: Publisher) -> None:
         publisher.wait_for_all_acked(Duration(nanoseconds=round(left_s * 1e9)))
 
 
+def message_of(raw: bytes, message_type: type) -> Any | None:  # noqa: ANN401 - the type says it
+    """Return a message from its bytes; None for bytes of no message, which rclpy drops too."""
+    try:
+        return deserialize_message(raw, message_type)
+    except (RuntimeError, UnicodeDecodeError):
+        return None
+
+
 class _OutsideExecutor(CallbackGroup):
     """Entities in this group are never handed to an executor."""
 
@@ -156,11 +164,8 @@ class TopicWaiter:
         numbers = self._layout.unpack(raw)
         if numbers is not None:
             return numbers
-        try:
-            message = deserialize_message(raw, self._layout.message_type)
-        except (RuntimeError, UnicodeDecodeError):
-            return None
-        return self._layout.numbers(message)
+        message = message_of(raw, self._layout.message_type)
+        return None if message is None else self._layout.numbers(message)
 
 
 class RawTopicsWaiter:
