@@ -14,6 +14,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from flexarm_core.errors import one_line
 from flexarm_core.tables import read_table
+from flexarm_node import collector
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.reports import Level, Report, Reporter, entries
@@ -253,7 +254,8 @@ class LoopNode(LifecycleNode):
 
     def _run(self) -> None:
         try:
-            self.loop(self._stopping)
+            with collector.resting():
+                self.loop(self._stopping)
             self._tell(self.alarm())
         except Exception as error:  # noqa: BLE001 - the node outlives its loop, and shows it
             self._tell(f"the loop has ended: {self._reason(error)}")
@@ -298,6 +300,8 @@ class LoopNode(LifecycleNode):
             while time.monotonic() < due_s and self.alarm() == alarm:
                 yield
             due_s = min(due_s, time.monotonic())
+            collector.collect_youngest()
+            yield
             alarm = self.alarm()
             self._tell(alarm)
             warning = self.warning()
