@@ -7,9 +7,13 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from flexarm_daq.loop.kernel_timer import KernelTimer
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+# Work that takes too long is noticed so much later at most.
+_SLACK_S = 5e-3
 _POLL_S = 1e-2
 _TELLING_S = 1.0
 _END_S = 1.0
@@ -18,9 +22,9 @@ _END_S = 1.0
 class Deadman:
     """Second thread that takes the drive to zero while work outside the rig holds up the sampling.
 
-    That is an answer of the law, what follows it, and reports. The second thread looks every 10 ms.
-    The sampling thread is never in the rig at the same time: the two share a lock, and work that
-    ends takes it first.
+    That is an answer of the law, what follows it, and reports. The second thread sleeps until such
+    work has taken too long, by 5 ms at most. The sampling thread is never in the rig at the same
+    time: the two share a lock, and work that ends takes it first.
 
     Parameters
     ----------
@@ -40,8 +44,10 @@ class Deadman:
         self._tell = tell
         self._lock = threading.Lock()
         self._since_s = math.inf
+        self._set_s = -math.inf
         self._has_released = False
-        self._stopping = threading.Event()
+        self._is_ending = False
+        self._timer = KernelTimer()
         self._thread = threading.Thread(target=self._watch, daemon=True, name="deadman")
 
     def __enter__(self) -> Deadman:  # noqa: PYI034 - Self needs Python 3.11
@@ -49,12 +55,19 @@ class Deadman:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stopping.set()
+        self._is_ending = True
+        self._timer.set(0.0)
         self._thread.join(_END_S)
+        if not self._thread.is_alive():
+            self._timer.close()
 
     def begin(self) -> None:
         """Take note that work outside the rig begins."""
-        self._since_s = time.monotonic()
+        now_s = self._since_s = time.monotonic()
+        # Set at each begin it would cost more than most of the work.
+        if now_s - self._set_s > _SLACK_S:
+            self._set_s = now_s
+            self._timer.set(_SLACK_S + self._longest_s)
 
     def end(self) -> bool:
         """Take note that it has ended; return whether it took too long."""
@@ -70,13 +83,18 @@ class Deadman:
 
     def _watch(self) -> None:
         told_s = -math.inf
-        while not self._stopping.wait(_POLL_S):
+        while True:
+            self._timer.wait()
+            if self._is_ending:
+                return
             with self._lock:
                 now_s = time.monotonic()
                 passed_s = now_s - self._since_s
                 if passed_s > self._longest_s and not self._has_released:
                     self._has_released = True
                     self._release()
+                if passed_s > 0.0:
+                    self._timer.set(_POLL_S)
             if passed_s > _TELLING_S and now_s - told_s > _TELLING_S:
                 told_s = now_s
                 self._tell(passed_s)
