@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 _SETTLE_S = 2.0
 _ROUND_S = 20.0
+_COUNTS = ("samples", "missed periods", "unanswered samples", "events: stale")
 _PERCENTILES = {"p50": "p50", "p99": "p99", "p999": "p999", "max": "maximum"}
 
 
@@ -169,7 +170,8 @@ def measure(rate_hz: float, length_s: float, *, load: bool, compose: bool = Fals
         operator.activate("daq")
         operator.wait(lambda: int(heard.get("samples", 0)) > _SETTLE_S * rate_hz, "samples")
         floor = stack.enter_context(beside(sleep_floor, rate_hz, length_s))
-        first, first_s = int(heard["samples"]), float(heard["time_s"])
+        begun = {name: int(heard[name]) for name in _COUNTS}
+        first_s = float(heard["time_s"])
         cpu_s = processes.cpu_s()
         for _ in track(range(round(length_s)), f"{rate_hz:g} Hz"):
             until_s = time.monotonic() + 1.0
@@ -178,20 +180,20 @@ def measure(rate_hz: float, length_s: float, *, load: bool, compose: bool = Fals
         operator.wait(lambda: float(heard["time_s"]) >= first_s + length_s, "the last report")
         elapsed_s = float(heard["time_s"]) - first_s
         bare = floor.recv()
-        samples = int(heard["samples"])
+        counts = {name: int(heard[name]) - before for name, before in begun.items()}
         return Row(
             asked_hz=rate_hz,
-            rate_hz=(samples - first) / elapsed_s,
+            rate_hz=counts["samples"] / elapsed_s,
             reply_ms=_read(heard, "reply"),
             late_ms=_read(heard, "late"),
             floor_late_ms={
                 name: 1e3 * getattr(bare.late, field) for name, field in _PERCENTILES.items()
             },
-            samples=samples,
-            missed=int(heard["missed periods"]),
+            samples=counts["samples"],
+            missed=counts["missed periods"],
             floor_missed=bare.missed,
-            unanswered=int(heard["unanswered samples"]),
-            fell_safe=int(heard["events: stale"]),
+            unanswered=counts["unanswered samples"],
+            fell_safe=counts["events: stale"],
             cpu={name: value / elapsed_s for name, value in used_s.items()},
             realtime=_may_take_priority(),
             load=load,
