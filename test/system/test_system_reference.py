@@ -131,6 +131,7 @@ def test_set_point_on_the_topic___of_a_controller_that_is_not_active___is_that_o
     lone: Graph,
 ) -> None:
     assert lone.refusal("controller", {"reference": "topic"}) == ""
+    lone.operator.configure("controller")
     stream = lone.node.create_publisher(Float64, "reference", qos.SENT)
     lone.wait(lambda: stream.get_subscription_count() == 1, "the controller")
 
