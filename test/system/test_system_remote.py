@@ -106,6 +106,10 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
         "flexarm: daq is active already; what holds it ends with: deactivate daq",
     )
     graph.wait(lambda: states[-1].command_v == 0.0, "the drive at zero")
+    assert flexarm("deactivate", "daq") == (
+        0,
+        "daq is inactive; activated again it goes to the controller's set-point, -1.5 V",
+    )
     code, said = flexarm("reference", "7")
     assert code == 2
     assert said.endswith("7 V is not in the range -6.85714 to 6.85714 V.")

@@ -138,7 +138,37 @@ def test_verb___with_an_up___asks_it(
     up: Up, verb: click.Command, arguments: list[str], asked: dict[str, Any], printed: str
 ) -> None:
     assert told(verb, *arguments) == printed
-    assert up.asked[-1] == {"id": 0, **asked}
+    assert {"id": 0, **asked} in up.asked
+
+
+@pytest.mark.parametrize(
+    ("verb", "node", "printed"),
+    [
+        (remote.activate, "daq", "daq is active, and goes to the controller's set-point, 3 V\n"),
+        (
+            remote.deactivate,
+            "daq",
+            "daq is inactive; activated again it goes to the controller's set-point, 3 V\n",
+        ),
+        (remote.activate, "controller", "controller is active\n"),
+    ],
+)
+def test_activate___daq_beside_an_active_controller___says_where_the_arm_goes(
+    up: Up, verb: click.Command, node: str, printed: str
+) -> None:
+    up.reports["controller"] = {"message": "active", "values": {"set-point V": "3"}}
+    assert told(verb, node) == printed
+
+
+def test_activate___daq_beside_a_controller_that_is_not_active___says_nothing_of_it(up: Up) -> None:
+    up.reports["controller"] = {"message": "not active", "values": {"set-point V": "3"}}
+    assert told(remote.activate, "daq") == "daq is active\n"
+
+
+def test_reference___unknown_option___is_no_second_argument() -> None:
+    done = CliRunner().invoke(remote.reference, ["-1", "--nonsense"])
+    assert done.exit_code == 2
+    assert "No such option" in done.output
 
 
 @pytest.mark.parametrize("arm", [ARM, ARM.strip("/")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,6 +20,8 @@ from flexarm_core.nearest import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from flexarm_bringup.graph.hand import Hand
 
 
 @click.command()
@@ -56,7 +59,20 @@ def status(namespace: str) -> None:
             click.echo(f"    {key:36s} {'-' if value == 'nan' else value}")
 
 
-@click.command(context_settings={"ignore_unknown_options": True})
+class _OfNumbers(click.Command):
+    """Command whose argument may be a negative number."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Refuse an unknown option as such, before it is taken for a second argument."""
+        known = {name for each in self.get_params(ctx) for name in each.opts}
+        for arg in args:
+            name = arg.partition("=")[0]
+            if name.startswith("--") and name not in known | {"--"}:
+                raise click.NoSuchOption(name, ctx=ctx)
+        return super().parse_args(ctx, args)
+
+
+@click.command(cls=_OfNumbers, context_settings={"ignore_unknown_options": True})
 @click.argument("set_point_v", metavar="SET_POINT", type=Quantity(POSITION_V, -TRAVEL_V, TRAVEL_V))
 @ARM
 @examples("reference 1.5", "reference -3", "reference 23deg")
@@ -145,7 +161,8 @@ def _managed(node: str, namespace: str) -> tuple[str, str]:
 def activate(node: str, namespace: str) -> None:
     """Activate a running node: daq, controller or experiment."""
     namespace, node = _managed(node, namespace)
-    click.echo(f"{node} is {through(namespace, lambda hand: hand.activate(node))}")
+    state, goal = through(namespace, lambda hand: (hand.activate(node), _goal(hand, node)))
+    click.echo(f"{node} is {state}{goal and ', and goes to '}{goal}")
 
 
 @click.command()
@@ -155,4 +172,16 @@ def activate(node: str, namespace: str) -> None:
 def deactivate(node: str, namespace: str) -> None:
     """Deactivate a running node; the drive goes to zero."""
     namespace, node = _managed(node, namespace)
-    click.echo(f"{node} is {through(namespace, lambda hand: hand.deactivate(node))}")
+    state, goal = through(namespace, lambda hand: (hand.deactivate(node), _goal(hand, node)))
+    click.echo(f"{node} is {state}{goal and '; activated again it goes to '}{goal}")
+
+
+def _goal(hand: Hand, node: str) -> str:
+    """Return where an active controller drives the arm as soon as the daq node is active."""
+    if node != "daq":
+        return ""
+    with suppress(LaunchError):
+        message, figures = hand.reports().get("controller", ("", {}))
+        if message.startswith("active") and (set_point_v := figures.get("set-point V")):
+            return f"the controller's set-point, {set_point_v} V"
+    return ""
