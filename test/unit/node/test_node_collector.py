@@ -27,12 +27,14 @@ def _as_before() -> None:
 
 
 def test_resting___two_loops___to_the_end_of_the_second() -> None:
+    # Python 3.12 counts some objects of its own.
+    frozen = gc.get_freeze_count()
     with collector.resting():
         with collector.resting():
             assert not gc.isenabled()
         assert not gc.isenabled()
     assert gc.isenabled()
-    assert gc.get_freeze_count() == 0
+    assert gc.get_freeze_count() == frozen
 
 
 def test_resting___error_in_the_loop___ends_it() -> None:
