@@ -34,7 +34,7 @@ def test_resting___two_loops___to_the_end_of_the_second() -> None:
             assert not gc.isenabled()
         assert not gc.isenabled()
     assert gc.isenabled()
-    assert gc.get_freeze_count() == frozen
+    assert gc.get_freeze_count() <= frozen
 
 
 def test_resting___error_in_the_loop___ends_it() -> None:
