@@ -163,6 +163,7 @@ class LoopNode(LifecycleNode):
 
         The loop calls it in its own thread, whenever it waits for the next sample.
         """
+        collector.collect_youngest()
         self.listen()
         next(self._reports)
 
@@ -300,8 +301,6 @@ class LoopNode(LifecycleNode):
             while time.monotonic() < due_s and self.alarm() == alarm:
                 yield
             due_s = min(due_s, time.monotonic())
-            collector.collect_youngest()
-            yield
             alarm = self.alarm()
             self._tell(alarm)
             warning = self.warning()

@@ -43,17 +43,27 @@ def test_resting___error_in_the_loop___ends_it() -> None:
     assert gc.isenabled()
 
 
-def test_collect_youngest___what_a_call_has_left___is_freed_while_the_collector_rests() -> None:
+def test_collect_youngest___cycles_of_every_sample___are_freed_while_the_collector_rests() -> None:
     with collector.resting():
-        for _ in range(3):
-            left = left_over()
+        left = [left_over() for _ in range(10)]
+        for _ in range(5_000):
+            left.append(left_over())
             collector.collect_youngest()
-            assert left() is None
+        alive = sum(each() is not None for each in left)
+    assert alive < 1_000
+
+
+def test_collect_youngest___few_objects___are_left_for_later() -> None:
+    with collector.resting():
+        gc.collect(0)
+        left = left_over()
+        collector.collect_youngest()
+        assert left() is not None
 
 
 def test_collect_youngest___library_that_was_loaded___is_looked_at_after_the_loop() -> None:
     with collector.resting():
-        made = [[each] for each in range(10_000)]
+        made = [[each] for each in range(100_000)]
         left = left_over()
         before = gc.get_freeze_count()
         collector.collect_youngest()
