@@ -31,7 +31,8 @@ from bench.tools import json_option, write_json
 from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.laboratory import running_graph
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_node import machine_floor, qos
+from flexarm_bringup.verbs.health import machine_floor
+from flexarm_node import qos
 from flexarm_node.process import prefer_realtime
 
 if TYPE_CHECKING:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Final
 from rich.table import Table
 
 from flexarm_bringup.console import terminal
-from flexarm_node.machine_floor import sleep_floor
+from flexarm_bringup.verbs.health.machine_floor import sleep_floor
 from flexarm_node.process import prefer_realtime
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_node.machine_floor import Floor
+    from flexarm_bringup.verbs.health.machine_floor import Floor
 
 RATES_HZ: Final = (100.0, 300.0, 500.0, 1000.0, 2000.0)
 _LENGTH_S: Final = 5.0
