@@ -23,6 +23,7 @@ CONNECTING = {
         f"flexarm_node.{name}"
         for name in (
             "topics.waiting",
+            "topics.shared_topic",
             "qos",
             "parameters",
             "process",

@@ -80,12 +80,14 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
     for name in ("controller", "daq"):
         assert graph.state_of(name) == "unconfigured"
 
-    assert flexarm("activate", "daq") == (0, "daq is active")
+    motion = "to its set-point"
+    driven = f"; while both are, the controller drives the arm {motion}"
+    assert flexarm("activate", "daq") == (0, f"daq is active{driven}")
     assert flexarm("deactivate", "controller") == (
         1,
         "flexarm: controller is not active but unconfigured",
     )
-    assert flexarm("activate", "/flexarm/controller") == (0, "controller is active")
+    assert flexarm("activate", "/flexarm/controller") == (0, f"controller is active{driven}")
     assert flexarm("reference", "-1.5") == (0, "set-point -1.5 V")
     graph.wait(lambda: bool(states) and states[-1].position_v < -1.0, "the motion")
 
@@ -108,7 +110,7 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
     graph.wait(lambda: states[-1].command_v == 0.0, "the drive at zero")
     assert flexarm("deactivate", "daq") == (
         0,
-        "daq is inactive; activated again it goes to the controller's set-point, -1.5 V",
+        f"daq is inactive; once active again, an active controller drives the arm {motion}, at once",
     )
     code, said = flexarm("reference", "7")
     assert code == 2

@@ -142,27 +142,25 @@ def test_verb___with_an_up___asks_it(
 
 
 @pytest.mark.parametrize(
-    ("verb", "node", "printed"),
+    ("values", "motion"),
     [
-        (remote.activate, "daq", "daq is active, and goes to the controller's set-point, 3 V\n"),
-        (
-            remote.deactivate,
-            "daq",
-            "daq is inactive; activated again it goes to the controller's set-point, 3 V\n",
-        ),
-        (remote.activate, "controller", "controller is active\n"),
+        ({"reference": "topic", "trajectory": ""}, "to its set-point"),
+        ({"reference": "square", "trajectory": ""}, "along its own square"),
+        ({"reference": "topic", "trajectory": "a.csv"}, "along its trajectory"),
     ],
 )
-def test_activate___daq_beside_an_active_controller___says_where_the_arm_goes(
-    up: Up, verb: click.Command, node: str, printed: str
+@pytest.mark.usefixtures("up")
+def test_activate_and_deactivate___say_where_the_arm_goes(
+    monkeypatch: pytest.MonkeyPatch, values: dict[str, str], motion: str
 ) -> None:
-    up.reports["controller"] = {"message": "active", "values": {"set-point V": "3"}}
-    assert told(verb, node) == printed
-
-
-def test_activate___daq_beside_a_controller_that_is_not_active___says_nothing_of_it(up: Up) -> None:
-    up.reports["controller"] = {"message": "not active", "values": {"set-point V": "3"}}
-    assert told(remote.activate, "daq") == "daq is active\n"
+    monkeypatch.setattr(
+        f"{__name__}.PARAMS", [{"name": name, "value": value} for name, value in values.items()]
+    )
+    now = f"; while both are, the controller drives the arm {motion}\n"
+    later = f"; once active again, an active controller drives the arm {motion}, at once\n"
+    for node in ("daq", "controller"):
+        assert told(remote.activate, node) == f"{node} is active{now}"
+        assert told(remote.deactivate, node) == f"{node} is inactive{later}"
 
 
 def test_reference___unknown_option___is_no_second_argument() -> None:

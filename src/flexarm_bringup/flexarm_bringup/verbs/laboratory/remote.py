@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     from flexarm_bringup.graph.hand import Hand
 
+_LOOP = ("daq", "controller")
+_TOPIC = "topic"
+
 
 @click.command()
 @ARM
@@ -161,8 +164,9 @@ def _managed(node: str, namespace: str) -> tuple[str, str]:
 def activate(node: str, namespace: str) -> None:
     """Activate a running node: daq, controller or experiment."""
     namespace, node = _managed(node, namespace)
-    state, goal = through(namespace, lambda hand: (hand.activate(node), _goal(hand, node)))
-    click.echo(f"{node} is {state}{goal and ', and goes to '}{goal}")
+    state, motion = through(namespace, lambda hand: (hand.activate(node), _motion(hand, node)))
+    told = motion and f"; while both are, the controller drives the arm {motion}"
+    click.echo(f"{node} is {state}{told}")
 
 
 @click.command()
@@ -172,16 +176,23 @@ def activate(node: str, namespace: str) -> None:
 def deactivate(node: str, namespace: str) -> None:
     """Deactivate a running node; the drive goes to zero."""
     namespace, node = _managed(node, namespace)
-    state, goal = through(namespace, lambda hand: (hand.deactivate(node), _goal(hand, node)))
-    click.echo(f"{node} is {state}{goal and '; activated again it goes to '}{goal}")
+    state, motion = through(namespace, lambda hand: (hand.deactivate(node), _motion(hand, node)))
+    told = motion and f"; once active again, an active controller drives the arm {motion}, at once"
+    click.echo(f"{node} is {state}{told}")
 
 
-def _goal(hand: Hand, node: str) -> str:
-    """Return where an active controller drives the arm as soon as the daq node is active."""
-    if node != "daq":
+def _motion(hand: Hand, node: str) -> str:
+    """Return where the controller drives the arm while it and the DAQ node are active.
+
+    The reports of the nodes have the set-point of up to a second ago.
+    """
+    if node not in _LOOP:
         return ""
-    with suppress(LaunchError):
-        message, figures = hand.reports().get("controller", ("", {}))
-        if message.startswith("active") and (set_point_v := figures.get("set-point V")):
-            return f"the controller's set-point, {set_point_v} V"
+    with suppress(LaunchError, KeyError):
+        params = hand.parameters("controller")["controller"]
+        values = {str(each["name"]): each["value"] for each in params}
+        if values.get("trajectory"):
+            return "along its trajectory"
+        reference = values["reference"]
+        return "to its set-point" if reference == _TOPIC else f"along its own {reference}"
     return ""
