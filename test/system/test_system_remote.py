@@ -108,10 +108,8 @@ def test_verbs___operate_a_running_graph(graph: Graph) -> None:
         "flexarm: daq is active already; what holds it ends with: deactivate daq",
     )
     graph.wait(lambda: states[-1].command_v == 0.0, "the drive at zero")
-    assert flexarm("deactivate", "daq") == (
-        0,
-        f"daq is inactive; once active again, an active controller drives the arm {motion}, at once",
-    )
+    later = f"; once active again, an active controller drives the arm {motion}, at once"
+    assert flexarm("deactivate", "daq") == (0, f"daq is inactive{later}")
     code, said = flexarm("reference", "7")
     assert code == 2
     assert said.endswith("7 V is not in the range -6.85714 to 6.85714 V.")

@@ -62,7 +62,9 @@ class LiveNode(Node):
         self._namespace = self.get_namespace()
         self._server = self._make_server(values)
         self._bridge.outlet = self._server
-        topics = [(ArmState, "state", qos.SEEN), (Float64, "reference", qos.STATUS)]
+        # The set-point in force, and those of writers that tell nobody what they said before.
+        references = [(Float64, "reference", each) for each in (qos.STATUS, qos.EVERY)]
+        topics = [(ArmState, "state", qos.SEEN), *references]
         self._waiter = RawTopicsWaiter(self, topics)
         self._stopping = threading.Event()
         self._threads = [

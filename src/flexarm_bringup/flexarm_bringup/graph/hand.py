@@ -8,7 +8,9 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
+from flexarm_bringup.graph.live_hand import NoAnswerError, SilentUpError, live_hand
+from flexarm_bringup.graph.processes import LaunchError
+from flexarm_core.errors import one_line
 from flexarm_core.own_files import OwnFileError
 from flexarm_live.terminal_socket import namespaces
 
@@ -65,11 +67,23 @@ def through(namespace: str, do: Callable[[Hand], Result]) -> Result:
     try:
         with live_hand(namespace) as hand:
             return do(hand)
+    except SilentUpError as silent:
+        try:
+            return _through_graph(namespace, do)
+        except LaunchError as error:
+            raise LaunchError(
+                f"{silent} (`flexarm up` runs here, so a node hangs or the machine is busy, and "
+                f"what was asked for may still be done; over the graph: {one_line(error)})"
+            ) from error
     except NoAnswerError:
-        from flexarm_bringup.graph.graph_hand import graph_hand  # noqa: PLC0415 - it loads rclpy
+        return _through_graph(namespace, do)
 
-        with graph_hand(namespace) as slow_hand:
-            return do(slow_hand)
+
+def _through_graph(namespace: str, do: Callable[[Hand], Result]) -> Result:
+    from flexarm_bringup.graph.graph_hand import graph_hand  # noqa: PLC0415 - it loads rclpy
+
+    with graph_hand(namespace) as hand:
+        return do(hand)
 
 
 def stop_every_arm() -> Iterator[tuple[str, str]]:

@@ -38,6 +38,10 @@ class NoAnswerError(LaunchError):
     """No `up` of the arm answers, or what is asked for is none of its nodes'."""
 
 
+class SilentUpError(NoAnswerError):
+    """An `up` runs, and what was asked of it was not answered in time."""
+
+
 class Answer(NamedTuple):
     """Answer to a request that was carried out."""
 
@@ -68,7 +72,7 @@ class LiveHand:
 
         Raises
         ------
-        NoAnswerError
+        SilentUpError
             When none comes in time.
         LaunchError
             When the request is refused.
@@ -80,7 +84,7 @@ class LiveHand:
             reply = json.loads(self._replies.readline(_LONGEST))
             carried_out, answer = reply["ok"], Answer(reply["message"], reply["data"])
         except (OSError, ValueError, LookupError, TypeError) as error:
-            raise NoAnswerError(f"no answer to {verb}: {one_line(error)}") from error
+            raise SilentUpError(f"no answer to {verb}: {one_line(error)}") from error
         if not carried_out:
             raise LaunchError(answer.message)
         return answer
@@ -90,7 +94,9 @@ class LiveHand:
         try:
             return self.ask("stop", _STOP_S).message
         except LaunchError as error:
-            raise NoAnswerError(one_line(error)) from error
+            raise SilentUpError(
+                f"{one_line(error)}; the drive may be on: press the button at the rig"
+            ) from error
 
     def reports(self) -> Mapping[str, tuple[str, Mapping[str, str]]]:
         """Return the message and the figures of each node that reports.

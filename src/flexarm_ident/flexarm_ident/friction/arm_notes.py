@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _UNDETERMINED = 0.1
 # The same for what the level depends on, which matters less.
 _VAGUE = 0.4
+# Rounding of an eigenvalue that is one.
+_INTEGRATOR = 1e-9
 _SWEEPS = "record slow reversals and fast sweeps in one experiment"
 _REVERSALS = "record many slow reversals, with rests between them"
 _LOADS = "record strong accelerations beside gentle ones"
@@ -79,4 +81,17 @@ def notes(fit: ArmFit) -> tuple[str, ...]:
                     f"the {what} is not determined by the record: {span} simulate it equally "
                     f"well; {remedy}"
                 )
-    return tuple(lines)
+    return (*lines, *_growth(fit))
+
+
+def _growth(fit: ArmFit) -> list[str]:
+    """Return that the model's free motion grows, in a list; an empty list when it does not."""
+    largest = float(np.abs(np.linalg.eigvals(fit.model.A)).max())
+    if largest <= 1.0 + _INTEGRATOR:
+        return []
+    constant_s = fit.model.dt / np.log(largest)
+    line = (
+        f"the arm's free motion grows, with a time constant of {constant_s:.2g} s (an eigenvalue "
+        f"of {largest:.6f}): simulate it no longer than its records"
+    )
+    return [line]

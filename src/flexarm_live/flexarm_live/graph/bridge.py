@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 _NODES = (*LOOP_NODES, "recorder", "ident")
 _STOP_S = 5.0
 _STOP_AGAIN_S = 0.2
+# Less than a verb of another terminal waits.
+_REFERENCE_S = 3.0
 """A stop does no harm twice, and its answer may be lost while the nodes discover each other."""
 _RECORD_S = 30.0
 
@@ -157,7 +159,7 @@ class Bridge:
 
     async def _on_reference(self, value_v: float) -> Answer:
         request = SetReference.Request(reference_v=float(value_v))
-        answer = await self._calls.call(SetReference, "set_reference", request)
+        answer = await self._calls.call(SetReference, "set_reference", request, _REFERENCE_S)
         if not answer.success:
             raise FlexarmError(answer.message)
         words = [f"set-point {answer.reference_v:.3f} V", answer.message]

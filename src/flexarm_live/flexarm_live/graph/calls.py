@@ -77,7 +77,10 @@ class Calls:
             )
             if done:
                 return done.pop().result()
-        raise CallError(f"{client.service_name} did not answer within {timeout_s:.0f} s")
+        raise CallError(
+            f"{client.service_name} did not answer within {timeout_s:.0f} s: its node hangs, or "
+            "the machine is busy. What was asked for may still come into force"
+        )
 
 
 def settled(future: Future[Any]) -> asyncio.Future[Any]:

@@ -87,7 +87,7 @@ class SampleReader:
         for message in sorted(messages, key=lambda each: each.source_ns):
             if message.raw[1] != _LITTLE_ENDIAN:
                 continue
-            if message.topic == REFERENCE:
+            if message.topic != STATE:
                 self.reference_v = _DOUBLE.unpack_from(message.raw)[0]
                 continue
             second, nanosecond = _STAMP.unpack_from(message.raw)

@@ -280,6 +280,25 @@ def test_set___misspelt_name___is_told_with_the_nearest(
     assert not [each for each in up.asked if each["do"] == "set"]
 
 
+def test_reference___up_that_does_not_answer___is_told_beside_the_answer_of_the_graph(
+    up: Up, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def graph(_namespace: str, _do: object) -> None:
+        raise LaunchError("no controller was heard of")
+
+    monkeypatch.setattr("flexarm_bringup.graph.hand._through_graph", graph)
+    up.silent = True
+    with pytest.raises(LaunchError) as refusal:
+        told(remote.reference, "1")
+    said = str(refusal.value)
+    assert said.startswith("no answer to reference")
+    assert "`flexarm up` runs here" in said
+    assert "may still be done" in said
+    assert "no controller was heard of" in said
+    with pytest.raises(LaunchError, match="press the button at the rig"):
+        told(remote.stop)
+
+
 @pytest.mark.parametrize(("refusal", "silent"), [("daq does not answer", False), ("", True)])
 def test_stop___that_up_does_not_carry_out___is_left_to_the_graph(
     up: Up, refusal: str, *, silent: bool

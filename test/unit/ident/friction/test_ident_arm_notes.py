@@ -1,0 +1,44 @@
+"""Words on an arm with dry friction: a motion that grows is told."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+
+from flexarm_ident.friction.arm import Rung
+from flexarm_ident.friction.arm_fit import ArmFit
+from flexarm_ident.friction.arm_notes import notes
+from flexarm_ident.friction.dry_friction import DryFriction
+
+DT_S = 0.01
+
+
+def fit(*eigenvalues: float) -> ArmFit:
+    """Return an arm with some eigenvalues, and nothing else to be told."""
+    states = len(eigenvalues)
+    ones = np.ones((states, 1))
+    model = control.ss(np.diag(eigenvalues), ones, ones.T, 0.0, DT_S)
+    return ArmFit(
+        model=model,
+        x0=(),
+        friction=DryFriction(*np.zeros((4, 1)), speed=np.zeros((1, states))),
+        error=np.zeros(1),
+        dead_samples=np.zeros(1),
+        bandwidth_hz=1.0,
+        law_ranges=np.ones((1, 4, 2)),
+        rung=Rung.COULOMB,
+        left_out={},
+    )
+
+
+def test_notes___eigenvalue_outside_the_unit_circle___has_its_time_constant() -> None:
+    # exp(t / 10 s) sampled every 10 ms.
+    (note,) = notes(fit(np.exp(DT_S / 10.0), 0.5))
+    assert "time constant of 10 s" in note
+    assert "simulate it no longer than its records" in note
+
+
+@pytest.mark.parametrize("rounding", [-1e-12, 0.0, 1e-12])
+def test_notes___integrator___does_not_grow(rounding: float) -> None:
+    assert notes(fit(1.0 + rounding, 0.5)) == ()
