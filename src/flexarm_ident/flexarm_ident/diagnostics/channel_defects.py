@@ -121,10 +121,14 @@ def _unmeasured(record: IoData) -> Iterator[DataWarning]:
     if record.missing is None:
         return
     lost = sum(each.figures["missing"] for each in record.notices if each.name == "lost_samples")
+    alike: dict[bytes, list[str]] = {}
     for name, missing in zip(record.outputs, record.missing.T, strict=True):
         if missing.sum() > lost:
-            text, figures = holes_told(missing)
-            yield DataWarning("unmeasured", f"{name}: {text}", figures, channel=name)
+            alike.setdefault(missing.tobytes(), []).append(name)
+    for names in alike.values():
+        text, figures = holes_told(record.missing[:, record.outputs.index(names[0])])
+        channel = names[0] if len(names) == 1 else ""
+        yield DataWarning("unmeasured", f"{', '.join(names)}: {text}", figures, channel=channel)
 
 
 def _duplicates(record: IoData) -> Iterator[DataWarning]:

@@ -76,6 +76,19 @@ def test_holes_of_one_channel___are_told_unless_all_lack_them(lost: float) -> No
         assert (each.figures["missing"], each.figures["left_out"]) == (43.0, 40.0)
 
 
+def test_holes_of_several_channels___are_told_once_where_they_are_the_same() -> None:
+    y = np.random.default_rng(3).normal(size=(1000, 3))
+    y[100:102], y[500, 2] = np.nan, np.nan
+    u = np.ones((1000, 1))
+    record = IoData(u, y, dt_s=DT_S, inputs=("u",), outputs=("p", "q", "r"))
+    found = [each for each in channel_defects(record) if each.name == "unmeasured"]
+    assert [(each.channel, each.text.partition(":")[0]) for each in found] == [
+        ("", "p, q"),
+        ("r", "r"),
+    ]
+    assert [each.figures["missing"] for each in found] == [2.0, 3.0]
+
+
 def only(
     check: Callable[[IoData], Iterator[DataWarning]], data: IoData, name: str, channel: str = ""
 ) -> dict[str, float]:
