@@ -91,7 +91,7 @@ class Verdict:
             f"{self.worst:.3g}, {self.worst_output}; a line at zero{at_mean} has 1)"
         )
         if np.isfinite(self.missed):
-            text += f", {100.0 * self.missed:.0f} % of its power follows the inputs"
+            text += f", {100.0 * self.missed:.0f} % of the error's power follows the inputs"
         return f"{text}. Next: {self.next_step}."
 
 

@@ -70,7 +70,12 @@ def vibrations(
         lines.append(
             f"It vibrates at {listed(told[PHYSICAL])} (damping ratio below {_LIGHT_DAMPING})."
         )
-    if told[SPLIT]:
+    if len(told[SPLIT]) == 1:
+        lines.append(
+            f"Its vibration at {told[SPLIT][0]} has a close neighbour in models of other orders: "
+            "at most one of the two is the plant's."
+        )
+    elif told[SPLIT]:
         lines.append(
             f"Of its vibrations at {listed(told[SPLIT])}, at most one of close neighbours is the "
             "plant's."

@@ -55,7 +55,7 @@ def test_verdict___error_that_follows_no_input___is_as_good_as_the_record_allows
 def test_verdict___model_worse_than_a_line_at_zero___is_useless_in_its_first_words() -> None:
     text = judged(1.97, 0.8, missed=0.9)[1]
     assert text.startswith("useless, worse than a line at zero: error 1.39 in free simulation of ")
-    assert "(worst 1.97, position; a line at zero has 1), 90 % of its power follows" in text
+    assert "(worst 1.97, position; a line at zero has 1), 90 % of the error's power follows" in text
     assert text.endswith(
         "Next: try another method, a higher order, feedthrough or friction, as the inputs tell "
         "more than the model."

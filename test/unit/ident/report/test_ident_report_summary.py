@@ -27,6 +27,15 @@ def test_vibrations___modes_of_a_model___are_parted_as_the_table_parts_them() ->
     ]
 
 
+def test_vibrations___one_mode_with_a_neighbour_at_other_orders___is_told_as_that() -> None:
+    assert vibrations([pair(43.3)], NEIGHBOURS) == [
+        (
+            "Its vibration at 43.30 Hz has a close neighbour in models of other orders: at most "
+            "one of the two is the plant's."
+        )
+    ]
+
+
 def test_vibrations___no_light_mode___is_told() -> None:
     assert vibrations([pair(70.0, 0.9)], NEIGHBOURS) == [
         "It has no vibration with a damping ratio below 0.2."
