@@ -47,10 +47,10 @@ class Deadman:
         self._set_s = -math.inf
         self._has_released = False
         self._is_ending = False
-        self._timer = KernelTimer()
         self._thread = threading.Thread(target=self._watch, daemon=True, name="deadman")
 
     def __enter__(self) -> Deadman:  # noqa: PYI034 - Self needs Python 3.11
+        self._timer = KernelTimer()
         self._thread.start()
         return self
 
