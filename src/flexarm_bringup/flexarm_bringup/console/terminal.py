@@ -78,14 +78,15 @@ def show_table(table: Table) -> None:
     natural = CONSOLE.measure(table, options=CONSOLE.options.update(max_width=_WIDEST)).maximum
     # A console never prints wider than it is.
     wide = Console(
-        file=CONSOLE.file,
         force_terminal=CONSOLE.is_terminal,
         highlight=False,
         markup=False,
         soft_wrap=True,
         width=max(CONSOLE.width, natural),
     )
-    wide.print(table)
+    with wide.capture() as drawn:
+        wide.print(table)
+    CONSOLE.print(Text.from_ansi(drawn.get().removesuffix("\n")), soft_wrap=True)
 
 
 def note(text: str) -> None:

@@ -18,11 +18,12 @@ def fit(*eigenvalues: float) -> ArmFit:
     """Return an arm with some eigenvalues, and nothing else to be told."""
     states = len(eigenvalues)
     ones = np.ones((states, 1))
+    none = np.zeros(1)
     model = control.ss(np.diag(eigenvalues), ones, ones.T, 0.0, DT_S)
     return ArmFit(
         model=model,
         x0=(),
-        friction=DryFriction(*np.zeros((4, 1)), speed=np.zeros((1, states))),
+        friction=DryFriction(none, none, none, none, np.zeros((1, states))),
         error=np.zeros(1),
         dead_samples=np.zeros(1),
         bandwidth_hz=1.0,
