@@ -10,7 +10,7 @@ import ast
 import sys
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,8 +30,10 @@ def main() -> str:
         return f"no {kind} {verb}{nearest(verb, places)}: ./flexarm --help lists the verbs"
     module, _, function = places[verb].partition(":")
     file = PACKAGE / "verbs" / f"{module.replace('.', '/')}.py"
-    if verb == "bench" and words and not words[0].startswith("-") and words[0] not in benches(file):
-        return f"no bench {words[0]}{nearest(words[0], benches(file))}: ./flexarm bench --help"
+    if verb == "bench" and words and not words[0].startswith("-"):
+        benches = {"all", *(name for name, *_ in assigned(file, "_BENCHES"))}
+        if words[0] not in benches:
+            return f"no bench {words[0]}{nearest(words[0], benches)}: ./flexarm bench --help"
     if hands_on(file, function):
         return ""
     known = HELP.union(*map(options, {file, *imported(file, set())}))
@@ -46,19 +48,16 @@ def main() -> str:
 
 def verbs() -> dict[str, str]:
     """Return the verbs, and the function that each is."""
-    for node in ast.parse((PACKAGE / "cli.py").read_text("utf-8")).body:
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "GROUPS":
-            groups: dict[str, dict[str, str]] = ast.literal_eval(node.value)
-            return {verb: place for group in groups.values() for verb, place in group.items()}
-    raise AssertionError("cli.py has no GROUPS")
+    groups: dict[str, dict[str, str]] = assigned(PACKAGE / "cli.py", "GROUPS")
+    return {verb: place for group in groups.values() for verb, place in group.items()}
 
 
-def benches(file: Path) -> set[str]:
-    """Return the names of the benchmarks."""
+def assigned(file: Path, name: str) -> Any:  # noqa: ANN401 - whatever stands there
+    """Return the literal that a file gives a name at its top."""
     for node in ast.parse(file.read_text("utf-8")).body:
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_BENCHES":
-            return {"all", *(name for name, *_ in ast.literal_eval(node.value))}
-    raise AssertionError("bench.py has no _BENCHES")
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name:
+            return ast.literal_eval(node.value)
+    raise AssertionError(f"{file.name} has no {name}")
 
 
 def hands_on(file: Path, function: str) -> bool:

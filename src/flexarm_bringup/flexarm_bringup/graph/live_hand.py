@@ -39,7 +39,7 @@ class NoAnswerError(LaunchError):
 
 
 class SilentUpError(NoAnswerError):
-    """An `up` runs, and what was asked of it was not answered in time."""
+    """An `up` runs, and has not done in time what was asked of it."""
 
 
 class Answer(NamedTuple):

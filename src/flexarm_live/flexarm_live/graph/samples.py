@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_node.topics.waiting import RawMessage
 
-STATE, REFERENCE = range(2)
+STATE, REFERENCE, STREAMED_REFERENCE = range(3)
+"""Topics that are waited on; the last one is that of the second reader of set-points."""
 """Topics of the messages, in the order in which they are waited for."""
 COLUMNS = (
     "position_v",

@@ -7,7 +7,14 @@ import struct
 
 import numpy as np
 
-from flexarm_live.graph.samples import COLUMNS, REFERENCE, SEQUENCE_SPAN, STATE, SampleReader
+from flexarm_live.graph.samples import (
+    COLUMNS,
+    REFERENCE,
+    SEQUENCE_SPAN,
+    STATE,
+    STREAMED_REFERENCE,
+    SampleReader,
+)
 from flexarm_msgs.msg import ArmState
 from flexarm_node.topics.waiting import RawMessage
 
@@ -23,8 +30,8 @@ def state(
     return RawMessage(STATE, b"\x00\x01\x00\x00" + padded + members, source_ns)
 
 
-def reference(value_v: float, source_ns: int) -> RawMessage:
-    return RawMessage(REFERENCE, b"\x00\x01\x00\x00" + struct.pack("<d", value_v), source_ns)
+def reference(value_v: float, source_ns: int, topic: int = REFERENCE) -> RawMessage:
+    return RawMessage(topic, b"\x00\x01\x00\x00" + struct.pack("<d", value_v), source_ns)
 
 
 def test_reader___of_samples___has_them_in_their_order_with_the_reference_in_force() -> None:
@@ -51,6 +58,15 @@ def test_reader___without_a_sample___has_none() -> None:
     assert reader.read([]) is None
     assert reader.read([reference(1.0, 1)]) is None
     assert reader.reference_v == 1.0
+
+
+def test_reader___set_points_of_both_readers___are_in_force_in_the_order_of_their_instants() -> (
+    None
+):
+    reader = SampleReader(ArmState)
+    both = [reference(1.0, 20), reference(2.0, 30, STREAMED_REFERENCE), reference(1.0, 20)]
+    assert reader.read(both) is None
+    assert reader.reference_v == 2.0
 
 
 def test_reader___of_another_byte_order___passes_over_it() -> None:
