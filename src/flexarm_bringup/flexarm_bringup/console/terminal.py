@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.interruption import check_interruption
 from flexarm_core.labels import decay, label_and_unit, with_deviation
 
@@ -107,7 +108,7 @@ def note(text: str) -> None:
 
 def next_step(text: str) -> None:
     """Print what a user may do next: a command, with its paths `quoted`."""
-    CONSOLE.print(f"Then: {text}")
+    CONSOLE.print(f"Then: {as_called(text)}")
 
 
 def quoted(path: Path) -> str:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 from click.shell_completion import ShellComplete
 
+from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.completion import completed
 from flexarm_bringup.console.interruption import interruptible
 from flexarm_core.errors import FlexarmError, one_line
@@ -58,8 +59,11 @@ class VerbGroup(click.Group):
                 "./flexarm of a checkout, which brings it (Linux on x86-64), or source an "
                 "installation of ROS 2",
             )
+        except click.ClickException as error:
+            error.message = as_called(error.message)
+            raise
         # A reader that has read enough is no error: click ends the program without a word.
-        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+        except (click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
         # Libraries raise errors of their own, such as rclpy for a wrong ROS_DOMAIN_ID.
         except (FlexarmError, ValueError, RuntimeError, OSError) as error:
@@ -162,7 +166,7 @@ def _end(error: Exception, words: str) -> NoReturn:
     """End the program with one line, or with the error where its place is wanted."""
     if os.environ.get("FLEXARM_DEBUG"):
         raise error
-    click.echo(f"flexarm: {words}", err=True)
+    click.echo(f"flexarm: {as_called(words)}", err=True)
     sys.exit(1)
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.called import as_called
 from flexarm_core.channels import CHANNELS, INPUT_RANGE_V, MAX_COMMAND_V, TRAVEL_V
 from flexarm_daq.rigs.nidaq.driver import load_nidaqmx, named_errors
 from flexarm_daq.rigs.nidaq.terminals import DIRECTION_HIGH_V, Sensors
@@ -221,7 +222,7 @@ def examine_hardware(settings: NidaqSettings, nidaqmx: Nidaqmx | None = None) ->
             return 1
         terminal.marked("ok", "green", f"    {name}: {found}")
     for line in ("Nothing was moved.", *_REMAINS):
-        terminal.CONSOLE.print(line)
+        terminal.CONSOLE.print(as_called(line))
     return 0
 
 

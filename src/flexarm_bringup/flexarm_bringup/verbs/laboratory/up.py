@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
@@ -231,7 +232,7 @@ def _stay(
             # Else its first commands might come before the recorder is discovered.
             readers = operator.node.count_subscribers("command")
             replace = _REPLACE.format(operator.namespace, readers)
-            terminal.CONSOLE.print(f"{loss}: {replace}")
+            terminal.CONSOLE.print(f"{loss}: {as_called(replace)}")
         return False
 
     try:
