@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from bench.live.figures import Phase, Row, loop_rows
 from bench.live.pages import is_served, resident_mb, silent_client, tabs
-from bench.loop.loop import beside, sleep_floor
+from bench.loop.loop import beside, floor_of, sleep_floor
 from flexarm_bringup.graph.processes import process_cpu_s
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def phase(lab: Laboratory, onlookers: AbstractContextManager[object]) -> Phase:
         time.sleep(_SETTLE_S)
         floor = stack.enter_context(beside(sleep_floor, lab.rate_hz, length_s))
         before, used_s, start_s = lab.report(), process_cpu_s(lab.live_pid), time.monotonic()
-        floor_late, floor_missed = floor.recv()
+        bare = floor_of(floor)
         used_s, elapsed_s = process_cpu_s(lab.live_pid) - used_s, time.monotonic() - start_s
         after = lab.report()
     counts = {
@@ -65,8 +65,8 @@ def phase(lab: Laboratory, onlookers: AbstractContextManager[object]) -> Phase:
         late_p99_ms=float(after["late p99 ms"]),
         missed=counts["missed periods"],
         unanswered=counts["unanswered samples"],
-        floor_late_p99_ms=1e3 * floor_late.p99,
-        floor_missed=floor_missed,
+        floor_late_p99_ms=1e3 * bare.late.p99,
+        floor_missed=bare.missed,
         live_cpu=used_s / elapsed_s,
     )
 
@@ -83,10 +83,10 @@ def slow_part(lab: Laboratory, length_s: float) -> list[Row]:
             if math.isnan(dropped_s) and not is_served(lab, client):
                 dropped_s = elapsed_s
             time.sleep(_LOOK_S)
-        _, floor_missed = floor.recv()
+        bare = floor_of(floor)
     missed = int(lab.report()["missed periods"]) - missed
     return [
         Row(SLOW, "memory of the live node, growth", most_mb - before_mb, "MB", most=_MOST_MB),
         Row(SLOW, "client dropped after", dropped_s, "s", most=length_s),
-        Row(SLOW, "missed periods, line: a bare loop's", missed, most=floor_missed),
+        Row(SLOW, "missed periods, line: a bare loop's", missed, most=bare.missed),
     ]

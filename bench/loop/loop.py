@@ -49,6 +49,7 @@ _PERCENTILES = {"p50": "p50", "p99": "p99", "p999": "p999", "max": "maximum"}
 class Row:
     """Figures of a run or of its rounds; times in ms, CPU as a share of one core per process.
 
+    `floor_gaps` are the stalls of the bare loop after which a drive would fall to its safe state.
     `composed` tells that daq and controller were one process.
 
     `peer_reply_ms` and `udp_reply_ms` are those of the peers, empty where they cannot be built, and
@@ -65,6 +66,7 @@ class Row:
     floor_missed: int
     unanswered: int
     fell_safe: int
+    floor_gaps: int
     cpu: dict[str, float]
     realtime: bool
     load: bool
@@ -180,7 +182,7 @@ def measure(rate_hz: float, length_s: float, *, load: bool, compose: bool = Fals
         used_s = {name: value - cpu_s[name] for name, value in processes.cpu_s().items()}
         operator.wait(lambda: float(heard["time_s"]) >= first_s + length_s, "the last report")
         elapsed_s = float(heard["time_s"]) - first_s
-        bare = floor.recv()
+        bare = floor_of(floor)
         counts = {name: int(heard[name]) - before for name, before in begun.items()}
         return Row(
             asked_hz=rate_hz,
@@ -195,6 +197,7 @@ def measure(rate_hz: float, length_s: float, *, load: bool, compose: bool = Fals
             floor_missed=bare.missed,
             unanswered=counts["unanswered samples"],
             fell_safe=counts["events: stale"],
+            floor_gaps=bare.gaps,
             cpu={name: value / elapsed_s for name, value in used_s.items()},
             realtime=_may_take_priority(),
             load=load,
@@ -212,7 +215,7 @@ def table(rows: list[Row]) -> Table:
         "rate, Hz": [f"{row.rate_hz:.2f}" for row in rows],
         "missed periods (floor)": [f"{row.missed} ({row.floor_missed})" for row in rows],
         "unanswered": [f"{row.unanswered / row.samples:.2%}" for row in rows],
-        "falls to safe state": [str(row.fell_safe) for row in rows],
+        "falls to safe state (floor)": [f"{row.fell_safe} ({row.floor_gaps})" for row in rows],
     }
     for title, kind in (("reply", "reply_ms"), ("late", "late_ms"), ("floor", "floor_late_ms")):
         for name in _PERCENTILES:
@@ -251,6 +254,12 @@ def sleep_floor(result: Connection, rate_hz: float, length_s: float) -> None:
     """Send what the bare loop did."""
     prefer_realtime()
     result.send(machine_floor.sleep_floor(rate_hz, length_s))
+
+
+def floor_of(result: Connection) -> machine_floor.Floor:
+    """Return what the bare loop did, once it has ended."""
+    floor: machine_floor.Floor = result.recv()
+    return floor
 
 
 def _burn(_: Connection) -> None:

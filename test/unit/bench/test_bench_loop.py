@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def row(reply_ms: float, *, samples: int = 0, realtime: bool = True) -> Row:
     times = dict.fromkeys(("p50", "p99", "p999", "max"), reply_ms)
-    return Row(300.0, 300.0, times, times, times, samples, 0, 0, 0, 0, {}, realtime, load=False)
+    return Row(300.0, 300.0, times, times, times, samples, 0, 0, 0, 0, 0, {}, realtime, load=False)
 
 
 def test_rounds___joined___have_medians_of_times_and_sums_of_counts() -> None:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _MARGIN = 0.5
+# The command in force is then three samples old.
+_GAP_PERIODS = 2
 
 
 @dataclass(frozen=True)
@@ -29,12 +31,16 @@ class Floor:
         How late it woke, s.
     periods, missed : int
         Periods of its time, and those that it left out to catch up.
+    gaps : int
+        Times that it left out so many at once that a DAQ node would have taken the drive to zero,
+        with the default of its `max_age_periods`.
     """
 
     rate_hz: float
     late: Percentiles
     periods: int
     missed: int
+    gaps: int
 
     @property
     def kept(self) -> bool:
@@ -68,14 +74,15 @@ def sleep_floor(
     periods = max(1, round(rate_hz * length_s))
     late = Window(periods)
     start_s = clock()
-    number = missed = 0
+    number = missed = gaps = 0
     while number < periods:
         # A deadline that is less than a period ago is still met, late.
         behind = (clock() - start_s) / period_s - number
         skipped = min(periods - number - 1, max(0, int(behind - 1.0)))
         missed += skipped
+        gaps += skipped >= _GAP_PERIODS
         number += 1 + skipped
         deadline_s = start_s + number * period_s
         sleep(max(0.0, deadline_s - clock()))
         late.add(clock() - deadline_s)
-    return Floor(rate_hz, late.percentiles(), periods, missed)
+    return Floor(rate_hz, late.percentiles(), periods, missed, gaps)

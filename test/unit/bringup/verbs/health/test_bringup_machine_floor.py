@@ -40,9 +40,14 @@ def test_machine_that_stalls___misses_the_periods_of_the_stall() -> None:
     # It is back 75 ms after a deadline: of the seven that have passed, the last is met late.
     floor = floor_of(Machine(late_s=1e-4, stall_at_s=2.0, stall_s=0.075))
     assert floor.periods == 1000
-    assert floor.missed == 6
+    assert (floor.missed, floor.gaps) == (6, 1)
     assert floor.late.maximum == pytest.approx(0.075, rel=0.02)
     assert not floor.kept
+
+
+@pytest.mark.parametrize(("stall_s", "gaps"), [(0.015, 0), (0.025, 0), (0.035, 1)])
+def test_stall___of_two_left_out_periods___is_a_gap(stall_s: float, gaps: int) -> None:
+    assert floor_of(Machine(late_s=1e-4, stall_at_s=2.0, stall_s=stall_s)).gaps == gaps
 
 
 def test_stall_over_the_end___ends_the_measurement() -> None:
@@ -58,4 +63,4 @@ def test_rate___is_kept___without_a_miss_and_with_half_of_the_period_left(
     p999_s: float, missed: int, *, kept: bool
 ) -> None:
     late = Percentiles(1e-5, 1e-4, p999_s, 5e-3)
-    assert Floor(1000.0, late, 5000, missed).kept is kept
+    assert Floor(1000.0, late, 5000, missed, 0).kept is kept

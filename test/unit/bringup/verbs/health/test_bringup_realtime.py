@@ -12,7 +12,7 @@ from flexarm_node.statistics import Percentiles
 def floors(kept: tuple[bool, ...]) -> list[Floor]:
     late = Percentiles(1e-5, 1e-5, 1e-5, 1e-5)
     return [
-        Floor(rate_hz, late, 1000, 0 if good else 3)
+        Floor(rate_hz, late, 1000, 0 if good else 3, 0)
         for rate_hz, good in zip(realtime.RATES_HZ, kept, strict=True)
     ]
 
