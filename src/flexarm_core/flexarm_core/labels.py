@@ -34,6 +34,8 @@ _TIME_UNITS_S = {
 }
 #: How a name ends with a unit: ``time_ms``, ``t [ms]``, ``t (ms)``, ``t/ms``, ``t, ms``, ``t ms``.
 TIME_UNIT_ENDING = rf"(?:_| *[\[(/,] *| +)(?:{'|'.join(_TIME_UNITS_S)})[\])]?"
+DEADBEAT = 1e-12
+"""An eigenvalue of that magnitude is zero but for rounding: its mode has ended after one sample."""
 # An eigenvalue that close to 1 was taken for that of an integrator.
 _ENDLESS_SAMPLES = 1e7
 # Deviations of ten thousand or more, and those below a ten-millionth, stand with an exponent.
@@ -98,14 +100,21 @@ def with_deviation(value: float, deviation: float | None, decimals: int = 3) -> 
 
 
 def decay(eigenvalue: complex, dt_s: float) -> str:
-    """Return how a real mode decays: its time constant ``0.62 s``, or ``integrator``.
+    """Return how a mode without a frequency decays: by its time constant, ``0.62 s``.
 
-    Empty for an eigenvalue that is not between 0 and 1.
+    One next to the unit circle is an ``integrator``, one outside of it ``grows, 0.62 s``, and one
+    that is zero but for rounding lasts for ``one sample``. A pair and a negative real eigenvalue
+    turn, and have an empty text.
     """
-    if eigenvalue.imag or not 0.0 < eigenvalue.real < 1.0:
+    if abs(eigenvalue) <= DEADBEAT:
+        return "one sample"
+    if eigenvalue.imag or eigenvalue.real < 0.0:
         return ""
-    samples = -1.0 / math.log(eigenvalue.real)
-    return f"{samples * dt_s:.2g} s" if samples < _ENDLESS_SAMPLES else "integrator"
+    rate = abs(math.log(eigenvalue.real))
+    if rate * _ENDLESS_SAMPLES <= 1.0:
+        return "integrator"
+    grows = "grows, " if eigenvalue.real > 1.0 else ""
+    return f"{grows}{float(f'{dt_s / rate:.2g}'):g} s"
 
 
 def instant(row: int, period_s: float) -> str:

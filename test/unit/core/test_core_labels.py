@@ -59,19 +59,29 @@ def test_instant__row___has_its_time_since_the_first() -> None:
     assert instant(0, 0.5) == "0 s (row 0)"
 
 
-@pytest.mark.parametrize("time_constant_s", [0.0025, 0.62, 45.0])
-def test_decay__positive_real_eigenvalue___is_its_time_constant(time_constant_s: float) -> None:
-    # After that time an exponential is down to 1/e.
-    eigenvalue = math.exp(-1.0) ** (0.005 / time_constant_s)
-    assert decay(complex(eigenvalue), 0.005) == f"{time_constant_s:.2g} s"
-
-
-def test_decay__eigenvalue_next_to_the_circle___is_an_integrator() -> None:
-    assert decay(complex(1.0 - 1e-8), 0.005) == "integrator"
-
-
-@pytest.mark.parametrize("eigenvalue", [0.0, -0.5, 1.0, 1.01, -1.2, 0.5 + 0.1j])
-def test_decay__eigenvalue_that_does_not_decay_without_turning___has_none(
-    eigenvalue: complex,
+@pytest.mark.parametrize(
+    ("time_constant_s", "said"),
+    [(0.0025, "0.0025 s"), (0.6234, "0.62 s"), (45.0, "45 s"), (437.0, "440 s")],
+)
+def test_decay__positive_real_eigenvalue___is_its_time_constant(
+    time_constant_s: float, said: str
 ) -> None:
+    # After that time an exponential is down to 1/e, or up to e.
+    eigenvalue = math.exp(-1.0) ** (0.005 / time_constant_s)
+    assert decay(complex(eigenvalue), 0.005) == said
+    assert decay(complex(1.0 / eigenvalue), 0.005) == f"grows, {said}"
+
+
+@pytest.mark.parametrize("eigenvalue", [1.0 - 1e-8, 1.0, 1.0 + 1e-8])
+def test_decay__eigenvalue_next_to_the_circle___is_an_integrator(eigenvalue: float) -> None:
+    assert decay(complex(eigenvalue), 0.005) == "integrator"
+
+
+@pytest.mark.parametrize("eigenvalue", [0.0, -4e-16, 1e-17j])
+def test_decay__eigenvalue_of_zero___is_over_after_one_sample(eigenvalue: complex) -> None:
+    assert decay(complex(eigenvalue), 0.005) == "one sample"
+
+
+@pytest.mark.parametrize("eigenvalue", [-0.5, -1.2, 0.5 + 0.1j])
+def test_decay__eigenvalue_that_turns___has_none(eigenvalue: complex) -> None:
     assert decay(complex(eigenvalue), 0.005) == ""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
+from flexarm_core.labels import DEADBEAT
 from flexarm_ident.models.free_run import BlockSimulation
 
 if TYPE_CHECKING:
@@ -149,9 +150,10 @@ def modal_form(model: control.StateSpace) -> ModalForm:
 def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, float]:
     """Return natural frequency in hertz and damping ratio of a discrete eigenvalue (2-28).
 
-    A positive real eigenvalue has frequency 0 and damping ratio 1, 0 or -1.
+    A positive real eigenvalue has frequency 0 and damping ratio 1, 0 or -1, and so has one that is
+    zero but for rounding, whatever its sign.
     """
-    if eigenvalue == 0.0:
+    if abs(eigenvalue) <= DEADBEAT:
         return 0.0, 1.0
     rate = complex(np.log(complex(eigenvalue)))
     if rate.imag == 0.0:

@@ -32,6 +32,7 @@ def test_frequency_and_damping___discretised_second_order_system___closed_form(
         (1.0, (0.0, 0.0)),
         (1.1, (0.0, -1.0)),
         (0.0, (0.0, 1.0)),
+        (-4e-16, (0.0, 1.0)),
         (-1.0, (150.0, 0.0)),
     ],
 )

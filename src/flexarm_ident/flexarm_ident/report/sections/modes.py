@@ -42,7 +42,7 @@ def _modes(outcome: Outcome) -> Table:
             mode.label,
             with_deviation(mode.frequency_hz, deviation and deviation.frequency_std_hz)
             if mode.frequency_hz
-            else decay(mode.eigenvalue, outcome.model.dt) or "-",
+            else decay(mode.eigenvalue, outcome.model.dt),
             # Without a frequency it is 1 by definition.
             with_deviation(mode.damping_ratio, (deviation and deviation.damping_std) or None),
             f"{_index(mode.msv)} ({mode.msv_rank})",
