@@ -59,11 +59,8 @@ class VerbGroup(click.Group):
                 "./flexarm of a checkout, which brings it (Linux on x86-64), or source an "
                 "installation of ROS 2",
             )
-        except click.ClickException as error:
-            error.message = as_called(error.message)
-            raise
         # A reader that has read enough is no error: click ends the program without a word.
-        except (click.exceptions.Exit, click.Abort, BrokenPipeError):
+        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
         # Libraries raise errors of their own, such as rclpy for a wrong ROS_DOMAIN_ID.
         except (FlexarmError, ValueError, RuntimeError, OSError) as error:

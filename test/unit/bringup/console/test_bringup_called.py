@@ -1,12 +1,17 @@
 from __future__ import annotations
 
+import os
+import shlex
+import subprocess
 from contextlib import nullcontext
+from pathlib import Path
 
 import click
 import pytest
 
 from flexarm_bringup.cli import main
 from flexarm_bringup.console.called import CALLED, as_called
+from support.project import PROJECT
 
 
 @pytest.mark.parametrize(
@@ -36,3 +41,21 @@ def test_called___without_a_launcher_or_a_command_line___texts_stay(
     monkeypatch.delenv(CALLED, raising=False)
     with context:
         assert as_called("flexarm up") == "flexarm up"
+
+
+@pytest.mark.parametrize("command", ["./flexarm", str(PROJECT / "flexarm"), "flexarm"])
+def test_printed_command___is_as_the_launcher_was_called(command: str) -> None:
+    if PROJECT not in Path(os.environ.get("FLEXARM_INSTALL", "")).parents:
+        pytest.skip("this environment was not made by ./flexarm in this checkout")
+    paths = "PATH", "AMENT_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH"
+    made = ("FLEXARM_ROOT", "FLEXARM_INSTALL", *paths)
+    outside = {name: value for name, value in os.environ.items() if name not in made}
+    done = subprocess.run(  # noqa: S603 - our own script
+        ["/bin/bash", "-c", f"{shlex.quote(command)} set payload_kg=0.2"],
+        env=outside | {"PATH": f"/usr/local/bin:/usr/bin:/bin:{PROJECT}"},
+        cwd=PROJECT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert f"is missing: {shlex.quote(command)} set daq payload_kg=0.2" in done.stderr

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import POSITION_V, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.assignments import parsed
@@ -141,7 +142,8 @@ def set_(node: str, assignments: tuple[str, ...], namespace: str) -> None:
     """Set parameters of a running node, all or none."""
     if not assignments:
         lacking = f"the node of {node}" if "=" in node else f"what to set of {node}"
-        raise click.UsageError(f"{lacking} is missing: flexarm set daq payload_kg=0.2")
+        example = as_called("flexarm set daq payload_kg=0.2")
+        raise click.UsageError(f"{lacking} is missing: {example}")
     namespace, node = _addressed(node, namespace)
     wanted: dict[str, Any] = dict(parsed(each) for each in assignments)
     changes = through(namespace, lambda hand: hand.set(node, wanted))
