@@ -47,7 +47,11 @@ def _named(value: Any) -> Any:  # noqa: ANN401 - messages
     [
         ("daq", {"rate_hz": 5000.0}, "parameter rate_hz is out of its range, 10 to 2000 Hz"),
         ("daq", {"rate_hz": 300}, "parameter rate_hz must be a float, such as 300.0"),
-        ("daq", {"max_age_periods": 0}, "parameter max_age_periods is out of its range, 1 to 1000"),
+        (
+            "daq",
+            {"max_age_periods": -1},
+            "parameter max_age_periods is out of its range, 0 to 1000",
+        ),
         ("daq", {"rig": "other"}, "parameter rig = 'other': must be one of simulated"),
         (
             "daq",

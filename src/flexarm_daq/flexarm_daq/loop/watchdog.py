@@ -8,10 +8,20 @@ from typing import NamedTuple
 
 from flexarm_core.errors import SettingError
 
+_USUAL_PERIODS = 3
+# A busy machine stops any process for a millisecond or two, now and then. Above 1 kHz that would
+# take the drive to zero each time, and the arm would get a pulse.
+_SHORTEST_S = 3e-3
+
 
 class _Sample(NamedTuple):
     sequence: int
     time_s: float
+
+
+def usual_age_periods(rate_hz: float) -> int:
+    """Return the age of a stale command where none is set: 3 periods, and at least 3 ms."""
+    return max(_USUAL_PERIODS, math.ceil(round(_SHORTEST_S * rate_hz, 6)))
 
 
 class Watchdog:
@@ -30,23 +40,23 @@ class Watchdog:
         Sampling period, s.
     max_age_periods : int
         Samples, or periods of time, after which a command is stale. With 1, a command acts until
-        the next sample.
+        the next sample; 0 takes `usual_age_periods`.
 
     Raises
     ------
     SettingError
-        If the period is not positive or the age is not at least one period.
+        If the period is not positive or the age is negative.
     """
 
-    def __init__(self, period_s: float, max_age_periods: int = 3) -> None:
+    def __init__(self, period_s: float, max_age_periods: int = 0) -> None:
         if not 0.0 < period_s < math.inf:
             raise SettingError(f"period_s must be positive, got {period_s}")
-        if max_age_periods < 1:
-            raise SettingError(f"max_age_periods must be at least 1, got {max_age_periods}")
+        if max_age_periods < 0:
+            raise SettingError(f"max_age_periods must be at least 0, got {max_age_periods}")
         self._period_s = period_s
-        self._stale_periods = max_age_periods
-        self._late_periods = max(1, max_age_periods - 1)
-        self._recent: deque[_Sample] = deque(maxlen=max_age_periods)
+        self._stale_periods = max_age_periods or usual_age_periods(1.0 / period_s)
+        self._late_periods = max(1, self._stale_periods - 1)
+        self._recent: deque[_Sample] = deque(maxlen=self._stale_periods)
         self._answered: _Sample | None = None
 
     @property

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from flexarm_core.errors import SettingError
-from flexarm_daq.loop.watchdog import Watchdog
+from flexarm_daq.loop.watchdog import Watchdog, usual_age_periods
 
 PERIOD_S = 0.25
 
@@ -108,5 +108,20 @@ def test_period___not_positive___is_refused(period_s: float) -> None:
 
 
 def test_age___below_one_period___is_refused() -> None:
-    with pytest.raises(SettingError, match="max_age_periods must be at least 1"):
-        Watchdog(0.25, max_age_periods=0)
+    with pytest.raises(SettingError, match="max_age_periods must be at least 0"):
+        Watchdog(0.25, max_age_periods=-1)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "periods"), [(10.0, 3), (300.0, 3), (1000.0, 3), (1200.0, 4), (2000.0, 6)]
+)
+def test_usual_age___is_three_periods_and_at_least_three_milliseconds(
+    rate_hz: float, periods: int
+) -> None:
+    assert usual_age_periods(rate_hz) == periods
+    watchdog = Watchdog(1.0 / rate_hz)
+    assert watchdog.longest_answer_s == pytest.approx((periods - 1) / rate_hz)
+    watchdog.stale(1, 0.0)
+    watchdog.fed(1)
+    stale = [watchdog.stale(1 + k, k / rate_hz) for k in range(1, periods + 1)]
+    assert stale == [False] * (periods - 1) + [True]

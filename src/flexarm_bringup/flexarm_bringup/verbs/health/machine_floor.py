@@ -9,14 +9,13 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from flexarm_daq.loop.watchdog import usual_age_periods
 from flexarm_node.statistics import Percentiles, Window
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 _MARGIN = 0.5
-# The command in force is then three samples old.
-_GAP_PERIODS = 2
 
 
 @dataclass(frozen=True)
@@ -73,6 +72,8 @@ def sleep_floor(
     period_s = 1.0 / rate_hz
     periods = max(1, round(rate_hz * length_s))
     late = Window(periods)
+    # Behind so many the next sample finds a stale command.
+    gap_periods = usual_age_periods(rate_hz) - 1
     start_s = clock()
     number = missed = gaps = 0
     while number < periods:
@@ -80,7 +81,7 @@ def sleep_floor(
         behind = (clock() - start_s) / period_s - number
         skipped = min(periods - number - 1, max(0, int(behind - 1.0)))
         missed += skipped
-        gaps += skipped >= _GAP_PERIODS
+        gaps += skipped >= gap_periods
         number += 1 + skipped
         deadline_s = start_s + number * period_s
         sleep(max(0.0, deadline_s - clock()))
