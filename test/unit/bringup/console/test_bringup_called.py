@@ -50,9 +50,10 @@ def test_printed_command___is_as_the_launcher_was_called(command: str) -> None:
     paths = "PATH", "AMENT_PREFIX_PATH", "PYTHONPATH", "LD_LIBRARY_PATH"
     made = ("FLEXARM_ROOT", "FLEXARM_INSTALL", *paths)
     outside = {name: value for name, value in os.environ.items() if name not in made}
+    found_in = f":{PROJECT}" if command == "flexarm" else ""
     done = subprocess.run(  # noqa: S603 - our own script
         ["/bin/bash", "-c", f"{shlex.quote(command)} set payload_kg=0.2"],
-        env=outside | {"PATH": f"/usr/local/bin:/usr/bin:/bin:{PROJECT}"},
+        env=outside | {"PATH": f"/usr/local/bin:/usr/bin:/bin{found_in}"},
         cwd=PROJECT,
         capture_output=True,
         text=True,
