@@ -44,6 +44,10 @@ def stop(*, namespace: str, everything: bool) -> None:
         click.echo(f"{arm}: {message}")
 
 
+_FOR_THE_PAGE = "histogram"
+"""Figures that are a drawing on the page and say nothing as numbers."""
+
+
 @click.command()
 @ARM
 @examples("status", "status --namespace arm2")
@@ -60,7 +64,8 @@ def status(namespace: str) -> None:
     for name, (message, values) in sorted(reports.items()):
         click.echo(f"{name}: {message}")
         for key, value in values.items():
-            click.echo(f"    {key:36s} {'-' if value == 'nan' else value}")
+            if value and not key.endswith(_FOR_THE_PAGE):
+                click.echo(f"    {key:36s} {'-' if value == 'nan' else value}")
 
 
 class _OfNumbers(click.Command):
