@@ -243,6 +243,8 @@ def beside(work: Any, *arguments: object) -> Iterator[Connection]:  # noqa: ANN4
         target=work, args=(theirs, *arguments), daemon=True
     )
     process.start()
+    # Else the end of the process would not end a wait for its answer.
+    theirs.close()
     try:
         yield ours
     finally:
