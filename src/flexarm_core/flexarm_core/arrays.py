@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 # Of any precision: what numpy's own signatures give.
@@ -17,6 +17,17 @@ BoolArray = NDArray[np.bool_]
 Progress = Callable[[str, float], None]
 
 _ROWS_TOGETHER = 64
+
+
+def real_array(values: ArrayLike) -> FloatArray:
+    """Return a copy of numbers as doubles; TypeError for complex ones, dates and time differences.
+
+    numpy would take the real part, or the count of a unit that hangs on where they come from.
+    """
+    found = np.asarray(values)
+    if found.dtype.kind in "cmM":
+        raise TypeError(found.dtype)
+    return np.array(found, dtype=np.float64, order="C")
 
 
 def runs(mask: BoolArray) -> NDArray[np.intp]:

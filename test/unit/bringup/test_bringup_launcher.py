@@ -173,12 +173,13 @@ def test_right_words___before_the_set_up___are_let_through(verb: str) -> None:
 
 def test_clean___removes_what_the_set_up_made_alone(bare: Path) -> None:
     before = sorted(bare.rglob("*"))
-    for name in (".venv", "install", "build", "log"):
+    made = [".venv", "install", "build", "log", ".venv-none", "install-kilted", "log-system"]
+    for name in made:
         (bare / name).mkdir()
         (bare / name / "one").touch()
     done = called(bare, "clean")
     assert done.returncode == 0
-    assert [name in done.stderr for name in (".venv", "install", "build", "log")] == [True] * 4
+    assert [f"/{name} (" in done.stderr for name in made] == [True] * len(made)
     assert sorted(bare.rglob("*")) == before
     assert called(bare, "clean").returncode == 0
 

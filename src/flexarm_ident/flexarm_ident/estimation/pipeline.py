@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from flexarm_core.labels import counted
 from flexarm_ident.estimation.candidates import fitted
 from flexarm_ident.estimation.direct_term import calls_for_feedthrough
@@ -26,14 +28,18 @@ from flexarm_ident.subspace.order import choose_order, order_above
 from flexarm_ident.subspace.request_check import (
     check_channels,
     check_request,
+    check_types,
     suitable_block_rows,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flexarm_core.arrays import Progress
+    from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.records.source import Source
+
+# Noise leaves eigenvalues of stable plants less far outside.
+_FAR_OUTSIDE = 1.005
 
 
 def identify(
@@ -96,6 +102,10 @@ def identify(
     IdentificationError
         If the data or the request do not allow an identification.
     """
+    check_types(
+        *(data, order),
+        {"stable": stable, "friction": friction, "refine": refine, "feedthrough": feedthrough},
+    )
     records: Sequence[Source] = [data] if isinstance(data, IoData) else data
     excerpts = tuple(as_records([excerpt(record) for record in records]))
     report = progress or _silent
@@ -234,7 +244,10 @@ def _linear_model(
     if moved:
         verb = "was" if moved == 1 else "were"
         subject = counted(moved, "unstable eigenvalue")
-        notes.append(f"{subject} of order {order} {verb} moved into the unit circle")
+        notes.append(
+            f"{subject} of order {order} {verb} moved into the unit circle"
+            f"{_far_outside(selection.space.matrices(order).A)}"
+        )
     elif not stable and not is_stable(model.A):
         notes.append(f"the model of order {order} is unstable")
     if way == "integrator":
@@ -258,6 +271,17 @@ def _linear_model(
         records=(),
         samples=tuple(len(record) for record in records),
         choice=selection.reason,
+    )
+
+
+def _far_outside(A: FloatArray) -> str:
+    """Return what to do where an eigenvalue is that far outside that the plant may be unstable."""
+    largest = float(np.abs(np.linalg.eigvals(A)).max())
+    if largest < _FAR_OUTSIDE:
+        return ""
+    return (
+        f", the largest of magnitude {largest:.4f}: a plant that is unstable itself keeps its own "
+        "with stable=False (--keep-unstable), on a record so short that it does not overflow"
     )
 
 

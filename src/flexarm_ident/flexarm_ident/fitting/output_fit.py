@@ -223,7 +223,8 @@ def _problems(
         if largest > 1.0 and longest * np.log(largest) > _LARGEST_GROWTH:
             raise IdentificationError(
                 f"an eigenvalue of magnitude {largest:.4f} makes the response overflow in "
-                f"{longest} samples: stabilise the model first"
+                f"{longest} samples: take a shorter part of the record, or have "
+                "unstable eigenvalues moved"
             )
     if is_defective(spectra[0].vectors):
         return [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
 
+_NUMBERED = re.compile(r"[uy]\[\d+\]")
 _LAW_OUTPUTS = ("position_v", "speed_v", "middle_strain_v")
 _LAW_RESIDUAL = 1e-6
 # Share of the rows that a law must explain, and the reweightings that find it.
@@ -333,6 +335,15 @@ def _check_model(model: control.StateSpace, data: IoData) -> None:
             f"{data.label}: the model has {model.ninputs} inputs and {model.noutputs} outputs, "
             f"the record {data.u.shape[1]} and {data.y.shape[1]}"
         )
+    for kind, own, labels in (
+        ("inputs", model.input_labels, data.inputs),
+        ("outputs", model.output_labels, data.outputs),
+    ):
+        # Names by number are those of a model without names.
+        if tuple(own) != tuple(labels) and not all(map(_NUMBERED.fullmatch, own)):
+            raise IdentificationError(
+                f"{data.label}: its {kind} are {', '.join(labels)}, the model's {', '.join(own)}"
+            )
     if not np.isclose(model.dt, data.dt_s, rtol=1e-6, atol=0.0):
         raise IdentificationError(
             f"{data.label}: the model's period is {model.dt} s, the record's {data.dt_s} s"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from flexarm_core.arrays import real_array
 from flexarm_core.errors import DataError
 from flexarm_core.labels import time_unit_s
 from flexarm_ident.records.iodata import IoData
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 TIME_S = "time_s"
 """Column of the time in what `to_columns` returns."""
 _EVEN = 0.01
+_OF_DATES = "mM"
 
 
 class Columns(Protocol):
@@ -67,8 +69,8 @@ def from_columns(
     inputs, outputs : sequence of str
         Names of the columns of inputs and outputs. NaN in an output is a missing value.
     time : str
-        Name of the column of the time, in s or the unit at the end of the name (``time_ms``), which
-        rises by equal steps.
+        Name of the column of the time, in s or the unit at the end of the name (``time_ms``), or of
+        dates or time differences. It rises by equal steps.
     source : str
         Origin of the record, for messages and reports.
 
@@ -80,10 +82,10 @@ def from_columns(
     Raises
     ------
     DataError
-        If a column is not there or holds no numbers, or a step of the time differs by more than
-        1 % from the mean step.
+        If a column is not there, holds no numbers or has another length than the time, or a step of
+        the time differs by more than 1 % from the mean step.
     """
-    time_s = _column(table, time) * (time_unit_s(time) or 1.0)
+    time_s = _times_s(table, time)
     steps_s = np.diff(time_s)
     dt_s = float(np.mean(steps_s)) if len(steps_s) else 0.0
     uneven = np.flatnonzero(~(np.abs(steps_s - dt_s) <= _EVEN * dt_s))
@@ -93,6 +95,11 @@ def from_columns(
             f"column {time}: the time must rise by equal steps, and does not at row {row} "
             "(from 0): resample the table, or cut it there"
         )
+    for name in (*inputs, *outputs):
+        if len(_column(table, name)) != len(time_s):
+            raise DataError(
+                f"column {name} has {len(_column(table, name))} rows, {time} has {len(time_s)}"
+            )
     return IoData(
         np.column_stack([_column(table, name) for name in inputs]),
         np.column_stack([_column(table, name) for name in outputs]),
@@ -103,11 +110,23 @@ def from_columns(
     )
 
 
+def _times_s(table: Columns, name: str) -> FloatArray:
+    """Return the times of a column, s: of dates and time differences those since the first."""
+    column = np.asarray(table[_known(table, name)])
+    if column.dtype.kind not in _OF_DATES:
+        return _column(table, name) * (time_unit_s(name) or 1.0)
+    return np.asarray((column - column[:1]) / np.timedelta64(1, "s"), dtype=np.float64)
+
+
 def _column(table: Columns, name: str) -> FloatArray:
+    try:
+        return real_array(table[_known(table, name)])
+    except (TypeError, ValueError):
+        raise DataError(f"column {name} holds something else than numbers") from None
+
+
+def _known(table: Columns, name: str) -> str:
     names = [str(each) for each in table.keys()]  # noqa: SIM118 - a frame has no other iterator
     if name not in names:
         raise DataError(f"no column {name}; there are: {', '.join(names)}")
-    try:
-        return np.asarray(table[name], dtype=np.float64)
-    except (TypeError, ValueError):
-        raise DataError(f"column {name} holds something else than numbers") from None
+    return name

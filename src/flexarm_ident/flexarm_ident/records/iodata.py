@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.arrays import real_array
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_core.errors import DataError
 from flexarm_core.labels import axis_label, counted, named_twice, without_dots
@@ -292,15 +293,18 @@ class IoData:
         return self._finite(self._shaped(values, field, names), names)
 
     def _shaped(self, values: ArrayLike, field: str, names: Sequence[str]) -> FloatArray:
-        array = np.array(values, dtype=np.float64, order="C")
+        try:
+            array = real_array(values)
+        except (TypeError, ValueError):
+            raise DataError(f"{self.label}: {field} must be an array of real numbers") from None
         if array.ndim == 1:
             array = array[:, np.newaxis]
         if array.ndim != 2 or array.size == 0:  # noqa: PLR2004 (samples, channels)
             raise DataError(f"{self.label}: {field} must be (samples, channels): {array.shape}")
         if array.shape[1] != len(names):
-            raise DataError(
-                f"{self.label}: {field} has {array.shape[1]} channels, but {len(names)} names"
-            )
+            turned = " (transposed?)" if array.shape[0] == len(names) < array.shape[1] else ""
+            found = f"{self.label}: {field} has {counted(array.shape[1], 'channel')}{turned}"
+            raise DataError(f"{found}, but {counted(len(names), 'name')}: {', '.join(names)}")
         if twice := named_twice(names):
             raise DataError(
                 f"{self.label}: {twice} in {field}: give each channel a name of its own"

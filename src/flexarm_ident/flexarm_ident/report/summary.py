@@ -29,7 +29,7 @@ def summary(outcome: Outcome) -> list[str]:
     friction = " and dry friction at its inputs" if outcome.friction else ""
     error = percent(mean_error(outcome.dmv_errors))
     lines = [
-        f"The model has {model.nstates} states{origin}{friction}.",
+        f"The model has {counted(model.nstates, 'state')}{origin}{friction}.",
         f"It comes from {counted(len(records), 'record')} of {seconds:.1f} s in all.",
         f"Driven by the measured input alone, it misses the outputs by {error} on average.",
     ]

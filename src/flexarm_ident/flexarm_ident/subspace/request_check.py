@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +14,7 @@ from flexarm_ident.subspace.gram import stretches
 from flexarm_ident.subspace.methods import AUTO, METHODS, check_method
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -24,6 +26,7 @@ BLOCK_ROWS = 40
 """Block rows q of (2-18), unless the records are too short for as many."""
 _FEWEST_CHOSEN_ROWS = 8
 _SMALLEST_BLOCK_ROWS = 2
+_MAY_BE_OPEN = "feedthrough"
 # Decompositions of larger matrices take minutes and gigabytes.
 _LARGEST_MATRIX = 4000
 _CHUNK, _SLICE = 16384, 512
@@ -89,6 +92,41 @@ def check_request(
                 f"{records[0].label}: input {name} is constant in {_extent(records)}, it excites "
                 f"nothing: record with a changing input{_longer_part(records)}"
             )
+
+
+def check_types(data: object, order: object, switches: Mapping[str, object]) -> None:
+    """Check what a notebook may get wrong without a type checker.
+
+    Parameters
+    ----------
+    data : object
+        What shall be records.
+    order : object
+        What shall be the number of states, or None.
+    switches : mapping of str to object
+        What shall be true or false by their names; only `feedthrough` may be None.
+
+    Raises
+    ------
+    DataError
+        If something is no record.
+    IdentificationError
+        If the order is no integer, or a switch neither true nor false.
+    """
+    each = data if isinstance(data, Sequence) and not isinstance(data, str) else [data]
+    for record in each:
+        if not hasattr(record, "chunks"):
+            raise DataError(
+                f"identify takes records, and no {type(record).__name__}: make one of arrays by "
+                "IoData(u, y, dt_s=..., inputs=..., outputs=...), of a table by from_columns"
+            )
+    if order is not None and (isinstance(order, bool) or not isinstance(order, Integral)):
+        raise IdentificationError(f"order must be an integer or None, got {order!r}")
+    for name, value in switches.items():
+        is_open = value is None and name == _MAY_BE_OPEN
+        if not isinstance(value, bool | np.bool_) and not is_open:
+            words = "True, False or None (as the records call for)" if name == _MAY_BE_OPEN else ""
+            raise IdentificationError(f"{name} must be {words or 'True or False'}, got {value!r}")
 
 
 def check_channels(records: Sequence[IoData]) -> None:

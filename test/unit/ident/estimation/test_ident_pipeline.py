@@ -3,10 +3,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import control
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from flexarm_core.errors import FlexarmError
 from flexarm_ident import DataError, IdentificationError, IoData, identify, validate_dmv
 from flexarm_ident.subspace.order import suggest_order
 from support.ident_systems import (
@@ -119,6 +121,38 @@ def test_identify___unstable_plant___eigenvalue_is_moved_and_reported(seed: int,
     assert np.abs(np.linalg.eigvals(found.model.A)).max() < 1.0
     assert found.moved_eigenvalues == int(note[0])
     assert f"information: {note}" in found.warnings
+
+
+def test_identify___plant_far_outside_the_circle___is_told_how_to_be_kept() -> None:
+    A, B, C = np.diag([1.02, 0.8]), np.ones((2, 1)), np.array([[1.0, 0.5]])
+    data = record(control.ss(A, B, C, 0.0, 0.01, inputs=["u"], outputs=["y"]), 300, seed=4)
+    (note,) = identify(data, order=2, block_rows=10, method="orse").notes
+    assert "magnitude 1.0200" in note
+    assert "stable=False (--keep-unstable)" in note
+    kept = identify(data, order=2, block_rows=10, method="orse", stable=False)
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(kept.model.A)), [0.8, 1.02], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "message"),
+    [
+        ((np.ones(9), np.ones(9)), {}, "identify takes records, and no ndarray: .*from_columns"),
+        ("run.csv", {}, "identify takes records, and no str"),
+        ({"u": [1.0]}, {}, "identify takes records, and no dict"),
+        (None, {"order": 2.5}, r"order must be an integer or None, got 2\.5"),
+        (None, {"order": True}, "order must be an integer or None, got True"),
+        (None, {"feedthrough": "auto"}, r"feedthrough must be True, False or None .*got 'auto'"),
+        (None, {"stable": "no"}, "stable must be True or False, got 'no'"),
+        (None, {"refine": None}, "refine must be True or False, got None"),
+    ],
+)
+def test_identify___what_a_type_checker_would_refuse___is_told(
+    data: Any,  # noqa: ANN401 - what a user may give
+    options: dict[str, Any],
+    message: str,
+) -> None:
+    with pytest.raises(FlexarmError, match=message):
+        identify(arm_experiment(10, 1000) if data is None else data, **options)
 
 
 def test_identify___sine_as_input___warns_with_the_condition_number() -> None:

@@ -88,6 +88,13 @@ def test_validate_dmv___model_and_record_do_not_match___raises() -> None:
         validate_dmv(arm_model(), data)
     with pytest.raises(IdentificationError, match=r"the model's period is 0\.00\d+ s"):
         validate_dmv(model, replace(data, dt_s=0.002))
+    renamed = replace(data, inputs=("left", "right"))
+    with pytest.raises(IdentificationError, match=r"its inputs are left, right, the model's "):
+        validate_dmv(model, renamed)
+    with pytest.raises(IdentificationError, match=r"its outputs are .*, the model's "):
+        validate_dmv(model, replace(data, outputs=data.outputs[::-1]))
+    nameless = control.ss(model.A, model.B, model.C, model.D, model.dt)
+    assert validate_dmv(nameless, renamed).mean < 1e-10
     with pytest.raises(IdentificationError, match="x0 has 2 states, the model has 5"):
         validate_dmv(model, data, [0.0, 1.0])
 

@@ -178,7 +178,7 @@ def big_endian(path: Path) -> Path:
         (lonely_io_sample, "only 1 samples follow each other"),
         (inf_in_output, "middle_strain_v is inf in row 1"),
         (ragged_io, "/flexarm/io: member outputs has 1 values in message 0 and 2 in message 1"),
-        (misnamed_io, "y has 1 channels, but 2 names"),
+        (misnamed_io, "y has 1 channel, but 2 names"),
         (stopped_clock, "the stamps do not advance"),
         (short_message, "/flexarm/state: a message of 64 bytes is too short"),
         (big_endian, "/flexarm/state: a message is not little-endian CDR"),

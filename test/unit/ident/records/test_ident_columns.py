@@ -54,6 +54,36 @@ def test_columns___without_even_time_or_numbers___are_refused(
         )
 
 
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+@pytest.mark.parametrize("begin", ["2024-03-01T12:00", None])
+def test_columns___dates_and_time_differences___are_taken_in_their_own_unit(
+    unit: str, begin: str | None
+) -> None:
+    steps = np.array([0, 2, 4, 6]).astype("timedelta64[s]").astype(f"timedelta64[{unit}]")
+    times = steps if begin is None else np.datetime64(begin, unit) + steps
+    table = {**a_table(), "t": times}
+    record = from_columns(table, inputs=["drive_v"], outputs=["angle_deg"], time="t")
+    assert record.dt_s == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("drive_v", np.array([1, 2, 3, 4], "datetime64[s]"), "drive_v holds something else than"),
+        ("angle_deg", [1.0, 2.0j, 3.0, 4.0], "angle_deg holds something else than numbers"),
+        ("drive_v", [1.0, 2.0, 3.0], "column drive_v has 3 rows, t has 4"),
+        ("t", [0.0, 0.5, 1.0], "column drive_v has 4 rows, t has 3"),
+    ],
+)
+def test_columns___what_numpy_would_bend_into_numbers___is_refused(
+    name: str, values: object, words: str
+) -> None:
+    with pytest.raises(DataError, match=words):
+        from_columns(
+            {**a_table(), name: values}, inputs=["drive_v"], outputs=["angle_deg"], time="t"
+        )
+
+
 def test_columns___unknown_name___is_told_with_those_that_there_are() -> None:
     with pytest.raises(
         DataError, match=r"no column time_s; there are: t, drive_v, angle_deg, remark"

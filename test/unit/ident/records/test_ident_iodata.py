@@ -55,7 +55,11 @@ def test_iodata___value_not_finite___names_channel_and_first_bad_row() -> None:
     [
         ({"dt_s": 0.0}, "dt_s must be a positive"),
         ({"dt_s": float("nan")}, "dt_s must be a positive"),
-        ({"y": Y[:, :3]}, "y has 3 channels, but 4 names"),
+        ({"y": Y[:, :3]}, "y has 3 channels, but 4 names: position_v, base_strain_v, middle_"),
+        ({"u": np.ones((1, 10))}, r"u has 10 channels \(transposed\?\), but 1 name: comm"),
+        ({"u": U * 1j}, "u must be an array of real numbers"),
+        ({"u": U.astype("datetime64[s]")}, "u must be an array of real numbers"),
+        ({"y": [[1.0, 2.0], [3.0]]}, "y must be an array of real numbers"),
         (
             {"outputs": ("a", "b", "a.1", "a_1")},
             "a_1 is named twice in y: give each channel a name",
