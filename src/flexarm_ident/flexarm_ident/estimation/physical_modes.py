@@ -2,25 +2,32 @@
 
 A mode that recurs may still belong to a steady disturbance, such as the mains, or to what a high
 order makes of noise. Neither answers the recorded inputs: its mean response to them (3-8) is far
-below that of the strongest mode.
+below that of the strongest mode. On a plant without any vibration all of them are noise, and the
+strongest is no measure: the response must also stand out of the error of the simulation.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.diagnostics.stabilisation import Criteria
 from flexarm_ident.fitting.stable_fit import fit_stable
-from flexarm_ident.models.modes import ranked_modes
+from flexarm_ident.models.free_run import simulate
+from flexarm_ident.models.modes import modal_form, modal_response, ranked_modes
 from flexarm_ident.models.state_space import WAYS, state_space
 from flexarm_ident.records.preprocess import output_scale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import control
+
+    from flexarm_core.arrays import FloatArray
     from flexarm_ident.diagnostics.stabilisation import RecurringMode, Stabilisation
     from flexarm_ident.models.modes import Mode
     from flexarm_ident.records.iodata import IoData
@@ -29,6 +36,12 @@ if TYPE_CHECKING:
 # Response in units of the strongest vibration's. A weaker mode adds at most so much to an error
 # (2-25), a tenth of what a good model may miss.
 _HEARD = 0.02
+# Energy of the response in units of the error's in one line of its spectrum there. A mode that is
+# fitted to noise explains about as many lines as it has parameters, from the strongest on: up to
+# some 15 in records of thousands of samples. Modes of plants have hundreds.
+_EVIDENT = 30.0
+# Lines whose mean is the error near a frequency: those within a fifth of it, and at least so many.
+_NEAR_ERROR, _FEWEST_LINES = 0.2, 8
 # Standard deviation of the frequency over the orders. A mode of a plant is at one place; one that
 # describes noise wanders within the width of its cluster, a tenth.
 _SCATTER = 0.03
@@ -50,7 +63,7 @@ class JudgedMode:
     weight : float
         Its mean response to the recorded inputs (3-8), in units of the strongest vibration's.
     is_physical : bool
-        Whether it is heard and stays at its place.
+        Whether it is heard, stands out of the error and stays at its place.
     """
 
     mode: RecurringMode
@@ -85,19 +98,21 @@ def judged_modes(
     """
 
     @cache
-    def vibrations(order: int) -> tuple[Mode, ...]:
-        modes = _modes(space, order, records, feedthrough=feedthrough)
-        return tuple(
-            mode for mode in modes if mode.is_pair and abs(mode.damping_ratio) <= largest_damping
-        )
+    def weighing(order: int) -> _Weighing:
+        return _weighing(space, order, records, largest_damping, feedthrough=feedthrough)
 
     judged = []
     for mode in diagram.modes:
-        others = vibrations(mode.orders[-1])
-        strongest = max((each.mrm for each in others), default=0.0)
-        weight = _nearest(others, mode.frequency_hz).mrm / strongest if strongest > 0.0 else 0.0
+        model, vibrations, errors = weighing(mode.orders[-1])
+        strongest = max((each.mrm for each in vibrations), default=0.0)
+        if model is None or strongest <= 0.0:
+            judged.append(JudgedMode(mode, 0.0, False))  # noqa: FBT003 - a field of the result
+            continue
+        own = min(vibrations, key=lambda each: abs(each.frequency_hz - mode.frequency_hz))
+        weight = own.mrm / strongest
         stays = mode.frequency_std_hz <= _SCATTER * mode.frequency_hz
-        judged.append(JudgedMode(mode, weight, weight >= _HEARD and stays))
+        is_heard = weight >= _HEARD and _evidence(own, model, records, errors) >= _EVIDENT
+        judged.append(JudgedMode(mode, weight, is_heard and stays))
     return tuple(judged)
 
 
@@ -167,20 +182,63 @@ def near_modes(judged: Sequence[JudgedMode]) -> list[tuple[float, ...]]:
     return [tuple(group) for group in groups if len(group) > 1]
 
 
-def _nearest(modes: Sequence[Mode], frequency_hz: float) -> Mode:
-    return min(modes, key=lambda mode: abs(mode.frequency_hz - frequency_hz))
+class _Weighing(NamedTuple):
+    """Model of one order with its vibrations, and the errors of its simulation of each record.
+
+    The model is None where it is too unstable to be fitted.
+    """
+
+    model: control.StateSpace | None
+    vibrations: tuple[Mode, ...] = ()
+    errors: tuple[FloatArray, ...] = ()
 
 
-def _modes(
-    space: Subspace, order: int, records: Sequence[IoData], *, feedthrough: bool
-) -> tuple[Mode, ...]:
-    """Return the modes of a model of one order; none when it is too unstable to be fitted."""
+def _weighing(
+    space: Subspace,
+    order: int,
+    records: Sequence[IoData],
+    largest_damping: float,
+    *,
+    feedthrough: bool,
+) -> _Weighing:
     raw = space.matrices(order)
     try:
         A, fit, *_ = fit_stable(
             *(raw.A, raw.C, records, WAYS), feedthrough=feedthrough, noise_weighted=True
         )
     except IdentificationError:
-        return ()
+        return _Weighing(None)
     model = state_space(A, fit.B, raw.C, fit.D, records[0].dt_s)
-    return ranked_modes(model, records, output_scale(records))
+    modes = ranked_modes(model, records, output_scale(records))
+    vibrations = tuple(
+        mode for mode in modes if mode.is_pair and abs(mode.damping_ratio) <= largest_damping
+    )
+    errors = tuple(
+        np.nan_to_num(record.y_usable - simulate(model, record.u, x0))
+        for record, x0 in zip(records, fit.x0, strict=True)
+    )
+    return _Weighing(model, vibrations, errors)
+
+
+def _evidence(
+    mode: Mode,
+    model: control.StateSpace,
+    records: Sequence[IoData],
+    errors: Sequence[FloatArray],
+) -> float:
+    """Return the energy of a mode's response in units of the error's in one line near it.
+
+    It is that in the output where it is largest.
+    """
+    form = modal_form(model)
+    energy, lines = np.zeros(model.noutputs), []
+    for record, error in zip(records, errors, strict=True):
+        energy += np.sum(modal_response(form, mode.states, record.u) ** 2, axis=0)
+        line_hz = 1.0 / (len(error) * record.dt_s)
+        power = 2.0 / len(error) * np.abs(np.fft.rfft(error, axis=0)) ** 2
+        width_hz = max(_NEAR_ERROR * mode.frequency_hz, 0.5 * _FEWEST_LINES * line_hz)
+        away_hz = np.abs(line_hz * np.arange(len(power)) - mode.frequency_hz)
+        lines.append(power[away_hz <= width_hz])
+    of_a_line = np.mean(np.concatenate(lines), axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.max(np.where(energy > 0.0, energy / of_a_line, 0.0)))

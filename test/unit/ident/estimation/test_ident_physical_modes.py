@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from flexarm_daq import RigParameters
 from flexarm_daq.rigs.beam import natural_frequencies_hz
@@ -46,3 +47,27 @@ def test_recurring_modes___simulated_arm___physical_ones_are_those_of_its_beam(
     true_hz = natural_frequencies_hz(RigParameters(payload_kg=payload_kg), len(physical_hz))
     np.testing.assert_allclose(physical_hz, true_hz, rtol=0.08)
     assert len(physical_hz) == 4
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("poles", "gain"), [([0.9], 1.0), ([0.95, 0.6], 1.0), ([0.9], 0.0)])
+def test_recurring_modes___plant_without_a_vibration___are_none_of_it(
+    poles: list[float], gain: float, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    u = rng.normal(size=6000)
+    clean = lfilter([0.0, 1.0], np.poly(poles), u)
+    y = gain * clean + 0.05 * clean.std() * rng.normal(size=6000)
+    data = IoData(u, y, dt_s=0.01, inputs=("u",), outputs=("y",))
+    found = identify(data).recurring_modes
+    assert [each.mode.frequency_hz for each in found if each.is_physical] == []
+
+
+def test_recurring_modes___beneath_strong_noise___are_still_those_of_the_plant() -> None:
+    rng = np.random.default_rng(1)
+    u = rng.normal(size=(6000, 1))
+    y = step_by_step(arm_model(), u)
+    y += y.std(axis=0) * rng.normal(size=y.shape)
+    found = identify(IoData(u, y, dt_s=DT_S), method="orse_iv", block_rows=30).recurring_modes
+    physical_hz = [round(each.mode.frequency_hz) for each in found if each.is_physical]
+    assert physical_hz[:2] == [9, 24]

@@ -60,7 +60,7 @@ def test_columns___dates_and_time_differences___are_taken_in_their_own_unit(
     unit: str, begin: str | None
 ) -> None:
     steps = np.array([0, 2, 4, 6]).astype("timedelta64[s]").astype(f"timedelta64[{unit}]")
-    times = steps if begin is None else np.datetime64(begin, unit) + steps
+    times = steps if begin is None else np.array(begin, f"datetime64[{unit}]") + steps
     table = {**a_table(), "t": times}
     record = from_columns(table, inputs=["drive_v"], outputs=["angle_deg"], time="t")
     assert record.dt_s == pytest.approx(2.0)

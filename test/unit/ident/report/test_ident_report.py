@@ -7,6 +7,7 @@ from html import unescape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import control
 import numpy as np
 import pytest
 
@@ -207,7 +208,16 @@ def test_render_report___outcome___tells_data_order_and_origin(outcome: Outcome,
 def test_render_report___hostile_names___are_text(outcome: Outcome) -> None:
     outputs = (HOSTILE, "base_strain_v", "middle_strain_v", "speed_v")
     records = tuple(replace(each, source=HOSTILE, outputs=outputs) for each in outcome.records)
-    hostile = replace(outcome, records=records, warnings=(HOSTILE,))
+    full, reduction = outcome.identification, outcome.reduction
+    assert reduction is not None
+    renamed = [control.ss(each.model, outputs=list(outputs)) for each in (full, reduction)]
+    hostile = replace(
+        outcome,
+        identification=replace(full, model=renamed[0], records=records),
+        reduction=replace(reduction, model=renamed[1]),
+        records=records,
+        warnings=(HOSTILE,),
+    )
     text = rendered(hostile, HOSTILE, files=[HOSTILE])
     page = Page(text)
     assert page.count("script") == 1
