@@ -177,9 +177,10 @@ def tune_pdp(
     searches = tuple(search(PdpGains, criterion, start, bounds, excess) for start in starts)
     feasible = [found for found in searches if found.feasible]
     if not feasible:
+        shorter = f"reduce the delay of {delay_s:g} s, " if delay_s > 0.0 else ""
         raise SettingError(
             f"no gains found with {gain_margin_db:g} dB and {phase_margin_deg:g} deg on every "
-            f"model; ask for less, reduce the delay of {delay_s:g} s or give other starts"
+            f"model: ask for less, {shorter}or give other starts in Python"
         )
     best = min(feasible, key=lambda found: found.criterion)
     margins = tuple(loop.margins(best.gains) for loop in loops)
