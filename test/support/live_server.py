@@ -35,6 +35,7 @@ class MemoryLaboratory:
 
     def __init__(self) -> None:
         self.asked: list[Request] = []
+        self.withdrawn: list[str] = []
         self.slow = {"activate"}
         self.let_on = asyncio.Event()
 
@@ -53,7 +54,11 @@ class MemoryLaboratory:
     async def carry_out(self, request: Request) -> Answer:
         """Note a request; the law of the name `none` is refused."""
         if request.verb in self.slow:
-            await self.let_on.wait()
+            try:
+                await self.let_on.wait()
+            except asyncio.CancelledError:
+                self.withdrawn.append(request.verb)
+                raise
         self.asked.append(request)
         if request.fields.get("name") == "none":
             raise FlexarmError("law = 'none': must be one of pd, pdpc")

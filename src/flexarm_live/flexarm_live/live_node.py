@@ -7,6 +7,7 @@ process gives way to every other one.
 
 from __future__ import annotations
 
+import asyncio
 import secrets
 import socket
 import threading
@@ -23,6 +24,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_live.graph.bridge import Bridge
+from flexarm_live.graph.calls import CallError
 from flexarm_live.graph.loop_nodes import LOOP_NODES
 from flexarm_live.page_files import page_files
 from flexarm_live.serving.access import LOOPBACK
@@ -60,6 +62,7 @@ class LiveNode(Node):
             ParameterEvent, "/parameter_events", self._on_parameters, qos.EVERY
         )
         self._namespace = self.get_namespace()
+        self._looking: set[asyncio.Task[None]] = set()
         self._server = self._make_server(values)
         self._bridge.outlet = self._server
         # The set-point in force, and those of writers that tell nobody what they said before.
@@ -117,7 +120,25 @@ class LiveNode(Node):
                 values = {each.key: each.value for each in status.values}
                 # One byte in CDR.
                 level = status.level[0] if isinstance(status.level, bytes) else status.level
-                self._bridge.situation.hear(name, level, status.message, values, time.monotonic())
+                now_s = time.monotonic()
+                is_new = self._bridge.situation.hear(name, level, status.message, values, now_s)
+                if is_new and name in LOOP_NODES:
+                    self._server.call(lambda node=name: self._begin_to_look_again(node))  # type: ignore[misc]
+
+    def _begin_to_look_again(self, name: str) -> None:
+        task = asyncio.create_task(self._look_again(name))
+        self._looking.add(task)
+        task.add_done_callback(self._looking.discard)
+
+    async def _look_again(self, name: str) -> None:
+        """Tell the pages what another process of a node has for parameters."""
+        with suppress(CallError):
+            self._tell_parameters(name, await self._bridge.loop.parameters[name].look_again())
+
+    def _tell_parameters(self, name: str, changed: Mapping[str, Any]) -> None:
+        if changed:
+            self._server.tell({"type": "parameters", "node": name, "values": changed})
+            self._server.tell_state()
 
     def _on_parameters(self, event: ParameterEvent) -> None:
         space, _, name = event.node.rpartition("/")
@@ -126,9 +147,7 @@ class LiveNode(Node):
         changed = self._bridge.loop.parameters[name].update(
             [*event.new_parameters, *event.changed_parameters]
         )
-        if changed:
-            self._server.tell({"type": "parameters", "node": name, "values": changed})
-            self._server.tell_state()
+        self._tell_parameters(name, changed)
 
 
 def _listening(address: str, port: int) -> socket.socket:

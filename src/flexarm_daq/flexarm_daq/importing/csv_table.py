@@ -124,8 +124,9 @@ def _plain_numbers(file: _File, columns: Sequence[_Column]) -> _Numbers | None:
     with suppress(ValueError):
         # Only one block is held as text.
         while block := list(islice(file.lines, _BLOCK_ROWS)):
-            # An empty line is no row.
-            if not all(map(str.strip, block)):
+            # An empty line is no row, and one with more cells than names needs another look.
+            most = max(line.count(",") for line in block)
+            if not all(map(str.strip, block)) or most >= len(file.header):
                 return None
             numbers = np.loadtxt(
                 block,
@@ -149,12 +150,24 @@ def _numbers(file: _File, columns: Sequence[_Column], path: Path) -> _Numbers:
     numbered = ((place, row) for place, row in enumerate(file.rows) if any(map(str.strip, row[1])))
     while taken := list(islice(numbered, _BLOCK_ROWS)):
         block = [row for _, row in taken]
+        _refuse_more_cells(block, file, path)
         if file.separator != ",":
             mark = _decimal_mark(block, columns, path, mark)
         blocks.append(_to_numbers(block, columns, path, mark or "."))
         lines += [line for line, _ in block]
         places += [place for place, _ in taken]
     return np.concatenate(blocks), np.array(lines, np.int64), np.array(places, np.int64)
+
+
+def _refuse_more_cells(rows: Sequence[Row], file: _File, path: Path) -> None:
+    names = len(file.header)
+    for line, row in rows:
+        if any(map(str.strip, row[names:])):
+            commas = " (decimal commas need ; between the cells)" if file.separator == "," else ""
+            raise CsvImportError(
+                f"{path}, line {line}: it has {len(row)} cells, and the first line names "
+                f"{names}: give each column a name{commas}"
+            )
 
 
 def _cut(table: CsvTable, columns: Sequence[_Column]) -> CsvTable:

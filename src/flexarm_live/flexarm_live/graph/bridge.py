@@ -227,6 +227,8 @@ class Bridge:
         names = [node] if node else LOOP_NODES
         for name in names:
             await self._parameters(name).load()
+            # A node that was killed and started anew has its own.
+            await self._parameters(name).look_again()
         shown = {name: self._parameters(name).shown() for name in names}
         return Answer(data={"params": shown[node]} if node else {"nodes": shown})
 

@@ -75,6 +75,19 @@ class NodeParameters:
         self._descriptors = {each.name: each for each in described.descriptors}
         self.values = dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
 
+    async def look_again(self) -> dict[str, Any]:
+        """Read the values again; return those that another process of the node has."""
+        if not self.values:
+            return {}
+        names = list(self.values)
+        answer = await self._calls.call(
+            GetParameters, f"{self._node}/get_parameters", GetParameters.Request(names=names)
+        )
+        found = dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
+        changed = {name: value for name, value in found.items() if value != self.values[name]}
+        self.values = {**self.values, **changed}
+        return changed
+
     def update(self, changed: Iterable[Any]) -> dict[str, Any]:
         """Take the changes of an event; return those of parameters that are shown."""
         new = {each.name: parameter_value_to_python(each.value) for each in changed}

@@ -14,6 +14,7 @@ EXPERIMENT = "experiment"
 """Node that takes the controller's place in open loop; not in every graph."""
 _REPORT_S = 4.0
 """Reports come once a second; older ones tell nothing."""
+_USUAL_REPORT_S = 2.5
 _SILENT_S = 1.0
 _STOPPED_S = 2.0
 """A stop is told at once, and reported within a second."""
@@ -22,6 +23,8 @@ _HELD = "the drive is held at zero: "
 _EMERGENCY = "emergency stop"
 _FIGURES = ("p50", "p99", "max")
 _DURATIONS = ("late", "reply")
+_COUNTS = ("samples", "answered samples")
+"""Figures that fall only where a run or a process begins."""
 _ERROR = 2
 
 
@@ -83,9 +86,15 @@ class Situation:
 
     def hear(
         self, node: str, level: int, message: str, values: Mapping[str, str], now_s: float
-    ) -> None:
-        """Take a report of a node."""
-        self._reports[node] = _Report(now_s, level >= _ERROR, message, values)
+    ) -> bool:
+        """Take a report of a node; return whether it may come from another process than before."""
+        before = self._reports.get(node)
+        report = self._reports[node] = _Report(now_s, level >= _ERROR, message, values)
+        if before is None:
+            return False
+        was_away = now_s - before.heard_s > _USUAL_REPORT_S
+        begins = report.active and not before.active
+        return was_away or begins or any(report.figure(n) < before.figure(n) for n in _COUNTS)
 
     def sampled(self, now_s: float) -> None:
         """Take note that samples have come."""

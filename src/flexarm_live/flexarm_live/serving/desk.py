@@ -135,6 +135,14 @@ class Desk:
         return await self._laboratory.carry_out(request)
 
 
+def is_withdrawable(text: str | bytes) -> bool:
+    """Return whether a request ends when who sent it has gone: any but a stop."""
+    try:
+        return parse(text).verb != "stop"
+    except RequestError:
+        return True
+
+
 def _require_few(request: Request, at_work: int) -> None:
     if at_work >= MOST_AT_WORK and request.verb != "stop":
         raise RequestError(f"{at_work} requests of yours are at work: wait for a reply")

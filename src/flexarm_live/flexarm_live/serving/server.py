@@ -13,7 +13,7 @@ from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 from flexarm_live.serving.access import Role, role_of
-from flexarm_live.serving.desk import Desk
+from flexarm_live.serving.desk import Desk, is_withdrawable
 from flexarm_live.serving.encoding import as_json
 from flexarm_live.serving.limits import (
     LARGEST_MESSAGE,
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 _STATE_S = 0.5
 _PING_S = 10.0
+_GONE_S = 0.1
 _POLICY_VIOLATION = 1008
 
 
@@ -236,10 +237,30 @@ class Server:
             # with the server, which is no news for the log.
             with suppress(ValueError, OSError, asyncio.CancelledError):
                 while line := await reader.readline():
-                    reply = await self._desk.answer(line, name, Role.OWNER)
+                    reply = await self._unless_gone(reader, line, name)
+                    if reply is None:
+                        return
                     writer.write(f"{as_json(reply)}\n".encode())
                     await writer.drain()
         finally:
             self._terminals.discard(task)
             self._desk.leave(name)
             writer.close()
+
+    async def _unless_gone(
+        self, reader: StreamReader, line: bytes, name: str
+    ) -> dict[str, Any] | None:
+        """Return the reply to a line; None when its terminal goes away before.
+
+        What was asked for is withdrawn then: the terminal has told its user that it failed, and a
+        node that is started later must not get it. A stop is not.
+        """
+        work = asyncio.create_task(self._desk.answer(line, name, Role.OWNER))
+        try:
+            while not work.done():
+                await asyncio.wait({work}, timeout=_GONE_S)
+                if not work.done() and reader.at_eof() and is_withdrawable(line):
+                    return None
+            return work.result()
+        finally:
+            work.cancel()

@@ -120,3 +120,24 @@ def test_recording___is___the_folder_of_the_report() -> None:
     assert found.recording() == "/a/b"
     found.hear("recorder", OK, "not recording", {}, 2.0)
     assert found.recording() is None
+
+
+@pytest.mark.parametrize(
+    ("message", "figures", "now_s", "may_be_new"),
+    [
+        ("active", {"samples": "400"}, 11.0, False),
+        ("active", {"samples": "40"}, 11.0, True),
+        ("active", {"answered samples": "3"}, 11.0, True),
+        ("active", {"samples": "nan"}, 11.0, False),
+        ("active", {"samples": "400"}, 14.0, True),
+        ("not active", {"samples": "300"}, 11.0, False),
+    ],
+)
+def test_report___after_a_silence_or_with_lower_counts___may_be_of_another_process(
+    message: str, figures: dict[str, str], now_s: float, *, may_be_new: bool
+) -> None:
+    found = Situation()
+    counts = {"samples": "300", "answered samples": "290"}
+    assert not found.hear("daq", OK, "active", counts, 10.0)
+    assert found.hear("daq", OK, message, figures, now_s) is may_be_new
+    assert found.hear("daq", OK, "active", {}, now_s + 1.0) is (message == "not active")

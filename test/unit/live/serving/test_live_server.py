@@ -12,7 +12,16 @@ import pytest
 from flexarm_live.serving.encoding import HEAD, as_json, frame_of
 from flexarm_live.serving.limits import LARGEST_MESSAGE, Outbox, RateLimit
 from flexarm_live.terminal_socket import connect, listen
-from support.live_server import PATIENCE_S, TOKEN, LiveServer, ask, live_server, received, until
+from support.live_server import (
+    PATIENCE_S,
+    TOKEN,
+    LiveServer,
+    MemoryLaboratory,
+    ask,
+    live_server,
+    received,
+    until,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -96,6 +105,21 @@ def test_terminal___asks_and_commands___without_a_token_or_the_hand(live: LiveSe
     assert reference["ok"] is True
     assert status["data"]["badge"] == "READY"
     assert status["data"]["holder_name"].startswith("page ")
+
+
+def test_terminal___that_gave_up___has_its_request_withdrawn_unless_it_is_a_stop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    laboratory = MemoryLaboratory()
+    laboratory.slow = {"law", "stop"}
+    with live_server(laboratory) as server:
+        for request in ('{"do": "stop"}', '{"do": "law", "name": "pdp"}'):
+            with connect(server.namespace) as terminal:
+                terminal.sendall(f"{request}\n".encode())
+        until(lambda: laboratory.withdrawn == ["law"])
+        server.server.call(laboratory.let_on.set)
+        until(lambda: [each.verb for each in laboratory.asked] == ["stop"])
 
 
 def test_terminal___asks_for_hello_and_samples___which_no_page_may(live: LiveServer) -> None:

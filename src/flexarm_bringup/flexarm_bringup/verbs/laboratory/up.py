@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 _REPLACE = (
     "the drive is at zero; for another one: "
     "flexarm run flexarm_control controller_node --ros-args -r __ns:={} -p autostart:=true "
-    "-p listeners:={}"
+    "-p listeners:={} {}"
 )
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
@@ -171,7 +171,7 @@ def _run_graph(settings: _Settings) -> None:
                     addresses.append(PageAddress(settings.namespace, processes))
                 if settings.foxglove_port is not None:
                     addresses.append(FoxgloveAddress(processes))
-                _stay(operator, processes, complaints, addresses)
+                _stay(operator, processes, complaints, addresses, _words(settings))
         finally:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
@@ -199,6 +199,13 @@ def _controller(settings: _Settings) -> dict[str, Any]:
     return parameters
 
 
+def _words(settings: _Settings) -> str:
+    """Return the parameters of the controller as ROS 2 takes them, for one that is started anew."""
+    files = [f"--params-file {terminal.quoted(each)}" for each in settings.parameter_files]
+    own = [f"-p {name}:={value}" for name, value in _controller(settings).items()]
+    return " ".join([*files, *own])
+
+
 def _start(operator: Operator, settings: _Settings) -> None:
     if settings.bag:
         # Not before all nodes have taken their parameters: a refused start shall not leave an
@@ -217,8 +224,12 @@ def _stay(
     processes: NodeProcesses,
     complaints: _Complaints,
     addresses: Sequence[Address],
+    words: str,
 ) -> None:
-    """Show complaints of the nodes until Ctrl-C; a controller that ends is not the end."""
+    """Show complaints of the nodes until Ctrl-C; a controller that ends is not the end.
+
+    `words` are the arguments of another controller in its place.
+    """
     processes.let_be_replaced(_CONTROLLER)
     loss = ""
 
@@ -231,7 +242,7 @@ def _stay(
         if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
             # Else its first commands might come before the recorder is discovered.
             readers = operator.node.count_subscribers("command")
-            replace = _REPLACE.format(operator.namespace, readers)
+            replace = _REPLACE.format(operator.namespace, readers, words)
             terminal.CONSOLE.print(f"{loss}: {as_called(replace)}")
         return False
 
