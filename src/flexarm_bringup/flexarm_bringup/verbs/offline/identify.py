@@ -21,6 +21,7 @@ from flexarm_bringup.verbs.offline.channel_options import (
 from flexarm_bringup.verbs.offline.csv_bags import as_bags, taken_columns
 from flexarm_core.channels import CHANNEL_NAMES
 from flexarm_ident import job
+from flexarm_ident.diagnostics.verdict import Level
 from flexarm_ident.models.files import parse_exports
 from flexarm_ident.records.preprocess import BIASES
 from flexarm_ident.subspace.methods import AUTO, METHODS
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from flexarm_ident.workflow.results import Results
-
 
 _METHODS = {AUTO: "chosen by the data"} | {row.name: row.help for row in METHODS.values()}
 
@@ -210,6 +210,8 @@ def identify(
     for path in bags:
         if path.name == job.MODEL_FILE or (path / job.MODEL_FILE).is_file():
             raise click.UsageError(f"{path} is a model: name the bag or the CSV file of a record")
+    if (out / "metadata.yaml").is_file():
+        raise click.UsageError(f"-o {out} is a bag: name a folder of its own for the results")
     columns = taken_columns(bags, map_file, options)
     exports, span = parse_exports(export), taken_span(options)
     channels = taken_channels(options, bags[0])
@@ -341,7 +343,8 @@ def _show(results: Results, written: str) -> None:
 
 
 def _after(results: Results, out: Path) -> str:
-    """Return what follows on a model: a law for that of the arm, else a look at the report."""
+    """Return what follows on a model: a law for a usable one of the arm, else the report."""
     model, report = (terminal.quoted(out / name) for name in (job.MODEL_FILE, job.REPORT_FILE))
     is_arm = tuple(results.outcome.records[0].outputs) == CHANNEL_NAMES
-    return f"flexarm tune {model}" if is_arm else f"open {report} in a browser"
+    is_usable = results.outcome.verdict.level <= Level.USABLE
+    return f"flexarm tune {model}" if is_arm and is_usable else f"open {report} in a browser"

@@ -225,3 +225,12 @@ def test_report___file_without_suffix___is_refused_with_the_name_to_give(tmp_pat
     refused = CliRunner().invoke(report, [str(tmp_path), "-o", str(tmp_path / "arm")])
     assert refused.exit_code == 2
     assert f"the report is one page: {tmp_path / 'arm.html'}" in refused.output
+
+
+def test_identify___into_a_bag___is_refused_before_the_work(tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    bag.mkdir()
+    (bag / "metadata.yaml").touch()
+    done = CliRunner().invoke(identify, [str(bag), "-o", str(bag)])
+    assert f"-o {bag} is a bag: name a folder of its own" in done.output
+    assert done.exit_code == 2
