@@ -100,21 +100,23 @@ def with_deviation(value: float, deviation: float | None, decimals: int = 3) -> 
 
 
 def decay(eigenvalue: complex, dt_s: float) -> str:
-    """Return how a mode without a frequency decays: by its time constant, ``0.62 s``.
+    """Return how a real mode decays: by its time constant, ``0.62 s``.
 
     One next to the unit circle is an ``integrator``, one outside of it ``grows, 0.62 s``, and one
-    that is zero but for rounding lasts for ``one sample``. A pair and a negative real eigenvalue
-    turn, and have an empty text.
+    that is zero but for rounding lasts for ``one sample``. A negative one changes its sign with
+    every sample, ``alternates, 0.01 s``: (2-28) gives it a frequency that no sampling can show. A
+    pair has an empty text.
     """
     if abs(eigenvalue) <= DEADBEAT:
         return "one sample"
-    if eigenvalue.imag or eigenvalue.real < 0.0:
+    if eigenvalue.imag:
         return ""
-    rate = abs(math.log(eigenvalue.real))
+    words = ["alternates"] if eigenvalue.real < 0.0 else []
+    rate = abs(math.log(abs(eigenvalue.real)))
     if rate * _ENDLESS_SAMPLES <= 1.0:
-        return "integrator"
-    grows = "grows, " if eigenvalue.real > 1.0 else ""
-    return f"{grows}{float(f'{dt_s / rate:.2g}'):g} s"
+        return ", ".join(words) or "integrator"
+    words += ["grows"] if abs(eigenvalue.real) > 1.0 else []
+    return ", ".join([*words, f"{float(f'{dt_s / rate:.2g}'):g} s"])
 
 
 def instant(row: int, period_s: float) -> str:

@@ -82,6 +82,15 @@ def test_decay__eigenvalue_of_zero___is_over_after_one_sample(eigenvalue: comple
     assert decay(complex(eigenvalue), 0.005) == "one sample"
 
 
-@pytest.mark.parametrize("eigenvalue", [-0.5, -1.2, 0.5 + 0.1j])
-def test_decay__eigenvalue_that_turns___has_none(eigenvalue: complex) -> None:
-    assert decay(complex(eigenvalue), 0.005) == ""
+@pytest.mark.parametrize(
+    ("eigenvalue", "said"),
+    [
+        (-0.5, "alternates, 0.0072 s"),
+        (-1.2, "alternates, grows, 0.027 s"),
+        (-1.0, "alternates"),
+        (0.5 + 0.1j, ""),
+        (-0.5 + 0.1j, ""),
+    ],
+)
+def test_decay__eigenvalue_that_changes_its_sign___is_told(eigenvalue: complex, said: str) -> None:
+    assert decay(complex(eigenvalue), 0.005) == said

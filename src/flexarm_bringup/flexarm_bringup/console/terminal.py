@@ -191,9 +191,8 @@ def mode_table(modes: Iterable[Mode], dt_s: float) -> Table:
     """Return the table of modes as in Table 3-1a; real ones have their time constants, s."""
     table = Table("frequency Hz", "damping", "MRM", "rank", "MSV", "rank", "kept", box=None)
     for mode in sorted(modes, key=lambda mode: mode.mrm_rank):
-        real = decay(mode.eigenvalue, dt_s)
         table.add_row(
-            f"{mode.frequency_hz:.3f}" if mode.frequency_hz > 0.0 else real,
+            decay(mode.eigenvalue, dt_s) or f"{mode.frequency_hz:.3f}",
             f"{mode.damping_ratio:.4f}",
             f"{mode.mrm:.4g}",
             str(mode.mrm_rank),

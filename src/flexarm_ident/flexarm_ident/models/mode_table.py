@@ -21,7 +21,7 @@ def mode_table(
 ) -> str:
     """Return modes by rising frequency in HTML, as Tables 3-1a to 3-3a.
 
-    Modes without a frequency have their time constant in its place.
+    Real modes have their time constant in its place.
 
     Parameters
     ----------
@@ -38,9 +38,8 @@ def mode_table(
     rows = [
         (
             mode.label,
-            with_deviation(mode.frequency_hz, spread and spread.frequency_std_hz)
-            if mode.frequency_hz
-            else decay(mode.eigenvalue, dt_s),
+            decay(mode.eigenvalue, dt_s)
+            or with_deviation(mode.frequency_hz, spread and spread.frequency_std_hz),
             with_deviation(mode.damping_ratio, (spread and spread.damping_std) or None, decimals=4),
             f"{mode.mrm:.4g}",
             str(mode.mrm_rank),

@@ -40,9 +40,8 @@ def _modes(outcome: Outcome) -> Table:
     rows = tuple(
         (
             mode.label,
-            with_deviation(mode.frequency_hz, deviation and deviation.frequency_std_hz)
-            if mode.frequency_hz
-            else decay(mode.eigenvalue, outcome.model.dt),
+            decay(mode.eigenvalue, outcome.model.dt)
+            or with_deviation(mode.frequency_hz, deviation and deviation.frequency_std_hz),
             # Without a frequency it is 1 by definition.
             with_deviation(mode.damping_ratio, (deviation and deviation.damping_std) or None),
             f"{_index(mode.msv)} ({mode.msv_rank})",

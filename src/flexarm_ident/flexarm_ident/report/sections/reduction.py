@@ -94,8 +94,7 @@ def _judged(outcome: Outcome) -> Sequence[IoData]:
 
 def _place(outcome: Outcome, mode: Mode, index: float) -> tuple[str, str, str]:
     mark = f" {_KEPT}" if outcome.reduction and mode.kept else ""
-    real = decay(mode.eigenvalue, outcome.model.dt)
-    frequency = f"{mode.frequency_hz:.3f}" if mode.frequency_hz else real
+    frequency = decay(mode.eigenvalue, outcome.model.dt) or f"{mode.frequency_hz:.3f}"
     return mode.label + mark, frequency, f"{index:.4g}"
 
 
