@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from sphinx.pycode.parser import Parser
@@ -87,7 +86,6 @@ _LITERAL = re.compile(r"(`+[^`]+`+)")
 
 
 _METHODS_HERE = "<!-- table of methods -->"
-_PARAMETERS_HERE = re.compile(r"<!-- parameters of ([\w.]+) -->")
 
 
 def _with_methods(_: Sphinx, __: str, source: list[str]) -> None:
@@ -98,15 +96,6 @@ def _with_methods(_: Sphinx, __: str, source: list[str]) -> None:
         rows = [f"| `{row.name}` | {row.title} | {row.help} |" for row in METHODS.values()]
         table = ["| method | what it is | when |", "| --- | --- | --- |", *rows]
         source[0] = source[0].replace(_METHODS_HERE, "\n".join(table))
-
-
-def _with_parameters(_: Sphinx, __: str, source: list[str]) -> None:
-    """Put the table of a node's parameters where a page asks for it."""
-    from flexarm_core.tables import as_markdown  # noqa: PLC0415 - one page needs it
-
-    source[0] = _PARAMETERS_HERE.sub(
-        lambda asked: as_markdown(import_module(asked[1]).PARAMETERS), source[0]
-    )
 
 
 def _with_targets(_: Sphinx, __: str, source: list[str]) -> None:
@@ -142,7 +131,6 @@ def setup(app: Sphinx) -> None:
     """Add what the pages need beside the extensions."""
     app.connect("source-read", _with_targets)
     app.connect("source-read", _with_methods)
-    app.connect("source-read", _with_parameters)
     app.connect("autodoc-process-docstring", _as_plain_text)
     # Before the theme, which asks for the contents.
     app.connect("html-page-context", _with_own_branch, priority=400)
