@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -165,7 +166,7 @@ def require_bag(path: Path) -> None:
 def repair_advice(path: Path) -> str:
     """Return the end of a sentence about a damaged bag; empty where there is nothing to repair."""
     has_mcap = any(path.glob("*.mcap")) if path.is_dir() else path.suffix == ".mcap"
-    return f"; try `flexarm bag repair {path} -o NEW`" if has_mcap else ""
+    return f"; try `flexarm bag repair {shlex.quote(str(path))} -o NEW`" if has_mcap else ""
 
 
 def read_information(bag: Path) -> dict[str, Any]:

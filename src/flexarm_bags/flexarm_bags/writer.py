@@ -16,6 +16,7 @@ import shutil
 import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, NoReturn
 
 from flexarm_bags.metadata import (
@@ -303,7 +304,7 @@ class BagWriter:
         kept = sum(tally.total for tally in self._kept)
         raise RecordingError(
             f"{self.path}: cannot write: {error.strerror}; the first {kept} messages"
-            f" are kept, get them with `flexarm bag repair {self.path} -o NEW`"
+            f" are kept, get them with `flexarm bag repair {quote(str(self.path))} -o NEW`"
         ) from error
 
 

@@ -14,6 +14,11 @@ Inside the environment, and where flexarm was installed by pip, the name is `fle
 _NAME = "flexarm"
 
 
+def called() -> str:
+    """Return how the user called this program."""
+    return os.environ.get(CALLED, _NAME)
+
+
 def as_called(text: str) -> str:
     """Return a text with the commands of this program as the user can type them.
 
@@ -24,5 +29,4 @@ def as_called(text: str) -> str:
     if not isinstance(program, click.Group) or context is None:
         return text
     verbs = "|".join(map(re.escape, program.list_commands(context)))
-    called = os.environ.get(CALLED, _NAME)
-    return re.sub(rf"(?<![\w./-]){_NAME}(?= (?:{verbs})\b)", lambda _: called, text)
+    return re.sub(rf"(?<![\w./-]){_NAME}(?= (?:{verbs})\b)", lambda _: called(), text)

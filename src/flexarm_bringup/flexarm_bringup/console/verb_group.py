@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 from click.shell_completion import ShellComplete
 
-from flexarm_bringup.console.called import as_called
+from flexarm_bringup.console.called import as_called, called
 from flexarm_bringup.console.completion import completed
 from flexarm_bringup.console.interruption import interruptible
 from flexarm_core.errors import FlexarmError, one_line
@@ -147,10 +147,10 @@ class LazyVerbGroup(VerbGroup):
 
 
 def examples(*lines: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add command lines to the help of a verb, each without its `flexarm`."""
+    """Add command lines to the help of a verb, each without the name of the program."""
 
     def add(function: Callable[..., Any]) -> Callable[..., Any]:
-        text = "\n".join(f"  flexarm {line}" for line in lines)
+        text = "\n".join(f"  {called()} {line}" for line in lines)
         # The indentation of the source would become blanks inside the sentences.
         words = cleandoc(function.__doc__ or "")
         function.__doc__ = f"{words}\n\n\b\nExamples:\n{text}"

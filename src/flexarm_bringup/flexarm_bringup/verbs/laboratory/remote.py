@@ -91,7 +91,8 @@ def reference(set_point_v: float, namespace: str) -> None:
     It is in V, or has its unit: deg, rad. What is in force is printed.
     """
     in_force = through(namespace, lambda hand: hand.reference(set_point_v))
-    click.echo(f"set-point {in_force.volts:g} V" + (f": {in_force.note}" if in_force.note else ""))
+    note = f": {as_called(in_force.note)}" if in_force.note else ""
+    click.echo(f"set-point {in_force.volts:g} V{note}")
 
 
 @click.command()

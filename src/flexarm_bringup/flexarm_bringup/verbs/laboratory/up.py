@@ -179,7 +179,9 @@ def _run_graph(settings: _Settings) -> None:
                 terminal.CONSOLE.print(f"recorded in {bag}")
                 terminal.CONSOLE.print(f"what the nodes printed is in {log}")
         if bag and processes.exit_codes()["recorder_node"]:
-            raise LaunchError(f"the recording is not complete: flexarm bag repair {bag} -o OTHER")
+            raise LaunchError(
+                f"the recording is not complete: flexarm bag repair {terminal.quoted(bag)} -o OTHER"
+            )
 
 
 def _controller(settings: _Settings) -> dict[str, Any]:
