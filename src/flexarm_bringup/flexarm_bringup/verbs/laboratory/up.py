@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -57,6 +58,7 @@ _COMPLAINTS = ("[WARN]", *_ERRORS)
 _CONTROLLER = "controller_node"
 # It commands in open loop, when a page asks for such an experiment.
 _IDLE = ("experiment",)
+_RATE, _SHAPER_RATE = "rate_hz", "shaper_rate_hz"
 
 
 @dataclass(frozen=True)
@@ -185,13 +187,14 @@ def _run_graph(settings: _Settings) -> None:
 
 
 def _controller(settings: _Settings) -> dict[str, Any]:
-    """Return parameters of the controller: a law for one rate is made for that of the samples."""
+    """Return parameters of the controller: laws for one rate are made for that of the samples."""
     parameters: dict[str, Any] = {"law": settings.law, "reference": settings.reference}
     if settings.parameter_files or settings.law not in LAWS:
         return parameters
     law = LAWS[settings.law]
-    if any(spec.name == "rate_hz" for spec in law.parameters):
-        return parameters | {f"{settings.law}.rate_hz": settings.rate_hz}
+    parameters |= _rates(settings.rate_hz, settings.law)
+    if any(spec.name == _RATE for spec in law.parameters):
+        return parameters
     made_hz = law.rate_hz({})
     if made_hz is not None and not suits(made_hz, settings.rate_hz):
         raise LaunchError(
@@ -199,6 +202,23 @@ def _controller(settings: _Settings) -> dict[str, Any]:
             "sample at that rate, take another law, or one for a model of that rate (--params-file)"
         )
     return parameters
+
+
+def _rates(rate_hz: float, law: str) -> dict[str, float]:
+    """Return the rates that differ from the usual one, of every law that may be set later.
+
+    One that cannot be made for that rate keeps its own, but for the law that is asked for: its
+    node refuses it.
+    """
+    usual_hz = {
+        f"{name}.{_RATE}": spec
+        for name, each in LAWS.items()
+        for spec in each.parameters
+        if spec.name == _RATE
+        and (name == law or (spec.minimum or 0.0) <= rate_hz <= (spec.maximum or inf))
+    }
+    changed = {name: rate_hz for name, spec in usual_hz.items() if spec.default != rate_hz}
+    return changed | ({_SHAPER_RATE: rate_hz} if changed else {})
 
 
 def _words(settings: _Settings) -> str:

@@ -39,11 +39,30 @@ def test_law_that_is_designed_for_a_rate___has_that_of_the_samples(
     assert controller["planned.rate_hz"] == pytest.approx(1000.0)
 
 
+def test_laws_that_may_be_set_later___are_made_for_the_rate_as_well(
+    controller: dict[str, Any],
+) -> None:
+    with pytest.raises(Started):
+        CliRunner().invoke(up.up, ["--law", "pdpc", "--rate", "1000"], catch_exceptions=False)
+    rates = {name: value for name, value in controller.items() if name.endswith("rate_hz")}
+    assert {"pi.rate_hz", "pdpc_plus.rate_hz", "planned.rate_hz", "shaper_rate_hz"} <= {*rates}
+    assert list(rates.values()) == pytest.approx([1000.0] * len(rates))
+
+
+@pytest.mark.parametrize("arguments", [["--law", "pdpc"], ["--law", "pdpc", "--rate", "20"]])
+def test_rates___as_usual_or_out_of_the_laws_bounds___stay(
+    controller: dict[str, Any], arguments: list[str]
+) -> None:
+    with pytest.raises(Started):
+        CliRunner().invoke(up.up, arguments, catch_exceptions=False)
+    assert not [name for name in controller if name.endswith("rate_hz")]
+
+
 @pytest.mark.parametrize("arguments", [["--law", "pdpc"], ["--law", "ilqr", "--rate", "310"]])
 def test_law_that_suits_the_rate___starts(controller: dict[str, Any], arguments: list[str]) -> None:
     with pytest.raises(Started):
         CliRunner().invoke(up.up, arguments, catch_exceptions=False)
-    assert controller == {"law": arguments[1], "reference": "topic"}
+    assert (controller["law"], controller["reference"]) == (arguments[1], "topic")
 
 
 def test_law_that_is_made_for_another_rate___is_refused_before_the_start(
