@@ -35,6 +35,15 @@ def channel_defects(record: IoData) -> Iterator[DataWarning]:
     """Yield the defects that single channels of a record, or two of them, show by themselves."""
     for name, x in _named(record):
         constant = constant_share(x)
+        if not np.any(x):
+            # As a rig without that sensor has it, whose other channels are as good.
+            yield DataWarning(
+                "constant_channel",
+                f"{name} is 0 in every sample: leave it out where it has no sensor, else check it",
+                {"share": constant},
+                channel=name,
+            )
+            continue
         if constant > CONSTANT_SHARE:
             yield DataWarning(
                 "constant_channel",

@@ -10,7 +10,7 @@ from scipy import signal
 from flexarm_ident import IoData
 from flexarm_ident.diagnostics.excitation import excited_band_hz, few_values
 from flexarm_ident.diagnostics.quality import assess
-from flexarm_ident.records.iodata import DataWarning
+from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.subspace.choice import select_method
 from flexarm_ident.subspace.gram import block_gram
 from support.ident_systems import DT_S, arm_model, random_model, record, square_wave, step_by_step
@@ -147,6 +147,18 @@ def test_assess___dead_channel_with_rare_spikes___is_named() -> None:
     found = warnings(replace(clean, y=y))
     assert set(found) == {"constant_channel"}
     assert found["constant_channel"].figures["share"] == pytest.approx(1.0 - 1.0 / 400.0)
+
+
+def test_assess___channel_without_a_sensor___is_told_without_a_ban() -> None:
+    clean = response(square_wave(SAMPLES, 9))
+    y = clean.y * np.array([1.0, 0.0, 1.0, 1.0])
+    (found,) = warnings(replace(clean, y=y)).values()
+    assert (found.name, found.grade, found.channel) == (
+        "constant_channel",
+        Grade.CAUTION,
+        "base_strain_v",
+    )
+    assert "is 0 in every sample" in found.text
 
 
 def test_assess___channel_repeats_another_in_other_units___both_are_named() -> None:
