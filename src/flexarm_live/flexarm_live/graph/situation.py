@@ -177,11 +177,17 @@ class Situation:
 
     def reports(self, now_s: float) -> dict[str, dict[str, Any]]:
         """Return message and figures of each node that reports."""
-        return {
+        found: dict[str, dict[str, Any]] = {
             name: {"message": report.message, "values": dict(report.values)}
             for name, report in self._reports.items()
             if now_s - report.heard_s <= _REPORT_S
         }
+        daq = found.get("daq", {"values": {}})
+        if now_s - self._stopped_s < _STOPPED_S and daq["values"].get("drive") == "driving":
+            # The report is older than the stop that the node has answered.
+            daq["message"] = f"active: {_HELD}{_EMERGENCY}"
+            daq["values"]["drive"] = "held"
+        return found
 
     def word(self, node: str, now_s: float) -> str:
         """Return whether a node is active, or silent."""

@@ -141,3 +141,16 @@ def test_report___after_a_silence_or_with_lower_counts___may_be_of_another_proce
     assert not found.hear("daq", OK, "active", counts, 10.0)
     assert found.hear("daq", OK, message, figures, now_s) is may_be_new
     assert found.hear("daq", OK, "active", {}, now_s + 1.0) is (message == "not active")
+
+
+def test_reports___older_than_an_answered_stop___say_that_the_drive_is_held() -> None:
+    found = situation(OK, "active", "driving")
+    found.stopped(10.1)
+    told = found.reports(10.2)["daq"]
+    assert told["message"] == f"{HELD}emergency stop"
+    assert told["values"]["drive"] == "held"
+    found.hear("daq", OK, "not active", {"drive": "off"}, 11.0)
+    assert found.reports(11.1)["daq"]["values"]["drive"] == "off"
+    found.moved("daq", active=True, now_s=12.0)
+    found.hear("daq", OK, "active", {"drive": "driving"}, 12.5)
+    assert found.reports(12.6)["daq"]["values"]["drive"] == "driving"
