@@ -166,7 +166,12 @@ def require_bag(path: Path) -> None:
 def repair_advice(path: Path) -> str:
     """Return the end of a sentence about a damaged bag; empty where there is nothing to repair."""
     has_mcap = any(path.glob("*.mcap")) if path.is_dir() else path.suffix == ".mcap"
-    return f"; try `flexarm bag repair {shlex.quote(str(path))} -o NEW`" if has_mcap else ""
+    return f"; try {repair_command(path)}" if has_mcap else ""
+
+
+def repair_command(path: Path) -> str:
+    """Return the command that repairs a bag, as a sentence has it and a shell takes it."""
+    return f"`flexarm bag repair {shlex.quote(str(path))} -o NEW`"
 
 
 def read_information(bag: Path) -> dict[str, Any]:

@@ -16,7 +16,6 @@ import shutil
 import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, NoReturn
 
 from flexarm_bags.metadata import (
@@ -26,6 +25,7 @@ from flexarm_bags.metadata import (
     Tally,
     as_yaml,
     bag_information,
+    repair_command,
 )
 from flexarm_bags.records.storage_file import FileTopic, StorageFile
 from flexarm_bags.sequence import SequenceCheck
@@ -304,7 +304,7 @@ class BagWriter:
         kept = sum(tally.total for tally in self._kept)
         raise RecordingError(
             f"{self.path}: cannot write: {error.strerror}; the first {kept} messages"
-            f" are kept, get them with `flexarm bag repair {quote(str(self.path))} -o NEW`"
+            f" are kept, get them with {repair_command(self.path)}"
         ) from error
 
 

@@ -25,11 +25,9 @@ from flexarm_ident.records.preprocess import output_scale
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import control
-
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.diagnostics.stabilisation import RecurringMode, Stabilisation
-    from flexarm_ident.models.modes import Mode
+    from flexarm_ident.models.modes import ModalForm, Mode
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.subspace_protocol import Subspace
 
@@ -103,15 +101,15 @@ def judged_modes(
 
     judged = []
     for mode in diagram.modes:
-        model, vibrations, errors = weighing(mode.orders[-1])
+        form, vibrations, spectra = weighing(mode.orders[-1])
         strongest = max((each.mrm for each in vibrations), default=0.0)
-        if model is None or strongest <= 0.0:
+        if form is None or strongest <= 0.0:
             judged.append(JudgedMode(mode, 0.0, False))  # noqa: FBT003 - a field of the result
             continue
         own = min(vibrations, key=lambda each: abs(each.frequency_hz - mode.frequency_hz))
         weight = own.mrm / strongest
         stays = mode.frequency_std_hz <= _SCATTER * mode.frequency_hz
-        is_heard = weight >= _HEARD and _evidence(own, model, records, errors) >= _EVIDENT
+        is_heard = weight >= _HEARD and _evidence(own, form, records, spectra) >= _EVIDENT
         judged.append(JudgedMode(mode, weight, is_heard and stays))
     return tuple(judged)
 
@@ -183,14 +181,15 @@ def near_modes(judged: Sequence[JudgedMode]) -> list[tuple[float, ...]]:
 
 
 class _Weighing(NamedTuple):
-    """Model of one order with its vibrations, and the errors of its simulation of each record.
+    """Model of one order with its vibrations, and how its simulation of each record errs.
 
-    The model is None where it is too unstable to be fitted.
+    The form is None where the model is too unstable to be fitted. The spectra, (lines, outputs),
+    are the energy of the error in each line of the discrete Fourier transform.
     """
 
-    model: control.StateSpace | None
+    form: ModalForm | None
     vibrations: tuple[Mode, ...] = ()
-    errors: tuple[FloatArray, ...] = ()
+    spectra: tuple[FloatArray, ...] = ()
 
 
 def _weighing(
@@ -213,29 +212,31 @@ def _weighing(
     vibrations = tuple(
         mode for mode in modes if mode.is_pair and abs(mode.damping_ratio) <= largest_damping
     )
-    errors = tuple(
-        np.nan_to_num(record.y_usable - simulate(model, record.u, x0))
+    spectra = tuple(
+        _spectrum(np.nan_to_num(record.y_usable - simulate(model, record.u, x0)))
         for record, x0 in zip(records, fit.x0, strict=True)
     )
-    return _Weighing(model, vibrations, errors)
+    return _Weighing(modal_form(model), vibrations, spectra)
+
+
+def _spectrum(error: FloatArray) -> FloatArray:
+    return np.asarray(2.0 / len(error) * np.abs(np.fft.rfft(error, axis=0)) ** 2)
 
 
 def _evidence(
     mode: Mode,
-    model: control.StateSpace,
+    form: ModalForm,
     records: Sequence[IoData],
-    errors: Sequence[FloatArray],
+    spectra: Sequence[FloatArray],
 ) -> float:
     """Return the energy of a mode's response in units of the error's in one line near it.
 
     It is that in the output where it is largest.
     """
-    form = modal_form(model)
-    energy, lines = np.zeros(model.noutputs), []
-    for record, error in zip(records, errors, strict=True):
+    energy, lines = np.zeros(len(form.C)), []
+    for record, power in zip(records, spectra, strict=True):
         energy += np.sum(modal_response(form, mode.states, record.u) ** 2, axis=0)
-        line_hz = 1.0 / (len(error) * record.dt_s)
-        power = 2.0 / len(error) * np.abs(np.fft.rfft(error, axis=0)) ** 2
+        line_hz = 1.0 / (len(record) * record.dt_s)
         width_hz = max(_NEAR_ERROR * mode.frequency_hz, 0.5 * _FEWEST_LINES * line_hz)
         away_hz = np.abs(line_hz * np.arange(len(power)) - mode.frequency_hz)
         lines.append(power[away_hz <= width_hz])

@@ -95,14 +95,13 @@ def from_columns(
             f"column {time}: the time must rise by equal steps, and does not at row {row} "
             "(from 0): resample the table, or cut it there"
         )
-    for name in (*inputs, *outputs):
-        if len(_column(table, name)) != len(time_s):
-            raise DataError(
-                f"column {name} has {len(_column(table, name))} rows, {time} has {len(time_s)}"
-            )
+    columns = {name: _column(table, name) for name in (*inputs, *outputs)}
+    for name, column in columns.items():
+        if len(column) != len(time_s):
+            raise DataError(f"column {name} has {len(column)} rows, {time} has {len(time_s)}")
     return IoData(
-        np.column_stack([_column(table, name) for name in inputs]),
-        np.column_stack([_column(table, name) for name in outputs]),
+        np.column_stack([columns[name] for name in inputs]),
+        np.column_stack([columns[name] for name in outputs]),
         dt_s=dt_s,
         inputs=tuple(inputs),
         outputs=tuple(outputs),

@@ -226,7 +226,6 @@ class Bridge:
     async def _on_get(self, node: str = "") -> Answer:
         names = [node] if node else LOOP_NODES
         for name in names:
-            await self._parameters(name).load()
             # A node that was killed and started anew has its own.
             await self._parameters(name).look_again()
         shown = {name: self._parameters(name).shown() for name in names}

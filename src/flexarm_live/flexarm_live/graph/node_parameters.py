@@ -69,24 +69,25 @@ class NodeParameters:
             f"{node}/describe_parameters",
             DescribeParameters.Request(names=names),
         )
-        answer = await self._calls.call(
-            GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names)
-        )
+        values = await self._values_of(names)
         self._descriptors = {each.name: each for each in described.descriptors}
-        self.values = dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
+        self.values = values
 
     async def look_again(self) -> dict[str, Any]:
-        """Read the values again; return those that another process of the node has."""
+        """Read the values again, or all; return those that another process of the node has."""
         if not self.values:
+            await self.load()
             return {}
-        names = list(self.values)
-        answer = await self._calls.call(
-            GetParameters, f"{self._node}/get_parameters", GetParameters.Request(names=names)
-        )
-        found = dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
+        found = await self._values_of(list(self.values))
         changed = {name: value for name, value in found.items() if value != self.values[name]}
         self.values = {**self.values, **changed}
         return changed
+
+    async def _values_of(self, names: list[str]) -> dict[str, Any]:
+        answer = await self._calls.call(
+            GetParameters, f"{self._node}/get_parameters", GetParameters.Request(names=names)
+        )
+        return dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
 
     def update(self, changed: Iterable[Any]) -> dict[str, Any]:
         """Take the changes of an event; return those of parameters that are shown."""
