@@ -23,6 +23,9 @@ STRIBECK_RADPS = 0.15
 _FINE = 25
 _YIELD_RAD = 1e-4
 _NOISE_RAD = (1e-3, 1e-4)
+# Half periods of the open-loop input, samples, and the width of its steps.
+_HALF_PERIODS = (5, 150)
+_INPUT_A = 1.5
 # More than any record has, so that a longer record begins as a shorter one does.
 _STEPS = 100
 
@@ -54,31 +57,71 @@ def rubbing_arm(
         Samples before the record, which therefore begins in mid-motion.
     """
     joints, rng = len(levels), np.random.default_rng(seed)
+    weights: Array = np.array([0.5**i for i in range(joints)])
+    total = skip + samples
+    references = _references(rng, total, joints)
+    u, q = _run(
+        *_mechanics(weights),
+        np.array(levels),
+        *(rise, load),
+        3.0 * weights * references,
+        *(3.0 * weights, 0.4 * weights),
+    )
+    y = q + rng.normal(size=q.shape) * np.repeat(_NOISE_RAD, joints)
+    return _record(u[skip:], y[skip:], closed_loop=True)
+
+
+def driven_arm(
+    level: float, *, rise: float = 0.0, noise: float = 0.02, seed: int = 0, samples: int = 6000
+) -> IoData:
+    """Return an open-loop record of an arm with one joint, driven by a square wave.
+
+    Parameters
+    ----------
+    level, rise : float
+        As those of `rubbing_arm`.
+    noise : float
+        White noise of each output, as a part of its deviation.
+    seed : int
+        Seed of the square wave and of the noise.
+    samples : int
+        Length of the record.
+    """
+    rng = np.random.default_rng(seed)
+    low, high = _HALF_PERIODS
+    edges = np.cumsum(rng.integers(low, high, samples // low))
+    periods = np.searchsorted(edges, np.arange(samples), side="right")
+    feed: Array = np.where(periods % 2 == 0, _INPUT_A, -_INPUT_A)[:, np.newaxis]
+    open_loop = np.zeros(1)
+    u, q = _run(
+        *_mechanics(np.ones(1)),
+        np.array([level]),
+        *(rise, 0.0),
+        feed,
+        *(open_loop, open_loop),
+    )
+    return _record(u, q + noise * q.std(axis=0) * rng.normal(size=q.shape), closed_loop=False)
+
+
+def _mechanics(weights: Array) -> tuple[Array, Array, Array]:
+    """Return inverse mass matrix, stiffness and damping of joint angles and bends."""
+    joints = len(weights)
     # Rotations of hub and link's end of each joint by joint angles and bends, which add up.
     hub, end = np.zeros((2, joints, 2 * joints))
     for i in range(joints):
         hub[i, : i + 1] = end[i, : i + 1] = 1.0
         hub[i, joints : joints + i] = end[i, joints : joints + i + 1] = 1.0
-    weights: Array = np.array([0.5**i for i in range(joints)])
-    mass: Array = 0.4 * hub.T @ np.diag(weights) @ hub + 0.05 * end.T @ np.diag(weights) @ end
+    mass = 0.4 * hub.T @ np.diag(weights) @ hub + 0.05 * end.T @ np.diag(weights) @ end
+    flexibility = np.asarray(np.linalg.inv(mass), dtype=np.float64)
     stiffness = np.concatenate([np.zeros(joints), 30.0 * weights])
-    damping = np.concatenate([0.8 * weights, 0.4 * weights])
-    total = skip + samples
-    u, q = _run(
-        np.asarray(np.linalg.inv(mass), dtype=np.float64),
-        stiffness,
-        damping,
-        np.array(levels),
-        *(rise, load),
-        _references(rng, total, joints),
-        *(3.0 * weights, 0.4 * weights),
-    )
-    y = q + rng.normal(size=q.shape) * np.repeat(_NOISE_RAD, joints)
+    return flexibility, stiffness, np.concatenate([0.8 * weights, 0.4 * weights])
+
+
+def _record(u: Array, y: Array, *, closed_loop: bool) -> IoData:
+    joints = u.shape[1]
     names = [f"{name}{i + 1}_rad" for name in ("joint", "bend") for i in range(joints)]
     inputs = tuple(f"drive{i + 1}_a" for i in range(joints))
-    return IoData(
-        u[skip:], y[skip:], dt_s=DT_S, inputs=inputs, outputs=tuple(names), closed_loop=True
-    )
+    return IoData(u, y, dt_s=DT_S, inputs=inputs, outputs=tuple(names), closed_loop=closed_loop)
 
 
 def _references(rng: np.random.Generator, samples: int, joints: int) -> Array:
@@ -101,12 +144,12 @@ def _run(  # noqa: PLR0917 (compiled code has no keyword arguments)
     levels: Array,
     rise: float,
     load: float,
-    references: Array,
+    feed: Array,
     stiff: Array,
     calm: Array,
 ) -> tuple[Array, Array]:
-    """Return inputs and coordinates of a position loop, in semi-implicit fine steps."""
-    samples, joints = references.shape
+    """Return inputs, `feed` less a position loop, and coordinates, in semi-implicit fine steps."""
+    samples, joints = feed.shape
     n = len(stiffness)
     q, v, force, bristle = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(joints)
     us, qs = np.empty((samples, joints)), np.empty((samples, n))
@@ -114,7 +157,7 @@ def _run(  # noqa: PLR0917 (compiled code has no keyword arguments)
     for k in range(samples):
         qs[k] = q
         for i in range(joints):
-            us[k, i] = stiff[i] * (references[k, i] - q[i]) - calm[i] * v[i]
+            us[k, i] = feed[k, i] - stiff[i] * q[i] - calm[i] * v[i]
         for _ in range(_FINE):
             for i in range(n):
                 force[i] = -stiffness[i] * q[i] - damping[i] * v[i]

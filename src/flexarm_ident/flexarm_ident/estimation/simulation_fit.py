@@ -20,6 +20,7 @@ from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error, relative_errors
 from flexarm_ident.friction.arm_fit import NO_BETTER, fit_arm
 from flexarm_ident.friction.arm_notes import choice, levels_text, notes
+from flexarm_ident.friction.direction_test import recurs_with_direction
 from flexarm_ident.friction.layout import arm_layout
 from flexarm_ident.friction.levels import estimate_coulomb
 from flexarm_ident.likelihood.maximum_likelihood import maximise_likelihood
@@ -50,7 +51,7 @@ _LIKELY_SAMPLES = 100_000
 _LIKELY_WHOLE_SAMPLES = 1_000_000
 # The likelihood weights outputs by their noise, so that their mean error may rise.
 _NO_WORSE = 1.03
-_STANDS_OUT = 3.0
+_MISSES_NOISE = ", and what its simulation misses is noise"
 # Distance from 1 at which the likelihood's search keeps an eigenvalue, and more.
 _NEXT_TO_ONE = 1e-6
 
@@ -69,11 +70,11 @@ def with_friction(
 
     The test has three parts. The data have the channels of a flexible arm (`arm_layout`) and no
     recorded compensation. A Coulomb level exceeds its own scatter (`estimate_coulomb`), or the
-    likelihood has been tried and tells that a linear model misses more than noise. An arm
-    fitted with friction has a level above three of its standard deviations and simulates the
-    records with a smaller sum of squared relative errors than the subspace model. Where a linear
-    model misses nothing but noise, only a significant level is a reason to fit an arm, which takes
-    a hundred times as long.
+    likelihood has been tried and tells that a linear model misses more than noise. An arm fitted
+    with friction shows it (`ArmFit.has_friction`) and simulates the records with a smaller sum of
+    squared relative errors than the subspace model. Where a linear model passes for missing nothing
+    but noise, only a significant level, or errors that recur with the direction of motion
+    (`direction_test`), are a reason to fit an arm, which takes a hundred times as long.
 
     Parameters
     ----------
@@ -91,7 +92,7 @@ def with_friction(
         friction where that is better; with a note where friction was found but is not modelled.
     """
     records = found.records
-    layout = None if is_compensated(records) else arm_layout(records)
+    layout = None if is_compensated(records) else _layout(found)
     if layout is None:
         return found
     try:
@@ -99,42 +100,59 @@ def with_friction(
     except IdentificationError:
         return found  # too few slipping samples
     found = replace(found, coulomb=coulomb)
-    if found.likelihood is not None:
-        is_worth_it = coulomb.present
-    else:
-        # Smoothing can hide a low level under a fast law; that the likelihood fails shows it.
-        is_worth_it = coulomb.possible or may_be_likely(records)
-    if not is_worth_it:
+    recurs = found.likelihood is not None and recurs_with_direction(
+        found.likelihood, records, layout.slipping
+    )
+    # Smoothing can hide a low level under a fast law; that the likelihood fails shows it.
+    hidden = found.likelihood is None and (coulomb.possible or may_be_likely(records))
+    if not (coulomb.present or recurs or hidden):
         return found
+    if recurs:
+        found = replace(found, choice=found.choice.removesuffix(_MISSES_NOISE))
     obstacle = _obstacle(layout, replaceable=replaceable)
     if not obstacle:
-        start_error = _errors(_simulated(found.model, found.x0, records), records)
         try:
-            fit = fit_arm(records, layout.drives, error_to_beat=start_error, progress=progress)
+            return _with_arm(found, layout, progress)
         except IdentificationError as error:
             obstacle = str(error)
-        else:
-            levels, scatter = fit.friction.levels, fit.friction.level_deviations
-            if np.any(levels > _STANDS_OUT * scatter) and _better(fit.error, start_error):
-                return replace(
-                    found,
-                    model=fit.model,
-                    x0=fit.x0,
-                    order=fit.model.nstates,
-                    method=ARM,
-                    fit_error=fit.error,
-                    start_error=start_error,
-                    friction=fit.friction,
-                    likelihood=None,
-                    moved_eigenvalues=0,
-                    notes=notes(fit),
-                    choice=choice(fit, start_error, found.choice),
-                )
-            obstacle = NO_BETTER
-    if not coulomb.present:
+    if coulomb.present:
+        what = f"dry friction was found, {levels_text(coulomb)}, but"
+    elif recurs:
+        what = "the errors recur with the direction of motion, as with dry friction, but it"
+    else:
         return found
-    note = f"dry friction was found, {levels_text(coulomb)}, but is not in the model: {obstacle}"
-    return replace(found, notes=(*found.notes, note))
+    return replace(found, notes=(*found.notes, f"{what} is not in the model: {obstacle}"))
+
+
+def _with_arm(
+    found: Identification, layout: ArmLayout, progress: Progress | None
+) -> Identification:
+    """Return the arm with friction in the place of a linear model.
+
+    Raises
+    ------
+    IdentificationError
+        If there is none that is better.
+    """
+    records = found.records
+    start_error = _errors(_simulated(found.model, found.x0, records), records)
+    fit = fit_arm(records, layout.drives, error_to_beat=start_error, progress=progress)
+    if not (fit.has_friction and _better(fit.error, start_error)):
+        raise IdentificationError(NO_BETTER)
+    return replace(
+        found,
+        model=fit.model,
+        x0=fit.x0,
+        order=fit.model.nstates,
+        method=ARM,
+        fit_error=fit.error,
+        start_error=start_error,
+        friction=fit.friction,
+        likelihood=None,
+        moved_eigenvalues=0,
+        notes=notes(fit),
+        choice=choice(fit, start_error, found.choice),
+    )
 
 
 def may_be_likely(records: Sequence[Source]) -> bool:
@@ -177,10 +195,7 @@ def likely(found: Identification, *, progress: Progress | None = None) -> Identi
     possible = min(mean_error(found.fit_error), mean_error(same_dynamics.fit.error))
     if mean_error(better.fit_error) > _NO_WORSE * possible:
         return None
-    reason = (
-        f"{found.choice}; maximum likelihood made it order {better.order}, and what its simulation "
-        "misses is noise"
-    )
+    reason = f"{found.choice}; maximum likelihood made it order {better.order}{_MISSES_NOISE}"
     # Eigenvalues that were moved are the start's, and not in this model.
     kept = (INTEGRATES,) if INTEGRATES in found.notes and _integrates(better.model) else ()
     return replace(better, choice=reason, notes=kept)
@@ -266,6 +281,16 @@ def _likely_note(before: int, after: int) -> str:
 
 def _integrates(model: control.StateSpace) -> bool:
     return bool(np.abs(np.linalg.eigvals(model.A) - 1.0).min() < _NEXT_TO_ONE)
+
+
+def _layout(found: Identification) -> ArmLayout | None:
+    """Return the roles of the channels; a simulation shows them where noise hides them."""
+    records = found.records
+    layout = arm_layout(records)
+    simulated = _simulated(found.model, found.x0, records)
+    if layout is not None or not all(np.isfinite(y).all() for y in simulated):
+        return layout
+    return arm_layout([replace(each, y=y) for each, y in zip(records, simulated, strict=True)])
 
 
 def _obstacle(layout: ArmLayout, *, replaceable: bool) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.friction.arm import FlexibleArm
+from flexarm_ident.friction.arm import FlexibleArm, Rung
 from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
 from flexarm_ident.friction.descent import LAST_STEPS, descend
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
-    from flexarm_ident.friction.arm import Rung
     from flexarm_ident.friction.ladder import Climb
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.friction.level_profile import LevelProfile
@@ -57,6 +56,7 @@ _CONFIRMED = 1.05
 _FIRST_STEPS = 15
 NO_BETTER = "an arm with friction simulates the records no better than the linear model"
 """Reason why an arm is not taken."""
+_STANDS_OUT = 3.0
 # Part of a level: a friction that is held from sample to sample cost up to 1.4 % in simulation.
 _SYSTEMATIC = 0.015
 
@@ -97,6 +97,16 @@ class ArmFit:
     law_ranges: FloatArray
     rung: Rung
     left_out: dict[Rung, tuple[float, ...]]
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether the records show the friction.
+
+        A level stands out of its deviation. What the friction depends on was told by halves left
+        out, but trades with the level, whose own deviation is then large.
+        """
+        levels, deviations = self.friction.levels, self.friction.level_deviations
+        return self.rung != Rung.COULOMB or bool(np.any(levels > _STANDS_OUT * deviations))
 
 
 def fit_arm(

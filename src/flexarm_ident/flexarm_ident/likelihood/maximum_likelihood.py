@@ -25,7 +25,7 @@ from flexarm_ident.fitting.levenberg_marquardt import steps_told
 from flexarm_ident.fitting.modal_parameters import PoleForm
 from flexarm_ident.fitting.output_fit import fit_initial_states
 from flexarm_ident.fitting.validation import frequency_response
-from flexarm_ident.likelihood.noise_filter import is_noise
+from flexarm_ident.likelihood.noise_filter import is_noise, whitened
 from flexarm_ident.likelihood.sampled_error import SampledError
 from flexarm_ident.likelihood.spectral_error import SpectralError
 from flexarm_ident.models.free_run import simulate
@@ -172,8 +172,8 @@ def maximise_likelihood(
     theta = found.theta
     model, starts = problem.unpack(theta)
     filters = problem.filters
-    errors = _errors(model, starts, records)
-    white = [_white(e, filters) for e in errors]
+    errors = simulation_errors(model, starts, records)
+    white = [whitened(e, filters) for e in errors]
     inputs = [record.u for record in records]
     if at_once:
         white, inputs = [e[:-1] for e in white], [u[1:] for u in inputs]
@@ -221,13 +221,14 @@ def _simpler(
     return (simpler, again) if again.cost <= limit else None
 
 
-def _errors(
-    model: control.StateSpace, starts: Sequence[FloatArray], records: Sequence[IoData]
+def simulation_errors(
+    model: control.StateSpace, x0: Sequence[FloatArray], records: Sequence[IoData]
 ) -> list[FloatArray]:
+    """Return the errors of the free simulation of each record; NaN where nothing was measured."""
     with np.errstate(over="ignore", invalid="ignore"):
         return [
             np.asarray(record.y_usable - simulate(model, record.u, start))
-            for record, start in zip(records, starts, strict=True)
+            for record, start in zip(records, x0, strict=True)
         ]
 
 
@@ -236,12 +237,6 @@ def _relative(errors: Sequence[FloatArray], records: Sequence[IoData]) -> FloatA
     power = np.sum([np.nansum(record.y_usable**2, axis=0) for record in records], axis=0)
     part = np.divide(missed, power, out=np.full_like(power, np.nan), where=power > 0.0)
     return np.asarray(np.sqrt(part))
-
-
-def _white(errors: FloatArray, filters: Sequence[FloatArray]) -> FloatArray:
-    """Return errors behind their filters; NaN where a filter reaches one that is missing."""
-    passed = [np.convolve(e, taps)[: len(e)] for e, taps in zip(errors.T, filters, strict=True)]
-    return np.stack(passed, axis=1)
 
 
 def _modes(

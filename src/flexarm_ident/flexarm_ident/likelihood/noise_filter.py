@@ -74,8 +74,14 @@ def whitening_filters(errors: Sequence[FloatArray]) -> list[FloatArray]:
     return [whitening_filter([e[:, output] for e in errors]) for output in range(outputs)]
 
 
-def is_noise(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> bool:
-    """Return whether white errors are uncorrelated with the inputs of the 150 samples before them.
+def whitened(errors: FloatArray, filters: Sequence[FloatArray]) -> FloatArray:
+    """Return errors, (samples, outputs), behind their filters; NaN where one reaches a missing."""
+    passed = [np.convolve(e, taps)[: len(e)] for e, taps in zip(errors.T, filters, strict=True)]
+    return np.stack(passed, axis=1)
+
+
+def is_noise(errors: Sequence[FloatArray], inputs: Sequence[FloatArray], lags: int = _LAGS) -> bool:
+    """Return whether white errors are uncorrelated with the inputs of the samples before them.
 
     Parameters
     ----------
@@ -83,22 +89,24 @@ def is_noise(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> bool
         Whitened errors of each record; NaN where there is none.
     inputs : sequence of ndarray, (samples, inputs)
         Inputs of each record.
+    lags : int
+        Number of samples.
     """
-    size = _LAGS * inputs[0].shape[1]
+    size = lags * inputs[0].shape[1]
     gram, cross, samples = np.zeros((size, size)), np.zeros((size, errors[0].shape[1])), 0
     power = np.zeros(errors[0].shape[1])
     for e, u in zip(errors, inputs, strict=True):
-        if len(e) <= _LAGS:
+        if len(e) <= lags:
             continue
-        unknown = _LAGS + np.flatnonzero(np.isnan(e[_LAGS:]).any(axis=1))
-        present = e[_LAGS:].copy()
-        present[unknown - _LAGS] = 0.0
-        gram += _lag_products(u)
-        for lag in range(1, _LAGS + 1):
+        unknown = lags + np.flatnonzero(np.isnan(e[lags:]).any(axis=1))
+        present = e[lags:].copy()
+        present[unknown - lags] = 0.0
+        gram += _lag_products(u, lags)
+        for lag in range(1, lags + 1):
             rows = slice((lag - 1) * u.shape[1], lag * u.shape[1])
-            cross[rows] += u[_LAGS - lag : len(u) - lag].T @ present
+            cross[rows] += u[lags - lag : len(u) - lag].T @ present
         if len(unknown):
-            past = np.hstack([u[unknown - lag] for lag in range(1, _LAGS + 1)])
+            past = np.hstack([u[unknown - lag] for lag in range(1, lags + 1)])
             gram -= past.T @ past
         power += np.sum(present**2, axis=0)
         samples += len(present) - len(unknown)
@@ -110,22 +118,22 @@ def is_noise(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> bool
     return bool(scipy.special.chdtrc(degrees, samples * explained.sum()) > _SIGNIFICANCE)
 
 
-def _lag_products(u: FloatArray) -> FloatArray:
-    """Return the products of the inputs of the 150 samples before a sample, over all of them.
+def _lag_products(u: FloatArray, lags: int) -> FloatArray:
+    """Return the products of the inputs of the samples before a sample, over all of them.
 
     Those of two lags differ from those of the lags before them by the ends of the sums.
     """
     count, r = len(u), u.shape[1]
 
     def edge(row: int, lag: int) -> FloatArray:
-        others = u[row - np.arange(_LAGS - 1)]
+        others = u[row - np.arange(lags - 1)]
         return np.asarray(u[row - lag][:, np.newaxis] * others[:, np.newaxis])
 
-    products = np.empty((_LAGS, _LAGS, r, r))
-    latest = u[_LAGS - 1 : count - 1].T
-    for lag in range(_LAGS):
-        products[0, lag] = latest @ u[_LAGS - 1 - lag : count - 1 - lag]
+    products = np.empty((lags, lags, r, r))
+    latest = u[lags - 1 : count - 1].T
+    for lag in range(lags):
+        products[0, lag] = latest @ u[lags - 1 - lag : count - 1 - lag]
         products[lag, 0] = products[0, lag].T
-    for lag in range(_LAGS - 1):
-        products[lag + 1, 1:] = products[lag, :-1] + edge(_LAGS - 2, lag) - edge(count - 2, lag)
-    return products.transpose(0, 2, 1, 3).reshape(_LAGS * r, _LAGS * r)
+    for lag in range(lags - 1):
+        products[lag + 1, 1:] = products[lag, :-1] + edge(lags - 2, lag) - edge(count - 2, lag)
+    return products.transpose(0, 2, 1, 3).reshape(lags * r, lags * r)

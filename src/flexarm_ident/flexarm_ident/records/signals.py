@@ -13,7 +13,11 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import ComplexArray, FloatArray
     from flexarm_ident.records.iodata import IoData
 
-_POWER_IN_BAND = 0.999
+_POWER_OUTSIDE = 1e-3
+# Noise with more of an output's power cannot be told from a signal that fills the band.
+_MOSTLY_NOISE = 0.5
+# Sums over noise scatter; what exceeds so many of their deviations is signal.
+_STANDS_OUT = 4.0
 _ORDER = 2
 _CONTINUOUS = 0.95
 _LONGEST_HOLD = 20
@@ -42,16 +46,33 @@ def hann_transforms(segments: FloatArray) -> ComplexArray:
 
 
 def bandwidth_hz(records: Sequence[IoData]) -> float:
-    """Return the frequency below which 99.9 % of every output's power lies."""
+    """Return the frequency below which 99.9 % of every output's power lies, white noise left out.
+
+    The floor of the spectrum's upper half is taken for white noise of the sensor, which would move
+    the frequency towards half the sampling rate from 3 % of noise on. Less of the power lies below
+    where the noise hides as much as 0.1 % of it.
+    """
     highest = 0.0
     for record in records:
         frequency, power = scipy.signal.periodogram(
             record.y, 1.0 / record.dt_s, window="hann", detrend="constant", axis=0
         )
-        total = np.cumsum(power, axis=0)
-        inside = total < _POWER_IN_BAND * total[-1]
-        highest = max(highest, float(frequency[inside.sum(axis=0).max()]))
+        last = max(_last_line(each) for each in power.T)
+        highest = max(highest, float(frequency[last]))
     return highest
+
+
+def _last_line(power: FloatArray) -> int:
+    """Return the last line of a periodogram, (lines,), that holds power of a signal."""
+    lines, whole = len(power), float(power.sum())
+    # Lines of white noise are distributed exponentially.
+    floor = float(np.median(power[lines // 2 :])) / np.log(2.0)
+    if lines * floor > _MOSTLY_NOISE * whole:
+        floor = 0.0
+    noise = lines * floor / whole if whole > 0.0 else 0.0
+    outside = max(_POWER_OUTSIDE, _STANDS_OUT * noise / np.sqrt(lines / 2.0))
+    below = np.cumsum(power - floor)
+    return int(np.argmax(below >= (1.0 - outside) * below[-1]))
 
 
 def smoothed(x: FloatArray, cutoff_hz: float, dt_s: float) -> FloatArray:
