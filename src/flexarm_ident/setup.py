@@ -15,7 +15,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     # Without a key of rosdep, so package.xml cannot name them.
-    install_requires=["setuptools", "control>=0.10.1,<0.11"],
+    install_requires=["setuptools", "control>=0.10.1,<0.11", "threadpoolctl>=3,<4"],
     extras_require={"test": ["pytest"]},
     maintainer="flexarm maintainers",
     maintainer_email="flexarm@example.org",

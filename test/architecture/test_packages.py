@@ -44,7 +44,7 @@ ROSDEP = {
 }
 # Without a key, or with one that is too old on Ubuntu 24.04 (websockets 10): `setup.py` names them,
 # with the bounds of requirements/base.in.
-FROM_PIP = {"control", "lz4", "mcap", "websockets", "zstandard"}
+FROM_PIP = {"control", "lz4", "mcap", "threadpoolctl", "websockets", "zstandard"}
 # Imported for an extra only, which `setup.py` names.
 FOR_EXTRA = {"gymnasium"}
 DEPENDS = {"depend", "exec_depend", "build_depend", "build_export_depend"}

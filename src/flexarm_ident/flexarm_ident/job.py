@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexarm_core.outputs import HEAD_BYTES, is_replaceable, require_place
+from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.dry_friction import friction_fields
 from flexarm_ident.models.files import FORMATS, save_model
 from flexarm_ident.models.model_parameters import model_parameters
@@ -92,6 +93,7 @@ def model_in(folder: Path) -> str:
     return found[1].decode() if found else ""
 
 
+@one_thread()
 def identify_bags(
     bags: Sequence[Path],
     folder: Path,
@@ -164,6 +166,7 @@ def identify_bags(
     return Results(name, folder, outcome, parameters)
 
 
+@one_thread()
 def report_bags(
     bags: Sequence[Path],
     file: Path,

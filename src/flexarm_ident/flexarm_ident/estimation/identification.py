@@ -26,6 +26,7 @@ from flexarm_ident.diagnostics.uncertainty import (
 from flexarm_ident.estimation.cross_validation import cross_validate, cross_validate_likelihood
 from flexarm_ident.estimation.physical_modes import judged_modes
 from flexarm_ident.estimation.plots import plot_response, plot_stabilisation
+from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.dry_friction import net_records
 from flexarm_ident.models.mode_table import mode_table
 from flexarm_ident.models.modes import frequency_grid, ranked_modes
@@ -176,6 +177,7 @@ class Identification:
         return self.friction is None and METHODS[self.method].at_rest
 
     @cached_property
+    @one_thread()
     def data_warnings(self) -> tuple[DataWarning, ...]:
         """Defects of the records, each with its name and figures."""
         found = assess(self.records, self.gram, feedthrough=bool(np.any(self.model.D)))
@@ -232,6 +234,7 @@ class Identification:
         )
 
     @cached_property
+    @one_thread()
     def cross_validation(self) -> CrossValidation | None:
         """Errors on blocks of the records that were left out of the fit.
 
@@ -259,6 +262,7 @@ class Identification:
             return None
 
     @cached_property
+    @one_thread()
     def _jackknife(self) -> Jackknife | None:
         if self.friction is not None or not self._is_in_memory:
             return None
@@ -276,12 +280,14 @@ class Identification:
         return METHODS[self.method].build(data).matrices(self.order)
 
     @cached_property
+    @one_thread()
     def diagram(self) -> Stabilisation:
         """Stabilisation diagram: the modes that recur over the orders."""
         space = self.subspace
         return stabilisation(subspace_matrices(space), space.output_scale, self.model.dt)
 
     @cached_property
+    @one_thread()
     def recurring_modes(self) -> tuple[JudgedMode, ...]:
         """Modes of `diagram` with their weights, and whether they are physical."""
         return judged_modes(

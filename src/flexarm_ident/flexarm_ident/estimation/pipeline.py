@@ -20,6 +20,7 @@ from flexarm_ident.estimation.simulation_fit import (
 )
 from flexarm_ident.estimation.streaming import excerpt
 from flexarm_ident.estimation.weighing import Choice, weigh
+from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.models.state_space import is_stable
 from flexarm_ident.records.iodata import IoData, as_records
 from flexarm_ident.subspace.choice import estimate, select_method
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 _FAR_OUTSIDE = 1.005
 
 
+@one_thread()
 def identify(
     data: IoData | Sequence[Source],
     *,

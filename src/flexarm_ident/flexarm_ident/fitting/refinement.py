@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.fitting.levenberg_marquardt import steps_told
 from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.models.free_run import simulate
@@ -51,6 +52,7 @@ class Refinement:
     start_error: FloatArray
 
 
+@one_thread()
 def refine_model(
     model: control.StateSpace,
     x0: Sequence[FloatArray],

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
+from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.arm import FlexibleArm, Rung
 from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
 from flexarm_ident.friction.descent import LAST_STEPS, descend
@@ -109,6 +110,7 @@ class ArmFit:
         return self.rung != Rung.COULOMB or bool(np.any(levels > _STANDS_OUT * deviations))
 
 
+@one_thread()
 def fit_arm(
     data: IoData | Sequence[IoData],
     drives: Sequence[Drive],

@@ -1,4 +1,4 @@
-"""Whether the errors of a model of maximum likelihood recur with the direction of its motion.
+"""Recurrence of the errors of a model of maximum likelihood with the direction of its motion.
 
 A linear model takes dry friction for coloured noise where the errors are not correlated with the
 inputs themselves. Friction is a force against the motion, and the simulated motion knows its
