@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexarm_control.models.arm_model import check_arm_signals
 from flexarm_control.models.nominal_models import nominal_model
 from flexarm_core.channels import COMMAND
 from flexarm_core.errors import IdentificationError, SettingError
@@ -129,7 +130,10 @@ def _source(name: str) -> str:
 
 
 def _identified(bag: Path) -> control.StateSpace:
-    return run(read_bag_report(bag).data, Request(reduction="mrm", update="b")).model
+    record = read_bag_report(bag).data
+    # Before the identification, which may take a minute.
+    check_arm_signals(record.inputs, record.outputs, str(bag))
+    return run(record, Request(reduction="mrm", update="b")).model
 
 
 def _nominal_kg(name: str) -> float:

@@ -107,12 +107,15 @@ class PiTuning:
         Gains.
     criterion : float
         J of (4-1) for a step of 1 V, V s^2.
+    active : tuple of str
+        Active bounds, in words.
     searches : tuple of Search
         Results of the starting points.
     """
 
     gains: PiGains
     criterion: float
+    active: tuple[str, ...]
     searches: tuple[Search[PiGains], ...]
 
 
@@ -244,7 +247,7 @@ def tune_pi(
         search(PiGains, criterion, start, PI_BOUNDS, unconstrained) for start in starts
     )
     best = min(searches, key=lambda found: found.criterion)
-    return PiTuning(best.gains, best.criterion, searches)
+    return PiTuning(best.gains, best.criterion, _at_bounds(best.gains, PI_BOUNDS), searches)
 
 
 def _error_and_strain(
@@ -258,9 +261,11 @@ def _samples(model: control.StateSpace, duration_s: float) -> int:
     return round(duration_s / float(model.dt))
 
 
-def _at_bounds(gains: PdpGains, bounds: tuple[tuple[float, float], ...]) -> list[str]:
-    return [
+def _at_bounds(
+    gains: PdpGains | PiGains, bounds: tuple[tuple[float, float], ...]
+) -> tuple[str, ...]:
+    return tuple(
         f"bound of {name}"
         for (name, value), ends in zip(vars(gains).items(), bounds, strict=True)
         if np.isclose(value, ends).any()
-    ]
+    )

@@ -24,6 +24,7 @@ from flexarm_control.design.tuning_words import (
     handed_over,
     no_position,
     of_unreached,
+    pi_stopped_by,
     searched,
     starts_agree,
     stopped_by,
@@ -195,7 +196,8 @@ def _tune_pi(models: Models, request: TuneRequest) -> TuneResult:
         "J: integral of time times the error of a step of 1 V (4-1), V s^2; smaller is better",
         searched(("kp", "ki"), PI_BOUNDS),
     )
-    return TuneResult(_gain_parameters("pi", found.gains), (found.criterion,), explanation)
+    gains = _gain_parameters("pi", found.gains)
+    return TuneResult(gains, (found.criterion,), explanation, notes=(pi_stopped_by(found),))
 
 
 def _tune_pdp(models: Models, request: TuneRequest) -> TuneResult:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_control.design.search import gain_values
+from flexarm_control.design.tuning import PI_BOUNDS
 from flexarm_control.laws.gains import CompensationLevel
 from flexarm_control.models.arm_model import MIDDLE_STRAIN, OUTPUTS, POSITION, SPEED
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from flexarm_control.design.requirements import Requirements
-    from flexarm_control.design.tuning import PdpTuning
+    from flexarm_control.design.tuning import PdpTuning, PiTuning
 
 # Largest difference of gains of one minimum, V/V.
 _SPREAD = 0.05
@@ -65,6 +66,16 @@ def stopped_by(active: Sequence[str]) -> str:
             "; the best gain may lie beyond: see that all signals are in V, or weigh E and Y anew"
         )
     return text
+
+
+def pi_stopped_by(found: PiTuning) -> str:
+    """Return in words what stopped the search of the PI law, with what to do at a bound."""
+    text = f"active: {', '.join(found.active) or 'none'}"
+    if not found.active:
+        return text
+    if np.isclose(found.gains.ki, PI_BOUNDS[1][0]):
+        return f"{text}; the step needs no integral: next to 0, ki leaves a proportional law"
+    return f"{text}; the best gain may lie beyond: see that all signals are in V"
 
 
 def no_position(model: str) -> str:

@@ -11,6 +11,8 @@ from scipy.linalg import fractional_matrix_power
 from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import control
 
     from flexarm_core.arrays import ComplexArray, FloatArray
@@ -37,17 +39,29 @@ def check_arm_model(model: control.StateSpace) -> None:
     """
     if not model.dt or model.dt is True:
         raise SettingError(f"the model has dt = {model.dt}; set its sampling period in s")
-    if (model.ninputs, model.noutputs) != (1, len(OUTPUTS)):
+    check_arm_signals(model.input_labels, model.output_labels)
+
+
+def check_arm_signals(
+    inputs: Sequence[str], outputs: Sequence[str], whose: str = "the model"
+) -> None:
+    """Refuse signals that no law takes, of a model or of a record for one.
+
+    Raises
+    ------
+    SettingError
+        When there is another number of signals, or the four known outputs are in another order.
+    """
+    if (len(inputs), len(outputs)) != (1, len(OUTPUTS)):
         raise SettingError(
-            f"the model's inputs: {model.ninputs}, outputs: {model.noutputs}; every law takes one "
+            f"{whose}'s inputs: {len(inputs)}, outputs: {len(outputs)}; every law takes one "
             f"input and the outputs {', '.join(OUTPUTS)}: for a law of your own, "
             "flexarm_ident.load_model gives a control.StateSpace; see 'Other signals' in "
             "docs/howto/own_rig.md"
         )
-    labels = tuple(model.output_labels)
-    if any(label in OUTPUTS and label != OUTPUTS[i] for i, label in enumerate(labels)):
+    if any(label in OUTPUTS and label != OUTPUTS[i] for i, label in enumerate(outputs)):
         raise SettingError(
-            f"the model's outputs are {', '.join(labels)}; reorder them to {', '.join(OUTPUTS)}"
+            f"{whose}'s outputs are {', '.join(outputs)}; reorder them to {', '.join(OUTPUTS)}"
         )
 
 

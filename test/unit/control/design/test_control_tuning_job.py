@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from flexarm_control import ControlError, build_law, nominal_model, tune_pdp, tune_pi
+from flexarm_control.design import model_sources
 from flexarm_control.design.model_sources import friction_levels_v, load_models
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.registry import LAWS
@@ -36,6 +37,15 @@ def test_load_models___file_and_nominal___are_the_models(tmp_path: Path) -> None
 
     assert list(models) == [f"{file} arm", "nominal:0.2"]
     assert np.array_equal(models[f"{file} arm"].A, nominal_model(0.4).A)
+
+
+def test_load_models___bag_of_other_signals___is_refused_before_its_identification(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(model_sources, "run", lambda *_: pytest.fail("identified"))
+    bag = BAGS / "quanser_2dsfl"
+    with pytest.raises(ControlError, match=r"quanser_2dsfl's inputs: 2, outputs: 4; every law"):
+        load_models([str(bag)])
 
 
 def test_load_models___flipped___has_the_other_sign_of_y3() -> None:

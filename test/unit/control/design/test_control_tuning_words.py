@@ -7,9 +7,10 @@ import re
 import pytest
 
 from flexarm_control.design.search import Search
-from flexarm_control.design.tuning import PdpTuning
-from flexarm_control.design.tuning_words import confirmation, stopped_by
-from flexarm_control.laws.gains import PdpGains
+from flexarm_control.design.tuning import PdpTuning, PiTuning, tune_pi
+from flexarm_control.design.tuning_words import confirmation, pi_stopped_by, stopped_by
+from flexarm_control.laws.gains import PdpGains, PiGains
+from flexarm_control.models.nominal_models import nominal_model
 
 Ends = list[tuple[float, float, bool]]
 
@@ -50,3 +51,24 @@ def test_bound___that_stops_the_search___is_told_with_what_to_do() -> None:
         "active: gain margin of model 1, bound of kp; the best gain may lie beyond"
     )
     assert "signals are in V" in said
+
+
+@pytest.mark.parametrize(
+    ("gains", "active", "words"),
+    [
+        (PiGains(0.4, 0.01), (), "active: none"),
+        (PiGains(0.3, 5e-6), ("bound of ki",), "active: bound of ki; the step needs no integral"),
+        (PiGains(2.0, 0.01), ("bound of kp",), "active: bound of kp; the best gain may lie beyond"),
+        (PiGains(0.3, 0.2), ("bound of ki",), "active: bound of ki; the best gain may lie beyond"),
+    ],
+)
+def test_pi___at_a_bound___is_told_with_what_it_means(
+    gains: PiGains, active: tuple[str, ...], words: str
+) -> None:
+    assert pi_stopped_by(PiTuning(gains, 1.0, active, ())).startswith(words)
+
+
+def test_pi___arm_that_swings_long___ends_at_the_least_integral() -> None:
+    # The heaviest payload of the thesis: any integral prolongs the vibration.
+    assert tune_pi(nominal_model(0.4)).active == ("bound of ki",)
+    assert tune_pi(nominal_model(0.0)).active == ()
