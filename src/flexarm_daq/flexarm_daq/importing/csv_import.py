@@ -19,6 +19,7 @@ from flexarm_bags.records.columns import decode, members
 from flexarm_bags.schema import describe
 from flexarm_bags.writer import whole_bag
 from flexarm_daq.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate
+from flexarm_daq.importing.csv_resampling import resampled
 from flexarm_daq.importing.csv_table import CsvImportError, read_table
 from flexarm_daq.importing.csv_times import Sampling, doubt, sampling
 
@@ -155,7 +156,9 @@ def import_csv(
     mapping = replace(mapping, closed_loop=closed_loop)
     _write(bag_path, typestore, definitions, mapping, record, source=source)
     notes = table.cut
-    if mapping.time is not None:
+    if mapping.time is not None and mapping.rate_hz is not None:
+        notes += (f"{len(table.lines)} rows were resampled to {mapping.rate_hz:g} Hz",)
+    elif mapping.time is not None:
         notes += doubt(mapping.time, record.sampling.rate_hz)
     rows, last = len(record.inputs), int(record.sampling.places[-1])
     return ImportSummary(
@@ -172,7 +175,9 @@ def import_csv(
 
 def _record(table: CsvTable, mapping: CsvMap) -> CsvRecord:
     signals = table.values
-    if mapping.time is not None:
+    if mapping.time is not None and mapping.rate_hz is not None:
+        found, signals = resampled(table, mapping.time, len(mapping.inputs), mapping.rate_hz)
+    elif mapping.time is not None:
         found, signals = sampling(table, mapping.time), signals[:, 1:]
     elif mapping.rate_hz is not None:
         found = Sampling(mapping.rate_hz, table.places)

@@ -41,9 +41,9 @@ class CsvMap:
     inputs, outputs : tuple of CsvChannel
         Signals in the order of the arrays to be written.
     time : str or None
-        Column of the time, in s or the unit that its name ends with; None when `rate_hz` is given.
+        Column of the time, in s or the unit that its name ends with; None when there is none.
     rate_hz : float or None
-        Sampling rate, Hz, or None when there is a time column.
+        Sampling rate, Hz, of rows without a time, or to which rows with one are resampled.
     closed_loop : bool
         True when the inputs were computed from the outputs.
     description : str
@@ -69,8 +69,9 @@ def load_csv_map(path: Path) -> CsvMap:
     Parameters
     ----------
     path : Path
-        File with the keys ``time`` (a column) or ``rate_hz``, ``inputs`` and ``outputs`` (lists
-        of ``column`` with an optional ``name`` and ``unit``), ``closed_loop``, ``description``.
+        File with the keys ``time`` (a column), ``rate_hz`` or both, ``inputs`` and ``outputs``
+        (lists of ``column`` with an optional ``name`` and ``unit``), ``closed_loop``,
+        ``description``.
 
     Raises
     ------
@@ -86,8 +87,8 @@ def load_csv_map(path: Path) -> CsvMap:
     if not isinstance(content, dict):
         raise CsvMapError(f"{path}: expected the keys {', '.join(sorted(_KEYS))}")
     _refuse_unknown(content, _KEYS, str(path))
-    if ("time" in content) == ("rate_hz" in content):
-        raise CsvMapError(f"{path}: give either time (a column) or rate_hz")
+    if not content.keys() & {"time", "rate_hz"}:
+        raise CsvMapError(f"{path}: give time (a column), rate_hz, or both to resample")
     mapping = CsvMap(
         inputs=_channels(content, "inputs", path),
         outputs=_channels(content, "outputs", path),

@@ -96,7 +96,7 @@ def _refuse_uneven(table: CsvTable, column: str, steps_s: FloatArray, usual_s: f
     if off[worst] > STEP_TOLERANCE:
         raise CsvImportError(
             f"{table.path}, line {table.lines[worst + 1]}: column {column} has an irregular step, "
-            f"{steps_s[worst]:.6g} s, usually {usual_s:.6g} s: resample or cut the file"
+            f"{steps_s[worst]:.6g} s, usually {usual_s:.6g} s: {_remedy(usual_s)}, or cut the file"
         )
 
 
@@ -128,5 +128,11 @@ def _refuse_drift(table: CsvTable, column: str, times_s: FloatArray, found: Samp
     )
     raise CsvImportError(
         f"{table.path}: column {column} has no even rate: {first_hz:.6g} Hz at first, "
-        f"{last_hz:.6g} Hz at last, up to {off.max():.1f} samples off even steps; resample the file"
+        f"{last_hz:.6g} Hz at last, up to {off.max():.1f} samples off even steps: "
+        f"{_remedy(1.0 / found.rate_hz)}"
     )
+
+
+def _remedy(usual_s: float) -> str:
+    rate_hz = float(f"{1.0 / usual_s:.3g}")
+    return f"resample it by a map with rate_hz: {rate_hz:g} beside the time"

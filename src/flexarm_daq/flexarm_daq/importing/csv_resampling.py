@@ -1,0 +1,112 @@
+"""Rows at uneven times, resampled to an even rate.
+
+The input of a row acts until the next row, so an even row has the mean of what acted until the even
+row after it. The outputs are interpolated by Akima's piecewise polynomials, which do not overshoot
+where samples are close together.
+
+Akima, "A new method of interpolation and smooth curve fitting based on local procedures", Journal
+of the ACM 17 (1970).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_core.labels import time_unit_s
+from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_daq.importing.csv_times import Sampling
+
+if TYPE_CHECKING:
+    from flexarm_core.arrays import FloatArray
+    from flexarm_daq.importing.csv_table import CsvTable
+
+# Rate in units of that of the rows: with less, noise and vibration would fold down.
+_LOWEST, _HIGHEST = 0.5, 2.0
+# Steps, in usual ones, beyond which a row between two samples is missing, and how near to either of
+# them it is not.
+_HOLE, _NEAR = 2.5, 0.5
+_FEWEST = 3
+
+
+def resampled(
+    table: CsvTable, column: str, inputs: int, rate_hz: float
+) -> tuple[Sampling, FloatArray]:
+    """Return the sampling of even rows and their signals, (rows, channels), NaN in holes.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Times, inputs and outputs.
+    column : str
+        Name of the column of the time.
+    inputs : int
+        Number of inputs.
+    rate_hz : float
+        Even rate, Hz.
+
+    Raises
+    ------
+    CsvImportError
+        If the times do not rise, there are fewer than 3 rows, the rate is less than half or more
+        than twice that of the rows, or most even rows are missing.
+    """
+    times_s = table.values[:, 0] * (time_unit_s(column) or 1.0)
+    steps_s = np.diff(times_s)
+    if len(times_s) < _FEWEST:
+        raise CsvImportError(f"{table.path}: {len(times_s)} rows are too few to resample")
+    if np.any(steps_s <= 0.0):
+        line = table.lines[int(np.argmax(steps_s <= 0.0)) + 1]
+        raise CsvImportError(
+            f"{table.path}, line {line}: column {column} does not increase: sort the rows, and "
+            "keep one of those with the same time"
+        )
+    usual_s = float(np.median(steps_s))
+    if not _LOWEST <= rate_hz * usual_s <= _HIGHEST:
+        raise CsvImportError(
+            f"{table.path}: rate_hz {rate_hz:g} is far from that of the rows, {1.0 / usual_s:.4g} "
+            f"Hz: choose {_LOWEST / usual_s:.4g} to {_HIGHEST / usual_s:.4g} Hz, or leave it out"
+        )
+    even_s = times_s[0] + np.arange(int((times_s[-1] - times_s[0]) * rate_hz) + 1) / rate_hz
+    u, y = table.values[:, 1 : 1 + inputs], table.values[:, 1 + inputs :]
+    outputs = np.column_stack([_interpolated(times_s, each, even_s, usual_s) for each in y.T])
+    places = np.flatnonzero(np.isfinite(outputs).any(axis=1))
+    if 2 * len(places) < len(even_s):
+        raise CsvImportError(
+            f"{table.path}: {len(even_s) - len(places)} of {len(even_s)} rows at {rate_hz:g} Hz "
+            "have no sample near them: make a file of each part, and give them together"
+        )
+    signals = np.hstack([_mean_held(times_s, u, even_s, 1.0 / rate_hz), outputs])[places]
+    return Sampling(rate_hz, places - places[0]), signals
+
+
+def _mean_held(
+    times_s: FloatArray, u: FloatArray, even_s: FloatArray, period_s: float
+) -> FloatArray:
+    """Return the means over the even periods of inputs that each row holds until the next."""
+    ends_s = np.append(times_s, max(times_s[-1], even_s[-1]) + period_s)
+    sums = np.vstack([np.zeros(u.shape[1]), np.cumsum(u * np.diff(ends_s)[:, np.newaxis], axis=0)])
+    edges_s = np.append(even_s, even_s[-1] + period_s)
+    return np.column_stack(
+        [np.diff(np.interp(edges_s, ends_s, each)) / period_s for each in sums.T]
+    )
+
+
+def _interpolated(
+    times_s: FloatArray, y: FloatArray, even_s: FloatArray, usual_s: float
+) -> FloatArray:
+    """Return an output at even times; NaN in holes and where it was not measured."""
+    # It takes long to import.
+    from scipy.interpolate import Akima1DInterpolator  # noqa: PLC0415
+
+    known = np.isfinite(y)
+    if np.count_nonzero(known) < _FEWEST:
+        return np.full(len(even_s), np.nan)
+    at_s = times_s[known]
+    values = np.asarray(Akima1DInterpolator(at_s, y[known])(even_s))
+    after = np.searchsorted(at_s, even_s).clip(1, len(at_s) - 1)
+    before_s, after_s = at_s[after - 1], at_s[after]
+    near = np.minimum(np.abs(even_s - before_s), np.abs(after_s - even_s)) <= _NEAR * usual_s
+    in_hole = (after_s - before_s > _HOLE * usual_s) & ~near
+    return np.where(in_hole, np.nan, values)
