@@ -96,7 +96,7 @@ def test_arm_with_dry_friction___command___shows_and_keeps_its_level(
     laboratory: Graph, tmp_path: Path
 ) -> None:
     true = 0.3
-    table, map_file = write_csv(tmp_path, rubbing_arm((true,)), ("A", "rad"))
+    table, map_file = write_csv(tmp_path, rubbing_arm((true,), samples=1500), ("A", "rad"))
     import_csv(laboratory, table, map_file, tmp_path / "rubbing")
 
     words = ["identify", str(tmp_path / "rubbing"), "-o", str(tmp_path / "out")]
