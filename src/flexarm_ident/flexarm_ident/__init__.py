@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     )
     from flexarm_ident.friction.arm_fit import ArmFit, fit_arm
     from flexarm_ident.friction.dry_friction import load_friction, simulate_with_friction
+    from flexarm_ident.friction.first_motion import validate_with_friction
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.friction.levels import estimate_coulomb
     from flexarm_ident.models.files import load_model, save_model
@@ -77,4 +78,5 @@ __all__ = [
     "to_columns",
     "validate_dmv",
     "validate_sfv",
+    "validate_with_friction",
 ]

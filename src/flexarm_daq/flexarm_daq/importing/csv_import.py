@@ -147,7 +147,10 @@ def import_csv(
     record = _record(table, mapping)
     digest = _hash(csv_path)
     told = (mapping.description, f"{csv_path.name} sha256:{digest}") if kept else ()
-    source = "; ".join(filter(None, told))
+    resampling = ""
+    if mapping.time is not None and mapping.rate_hz is not None:
+        resampling = f"rows resampled to {mapping.rate_hz:g} Hz"
+    source = "; ".join(filter(None, (*told, resampling)))
     definitions = {
         name: describe(typestore, f"flexarm_msgs/msg/{name}", folder_of)
         for name in ("IoSample", "ChannelInfo")

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_daq.importing.csv_table import CsvTable
 
-# Rate in units of that of the rows: with less, noise and vibration would fold down.
-_LOWEST, _HIGHEST = 0.5, 2.0
+# Rate in units of that of the rows: with less, noise and vibration fold down, and with more the
+# interpolation makes up what was not measured.
+_LOWEST, _HIGHEST = 0.8, 1.25
 # Steps, in usual ones, beyond which a row between two samples is missing, and how near to either of
 # them it is not.
 _HOLE, _NEAR = 2.5, 0.5
@@ -49,8 +50,8 @@ def resampled(
     Raises
     ------
     CsvImportError
-        If the times do not rise, there are fewer than 3 rows, the rate is less than half or more
-        than twice that of the rows, or most even rows are missing.
+        If the times do not rise, there are fewer than 3 rows, the rate differs by more than a
+        quarter from that of the rows, or most even rows are missing.
     """
     times_s = table.values[:, 0] * (time_unit_s(column) or 1.0)
     steps_s = np.diff(times_s)
@@ -66,7 +67,7 @@ def resampled(
     if not _LOWEST <= rate_hz * usual_s <= _HIGHEST:
         raise CsvImportError(
             f"{table.path}: rate_hz {rate_hz:g} is far from that of the rows, {1.0 / usual_s:.4g} "
-            f"Hz: choose {_LOWEST / usual_s:.4g} to {_HIGHEST / usual_s:.4g} Hz, or leave it out"
+            f"Hz: choose {_LOWEST / usual_s:.4g} to {_HIGHEST / usual_s:.4g} Hz"
         )
     even_s = times_s[0] + np.arange(int((times_s[-1] - times_s[0]) * rate_hz) + 1) / rate_hz
     u, y = table.values[:, 1 : 1 + inputs], table.values[:, 1 + inputs :]

@@ -59,11 +59,7 @@ def sampling(table: CsvTable, column: str) -> Sampling:
     steps_s = np.diff(times_s)
     usual_s = float(np.median(steps_s))
     if usual_s <= 0:
-        line = table.lines[int(np.argmax(steps_s <= 0.0)) + 1]
-        raise CsvImportError(
-            f"{table.path}, line {line}: column {column} does not increase: sort the rows, or name "
-            "the column of the time"
-        )
+        raise _backwards(table, column, steps_s)
     _refuse_uneven(table, column, steps_s, usual_s)
     # Printed times round the median, not the mean of many.
     usual_s = float(np.mean(steps_s[steps_s < (1.0 + STEP_TOLERANCE) * usual_s]))
@@ -94,6 +90,8 @@ def _refuse_uneven(table: CsvTable, column: str, steps_s: FloatArray, usual_s: f
     off[steps >= _LONG_HOLE] = 0.0
     worst = int(np.argmax(off))
     if off[worst] > STEP_TOLERANCE:
+        if np.any(steps_s <= 0.0):
+            raise _backwards(table, column, steps_s)
         raise CsvImportError(
             f"{table.path}, line {table.lines[worst + 1]}: column {column} has an irregular step, "
             f"{steps_s[worst]:.6g} s, usually {usual_s:.6g} s: {_remedy(usual_s)}, or cut the file"
@@ -130,6 +128,14 @@ def _refuse_drift(table: CsvTable, column: str, times_s: FloatArray, found: Samp
         f"{table.path}: column {column} has no even rate: {first_hz:.6g} Hz at first, "
         f"{last_hz:.6g} Hz at last, up to {off.max():.1f} samples off even steps: "
         f"{_remedy(1.0 / found.rate_hz)}"
+    )
+
+
+def _backwards(table: CsvTable, column: str, steps_s: FloatArray) -> CsvImportError:
+    line = table.lines[int(np.argmax(steps_s <= 0.0)) + 1]
+    return CsvImportError(
+        f"{table.path}, line {line}: column {column} does not increase: sort the rows, keep one of "
+        "those with the same time, or name the column of the time"
     )
 
 

@@ -67,7 +67,6 @@ class Dmv:
         Returns
         -------
         ndarray of matplotlib.axes.Axes, (outputs,)
-            The axes.
         """
         panels = [
             Panel(axis_label(name), [("measured", measured), ("simulated", simulated)])
@@ -175,7 +174,7 @@ def mean_error(errors: FloatArray) -> float:
 
 
 def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None = None) -> Dmv:
-    """Compare measured outputs with a free simulation under the measured input.
+    """Compare measured outputs with a free simulation, without dry friction, under their input.
 
     Parameters
     ----------
@@ -196,7 +195,7 @@ def validate_dmv(model: control.StateSpace, data: IoData, x0: ArrayLike | None =
     IdentificationError
         If model and record differ in channels or sampling period.
     """
-    _check_model(model, data)
+    check_model(model, data)
     start = _initial_state(model, data) if x0 is None else _checked_state(model, x0)
     y = simulate(model, data.u, start)
     delta = relative_errors(data.y_measured, y)
@@ -235,7 +234,7 @@ def validate_sfv(
     IdentificationError
         If the record has no reference, no linear law made its input, or the model does not fit.
     """
-    _check_model(model, data)
+    check_model(model, data)
     if data.reference is None:
         raise IdentificationError(f"{data.label}: SFV needs the recorded reference, there is none")
     law = gains or recover_gains(data)
@@ -329,7 +328,8 @@ def _checked_state(model: control.StateSpace, x0: ArrayLike) -> FloatArray:
     return start
 
 
-def _check_model(model: control.StateSpace, data: IoData) -> None:
+def check_model(model: control.StateSpace, data: IoData) -> None:
+    """Raise an IdentificationError if model and record differ in channels or sampling period."""
     if (model.ninputs, model.noutputs) != (data.u.shape[1], data.y.shape[1]):
         raise IdentificationError(
             f"{data.label}: the model has {model.ninputs} inputs and {model.noutputs} outputs, "

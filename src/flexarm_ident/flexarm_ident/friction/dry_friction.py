@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.fitting.validation import Dmv, mean_error, relative_errors
 from flexarm_ident.models.files import load_model, load_parameters
 from flexarm_ident.models.free_run import simulate_states
 from flexarm_ident.models.model_parameters import ModelFileError
@@ -180,15 +179,6 @@ def refer_friction(
     )
     rows = np.linalg.lstsq(other, first @ friction.speed.T, rcond=None)[0].T
     return replace(friction, speed=np.ascontiguousarray(rows))
-
-
-def validate_with_friction(
-    model: control.StateSpace, friction: DryFriction, data: IoData, x0: FloatArray
-) -> Dmv:
-    """Compare measured outputs with `simulate_with_friction` under the measured input (2-25)."""
-    y, _ = simulate_with_friction(model, friction, data.u, x0)
-    delta = relative_errors(data.y_measured, y)
-    return Dmv(delta, mean_error(delta), y, x0)
 
 
 def friction_fields(friction: DryFriction | None) -> dict[str, list[float]]:

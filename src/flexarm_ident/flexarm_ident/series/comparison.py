@@ -11,7 +11,8 @@ from flexarm_core.errors import IdentificationError
 from flexarm_core.labels import counted, label_and_unit
 from flexarm_core.outputs import require_place
 from flexarm_ident.fitting.validation import validate_dmv
-from flexarm_ident.friction.dry_friction import load_friction, validate_with_friction
+from flexarm_ident.friction.dry_friction import load_friction
+from flexarm_ident.friction.first_motion import validate_with_friction
 from flexarm_ident.job import MODEL_FILE, read_record, whole
 from flexarm_ident.models.files import FORMATS, load_model
 from flexarm_ident.models.modes import frequency_and_damping, frequency_grid
@@ -78,12 +79,11 @@ class Compared:
         if (*self.model.input_labels, *self.model.output_labels) != names:
             return None
         try:
-            found = validate_dmv(self.model, record)
+            if self.friction is None:
+                return validate_dmv(self.model, record)
+            return validate_with_friction(self.model, self.friction, record)
         except IdentificationError:
             return None
-        if self.friction is None:
-            return found
-        return validate_with_friction(self.model, self.friction, record, found.x0)
 
 
 def compare_files(

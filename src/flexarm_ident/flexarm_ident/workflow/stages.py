@@ -17,7 +17,8 @@ from flexarm_ident.estimation.pipeline import identify
 from flexarm_ident.estimation.simulation_fit import is_compensated
 from flexarm_ident.estimation.streaming import excerpt, leading, validate_stream, without_bias
 from flexarm_ident.fitting.validation import recover_gains, validate_dmv, validate_sfv
-from flexarm_ident.friction.dry_friction import refer_friction, validate_with_friction
+from flexarm_ident.friction.dry_friction import refer_friction
+from flexarm_ident.friction.first_motion import validate_with_friction
 from flexarm_ident.records.iodata import Grade, IoData, as_records
 from flexarm_ident.records.preprocess import preprocess
 from flexarm_ident.records.span import measured

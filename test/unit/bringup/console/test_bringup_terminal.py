@@ -89,7 +89,7 @@ def test_friction_table___levels___have_their_scatter_and_unit() -> None:
         "models.arm.friction_load": [0.0],
         "models.arm.friction_load_std": [0.0],
     }
-    assert cells(friction_table(parameters)) == [(*levels, "0.200 ± 0.050", "0 ± 0", "A")]
+    assert cells(friction_table(parameters)) == [(*levels, "0.200 ± 0.050", "-", "A")]
 
 
 def test_progress_bar___without_a_terminal___prints_a_line_for_each_tenth(
