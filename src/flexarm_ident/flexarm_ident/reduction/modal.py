@@ -127,7 +127,7 @@ def reduce_model(
         If order, ranking or update do not suit the model.
     """
     records = as_records(data)
-    full = _stable_model(identification.model)
+    full = _stable_model(identification)
     _check_request(full, records, ranking, order, known_modes_hz, update=update)
     # Many reductions of one model rank the same modes.
     same = full is identification.model and records is identification.linear_records
@@ -194,8 +194,10 @@ def _real_block(
     return A, np.stack([b.real, b.imag]), 2.0 * np.stack([c.real, -c.imag], axis=1)
 
 
-def _stable_model(model: control.StateSpace) -> control.StateSpace:
-    A, moved = stabilise(model.A)
+def _stable_model(identification: Identification) -> control.StateSpace:
+    model = identification.model
+    # The hub of an arm that is fitted with friction is free: next to 1 is an integrator.
+    A, moved = stabilise(model.A, "mirror" if identification.friction is None else "integrator")
     return with_matrices(model, A=A) if moved else model
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from flexarm_ident import IdentificationError, identify
+from flexarm_ident import IdentificationError, identify, reduce_model
 from flexarm_ident.estimation import simulation_fit
 from flexarm_ident.estimation.simulation_fit import ARM
 from flexarm_ident.friction.direction_test import recurs_with_direction
 from flexarm_ident.friction.layout import Drive
+from flexarm_ident.models.state_space import with_matrices
 from support.rubbing_arms import driven_arm, rubbing_arm
 
 DRIVE = Drive("drive1_a", "joint1_rad")
@@ -70,3 +74,17 @@ def test_identification___no_arm_for_friction_that_passes_for_noise___notes_that
     assert found.notes[-1].startswith("the errors recur with the direction of motion")
     assert found.notes[-1].endswith("is not in the model: no arm")
     assert not found.choice.endswith("is noise")
+
+
+@pytest.mark.slow
+def test_reduction___arm_whose_hub_grows_slowly___keeps_its_integrator() -> None:
+    found = identify(rubbing_arm((0.3,), samples=1200), friction=True)
+    assert found.friction is not None
+    eigenvalues, vectors = np.linalg.eig(found.model.A)
+    hub = int(np.argmin(np.abs(eigenvalues - 1.0)))
+    # A time constant of some minutes, as fits of arms have it.
+    eigenvalues[hub] = 1.000007
+    A = (vectors @ np.diag(eigenvalues) @ np.linalg.inv(vectors)).real
+    grown = replace(found, model=with_matrices(found.model, A=A))
+    reduced = reduce_model(grown, grown.linear_records, order=4).model
+    assert 1.0 - 1e-5 < np.abs(np.linalg.eigvals(reduced.A)).max() < 1.0
