@@ -161,7 +161,11 @@ def test_law_for_another_rate___controller_ends_and_the_drive_is_at_zero(
         "samples at zero after that",
     )
     set_point = SetReference.Request(reference_v=0.5)
-    assert graph.refusal("controller", {"reference": "topic"}) == ""
+    # It says why it ends before it has ended.
+    graph.wait(
+        lambda: graph.refusal("controller", {"reference": "topic"}) == "",
+        "parameters that are taken, as no sample is answered",
+    )
     answer = graph.call(SetReference, "set_reference", set_point)
     assert not answer.success
     assert answer.message.startswith(
