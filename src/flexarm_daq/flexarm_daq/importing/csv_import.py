@@ -147,9 +147,7 @@ def import_csv(
     record = _record(table, mapping)
     digest = _hash(csv_path)
     told = (mapping.description, f"{csv_path.name} sha256:{digest}") if kept else ()
-    resampling = ""
-    if mapping.time is not None and mapping.rate_hz is not None:
-        resampling = f"rows resampled to {mapping.rate_hz:g} Hz"
+    resampling = f"rows resampled to {mapping.rate_hz:g} Hz" if mapping.resamples else ""
     source = "; ".join(filter(None, (*told, resampling)))
     definitions = {
         name: describe(typestore, f"flexarm_msgs/msg/{name}", folder_of)
@@ -159,7 +157,7 @@ def import_csv(
     mapping = replace(mapping, closed_loop=closed_loop)
     _write(bag_path, typestore, definitions, mapping, record, source=source)
     notes = table.cut
-    if mapping.time is not None and mapping.rate_hz is not None:
+    if mapping.resamples:
         notes += (f"{len(table.lines)} rows were resampled to {mapping.rate_hz:g} Hz",)
     elif mapping.time is not None:
         notes += doubt(mapping.time, record.sampling.rate_hz)

@@ -57,6 +57,11 @@ class CsvMap:
     closed_loop: bool = False
     description: str = ""
 
+    @property
+    def resamples(self) -> bool:
+        """Whether rows at the times of a column are resampled to a rate."""
+        return self.time is not None and self.rate_hz is not None
+
     def columns(self) -> tuple[str, ...]:
         """Return the columns to read: time when there is one, inputs, outputs."""
         time = () if self.time is None else (self.time,)

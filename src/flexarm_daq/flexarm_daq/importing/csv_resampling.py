@@ -16,7 +16,7 @@ import numpy as np
 
 from flexarm_core.labels import time_unit_s
 from flexarm_daq.importing.csv_table import CsvImportError
-from flexarm_daq.importing.csv_times import Sampling
+from flexarm_daq.importing.csv_times import Sampling, refuse_backwards
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
@@ -57,12 +57,7 @@ def resampled(
     steps_s = np.diff(times_s)
     if len(times_s) < _FEWEST:
         raise CsvImportError(f"{table.path}: {len(times_s)} rows are too few to resample")
-    if np.any(steps_s <= 0.0):
-        line = table.lines[int(np.argmax(steps_s <= 0.0)) + 1]
-        raise CsvImportError(
-            f"{table.path}, line {line}: column {column} does not increase: sort the rows, and "
-            "keep one of those with the same time"
-        )
+    refuse_backwards(table, column, steps_s)
     usual_s = float(np.median(steps_s))
     if not _LOWEST <= rate_hz * usual_s <= _HIGHEST:
         raise CsvImportError(

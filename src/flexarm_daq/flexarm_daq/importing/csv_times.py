@@ -59,7 +59,7 @@ def sampling(table: CsvTable, column: str) -> Sampling:
     steps_s = np.diff(times_s)
     usual_s = float(np.median(steps_s))
     if usual_s <= 0:
-        raise _backwards(table, column, steps_s)
+        refuse_backwards(table, column, steps_s)
     _refuse_uneven(table, column, steps_s, usual_s)
     # Printed times round the median, not the mean of many.
     usual_s = float(np.mean(steps_s[steps_s < (1.0 + STEP_TOLERANCE) * usual_s]))
@@ -90,8 +90,7 @@ def _refuse_uneven(table: CsvTable, column: str, steps_s: FloatArray, usual_s: f
     off[steps >= _LONG_HOLE] = 0.0
     worst = int(np.argmax(off))
     if off[worst] > STEP_TOLERANCE:
-        if np.any(steps_s <= 0.0):
-            raise _backwards(table, column, steps_s)
+        refuse_backwards(table, column, steps_s)
         raise CsvImportError(
             f"{table.path}, line {table.lines[worst + 1]}: column {column} has an irregular step, "
             f"{steps_s[worst]:.6g} s, usually {usual_s:.6g} s: {_remedy(usual_s)}, or cut the file"
@@ -131,9 +130,12 @@ def _refuse_drift(table: CsvTable, column: str, times_s: FloatArray, found: Samp
     )
 
 
-def _backwards(table: CsvTable, column: str, steps_s: FloatArray) -> CsvImportError:
+def refuse_backwards(table: CsvTable, column: str, steps_s: FloatArray) -> None:
+    """Raise a CsvImportError where a step of the times, (rows - 1,), is not above zero."""
+    if np.all(steps_s > 0.0):
+        return
     line = table.lines[int(np.argmax(steps_s <= 0.0)) + 1]
-    return CsvImportError(
+    raise CsvImportError(
         f"{table.path}, line {line}: column {column} does not increase: sort the rows, keep one of "
         "those with the same time, or name the column of the time"
     )

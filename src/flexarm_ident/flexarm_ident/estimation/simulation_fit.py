@@ -287,9 +287,11 @@ def _layout(found: Identification) -> ArmLayout | None:
     """Return the roles of the channels; a simulation shows them where noise hides them."""
     records = found.records
     layout = arm_layout(records)
-    simulated = _simulated(found.model, found.x0, records)
-    if layout is not None or not all(np.isfinite(y).all() for y in simulated):
+    if layout is not None:
         return layout
+    simulated = _simulated(found.model, found.x0, records)
+    if not all(np.isfinite(y).all() for y in simulated):
+        return None
     return arm_layout([replace(each, y=y) for each, y in zip(records, simulated, strict=True)])
 
 

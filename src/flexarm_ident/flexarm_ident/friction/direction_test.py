@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_ident.friction.layout import drive_columns
-from flexarm_ident.likelihood.maximum_likelihood import simulation_errors
 from flexarm_ident.likelihood.noise_filter import is_noise, whitened
 from flexarm_ident.models.free_run import simulate
 
@@ -46,12 +45,12 @@ def recurs_with_direction(
     drives : sequence of Drive
         Outputs whose motion friction would oppose.
     """
-    errors = simulation_errors(fit.model, fit.x0, records)
-    white = [whitened(e, fit.filters) for e in errors]
-    causes = [
-        np.hstack([record.u, _directions(simulate(fit.model, record.u, start), record, drives)])
-        for record, start in zip(records, fit.x0, strict=True)
+    simulated = [
+        simulate(fit.model, record.u, start) for record, start in zip(records, fit.x0, strict=True)
     ]
+    pairs = list(zip(records, simulated, strict=True))
+    white = [whitened(record.y_usable - y, fit.filters) for record, y in pairs]
+    causes = [np.hstack([record.u, _directions(y, record, drives)]) for record, y in pairs]
     return not is_noise(white, causes, _LAGS)
 
 

@@ -172,7 +172,7 @@ def maximise_likelihood(
     theta = found.theta
     model, starts = problem.unpack(theta)
     filters = problem.filters
-    errors = simulation_errors(model, starts, records)
+    errors = _errors(model, starts, records)
     white = [whitened(e, filters) for e in errors]
     inputs = [record.u for record in records]
     if at_once:
@@ -221,14 +221,13 @@ def _simpler(
     return (simpler, again) if again.cost <= limit else None
 
 
-def simulation_errors(
-    model: control.StateSpace, x0: Sequence[FloatArray], records: Sequence[IoData]
+def _errors(
+    model: control.StateSpace, starts: Sequence[FloatArray], records: Sequence[IoData]
 ) -> list[FloatArray]:
-    """Return the errors of the free simulation of each record; NaN where nothing was measured."""
     with np.errstate(over="ignore", invalid="ignore"):
         return [
             np.asarray(record.y_usable - simulate(model, record.u, start))
-            for record, start in zip(records, x0, strict=True)
+            for record, start in zip(records, starts, strict=True)
         ]
 
 
