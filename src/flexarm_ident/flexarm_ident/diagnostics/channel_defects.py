@@ -17,6 +17,8 @@ from flexarm_ident.records.span import without
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.records.iodata import IoData
 
@@ -29,6 +31,9 @@ _PLATEAU_SAMPLES = 3
 _PLATEAU_COUNT = 5.0
 _PLATEAU_SLOPE = 0.05
 _NEIGHBOURS = 3
+# Plateaus that are no longer than so many rests at other turns, of which there are more than so
+# many for each, are rests themselves.
+_LONGER, _MORE = 1.5, 2
 
 
 def channel_defects(record: IoData) -> Iterator[DataWarning]:
@@ -178,7 +183,8 @@ def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
     """Return the share of samples in which a signal is cut off at its extreme; mostly zero.
 
     A clipped signal runs into the plateau, and has far more samples there than at any level nearby.
-    A signal of few levels, such as a square wave, cannot be judged.
+    One with dry friction rests wherever it turns, so it stays no longer there than at its other
+    turns. A signal of few levels, such as a square wave, cannot be judged.
     """
     on = x == extreme
     share = float(on.mean())
@@ -198,7 +204,22 @@ def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
     _, counts = np.unique(inward * x, return_counts=True)
     if counts[0] < _PLATEAU_COUNT * counts[1 : 1 + _NEIGHBOURS].max():
         return 0.0
-    return float((stops - starts)[plateaus].sum() / len(x))
+    lengths = (stops - starts)[plateaus]
+    rests = _rests_at_turns(x, extreme, inward)
+    is_rare = len(rests) > _MORE * len(lengths)
+    if is_rare and np.median(lengths) <= _LONGER * np.median(rests):
+        return 0.0
+    return float(lengths.sum() / len(x))
+
+
+def _rests_at_turns(x: FloatArray, extreme: float, inward: float) -> NDArray[np.intp]:
+    """Return the lengths of the rests, in samples, at the turns that do not reach an extreme."""
+    starts = np.flatnonzero(np.concatenate([[True], x[1:] != x[:-1]]))
+    lengths, levels = np.diff(np.append(starts, len(x))), inward * x[starts]
+    steps = np.sign(np.diff(levels))
+    turns = 1 + np.flatnonzero((steps[:-1] < 0.0) & (steps[1:] > 0.0))
+    rests = lengths[turns[levels[turns] > inward * extreme]]
+    return np.asarray(rests[rests >= _PLATEAU_SAMPLES])
 
 
 def _percent(share: float) -> str:

@@ -35,6 +35,7 @@ _POOR = 0.9
 _WORSE = 1.005
 # Part of the error's power that follows the inputs: with more, most of it can be avoided.
 _AVOIDABLE = 0.5
+_VALIDATE = "validate it on another record, or fit a leading part of this one (train_fraction)"
 
 
 class Level(IntEnum):
@@ -225,7 +226,7 @@ def _next_step(
 ) -> str:
     listed = ", ".join(dict.fromkeys(defects))
     if level == Level.GOOD:
-        step = "use it" if unseen else "validate it on another record, then use it"
+        step = "use it" if unseen else f"{_VALIDATE}, then use it"
         return f"{step}, but mind the data ({listed}), see the notes" if listed else step
     if listed:
         return f"mend the data first ({listed}), see the notes"

@@ -112,19 +112,41 @@ def test_assess___command_is_limited___input_counts_too() -> None:
     assert found["saturation"].figures["level"] == -2.0
 
 
+def resting_at_turns(rng: np.random.Generator) -> Array:
+    """Encoder of a rubbing joint: it swings to random places, and rests wherever it turns."""
+    parts, place, sign = [], 0.0, 1.0
+    while sum(map(len, parts)) < SAMPLES:
+        reach = sign * rng.uniform(0.5, 1.5)
+        swing = place + (reach - place) * 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, 60)))
+        parts += [swing, np.full(rng.integers(15, 25), reach)]
+        place, sign = reach, -sign
+    return np.asarray(np.round(np.concatenate(parts)[:SAMPLES] / 0.01) * 0.01)
+
+
 @pytest.mark.parametrize(
     "x",
     [
         np.round(3.0 * sine(0.3)[:, 0] / 0.005) * 0.005,
         np.concatenate([np.zeros(600), 1.0 + np.sin(np.arange(SAMPLES - 600) / 30.0)]),
+        *(resting_at_turns(np.random.default_rng(seed)) for seed in range(3)),
     ],
-    ids=["quantised slow sine", "rest at the start"],
+    ids=["quantised slow sine", "rest at the start", *(f"rests at turns {i}" for i in range(3))],
 )
 def test_assess___extreme_that_is_no_limit___is_not_called_saturated(x: Array) -> None:
     clean = response(square_wave(SAMPLES, 7))
     y = clean.y.copy()
     y[:, 1] = x
     assert "saturation" not in warnings(replace(clean, y=y))
+
+
+@pytest.mark.parametrize("part", [0.7, 0.6, 0.5])
+def test_assess___rubbing_joint_is_cut_off___limit_is_told_from_rests(part: float) -> None:
+    clean = response(square_wave(SAMPLES, 7))
+    y = clean.y.copy()
+    y[:, 1] = resting_at_turns(np.random.default_rng(7))
+    limit = part * y[:, 1].max()
+    y[:, 1] = y[:, 1].clip(-np.inf, limit)
+    assert warnings(replace(clean, y=y))["saturation"].figures["level"] == limit
 
 
 def test_assess___offset___is_named_with_mean_and_deviation() -> None:
