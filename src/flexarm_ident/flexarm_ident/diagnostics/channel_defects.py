@@ -31,8 +31,8 @@ _PLATEAU_SAMPLES = 3
 _PLATEAU_COUNT = 5.0
 _PLATEAU_SLOPE = 0.05
 _NEIGHBOURS = 3
-# Plateaus that are no longer than so many rests at other turns, of which there are more than so
-# many for each, are rests themselves.
+# Length of a plateau in rests at other turns up to which it is a rest itself, and the least number
+# of such rests for each.
 _LONGER, _MORE = 1.5, 2
 
 
@@ -202,14 +202,17 @@ def _plateau_share(x: FloatArray, extreme: float, inward: float) -> float:
     if entry < _PLATEAU_SLOPE * np.sqrt(np.mean(steps**2)):
         return 0.0
     _, counts = np.unique(inward * x, return_counts=True)
-    if counts[0] < _PLATEAU_COUNT * counts[1 : 1 + _NEIGHBOURS].max():
-        return 0.0
     lengths = (stops - starts)[plateaus]
-    rests = _rests_at_turns(x, extreme, inward)
-    is_rare = len(rests) > _MORE * len(lengths)
-    if is_rare and np.median(lengths) <= _LONGER * np.median(rests):
+    is_frequent = counts[0] >= _PLATEAU_COUNT * counts[1 : 1 + _NEIGHBOURS].max()
+    if not is_frequent or _are_rests(lengths, _rests_at_turns(x, extreme, inward)):
         return 0.0
     return float(lengths.sum() / len(x))
+
+
+def _are_rests(lengths: NDArray[np.intp], rests: NDArray[np.intp]) -> bool:
+    """Return whether plateaus are rests themselves: rare and no longer than those elsewhere."""
+    is_rare = len(rests) > _MORE * len(lengths)
+    return bool(is_rare and np.median(lengths) <= _LONGER * np.median(rests))
 
 
 def _rests_at_turns(x: FloatArray, extreme: float, inward: float) -> NDArray[np.intp]:

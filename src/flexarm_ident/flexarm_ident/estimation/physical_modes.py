@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from flexarm_ident.records.iodata import IoData
     from flexarm_ident.subspace.subspace_protocol import Subspace
 
-# Response in units of the strongest vibration's. A weaker mode adds at most so much to an error
-# (2-25), a tenth of what a good model may miss.
-_HEARD = 0.02
+# A weaker mode adds at most so much to an error (2-25), a tenth of what a good model may miss.
+HEARD = 0.02
+"""Response (3-8) in units of the strongest vibration's from which a mode is heard."""
 # Energy of the response in units of the error's in one line of its spectrum there. A mode that is
 # fitted to noise explains about as many lines as it has parameters, from the strongest on: up to
 # some 15 in records of thousands of samples. Modes of plants have hundreds.
@@ -109,7 +109,7 @@ def judged_modes(
         own = min(vibrations, key=lambda each: abs(each.frequency_hz - mode.frequency_hz))
         weight = own.mrm / strongest
         stays = mode.frequency_std_hz <= _SCATTER * mode.frequency_hz
-        is_heard = weight >= _HEARD and _evidence(own, form, records, spectra) >= _EVIDENT
+        is_heard = weight >= HEARD and _evidence(own, form, records, spectra) >= _EVIDENT
         judged.append(JudgedMode(mode, weight, is_heard and stays))
     return tuple(judged)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import counted
-from flexarm_ident.estimation.physical_modes import NOISE, PHYSICAL, SPLIT, standing_of
+from flexarm_ident.estimation.physical_modes import HEARD, NOISE, PHYSICAL, SPLIT, standing_of
 from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.records.iodata import Grade
 from flexarm_ident.report.content.wording import listed, percent, shortened
@@ -58,12 +58,16 @@ def vibrations(
     judged : sequence of JudgedMode
         Modes that recur over the orders.
     is_arm : bool
-        Whether the model has an arm's equations of motion, in which no mode is noise.
+        Whether the model has an arm's equations of motion: their modes need not recur over the
+        orders of linear models, which have no friction, but they must be heard.
     """
+    strongest = max((each.mrm for each in modes if each.is_pair), default=0.0)
     told: dict[str, list[str]] = {PHYSICAL: [], SPLIT: [], NOISE: []}
     for mode in sorted(modes, key=lambda each: each.frequency_hz):
         if mode.is_pair and mode.damping_ratio < _LIGHT_DAMPING:
-            standing = PHYSICAL if is_arm else standing_of(mode, judged) or NOISE
+            standing = standing_of(mode, judged) or NOISE
+            if is_arm and (standing == SPLIT or mode.mrm >= HEARD * strongest):
+                standing = PHYSICAL
             told[standing].append(f"{mode.frequency_hz:.2f} Hz")
     lines = []
     if told[PHYSICAL]:
@@ -80,7 +84,12 @@ def vibrations(
             f"Of its vibrations at {listed(told[SPLIT])}, at most one of close neighbours is the "
             "plant's."
         )
-    if told[NOISE]:
+    if len(told[NOISE]) == 1:
+        lines.append(
+            f"Its vibration at {told[NOISE][0]} is not taken for the plant's: it does not stay over "
+            "the orders, or hardly answers the input."
+        )
+    elif told[NOISE]:
         lines.append(
             f"Its vibrations at {listed(told[NOISE])} are not taken for the plant's: they do not "
             "stay over the orders, or hardly answer the input."

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from flexarm_ident.models.modes import Mode
 from flexarm_ident.report.summary import vibrations
 from support.recurring_modes import NEIGHBOURS
@@ -42,7 +44,12 @@ def test_vibrations___no_light_mode___is_told() -> None:
     ]
 
 
-def test_vibrations___equations_of_an_arm___have_no_mode_of_noise() -> None:
-    assert vibrations([pair(9.9)], NEIGHBOURS, is_arm=True) == [
-        "It vibrates at 9.90 Hz (damping ratio below 0.2)."
+def test_vibrations___equations_of_an_arm___need_not_recur_but_be_heard() -> None:
+    faint = replace(pair(30.0), mrm=0.01)
+    assert vibrations([pair(9.9), pair(31.0), faint], NEIGHBOURS, is_arm=True) == [
+        "It vibrates at 9.90 Hz and 31.00 Hz (damping ratio below 0.2).",
+        (
+            "Its vibration at 30.00 Hz is not taken for the plant's: it does not stay over the "
+            "orders, or hardly answers the input."
+        ),
     ]
