@@ -140,7 +140,8 @@ def _unmeasured(record: IoData) -> Iterator[DataWarning]:
         if missing.sum() > lost:
             alike.setdefault(missing.tobytes(), []).append(name)
     for names in alike.values():
-        text, figures = holes_told(record.missing[:, record.outputs.index(names[0])])
+        missing = record.missing[:, record.outputs.index(names[0])]
+        text, figures = holes_told(missing, record.dt_s)
         channel = names[0] if len(names) == 1 else ""
         yield DataWarning("unmeasured", f"{', '.join(names)}: {text}", figures, channel=channel)
 

@@ -78,8 +78,9 @@ def _restarted(run: Run, messages: int) -> tuple[DataWarning, ...]:
 
 
 def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
-    missing = grid.missing
-    return (DataWarning("lost_samples", *holes_told(missing)),) if missing.any() else ()
+    if not grid.missing.any():
+        return ()
+    return (DataWarning("lost_samples", *holes_told(grid.missing, grid.period_s)),)
 
 
 def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:

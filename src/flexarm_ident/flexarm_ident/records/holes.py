@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.arrays import runs
-from flexarm_core.labels import counted
+from flexarm_core.labels import counted, instant
 from flexarm_ident.records.source import joined
 
 if TYPE_CHECKING:
@@ -70,12 +70,16 @@ def unusable_rows(missing: BoolArray) -> BoolArray:
     return unusable
 
 
-def holes_told(missing: BoolArray) -> tuple[str, dict[str, float]]:
-    """Return extent and fate of the holes of a channel or a grid, (samples,), and the figures."""
-    lengths = np.diff(runs(missing), axis=1)
+def holes_told(missing: BoolArray, period_s: float) -> tuple[str, dict[str, float]]:
+    """Return extent, place and fate of the holes of a channel or a grid, (samples,), and figures."""
+    holes = runs(missing)
+    lengths = np.diff(holes, axis=1)
     unusable = unusable_rows(missing[:, np.newaxis])
     missed, left_out = int(missing.sum()), int(unusable.sum())
-    text = f"{missed} of {len(missing)} samples are missing, in {counted(len(lengths), 'hole')}"
+    text = (
+        f"{missed} of {len(missing)} samples are missing, in {counted(len(holes), 'hole')}, the "
+        f"longest {_place(*holes[np.argmax(lengths)].tolist(), period_s)}"
+    )
     if missed > left_out:
         text += f": those of up to {LONGEST_FILLED} samples were filled"
     if left_out:
@@ -87,11 +91,17 @@ def holes_told(missing: BoolArray) -> tuple[str, dict[str, float]]:
     figures = {
         "missing": float(missed),
         "rows": float(len(missing)),
-        "holes": float(len(lengths)),
+        "holes": float(len(holes)),
         "longest": float(lengths.max()),
         "left_out": float(left_out),
     }
     return text, figures
+
+
+def _place(start: int, stop: int, period_s: float) -> str:
+    if stop - start == 1:
+        return f"at {instant(start, period_s)}"
+    return f"from {instant(start, period_s)} to {instant(stop - 1, period_s)}"
 
 
 def filled_pieces(pieces: Iterable[Rows]) -> Iterator[Rows]:
