@@ -14,17 +14,17 @@ import numpy as np
 
 from flexarm_core.errors import IdentificationError
 from flexarm_ident.fitting.blas import one_thread
-from flexarm_ident.friction.arm import FlexibleArm, Rung
-from flexarm_ident.friction.arm_error import Part, SimulationError, deviations
+from flexarm_ident.friction.arm import Rung
+from flexarm_ident.friction.arm_error import SimulationError, deviations
+from flexarm_ident.friction.arm_records import COST_OF_ZERO_ERROR, simulation_error
 from flexarm_ident.friction.descent import LAST_STEPS, descend
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
 from flexarm_ident.friction.ladder import climb
-from flexarm_ident.friction.layout import drive_columns
 from flexarm_ident.friction.level_profile import profile_levels
 from flexarm_ident.friction.random_starts import RandomStarts
 from flexarm_ident.models.state_space import state_space
 from flexarm_ident.records.iodata import as_records
-from flexarm_ident.records.signals import bandwidth_hz, live_samples, smoothed
+from flexarm_ident.records.signals import bandwidth_hz, live_samples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,17 +38,9 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.level_profile import LevelProfile
     from flexarm_ident.records.iodata import IoData
 
-# Samples per period of the highest frequency, and the anti-alias cut-off by the new rate.
-_SAMPLES_PER_PERIOD = 10.0
-_ANTI_ALIAS = 0.3
-# A zero error of the input of 1 % of its peak costs as much as 5 % error of one output, and in a
-# better fit as much as half the error that is left.
-_ZERO_ERROR = 0.01
-_COST_OF_ZERO_ERROR = 0.05
+# A zero error of the input of 1 % of its peak costs in a good fit as much as half the error left.
 _COST_OF_ERROR_LEFT = 0.5
 _LOOSENINGS = 4
-# Samples of all records together at the lower rate; more would take minutes for little more.
-_MOST_SAMPLES = 3000
 _STARTS = 24
 _FINALISTS = 6
 # Further starts are drawn until two have reached the same minimum.
@@ -150,19 +142,9 @@ def fit_arm(
     """
     report = progress or (lambda _stage, _fraction: None)
     records = as_records(data)
-    positions = _positions(records[0], drives)
     band_hz = bandwidth_hz(records)
-    dt_s = records[0].dt_s
-    decimation = max(1, int(1.0 / (dt_s * _SAMPLES_PER_PERIOD * max(band_hz, 1e-9))))
-    decimation = min(decimation, max(1, min(len(record) for record in records) // 100))
     lives = [live_samples(record) for record in records]
-    most = -(-_MOST_SAMPLES * decimation // len(records))
-    problem = _problem(
-        [record.head(most) for record in records],
-        [live[:most] for live in lives],
-        positions,
-        decimation,
-    )
+    problem = simulation_error(records, lives, drives, band_hz)
     draw = RandomStarts(problem, band_hz, np.random.default_rng(seed))
     finalists: list[Minimum] = []
     for number in range(_BATCHES):
@@ -219,57 +201,13 @@ def _is_confirmed(minima: Sequence[Minimum]) -> bool:
     return second <= _CONFIRMED * lowest
 
 
-def _positions(record: IoData, drives: Sequence[Drive]) -> tuple[int, ...]:
-    outputs = dict(drive_columns(record, drive) for drive in drives)
-    missing = [name for i, name in enumerate(record.inputs) if i not in outputs]
-    if missing or any(drive.is_speed for drive in drives) or len(outputs) != len(drives):
-        raise IdentificationError(
-            f"{record.label}: a model with friction needs one position for every input, "
-            f"{', '.join(missing) or 'a drive'} has none"
-        )
-    return tuple(outputs[i] for i in range(len(record.inputs)))
-
-
-def _problem(
-    records: Sequence[IoData],
-    lives: Sequence[FloatArray],
-    positions: tuple[int, ...],
-    decimation: int,
-) -> SimulationError:
-    dt_s = records[0].dt_s * decimation
-    cutoff_hz = _ANTI_ALIAS / dt_s if decimation > 1 else np.inf
-    outputs = records[0].y.shape[1]
-    power = np.sum(
-        [np.sum(live * record.y**2, axis=0) for live, record in zip(lives, records, strict=True)],
-        axis=0,
-    )
-    scale = np.sqrt(np.divide(decimation, power, out=np.zeros_like(power), where=power > 0.0))
-    peak = np.max([np.abs(record.u).max(axis=0) for record in records], axis=0)
-    smooth = [
-        (smoothed(record.u, cutoff_hz, record.dt_s), smoothed(record.y, cutoff_hz, record.dt_s))
-        for record in records
-    ]
-    arm = FlexibleArm(positions, _signs(smooth, positions, records[0].dt_s), outputs)
-    step = slice(None, None, decimation)
-    parts = tuple(
-        Part(
-            _held(u, decimation),
-            _held(np.abs(record.u), decimation),
-            y[step],
-            live[step] * scale,
-        )
-        for record, (u, y), live in zip(records, smooth, lives, strict=True)
-    )
-    return SimulationError(arm, parts, dt_s, _COST_OF_ZERO_ERROR / (_ZERO_ERROR * peak))
-
-
 def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError, Minimum]:
     """Weaken the prior of the offsets as far as the fit is better than assumed."""
     strongest = problem.prior
     for _ in range(_LOOSENINGS):
         left = sum(float(np.sum(e**2)) for e in problem.residuals(best.theta))
         error = np.sqrt(left / problem.arm.outputs)
-        part = min(1.0, float(_COST_OF_ERROR_LEFT * error / _COST_OF_ZERO_ERROR))
+        part = min(1.0, float(_COST_OF_ERROR_LEFT * error / COST_OF_ZERO_ERROR))
         if np.allclose(part * strongest, problem.prior, rtol=0.2):
             break
         problem = replace(problem, prior=part * strongest)
@@ -280,23 +218,6 @@ def _loosened(problem: SimulationError, best: Minimum) -> tuple[SimulationError,
 def _descended(problem: SimulationError, theta: FloatArray) -> Minimum:
     """Return the minimum after the last, longer search."""
     return descend(problem, theta, iterations=LAST_STEPS)
-
-
-def _held(u: FloatArray, decimation: int) -> FloatArray:
-    """Return the mean input from each kept sample to the next."""
-    starts = np.arange(0, len(u), decimation)
-    lengths = np.diff(np.append(starts, len(u)))
-    return np.asarray(np.add.reduceat(u, starts, axis=0) / lengths[:, np.newaxis])
-
-
-def _signs(
-    smooth: Sequence[tuple[FloatArray, FloatArray]], positions: tuple[int, ...], dt_s: float
-) -> tuple[float, ...]:
-    power = np.zeros(len(positions))
-    for u, y in smooth:
-        # Mean power: an input that drives its position supplies more energy than it takes out.
-        power += np.sum(u * np.gradient(y[:, list(positions)], dt_s, axis=0), axis=0)
-    return tuple(float(sign) for sign in np.where(power < 0.0, -1.0, 1.0))
 
 
 def _result(

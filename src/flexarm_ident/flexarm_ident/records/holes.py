@@ -71,14 +71,15 @@ def unusable_rows(missing: BoolArray) -> BoolArray:
 
 
 def holes_told(missing: BoolArray, period_s: float) -> tuple[str, dict[str, float]]:
-    """Return extent, place and fate of the holes of a channel or a grid, (samples,), and figures."""
+    """Return extent, place and fate of the holes of a mask, (samples,), and the figures."""
     holes = runs(missing)
     lengths = np.diff(holes, axis=1)
     unusable = unusable_rows(missing[:, np.newaxis])
     missed, left_out = int(missing.sum()), int(unusable.sum())
+    start, stop = holes[np.argmax(lengths)].tolist()
     text = (
         f"{missed} of {len(missing)} samples are missing, in {counted(len(holes), 'hole')}, the "
-        f"longest {_place(*holes[np.argmax(lengths)].tolist(), period_s)}"
+        f"longest {_place(start, stop, period_s)}"
     )
     if missed > left_out:
         text += f": those of up to {LONGEST_FILLED} samples were filled"

@@ -86,8 +86,8 @@ def vibrations(
         )
     if len(told[NOISE]) == 1:
         lines.append(
-            f"Its vibration at {told[NOISE][0]} is not taken for the plant's: it does not stay over "
-            "the orders, or hardly answers the input."
+            f"Its vibration at {told[NOISE][0]} is not taken for the plant's: it does not stay "
+            "over the orders, or hardly answers the input."
         )
     elif told[NOISE]:
         lines.append(

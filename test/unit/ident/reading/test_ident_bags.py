@@ -220,8 +220,10 @@ def test_read___gaps___are_filled_and_the_input_before_them_is_held(tmp_path: Pa
     assert reading.data.u[:, 0].tolist() == [102, 105, 105, 105, 106, 107, 108, 110, 110, 111]
     assert (reading.samples, reading.lost) == (8, 3)
     assert reading.warnings == (
-        "3 of 11 samples are missing, in 2 holes, the longest from 0.004 s (row 2) to 0.006 s "
-        "(row 3): those of up to 3 samples were filled",
+        (
+            "3 of 11 samples are missing, in 2 holes, the longest from 0.004 s (row 2) to 0.006 s "
+            "(row 3): those of up to 3 samples were filled"
+        ),
     )
 
 
