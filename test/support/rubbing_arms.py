@@ -72,7 +72,13 @@ def rubbing_arm(
 
 
 def driven_arm(
-    level: float, *, rise: float = 0.0, noise: float = 0.02, seed: int = 0, samples: int = 6000
+    level: float,
+    *,
+    rise: float = 0.0,
+    cable: float = 0.0,
+    noise: float = 0.02,
+    seed: int = 0,
+    samples: int = 6000,
 ) -> IoData:
     """Return an open-loop record of an arm with one joint, driven by a square wave.
 
@@ -80,6 +86,8 @@ def driven_arm(
     ----------
     level, rise : float
         As those of `rubbing_arm`.
+    cable : float
+        Stiffness that holds the joint.
     noise : float
         White noise of each output, as a part of its deviation.
     seed : int
@@ -93,8 +101,10 @@ def driven_arm(
     periods = np.searchsorted(edges, np.arange(samples), side="right")
     feed: Array = np.where(periods % 2 == 0, _INPUT_A, -_INPUT_A)[:, np.newaxis]
     open_loop = np.zeros(1)
+    flexibility, stiffness, damping = _mechanics(np.ones(1))
+    stiffness[0] = cable
     u, q = _run(
-        *_mechanics(np.ones(1)),
+        *(flexibility, stiffness, damping),
         np.array([level]),
         *(rise, 0.0),
         feed,

@@ -19,6 +19,7 @@ from flexarm_ident.friction.arm_error import SimulationError, deviations
 from flexarm_ident.friction.arm_records import COST_OF_ZERO_ERROR, simulation_error
 from flexarm_ident.friction.descent import LAST_STEPS, descend
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
+from flexarm_ident.friction.free_hub import without_stiffness
 from flexarm_ident.friction.ladder import climb
 from flexarm_ident.friction.level_profile import profile_levels
 from flexarm_ident.friction.random_starts import RandomStarts
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
     from flexarm_core.arrays import FloatArray, Progress
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
+    from flexarm_ident.friction.free_hub import Freed
     from flexarm_ident.friction.ladder import Climb
     from flexarm_ident.friction.layout import Drive
     from flexarm_ident.friction.level_profile import LevelProfile
@@ -75,6 +77,8 @@ class ArmFit:
     law_ranges : ndarray, (inputs, 4, 2)
         Lowest and highest Coulomb level, rise at standstill, speed over which it fades, and load,
         with which the records are simulated equally well.
+    free_hubs : tuple of int
+        Inputs whose driven position has no stiffness.
     rung : Rung
         What the friction depends on.
     left_out : dict of Rung to tuple of float
@@ -88,6 +92,7 @@ class ArmFit:
     dead_samples: FloatArray
     bandwidth_hz: float
     law_ranges: FloatArray
+    free_hubs: tuple[int, ...]
     rung: Rung
     left_out: dict[Rung, tuple[float, ...]]
 
@@ -158,9 +163,9 @@ def fit_arm(
     problem, (best, *others) = reached.whole
     if reached.rung:
         best = _descended(problem, best.theta)
-    profile = profile_levels(problem, best, others)
+    freed = without_stiffness(problem, profile_levels(problem, best, others))
     report("friction", 1.0)
-    return _result(reached, profile, records, lives, band_hz)
+    return _result(reached, freed, records, lives, band_hz)
 
 
 def _finalists(
@@ -222,12 +227,13 @@ def _descended(problem: SimulationError, theta: FloatArray) -> Minimum:
 
 def _result(
     reached: Climb,
-    profile: LevelProfile,
+    freed: Freed,
     records: Sequence[IoData],
     lives: Sequence[FloatArray],
     band_hz: float,
 ) -> ArmFit:
-    problem, best, first = reached.whole.problem, profile.best, records[0]
+    problem, (profile, free_hubs), first = reached.whole.problem, freed, records[0]
+    best = profile.best
     arm = problem.arm
     A, B = arm.discrete(best.theta, first.dt_s)
     C, D = arm.output_matrix, np.zeros((arm.outputs, arm.inputs))
@@ -248,7 +254,10 @@ def _result(
         axis=0,
     )
     ranges = np.stack([profile.lowest, profile.highest], axis=-1)
-    return ArmFit(model, x0, friction, error, dead, band_hz, ranges, reached.rung, reached.left_out)
+    return ArmFit(
+        *(model, x0, friction, error, dead, band_hz, ranges, free_hubs),
+        *(reached.rung, reached.left_out),
+    )
 
 
 def _friction(problem: SimulationError, profile: LevelProfile) -> DryFriction:

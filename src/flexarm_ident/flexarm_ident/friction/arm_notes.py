@@ -81,6 +81,9 @@ def notes(fit: ArmFit) -> tuple[str, ...]:
                     f"the {what} is not determined by the record: {span} simulate it equally "
                     f"well; {remedy}"
                 )
+    names = ", ".join(label_and_unit(fit.model.input_labels[hub])[0] for hub in fit.free_hubs)
+    if names:
+        lines.append(f"no stiffness holds what {names} drives: the model integrates there")
     return (*lines, *_growth(fit))
 
 

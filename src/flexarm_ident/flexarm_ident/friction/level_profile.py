@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from flexarm_ident.friction.arm_error import SimulationError
 
 # A cost 10 % above the smallest is an error 5 % above it, less than two halves of a record differ.
-_EQUALLY_GOOD = 1.1
+EQUALLY_GOOD = 1.1
+"""Cost in units of the smallest up to which the records are simulated equally well."""
 _MOVED = ("log_level", "log_rise", "log_load")
 _STEP = 0.06
 _STEPS = 8
@@ -69,7 +70,7 @@ def profile_levels(
             break
         best = descend(problem, lower.theta, iterations=_DESCENT)
         points.append((best.theta, best.cost))
-    good = [problem.arm.laws(theta) for theta, cost in points if cost <= _EQUALLY_GOOD * best.cost]
+    good = [problem.arm.laws(theta) for theta, cost in points if cost <= EQUALLY_GOOD * best.cost]
     return LevelProfile(best, np.min(good, axis=0), np.max(good, axis=0))
 
 
@@ -87,6 +88,6 @@ def _moved(problem: SimulationError, best: Minimum) -> Iterator[Minimum]:
                     break
                 found = descend(problem, moved, iterations=_ITERATIONS, free=free)
                 yield found
-                if not found.cost <= _EQUALLY_GOOD * best.cost:
+                if not found.cost <= EQUALLY_GOOD * best.cost:
                     break
                 theta = found.theta

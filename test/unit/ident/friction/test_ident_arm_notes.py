@@ -1,6 +1,8 @@
-"""Words on an arm with dry friction: a motion that grows is told."""
+"""Words on an arm with dry friction: a motion that grows and a free hub are told."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -28,6 +30,7 @@ def fit(*eigenvalues: float) -> ArmFit:
         dead_samples=np.zeros(1),
         bandwidth_hz=1.0,
         law_ranges=np.ones((1, 4, 2)),
+        free_hubs=(),
         rung=Rung.COULOMB,
         left_out={},
     )
@@ -43,3 +46,8 @@ def test_notes___eigenvalue_outside_the_unit_circle___has_its_time_constant() ->
 @pytest.mark.parametrize("rounding", [-1e-12, 0.0, 1e-12])
 def test_notes___integrator___does_not_grow(rounding: float) -> None:
     assert notes(fit(1.0 + rounding, 0.5)) == ()
+
+
+def test_notes___free_hub___is_told_by_the_input_that_drives_it() -> None:
+    (note,) = notes(replace(fit(1.0, 0.5), free_hubs=(0,)))
+    assert note == "no stiffness holds what u[0] drives: the model integrates there"

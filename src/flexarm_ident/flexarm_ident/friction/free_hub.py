@@ -1,0 +1,56 @@
+"""Free hubs: driven positions that the records simulate as well without a stiffness.
+
+Cables hold a hub by a small stiffness, and a free hub has none. The search leaves some stiffness
+to both, of either sign; with a negative one the free motion of the arm grows. Each stiffness in
+turn is taken out and all other parameters are fitted again.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_ident.friction.descent import descend
+from flexarm_ident.friction.level_profile import EQUALLY_GOOD, LevelProfile
+
+if TYPE_CHECKING:
+    from flexarm_ident.friction.arm_error import SimulationError
+
+_DESCENT = 60
+
+
+class Freed(NamedTuple):
+    """Profile whose best arm has no stiffness at some hubs, and the numbers of their inputs."""
+
+    profile: LevelProfile
+    hubs: tuple[int, ...]
+
+
+def without_stiffness(problem: SimulationError, profile: LevelProfile) -> Freed:
+    """Take out each stiffness without which the records are simulated equally well.
+
+    Parameters
+    ----------
+    problem : SimulationError
+        Simulation error.
+    profile : LevelProfile
+        Its lowest minimum and the laws that are equally good.
+    """
+    best, hubs = profile.best, list[int]()
+    first = problem.arm.blocks["stiffness"].start
+    places = np.arange(len(best.theta))
+    for hub in range(problem.arm.inputs):
+        theta = best.theta.copy()
+        theta[first + hub] = 0.0
+        free = np.delete(places, [first + each for each in (*hubs, hub)])
+        found = descend(problem, theta, iterations=_DESCENT, free=free)
+        if found.cost <= EQUALLY_GOOD * profile.best.cost:
+            # What does not move has no deviation.
+            matrix = np.zeros_like(profile.best.matrix)
+            matrix[np.ix_(free, free)] = found.matrix
+            best = found._replace(matrix=matrix)
+            hubs.append(hub)
+    laws = problem.arm.laws(best.theta)
+    lowest, highest = np.minimum(profile.lowest, laws), np.maximum(profile.highest, laws)
+    return Freed(LevelProfile(best, lowest, highest), tuple(hubs))
