@@ -11,6 +11,10 @@ if TYPE_CHECKING:
 
 # The unit stands at the end of a name; the longer ending counts.
 _UNITS = {
+    "rad_per_s": "rad/s",
+    "deg_per_s": "deg/s",
+    "m_per_s": "m/s",
+    "v_per_s": "V/s",
     "rad_s": "rad/s",
     "deg_s": "deg/s",
     "v": "V",
@@ -52,6 +56,16 @@ def label_and_unit(name: str) -> tuple[str, str]:
         if words not in (name, ""):
             return words.replace("_", " "), unit
     return name.replace("_", " "), ""
+
+
+def unit_ending(unit: str) -> str:
+    """Return how a name ends that says a unit: ``_nm`` for ``N m`` or ``Nm``; empty for others."""
+    folded = _folded(unit)
+    return next((f"_{ending}" for ending, known in _UNITS.items() if _folded(known) == folded), "")
+
+
+def _folded(unit: str) -> str:
+    return re.sub(r"[ .*\u00b7]", "", unit).lower()
 
 
 def time_unit_s(column: str) -> float | None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from flexarm_core.bounds import YamlError, read_text_bytes, shown, yaml_content
 from flexarm_core.errors import FlexarmError, reason
-from flexarm_core.labels import named_twice
+from flexarm_core.labels import label_and_unit, named_twice, unit_ending
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,6 +66,23 @@ class CsvMap:
         """Return the columns to read: time when there is one, inputs, outputs."""
         time = () if self.time is None else (self.time,)
         return (*time, *(channel.column for channel in (*self.inputs, *self.outputs)))
+
+
+def unit_notes(mapping: CsvMap) -> tuple[str, ...]:
+    """Return which units of a map no report will show, as they are not those of the names."""
+    channels = [each for each in (*mapping.inputs, *mapping.outputs) if each.unit]
+    told = [(each, unit_ending(each.unit), label_and_unit(each.name)[1]) for each in channels]
+    notes = [
+        f"{each.name} is in {each.unit} by the map and in {own} by its name, which reports go by"
+        for each, ending, own in told
+        if own and ending not in ("", unit_ending(own))
+    ]
+    silent = [(each.name, ending) for each, ending, own in told if not own]
+    if silent:
+        names = ", ".join(name for name, _ in silent)
+        example = next((f", as {name}{ending}" for name, ending in silent if ending), "")
+        notes.append(f"reports show the unit at the end of a name{example}: none in {names}")
+    return tuple(notes)
 
 
 def load_csv_map(path: Path) -> CsvMap:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 # Its exponential is still a double.
 _LARGEST_LOG = 700.0
 _PERSISTENT = 1e-12
+# Rounding of the eigenvalue of an integrator.
+_ROUNDING = 1e-9
 _DEFECTIVE_CONDITION = 1e8
 _GRID_POINTS = 400
 # The responses of this many samples fit into a core's own cache.
@@ -150,14 +152,14 @@ def modal_form(model: control.StateSpace) -> ModalForm:
 def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, float]:
     """Return natural frequency in hertz and damping ratio of a discrete eigenvalue (2-28).
 
-    A positive real eigenvalue has frequency 0 and damping ratio 1, 0 or -1, and so has one that is
-    zero but for rounding, whatever its sign.
+    A positive real eigenvalue has frequency 0 and damping ratio 1, or -1 outside the unit circle.
+    One that is zero or an integrator but for rounding has damping ratio 1, whatever its side.
     """
     if abs(eigenvalue) <= DEADBEAT:
         return 0.0, 1.0
     rate = complex(np.log(complex(eigenvalue)))
     if rate.imag == 0.0:
-        return 0.0, float(np.sign(-rate.real))
+        return 0.0, 1.0 if rate.real <= _ROUNDING else -1.0
     return abs(rate) / (2.0 * np.pi * dt_s), -rate.real / abs(rate)
 
 

@@ -1,4 +1,4 @@
-"""Tests of the unit of a table's time, which the name of its column tells."""
+"""Tests of units: that of a table's time, which its name tells, and those of a map's channels."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, unit_notes
 from flexarm_daq.importing.csv_table import CsvImportError
 from support.bag_samples import typestore
 
@@ -78,3 +78,26 @@ def test_import___rate_that_stamps_cannot_show___says_how_to_tell_the_unit(tmp_p
     said = r"0\.0002 Hz is outside .*in seconds, or in a unit at the end .* as in time_us$"
     with pytest.raises(CsvImportError, match=said):
         imported(tmp_path, "time", 1e6)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "note"),
+    [
+        (
+            "torque",
+            "Nm",
+            "reports show the unit at the end of a name, as torque_nm: none in torque",
+        ),
+        ("angle", "counts", "reports show the unit at the end of a name: none in angle"),
+        ("hub_rad", "deg", "hub_rad is in deg by the map and in rad by its name, which reports go"),
+        ("torque_nm", "N\u00b7m", ""),
+        ("speed_rad_per_s", "rad/s", ""),
+        ("level_v", "V (RMS)", ""),
+        ("torque", "", ""),
+    ],
+)
+def test_map___unit_that_no_name_says___is_told(name: str, unit: str, note: str) -> None:
+    mapping = CsvMap((CsvChannel("i", name, unit),), (CsvChannel("q", "q"),), time="t")
+    notes = unit_notes(mapping)
+    assert len(notes) == bool(note)
+    assert all(note in each for each in notes)

@@ -29,7 +29,9 @@ def test_frequency_and_damping___discretised_second_order_system___closed_form(
     ("eigenvalue", "expected"),
     [
         (0.9, (0.0, 1.0)),
-        (1.0, (0.0, 0.0)),
+        (1.0, (0.0, 1.0)),
+        (1.0 - 1e-15, (0.0, 1.0)),
+        (1.0 + 1e-15, (0.0, 1.0)),
         (1.1, (0.0, -1.0)),
         (0.0, (0.0, 1.0)),
         (-4e-16, (0.0, 1.0)),
