@@ -86,7 +86,7 @@ def test_import___rate_that_stamps_cannot_show___says_how_to_tell_the_unit(tmp_p
         (
             "torque",
             "Nm",
-            "reports show the unit at the end of a name, as torque_nm: none in torque",
+            "reports show the unit at the end of a name, as torque_nm: none in",
         ),
         ("angle", "counts", "reports show the unit at the end of a name: none in angle"),
         ("hub_rad", "deg", "hub_rad is in deg by the map and in rad by its name, which reports go"),
