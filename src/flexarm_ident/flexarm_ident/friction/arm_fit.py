@@ -74,9 +74,9 @@ class ArmFit:
         Number of samples without a working sensor.
     bandwidth_hz : float
         Frequency below which the outputs' power lies.
-    law_ranges : ndarray, (inputs, 4, 2)
-        Lowest and highest Coulomb level, rise at standstill, speed over which it fades, and load,
-        with which the records are simulated equally well.
+    law_ranges : ndarray, (inputs, 5, 2)
+        Lowest and highest Coulomb level, rise at standstill, speed over which it fades, load, and
+        level and rise together, with which the records are simulated equally well.
     free_hubs : tuple of int
         Inputs whose driven position has no stiffness.
     rung : Rung
@@ -264,7 +264,8 @@ def _friction(problem: SimulationError, profile: LevelProfile) -> DryFriction:
     """Return the friction with deviations from the curvature and from the profile."""
     arm, theta = problem.arm, profile.best.theta
     deviation, laws = deviations(problem, profile.best), arm.laws(theta)
-    scatter = np.maximum(laws - profile.lowest, profile.highest - laws)
+    columns = slice(laws.shape[1])
+    scatter = np.maximum(laws - profile.lowest[:, columns], profile.highest[:, columns] - laws)
     for column, name in enumerate(arm.law):
         own = deviation[arm.blocks[name]]
         if len(own):

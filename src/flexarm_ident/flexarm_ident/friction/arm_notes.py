@@ -11,6 +11,8 @@ from flexarm_ident.fitting.validation import mean_error
 from flexarm_ident.friction.arm import Rung
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.friction.arm_fit import ArmFit
     from flexarm_ident.friction.levels import CoulombEstimate
@@ -68,23 +70,32 @@ def notes(fit: ArmFit) -> tuple[str, ...]:
         if count
     )
     lines = [f"dead sensors were left out of the fit: {dead}"] if dead else []
-    for name, (level, rise, _, load) in zip(fit.model.input_labels, fit.law_ranges, strict=True):
-        title, unit = label_and_unit(name)
-        for what, (lowest, highest), limit, of, remedy in (
-            (f"friction level of {title}", level, _UNDETERMINED, unit, _SWEEPS),
-            (f"rise of the friction of {title} at standstill", rise, _VAGUE, unit, _REVERSALS),
-            (f"part of the load in the friction of {title}", load, _VAGUE, "", _LOADS),
-        ):
-            if highest - lowest > limit * (highest + lowest):
-                span = f"{lowest:.3g} to {highest:.3g} {of}".rstrip()
-                lines.append(
-                    f"the {what} is not determined by the record: {span} simulate it equally "
-                    f"well; {remedy}"
-                )
+    for name, ranges in zip(fit.model.input_labels, fit.law_ranges, strict=True):
+        lines += _undetermined(*label_and_unit(name), ranges)
     names = ", ".join(label_and_unit(fit.model.input_labels[hub])[0] for hub in fit.free_hubs)
     if names:
         lines.append(f"no stiffness holds what {names} drives: the model integrates there")
     return (*lines, *_growth(fit))
+
+
+def _undetermined(title: str, unit: str, ranges: FloatArray) -> Iterator[str]:
+    """Yield what the records do not determine of one input's law, (figures, 2)."""
+    level, rise, _, load, held = ranges
+    at_rest = f", {_span(held, unit)} with the rise at standstill" if rise[1] > 0.0 else ""
+    for what, own, limit, of, beside, remedy in (
+        (f"friction level of {title}", level, _UNDETERMINED, unit, at_rest, _SWEEPS),
+        (f"rise of the friction of {title} at standstill", rise, _VAGUE, unit, "", _REVERSALS),
+        (f"part of the load in the friction of {title}", load, _VAGUE, "", "", _LOADS),
+    ):
+        if own[1] - own[0] > limit * (own[1] + own[0]):
+            yield (
+                f"the {what} is not determined by the record: {_span(own, of)} simulate it "
+                f"equally well{beside}; {remedy}"
+            )
+
+
+def _span(ends: FloatArray, unit: str) -> str:
+    return f"{ends[0]:.3g} to {ends[1]:.3g} {unit}".rstrip()
 
 
 def _growth(fit: ArmFit) -> list[str]:

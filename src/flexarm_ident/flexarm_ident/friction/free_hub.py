@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm_ident.friction.descent import descend
-from flexarm_ident.friction.level_profile import EQUALLY_GOOD, LevelProfile
+from flexarm_ident.friction.level_profile import EQUALLY_GOOD, LevelProfile, law_figures
 
 if TYPE_CHECKING:
     from flexarm_ident.friction.arm_error import SimulationError
@@ -51,6 +51,6 @@ def without_stiffness(problem: SimulationError, profile: LevelProfile) -> Freed:
             matrix[np.ix_(free, free)] = found.matrix
             best = found._replace(matrix=matrix)
             hubs.append(hub)
-    laws = problem.arm.laws(best.theta)
-    lowest, highest = np.minimum(profile.lowest, laws), np.maximum(profile.highest, laws)
+    own = law_figures(problem.arm.laws(best.theta))
+    lowest, highest = np.minimum(profile.lowest, own), np.maximum(profile.highest, own)
     return Freed(LevelProfile(best, lowest, highest), tuple(hubs))

@@ -37,7 +37,7 @@ _LOWER = 0.995
 
 
 class LevelProfile(NamedTuple):
-    """Lowest minimum that was met, and the range of laws that are equally good, (inputs, 4)."""
+    """Lowest minimum that was met, and the range of `law_figures` that are equally good."""
 
     best: Minimum
     lowest: FloatArray
@@ -70,8 +70,17 @@ def profile_levels(
             break
         best = descend(problem, lower.theta, iterations=_DESCENT)
         points.append((best.theta, best.cost))
-    good = [problem.arm.laws(theta) for theta, cost in points if cost <= EQUALLY_GOOD * best.cost]
+    limit = EQUALLY_GOOD * best.cost
+    good = [law_figures(problem.arm.laws(theta)) for theta, cost in points if cost <= limit]
     return LevelProfile(best, np.min(good, axis=0), np.max(good, axis=0))
+
+
+def law_figures(laws: FloatArray) -> FloatArray:
+    """Return laws, (inputs, 4), and what holds at standstill: Coulomb level and rise together.
+
+    The two trade with each other, so that a record tells their sum better than either.
+    """
+    return np.column_stack([laws, laws[:, 0] + laws[:, 1]])
 
 
 def _moved(problem: SimulationError, best: Minimum) -> Iterator[Minimum]:
