@@ -6,6 +6,7 @@ from flexarm_core.fronts import late
 
 if TYPE_CHECKING:
     from flexarm_core.errors import BagError, DataError, IdentificationError
+    from flexarm_ident.arm.fit import ArmFit, fit_arm
     from flexarm_ident.estimation.identification import Identification
     from flexarm_ident.estimation.pipeline import identify
     from flexarm_ident.fitting.refinement import Refinement, refine_model
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
         validate_dmv,
         validate_sfv,
     )
-    from flexarm_ident.friction.arm_fit import ArmFit, fit_arm
     from flexarm_ident.friction.dry_friction import load_friction, simulate_with_friction
     from flexarm_ident.friction.first_motion import validate_with_friction
     from flexarm_ident.friction.layout import Drive

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
+from flexarm_ident.arm.fit import NO_BETTER, fit_arm
+from flexarm_ident.arm.notes import choice, levels_text, notes
 from flexarm_ident.fitting.refinement import refine_model
 from flexarm_ident.fitting.stable_fit import fit_stable
 from flexarm_ident.fitting.validation import mean_error, relative_errors
-from flexarm_ident.friction.arm_fit import NO_BETTER, fit_arm
-from flexarm_ident.friction.arm_notes import choice, levels_text, notes
 from flexarm_ident.friction.direction_test import recurs_with_direction
 from flexarm_ident.friction.layout import arm_layout
 from flexarm_ident.friction.levels import estimate_coulomb

@@ -1,1 +1,1 @@
-"""Dry friction: levels, and a flexible arm fitted with it."""
+"""Dry friction: levels, laws, layouts of channels, and whether errors recur with it."""

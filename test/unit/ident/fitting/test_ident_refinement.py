@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from scipy import optimize
 
 from flexarm_ident import IdentificationError, IoData
+from flexarm_ident.arm.equations import FlexibleArm
+from flexarm_ident.arm.fit import fit_arm
+from flexarm_ident.arm.simulation_error import Part, SimulationError
 from flexarm_ident.fitting.levenberg_marquardt import Normal, minimise
 from flexarm_ident.fitting.modal_error import ModalError
 from flexarm_ident.fitting.refinement import refine_model, relative_weights
-from flexarm_ident.friction.arm import FlexibleArm
-from flexarm_ident.friction.arm_error import Part, SimulationError
-from flexarm_ident.friction.arm_fit import fit_arm
 from flexarm_ident.friction.layout import Drive
 from flexarm_ident.models.stick_slip import run
 from support.ident_systems import pulse_responses, random_model, record

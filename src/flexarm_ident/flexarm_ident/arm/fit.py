@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
+from flexarm_ident.arm.descent import LAST_STEPS, descend
+from flexarm_ident.arm.equations import Rung
+from flexarm_ident.arm.fitted_records import COST_OF_ZERO_ERROR, simulation_error
+from flexarm_ident.arm.free_hub import without_stiffness
+from flexarm_ident.arm.ladder import climb
+from flexarm_ident.arm.level_profile import profile_levels
+from flexarm_ident.arm.random_starts import RandomStarts
+from flexarm_ident.arm.simulation_error import SimulationError, deviations
 from flexarm_ident.fitting.blas import one_thread
-from flexarm_ident.friction.arm import Rung
-from flexarm_ident.friction.arm_error import SimulationError, deviations
-from flexarm_ident.friction.arm_records import COST_OF_ZERO_ERROR, simulation_error
-from flexarm_ident.friction.descent import LAST_STEPS, descend
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
-from flexarm_ident.friction.free_hub import without_stiffness
-from flexarm_ident.friction.ladder import climb
-from flexarm_ident.friction.level_profile import profile_levels
-from flexarm_ident.friction.random_starts import RandomStarts
 from flexarm_ident.models.state_space import state_space
 from flexarm_ident.records.iodata import as_records
 from flexarm_ident.records.signals import bandwidth_hz, live_samples
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     import control
 
     from flexarm_core.arrays import FloatArray, Progress
+    from flexarm_ident.arm.free_hub import Freed
+    from flexarm_ident.arm.ladder import Climb
+    from flexarm_ident.arm.level_profile import LevelProfile
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
-    from flexarm_ident.friction.free_hub import Freed
-    from flexarm_ident.friction.ladder import Climb
     from flexarm_ident.friction.layout import Drive
-    from flexarm_ident.friction.level_profile import LevelProfile
     from flexarm_ident.records.iodata import IoData
 
 # A zero error of the input of 1 % of its peak costs in a good fit as much as half the error left.

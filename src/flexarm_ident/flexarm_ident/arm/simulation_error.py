@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.arm.equations import FlexibleArm
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
-    from flexarm_ident.friction.arm import FlexibleArm
 
 _LEAST_INDEPENDENCE = 0.05
 # Part of the load from which friction holds a joint that its load drives.

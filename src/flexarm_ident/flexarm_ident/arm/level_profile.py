@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.friction.descent import descend
+from flexarm_ident.arm.descent import descend
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.arm.simulation_error import SimulationError
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
-    from flexarm_ident.friction.arm_error import SimulationError
 
 # A cost 10 % above the smallest is an error 5 % above it, less than two halves of a record differ.
 EQUALLY_GOOD = 1.1

@@ -8,9 +8,9 @@ import control
 import numpy as np
 import pytest
 
-from flexarm_ident.friction.arm import Rung
-from flexarm_ident.friction.arm_fit import ArmFit
-from flexarm_ident.friction.arm_notes import notes
+from flexarm_ident.arm.equations import Rung
+from flexarm_ident.arm.fit import ArmFit
+from flexarm_ident.arm.notes import notes
 from flexarm_ident.friction.dry_friction import DryFriction
 
 DT_S = 0.01

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexarm_ident.friction.arm_fit import fit_arm
+from flexarm_ident.arm.fit import fit_arm
 from flexarm_ident.friction.layout import Drive
 from support.rubbing_arms import driven_arm
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.errors import IdentificationError
-from flexarm_ident.friction.arm import FlexibleArm
-from flexarm_ident.friction.arm_error import Part, SimulationError
+from flexarm_ident.arm.equations import FlexibleArm
+from flexarm_ident.arm.simulation_error import Part, SimulationError
 from flexarm_ident.friction.layout import drive_columns
 from flexarm_ident.records.signals import smoothed
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from flexarm_ident import IdentificationError
-from flexarm_ident.friction import arm_fit
-from flexarm_ident.friction.arm import FlexibleArm, Rung
-from flexarm_ident.friction.arm_error import Part, SimulationError
-from flexarm_ident.friction.arm_fit import fit_arm
+from flexarm_ident.arm import fit as arm_fit
+from flexarm_ident.arm.equations import FlexibleArm, Rung
+from flexarm_ident.arm.fit import fit_arm
+from flexarm_ident.arm.random_starts import RandomStarts
+from flexarm_ident.arm.simulation_error import Part, SimulationError
 from flexarm_ident.friction.layout import Drive
-from flexarm_ident.friction.random_starts import RandomStarts
 from support.rubbing_arms import rubbing_arm
 
 if TYPE_CHECKING:

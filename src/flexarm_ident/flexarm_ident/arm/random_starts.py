@@ -8,7 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.friction.arm_error import Part, SimulationError
+    from flexarm_ident.arm.simulation_error import Part, SimulationError
 
 # Samples of a record's beginning that tell its first speeds: half a period.
 _BEGINNING = 5

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import label_and_unit, with_deviation
+from flexarm_ident.arm.equations import Rung
 from flexarm_ident.fitting.validation import mean_error
-from flexarm_ident.friction.arm import Rung
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.friction.arm_fit import ArmFit
+    from flexarm_ident.arm.fit import ArmFit
     from flexarm_ident.friction.levels import CoulombEstimate
 
 # Half the range of a level, in units of its middle.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_ident.friction.arm_error import SimulationError
+    from flexarm_ident.arm.simulation_error import SimulationError
 
 LAST_STEPS = 400
 """Steps after which nothing is left of what a start knew."""

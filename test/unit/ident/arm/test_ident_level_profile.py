@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from flexarm_ident.arm.equations import FlexibleArm
+from flexarm_ident.arm.level_profile import profile_levels
 from flexarm_ident.fitting.levenberg_marquardt import Minimum, Normal
-from flexarm_ident.friction.arm import FlexibleArm
-from flexarm_ident.friction.level_profile import profile_levels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.friction.descent import descend
-from flexarm_ident.friction.level_profile import EQUALLY_GOOD, LevelProfile, law_figures
+from flexarm_ident.arm.descent import descend
+from flexarm_ident.arm.level_profile import EQUALLY_GOOD, LevelProfile, law_figures
 
 if TYPE_CHECKING:
-    from flexarm_ident.friction.arm_error import SimulationError
+    from flexarm_ident.arm.simulation_error import SimulationError
 
 _DESCENT = 60
 

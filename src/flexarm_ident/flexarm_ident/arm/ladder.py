@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flexarm_ident.friction.arm import Rung
-from flexarm_ident.friction.arm_error import Part
-from flexarm_ident.friction.descent import LAST_STEPS, descend
+from flexarm_ident.arm.descent import LAST_STEPS, descend
+from flexarm_ident.arm.equations import Rung
+from flexarm_ident.arm.simulation_error import Part
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.arm.equations import FlexibleArm
+    from flexarm_ident.arm.simulation_error import SimulationError
     from flexarm_ident.fitting.levenberg_marquardt import Minimum
-    from flexarm_ident.friction.arm import FlexibleArm
-    from flexarm_ident.friction.arm_error import SimulationError
 
 _EFFECTS = (Rung.STRIBECK, Rung.LOAD)
 # Costs are squares of errors: an error on what was left out has to fall by 5 %.

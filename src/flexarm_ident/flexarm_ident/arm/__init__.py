@@ -1,0 +1,1 @@
+"""Flexible arm with dry friction: equations of motion and their fit to records."""
