@@ -137,7 +137,7 @@ class FlexibleArm:
         for i, output in enumerate(self.positions):
             C[output, i] = 1.0
         for i, output in enumerate(self.elastic):
-            C[output, 2 * self._coordinates + 2 * i] = 1.0
+            C[output, self.filter_states(i).start] = 1.0
         return C
 
     def levels(self, theta: FloatArray) -> FloatArray:
@@ -166,20 +166,32 @@ class FlexibleArm:
         """Return the constant parts of the inputs, (inputs,)."""
         return theta[self.blocks["offset"]].copy()
 
+    def filter_states(self, number: int) -> slice:
+        """Return the places of the states of a filter, numbered as `elastic`."""
+        return slice(self.motions + 2 * number, self.motions + 2 * number + 2)
+
+    def settled(self, theta: FloatArray) -> FloatArray:
+        """Return the map from coordinates and speeds to settled filters, (2 * filters, motions)."""
+        n, r, e = self._coordinates, self.inputs, len(self.elastic)
+        gauges = theta[self.blocks["gauges"]].reshape(e, e)
+        settled = np.zeros((2 * e, 2 * n))
+        settled[::2, r:n] = settled[1::2, n + r :] = gauges
+        return settled
+
     def initial_state(self, theta: FloatArray, motion: FloatArray) -> FloatArray:
         """Return the state, (states,), of given coordinates and speeds, (motions,).
 
         The filters have settled on them. Free filters that are faster than the sampling would begin
         anywhere, and decay unseen.
         """
-        return np.concatenate([motion, self._settled(theta) @ motion])
+        return np.concatenate([motion, self.settled(theta) @ motion])
 
     def initial_state_slopes(self, theta: FloatArray, motion: FloatArray) -> FloatArray:
         """Return its derivatives by parameters and motion, (states, parameters + motions)."""
         n, r, e = self._coordinates, self.inputs, len(self.elastic)
         slopes = np.zeros((self.states, self.parameters + self.motions))
         slopes[: 2 * n, self.parameters :] = np.eye(2 * n)
-        slopes[2 * n :, self.parameters :] = self._settled(theta)
+        slopes[2 * n :, self.parameters :] = self.settled(theta)
         for i in range(e):
             own = slice(
                 self.blocks["gauges"].start + i * e, self.blocks["gauges"].start + i * e + e
@@ -265,14 +277,6 @@ class FlexibleArm:
             wider[:] = 2.0 * A[high]
             wider[high] = A[high, high]
             d_A[self.blocks["log_ratio"].start + i, high, high] = A[high, high]
-
-    def _settled(self, theta: FloatArray) -> FloatArray:
-        """Return the map from coordinates and speeds to settled filters."""
-        n, r, e = self._coordinates, self.inputs, len(self.elastic)
-        gauges = theta[self.blocks["gauges"]].reshape(e, e)
-        settled = np.zeros((2 * e, 2 * n))
-        settled[::2, r:n] = settled[1::2, n + r :] = gauges
-        return settled
 
     def _joined(self, A: FloatArray, B: FloatArray) -> FloatArray:
         joined = np.zeros((self.states + self.inputs,) * 2)

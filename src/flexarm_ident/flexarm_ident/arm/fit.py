@@ -21,6 +21,7 @@ from flexarm_ident.arm.ladder import climb
 from flexarm_ident.arm.level_profile import profile_levels
 from flexarm_ident.arm.random_starts import RandomStarts
 from flexarm_ident.arm.simulation_error import SimulationError, deviations
+from flexarm_ident.arm.untold_filters import observed
 from flexarm_ident.fitting.blas import one_thread
 from flexarm_ident.friction.dry_friction import Dependence, DryFriction, simulate_with_friction
 from flexarm_ident.models.state_space import state_space
@@ -236,10 +237,14 @@ def _result(
     best = profile.best
     arm = problem.arm
     A, B = arm.discrete(best.theta, first.dt_s)
-    C, D = arm.output_matrix, np.zeros((arm.outputs, arm.inputs))
-    model = state_space(A, B, C, D, first.dt_s, inputs=first.inputs, outputs=first.outputs)
-    friction = _friction(problem, profile)
-    x0 = tuple(problem.initial_state(best.theta, i) for i in range(len(records)))
+    kept, C = observed(problem, best.theta)
+    model = state_space(
+        *(A[np.ix_(kept, kept)], B[kept], C, np.zeros((arm.outputs, arm.inputs)), first.dt_s),
+        inputs=first.inputs,
+        outputs=first.outputs,
+    )
+    friction = _friction(problem, profile, arm.speed[:, kept])
+    x0 = tuple(problem.initial_state(best.theta, i)[kept] for i in range(len(records)))
     missed, total = np.zeros(arm.outputs), np.zeros(arm.outputs)
     for record, live, start in zip(records, lives, x0, strict=True):
         y, _ = simulate_with_friction(model, friction, record.u, start)
@@ -260,7 +265,7 @@ def _result(
     )
 
 
-def _friction(problem: SimulationError, profile: LevelProfile) -> DryFriction:
+def _friction(problem: SimulationError, profile: LevelProfile, speed: FloatArray) -> DryFriction:
     """Return the friction with deviations from the curvature and from the profile."""
     arm, theta = problem.arm, profile.best.theta
     deviation, laws = deviations(problem, profile.best), arm.laws(theta)
@@ -276,4 +281,4 @@ def _friction(problem: SimulationError, profile: LevelProfile) -> DryFriction:
     if arm.rung:
         dependence = Dependence(rises, rise_speeds, loads, scatter[:, 1], scatter[:, 3])
     offsets, offset_deviations = arm.offsets(theta), deviation[arm.blocks["offset"]]
-    return DryFriction(levels, offsets, scatter[:, 0], offset_deviations, arm.speed, dependence)
+    return DryFriction(levels, offsets, scatter[:, 0], offset_deviations, speed, dependence)

@@ -1,8 +1,9 @@
-"""Free hubs: driven positions that the records simulate as well without a stiffness.
+"""Free hubs: driven positions whose stiffness came out negative, and which have none.
 
-Cables hold a hub by a small stiffness, and a free hub has none. The search leaves some stiffness
-to both, of either sign; with a negative one the free motion of the arm grows. Each stiffness in
-turn is taken out and all other parameters are fitted again.
+Cables hold a hub by a small stiffness, and a free hub has none. The search may leave a small
+negative one to either, with which the free motion of the arm grows. It is taken out and all other
+parameters are fitted again, where this simulates the records equally well: an arm that gravity
+turns over keeps it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Freed(NamedTuple):
 
 
 def without_stiffness(problem: SimulationError, profile: LevelProfile) -> Freed:
-    """Take out each stiffness without which the records are simulated equally well.
+    """Take out each negative stiffness without which the records are simulated equally well.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def without_stiffness(problem: SimulationError, profile: LevelProfile) -> Freed:
     best, hubs = profile.best, list[int]()
     first = problem.arm.blocks["stiffness"].start
     places = np.arange(len(best.theta))
-    for hub in range(problem.arm.inputs):
+    for hub in np.flatnonzero(best.theta[problem.arm.blocks["stiffness"]] < 0.0).tolist():
         theta = best.theta.copy()
         theta[first + hub] = 0.0
         free = np.delete(places, [first + each for each in (*hubs, hub)])

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_ident.arm.equations import FlexibleArm
 from flexarm_ident.arm.level_profile import profile_levels
-from flexarm_ident.fitting.levenberg_marquardt import Minimum, Normal
+from flexarm_ident.fitting.levenberg_marquardt import Minimum
+from support.quadratic_costs import Bowl
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,38 +17,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-class Bowl:
-    """Quadratic cost over the parameters of an arm with one input, with its lowest value 1."""
-
-    def __init__(self, curvature: float, coupling: float) -> None:
-        self.arm = FlexibleArm((0,), (1.0,), 2)
-        count, place = self.arm.parameters, self.arm.blocks["log_level"].start
-        self.matrix = np.eye(count)
-        self.matrix[place, place] = curvature
-        self.matrix[place, 0] = self.matrix[0, place] = coupling
-        self.centre = np.zeros(count)
-        self.centre[place] = np.log(0.3)
-
-    def cost(self, theta: Array) -> float:
-        moved = theta - self.centre
-        return float(1.0 + moved @ self.matrix @ moved)
-
-    def normal(self, theta: Array) -> Normal:
-        return Normal(self.cost(theta), self.matrix @ (theta - self.centre), self.matrix)
-
-    def allowed(self, theta: Array) -> Array:
-        return theta
-
-    @property
-    def minimum(self) -> Minimum:
-        return Minimum(self.centre, 1.0, self.matrix)
-
-
 @pytest.mark.parametrize(("curvature", "coupling"), [(4.0, 0.0), (4.0, 1.6), (40.0, 0.0)])
 def test_profile___quadratic_cost___reaches_to_ten_percent_above_it(
     curvature: float, coupling: float
 ) -> None:
-    bowl = Bowl(curvature, coupling)
+    bowl = Bowl({"log_level": curvature}, coupling)
     profile = profile_levels(bowl, bowl.minimum, [])  # type: ignore[arg-type]
     # With the other parameters at their best, the curvature is the Schur complement.
     reach = np.sqrt(0.1 / (curvature - coupling**2))
@@ -58,7 +31,7 @@ def test_profile___quadratic_cost___reaches_to_ten_percent_above_it(
 
 
 def test_profile___start_beside_the_minimum___moves_there() -> None:
-    bowl = Bowl(40.0, 0.0)
+    bowl = Bowl({"log_level": 40.0})
     aside = bowl.centre.copy()
     aside[bowl.arm.blocks["log_level"]] += 0.3
     start = Minimum(aside, bowl.cost(aside), bowl.matrix)
@@ -67,7 +40,7 @@ def test_profile___start_beside_the_minimum___moves_there() -> None:
 
 
 def test_profile___another_minimum_as_good___counts() -> None:
-    bowl = Bowl(40.0, 0.0)
+    bowl = Bowl({"log_level": 40.0})
 
     class TwoBowls(Bowl):
         def cost(self, theta: Array) -> float:
@@ -75,7 +48,7 @@ def test_profile___another_minimum_as_good___counts() -> None:
             other[self.arm.blocks["log_level"]] -= np.log(2.0)
             return min(super().cost(theta), super().cost(other))
 
-    two = TwoBowls(40.0, 0.0)
+    two = TwoBowls({"log_level": 40.0})
     far = two.centre.copy()
     far[two.arm.blocks["log_level"]] += np.log(2.0)
     profile = profile_levels(two, bowl.minimum, [Minimum(far, 1.0, two.matrix)])  # type: ignore[arg-type]
