@@ -41,7 +41,7 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
             f"{path}: a model needs --input COLUMN and --output COLUMN; columns: {there}"
         )
     channels = [_channel(text, names) for text in (*inputs, *outputs)]
-    times = [name for name in names if _TIME.fullmatch(name)]
+    times = _times(names)
     free = [name for name in times if name not in {each.column for each in channels}]
     if len(free) != 1:
         if times and not free:
@@ -59,6 +59,28 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
         if twice := named_twice(said):
             raise CsvImportError(f"{path}: {twice}: take it once")
     return CsvMap(tuple(channels[: len(inputs)]), tuple(channels[len(inputs) :]), time=free[0])
+
+
+def unused_time(path: Path, mapping: CsvMap) -> tuple[str, ...]:
+    """Return that a column is called a time and not used, of a map with a rate alone.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read.
+    """
+    if mapping.time is not None:
+        return ()
+    free = [name for name in _times(column_names(path)) if name not in mapping.columns()]
+    return tuple(
+        f"column {name} was not used: the map puts the rows at {mapping.rate_hz:g} Hz; with "
+        f"time: {name} beside it they are resampled, and with that alone they tell the rate"
+        for name in free[:1]
+    )
+
+
+def _times(names: Sequence[str]) -> list[str]:
+    return [name for name in names if _TIME.fullmatch(name)]
 
 
 def _channel(text: str, names: Sequence[str]) -> CsvChannel:

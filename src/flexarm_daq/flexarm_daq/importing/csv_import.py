@@ -18,6 +18,7 @@ from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.records.columns import decode, members
 from flexarm_bags.schema import describe
 from flexarm_bags.writer import whole_bag
+from flexarm_daq.importing.csv_columns import unused_time
 from flexarm_daq.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate, unit_notes
 from flexarm_daq.importing.csv_resampling import resampled
 from flexarm_daq.importing.csv_table import CsvImportError, read_table
@@ -60,7 +61,7 @@ class ImportSummary:
     missing_rows, missing_cells : int
         Rows that the times leave out, and outputs that were not measured in a row.
     notes : tuple of str
-        Lines at the ends that are left out, with the reason, and doubts about units.
+        Lines at the ends that are left out, with the reason, and doubts about units and the time.
     """
 
     bag: Path
@@ -156,7 +157,7 @@ def import_csv(
     closed_loop = judged(record) if judged else mapping.closed_loop
     mapping = replace(mapping, closed_loop=closed_loop)
     _write(bag_path, typestore, definitions, mapping, record, source=source)
-    notes = (*table.cut, *unit_notes(mapping))
+    notes = (*table.cut, *unit_notes(mapping), *unused_time(csv_path, mapping))
     if mapping.resamples:
         notes += (f"{len(table.lines)} rows were resampled to {mapping.rate_hz:g} Hz",)
     elif mapping.time is not None:

@@ -51,6 +51,7 @@ _LIKELY_SAMPLES = 100_000
 _LIKELY_WHOLE_SAMPLES = 1_000_000
 # The likelihood weights outputs by their noise, so that their mean error may rise.
 _NO_WORSE = 1.03
+_NOT_REFINED = "a change of all its matrices simulates the records no better: it was not refined"
 _MISSES_NOISE = ", and what its simulation misses is noise"
 # Distance from 1 at which the likelihood's search keeps an eigenvalue, and more.
 _NEXT_TO_ONE = 1e-6
@@ -220,7 +221,7 @@ def refined(
     Returns
     -------
     Identification
-        The refined model with a note; the start when it simulates all records no worse.
+        The refined model, or the start when it simulates all records no worse, with a note.
     """
     better = _most_likely(found, order_open=order_open, at_once=False, progress=progress)
     if better is not None:
@@ -232,7 +233,7 @@ def refined(
     lower = refine_model(found.model, found.x0, heads, progress=progress)
     error = _errors(_simulated(lower.model, lower.x0, records), records)
     if not _better(error, start_error):
-        return found
+        return replace(found, notes=(*found.notes, _NOT_REFINED))
     note = "refined by the simulation error, as the errors recur with the input and are no noise"
     return replace(
         found,

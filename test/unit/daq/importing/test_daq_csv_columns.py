@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_daq.importing.csv_columns import named_columns
+from flexarm_daq.importing.csv_columns import named_columns, unused_time
 from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
 from flexarm_daq.importing.csv_table import CsvImportError, column_names
 
@@ -76,3 +76,21 @@ def test_column_names__data_frame_without_names___are_its_counted_columns(tmp_pa
 def test_named_columns__missing_file___is_told(tmp_path: Path) -> None:
     with pytest.raises(CsvImportError, match=r"run\.csv: cannot be read as CSV"):
         named_columns(tmp_path / "run.csv", ["i"], ["q"])
+
+
+@pytest.mark.parametrize(
+    ("header", "mapping", "unused"),
+    [
+        ("time_s,i,q,x", {"rate_hz": 10.0}, "time_s"),
+        ("time_s,i,q,x", {"rate_hz": 10.0, "time": "time_s"}, ""),
+        ("clock,i,q,x", {"rate_hz": 10.0}, ""),
+        ("q,i,t,x", {"rate_hz": 10.0}, "t"),
+    ],
+)
+def test_unused_time___map_with_a_rate_alone___is_told(
+    tmp_path: Path, header: str, mapping: dict[str, float | str], unused: str
+) -> None:
+    channels = (CsvChannel("i", "i"),), (CsvChannel("q", "q"),)
+    notes = unused_time(table(tmp_path, header), CsvMap(*channels, **mapping))  # type: ignore[arg-type]
+    start = f"column {unused} was not used: the map puts the rows at 10 Hz"
+    assert [note.startswith(start) for note in notes] == [True] * bool(unused)
