@@ -15,13 +15,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Flag, auto
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from flexarm_core.arrays import FloatArray
+
+_COMPLEX_STEP = 1e-30
 
 
 class Rung(Flag):
@@ -78,12 +82,12 @@ class FlexibleArm:
         """Number of inputs, and of driven positions."""
         return len(self.positions)
 
-    @property
+    @cached_property
     def elastic(self) -> tuple[int, ...]:
         """Outputs that measure the elastic coordinates."""
         return tuple(i for i in range(self.outputs) if i not in self.positions)
 
-    @property
+    @cached_property
     def states(self) -> int:
         """Number of states."""
         return 2 * self._coordinates + 2 * len(self.elastic)
@@ -131,14 +135,17 @@ class FlexibleArm:
         return rows
 
     @cached_property
+    def measured(self) -> NDArray[np.intp]:
+        """State that each output measures, (outputs,)."""
+        places = np.empty(self.outputs, dtype=np.intp)
+        places[list(self.positions)] = np.arange(self.inputs)
+        places[list(self.elastic)] = np.arange(self.motions, self.states, 2)
+        return places
+
+    @cached_property
     def output_matrix(self) -> FloatArray:
         """Output matrix, (outputs, states)."""
-        C = np.zeros((self.outputs, self.states))
-        for i, output in enumerate(self.positions):
-            C[output, i] = 1.0
-        for i, output in enumerate(self.elastic):
-            C[output, self.filter_states(i).start] = 1.0
-        return C
+        return np.asarray(np.eye(self.states)[self.measured])
 
     def levels(self, theta: FloatArray) -> FloatArray:
         """Return the Coulomb levels, (inputs,)."""
@@ -202,86 +209,63 @@ class FlexibleArm:
 
     def discrete(self, theta: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
         """Return A and B for an input that is held over the sampling period `dt_s` (2-2)."""
-        A, B, _, _ = self._continuous(theta)
-        step = scipy.linalg.expm(self._joined(A, B) * dt_s)
-        return self._parted(step)
+        step = scipy.linalg.expm(self._continuous(theta) * dt_s)
+        return self._parted(np.asarray(step, dtype=np.float64))
 
     def discrete_with_derivatives(self, theta: FloatArray, dt_s: float) -> ArmMatrices:
-        """Return A and B as `discrete` does, and their derivatives."""
-        A, B, d_A, d_B = self._continuous(theta)
-        joined = self._joined(A, B) * dt_s
-        first = self.blocks["log_ratio"].stop
-        d_A_step, d_B_step = np.zeros((*A.shape, first)), np.zeros((*B.shape, first))
-        for p in range(first):
-            change = self._joined(d_A[p], d_B[p]) * dt_s
-            change_step = scipy.linalg.expm_frechet(joined, change, compute_expm=False)
-            parted = self._parted(np.asarray(change_step, dtype=np.float64))
-            d_A_step[..., p], d_B_step[..., p] = parted
-        return ArmMatrices(*self._parted(scipy.linalg.expm(joined)), d_A_step, d_B_step)
+        """Return A and B as `discrete` does, and their derivatives by complex steps.
 
-    @property
+        The imaginary part of a function of ``theta + i h`` is h times its derivative, without a
+        difference that would lose digits. Al-Mohy, Higham, "The complex step approximation to the
+        Frechet derivative of a matrix function", Numerical Algorithms 53 (2010).
+        """
+        own = theta[: self.parameters]
+        moved = own + 1j * _COMPLEX_STEP * np.eye(self.blocks["log_ratio"].stop, len(own))
+        steps = scipy.linalg.expm(self._continuous(moved) * dt_s).imag / _COMPLEX_STEP
+        slopes = self._parted(np.moveaxis(steps, 0, -1))
+        return ArmMatrices(*self.discrete(theta, dt_s), *slopes)
+
+    @cached_property
     def _coordinates(self) -> int:
         return self.inputs + len(self.elastic)
 
-    def _continuous(
-        self, theta: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _continuous(self, theta: NDArray[Any]) -> NDArray[Any]:
+        """Return A and B side by side, above zeros, of real or complex parameters.
+
+        The parameters are the last axis, (..., parameters), and the matrices are the last two.
+        """
         n, r = self._coordinates, self.inputs
+        lead, size = theta.shape[:-1], self.states + self.inputs
+        roots = np.zeros((2, *lead, n, n), dtype=theta.dtype)
         lower = np.tril_indices(n)
-        mass_root, damping_root = np.zeros((n, n)), np.zeros((n, n))
-        mass_root[lower] = theta[self.blocks["mass"]]
-        damping_root[lower] = theta[self.blocks["damping"]]
-        flexibility = np.linalg.inv(mass_root @ mass_root.T)
-        damping = damping_root @ damping_root.T
-        stiffness = np.diag(np.concatenate([theta[self.blocks["stiffness"]], np.ones(n - r)]))
-        force = np.zeros((n, r))
-        force[:r] = np.diag(np.asarray(self.signs) * np.exp(theta[self.blocks["log_gain"]]))
-        A, B = np.zeros((self.states, self.states)), np.zeros((self.states, r))
-        d_A = np.zeros((self.parameters, *A.shape))
-        d_B = np.zeros((self.parameters, *B.shape))
+        for root, name in zip(roots, ("mass", "damping"), strict=True):
+            root[(..., *lower)] = theta[..., self.blocks[name]]
+        mass, damping = roots @ np.swapaxes(roots, -1, -2)
+        flexibility = np.linalg.inv(mass)
+        stiffness = np.ones((*lead, 1, n), dtype=theta.dtype)
+        stiffness[..., 0, :r] = theta[..., self.blocks["stiffness"]]
+        force = np.asarray(self.signs) * np.exp(theta[..., self.blocks["log_gain"]])
+        joined = np.zeros((*lead, size, size), dtype=theta.dtype)
         moving = slice(n, 2 * n)
-        A[:n, moving] = np.eye(n)
-        A[moving, :n], A[moving, moving] = -flexibility @ stiffness, -flexibility @ damping
-        B[moving] = flexibility @ force
-        for p, (i, j) in enumerate(np.transpose(lower)):
-            change = np.zeros((n, n))
-            change[i] = mass_root[:, j]
-            change = -flexibility @ (change + change.T) @ flexibility
-            at = self.blocks["mass"].start + p
-            d_A[at, moving, :n], d_A[at, moving, moving] = -change @ stiffness, -change @ damping
-            d_B[at, moving] = change @ force
-            change = np.zeros((n, n))
-            change[i] = damping_root[:, j]
-            at = self.blocks["damping"].start + p
-            d_A[at, moving, moving] = -flexibility @ (change + change.T)
-        for k in range(r):
-            d_A[self.blocks["stiffness"].start + k, moving, k] = -flexibility[:, k]
-            d_B[self.blocks["log_gain"].start + k, moving, k] = flexibility @ force[:, k]
-        self._add_gauges(theta, A, d_A)
-        return A, B, d_A, d_B
-
-    def _add_gauges(self, theta: FloatArray, A: FloatArray, d_A: FloatArray) -> None:
-        """Add the low-pass filters ``z'' + 2 ratio w z' + w^2 z = w^2 (gauges q)``."""
-        n, r, e = self._coordinates, self.inputs, len(self.elastic)
-        gauges = theta[self.blocks["gauges"]].reshape(e, e)
-        bandwidth = np.exp(theta[self.blocks["log_bandwidth"]])
-        ratio = np.exp(theta[self.blocks["log_ratio"]])
-        for i in range(e):
-            low, high = 2 * n + 2 * i, 2 * n + 2 * i + 1
-            A[low, high] = 1.0
-            A[high, low], A[high, high] = -(bandwidth[i] ** 2), -2.0 * ratio[i] * bandwidth[i]
-            A[high, r:n] = bandwidth[i] ** 2 * gauges[i]
-            for j in range(e):
-                d_A[self.blocks["gauges"].start + i * e + j, high, r + j] = bandwidth[i] ** 2
-            wider = d_A[self.blocks["log_bandwidth"].start + i, high]
-            wider[:] = 2.0 * A[high]
-            wider[high] = A[high, high]
-            d_A[self.blocks["log_ratio"].start + i, high, high] = A[high, high]
-
-    def _joined(self, A: FloatArray, B: FloatArray) -> FloatArray:
-        joined = np.zeros((self.states + self.inputs,) * 2)
-        joined[: self.states, : self.states], joined[: self.states, self.states :] = A, B
+        joined[..., :n, moving] = np.eye(n)
+        joined[..., moving, :n] = -flexibility * stiffness
+        joined[..., moving, moving] = -flexibility @ damping
+        joined[..., moving, self.states :] = flexibility[..., :r] * force[..., np.newaxis, :]
+        self._add_gauges(theta, joined)
         return joined
+
+    def _add_gauges(self, theta: NDArray[Any], joined: NDArray[Any]) -> None:
+        """Add the low-pass filters ``z'' + 2 ratio w z' + w^2 z = w^2 (gauges q)``."""
+        n, e = self._coordinates, len(self.elastic)
+        gauges = theta[..., self.blocks["gauges"]].reshape(*theta.shape[:-1], e, e)
+        bandwidth = np.exp(theta[..., self.blocks["log_bandwidth"]])
+        ratio = np.exp(theta[..., self.blocks["log_ratio"]])
+        low = np.arange(self.motions, self.states, 2)
+        high, square = low + 1, bandwidth**2
+        joined[..., low, high] = 1.0
+        joined[..., high, low], joined[..., high, high] = -square, -2.0 * ratio * bandwidth
+        deflections = np.arange(self.inputs, n)
+        joined[..., high[:, np.newaxis], deflections] = square[..., np.newaxis] * gauges
 
     def _parted(self, joined: FloatArray) -> tuple[FloatArray, FloatArray]:
         upper = joined[: self.states]

@@ -98,7 +98,7 @@ class SimulationError:
     def residuals(self, theta: FloatArray) -> list[FloatArray]:
         """Return the weighted residuals of each record, (samples, outputs)."""
         return [
-            part.weight * (x @ self.arm.output_matrix.T - part.y)
+            part.weight * (x[:, self.arm.measured] - part.y)
             for part, x in zip(self.parts, self.states(theta), strict=True)
         ]
 
@@ -119,11 +119,9 @@ class SimulationError:
 
         arm, own, count = self.arm, self.arm.parameters, len(theta)
         nothing = Normal(np.inf, np.zeros(count), np.eye(count))
-        if not np.isfinite(self.cost(theta)):
-            return nothing
         with np.errstate(all="ignore"):
             A, B, d_A, d_B = arm.discrete_with_derivatives(theta, self.dt_s)
-        if not (np.isfinite(d_A).all() and np.isfinite(d_B).all()):
+        if not all(np.isfinite(each).all() for each in (A, B, d_A, d_B)):
             return nothing
         laws, offsets = arm.laws(theta), arm.offsets(theta)
         # Of the initial motions, a record depends on its own alone.
@@ -142,15 +140,15 @@ class SimulationError:
             try:
                 x, d_x = run_sensitivity(
                     *(A, B, arm.speed, laws, *self._driven(theta, i)),
-                    *(d_A, d_B, d_laws, d_u, d_x0),
+                    *(d_A, d_B, d_laws, d_u, d_x0, arm.measured),
                 )
             except np.linalg.LinAlgError:
                 return nothing
             places = np.r_[:own, start]
             # A wild start overflows; its normal equations are then not finite, and it is dropped.
             with np.errstate(over="ignore", invalid="ignore"):
-                residual = (part.weight * (x @ arm.output_matrix.T - part.y)).ravel()
-                jacobian = np.matmul(arm.output_matrix, d_x) * part.weight[:, :, np.newaxis]
+                residual = (part.weight * (x[:, arm.measured] - part.y)).ravel()
+                jacobian = d_x * part.weight[:, :, np.newaxis]
                 jacobian = jacobian.reshape(-1, len(places))
                 cost += float(residual @ residual)
                 gradient[places] += jacobian.T @ residual

@@ -146,7 +146,7 @@ class _BlockRun:
         smooth, constant = np.zeros((r, 4)), np.zeros((r, 4, count))
         x, d_x = run_sensitivity(
             *(self._A, self._B, still, smooth, longer, longer, self._x),
-            *(self._d_A, self._d_B, constant, steady, self._d_x),
+            *(self._d_A, self._d_B, constant, steady, self._d_x, np.arange(len(self._x))),
         )
         self._x, self._d_x = x[-1].copy(), d_x[-1].copy()
         return x[:-1], d_x[:-1]

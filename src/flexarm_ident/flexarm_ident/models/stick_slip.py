@@ -25,10 +25,14 @@ import numpy as np
 from flexarm_core.compilation import compiled
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from flexarm_core.arrays import FloatArray
 
 _SWEEPS = 50
 _SETTLED = 1e-12
+# Samples whose products with derivatives fit into a core's own cache.
+_TOGETHER = 32
 
 
 @compiled
@@ -173,9 +177,10 @@ def run(  # noqa: PLR0917 (compiled code has no keyword arguments)
 
 
 @compiled
-def force_derivative(
+def force_derivative(  # noqa: PLR0917 (compiled code has no keyword arguments)
     ahead: FloatArray,
     gain: FloatArray,
+    inverse: FloatArray,
     force: FloatArray,
     levels: FloatArray,
     d_levels: FloatArray,
@@ -186,8 +191,8 @@ def force_derivative(
     ----------
     ahead : ndarray, (inputs, parameters)
         Derivative of the speeds after the step, with the friction held.
-    gain : ndarray, (inputs, inputs)
-        Speeds that unit forces give over the step.
+    gain, inverse : ndarray, (inputs, inputs)
+        Speeds that unit forces give over the step, and the inverse of this.
     force, levels : ndarray, (inputs,)
         The step's friction and its levels.
     d_levels : ndarray, (inputs, parameters)
@@ -203,6 +208,8 @@ def force_derivative(
     if not held.any():
         return derivative
     # Held drives keep their speed zero, whatever the others do.
+    if held.all():
+        return product(inverse, ahead)
     matrix = np.eye(inputs)
     right = derivative.copy()
     for i in range(inputs):
@@ -227,6 +234,7 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
     d_laws: FloatArray,
     d_u: FloatArray,
     d_x0: FloatArray,
+    told: NDArray[np.intp],
 ) -> tuple[FloatArray, FloatArray]:
     """Step a model and the derivatives of its states with respect to parameters.
 
@@ -244,49 +252,83 @@ def run_sensitivity(  # noqa: PLR0917 (compiled code has no keyword arguments)
         Derivative of a constant part of the inputs.
     d_x0 : ndarray, (states, parameters)
         Derivative of the initial state.
+    told : ndarray of int, (told states,)
+        States whose derivatives are wanted.
 
     Returns
     -------
     ndarray, (samples, states)
         States.
-    ndarray, (samples, states, parameters)
-        Their derivatives.
+    ndarray, (samples, told states, parameters)
+        Derivatives of those that are wanted.
+
+    Raises
+    ------
+    LinAlgError
+        If forces together give no speeds of their own.
     """
     samples, states, inputs = len(u), len(A), B.shape[1]
     parameters, first = d_x0.shape[1], d_A.shape[2]
     x, forces = run(A, B, speed, laws, u, sizes, x0)
-    gain = speed @ B
-    d_x = np.empty((samples, states, parameters))
-    now = d_x0.copy()
-    for k in range(samples):
-        d_x[k] = now
-        ahead = product(A, now) + product(B, d_u)
-        for i in range(states):
-            for j in range(states):
+    gain, steady = speed @ B, product(B, d_u)
+    inverse = np.zeros(gain.shape)
+    if np.any(laws > 0.0):
+        inverse[:] = np.linalg.inv(gain)
+    d_A_rows, d_B_rows = rows_of(d_A), rows_of(d_B)
+    d_x = np.empty((samples, len(told), parameters))
+    now, ahead = d_x0.copy(), np.empty((states, parameters))
+    for start in range(0, samples, _TOGETHER):
+        rows = slice(start, min(start + _TOGETHER, samples))
+        # What A and B themselves change, of many samples at once.
+        direct = np.dot(x[rows], d_A_rows) + np.dot(u[rows] - forces[rows], d_B_rows)
+        for k in range(rows.start, rows.stop):
+            for i in range(len(told)):
+                d_x[k, i] = now[told[i]]
+            ahead[:] = steady
+            for i in range(states):
                 for p in range(first):
-                    ahead[i, p] += d_A[i, j, p] * x[k, j]
-            for j in range(inputs):
-                net = u[k, j] - forces[k, j]
-                for p in range(first):
-                    ahead[i, p] += d_B[i, j, p] * net
-        d_speed = product(speed, ahead)
-        speeds = np.zeros(inputs)
-        for i in range(inputs):
-            for j in range(states):
-                speeds[i] += speed[i, j] * x[k, j]
-        levels = friction_levels(laws, speeds, sizes[k])
-        d_levels = friction_level_derivatives(laws, speeds, sizes[k], d_laws, product(speed, now))
-        d_force = force_derivative(d_speed, gain, forces[k], levels, d_levels)
-        now = ahead - product(B, d_force)
+                    ahead[i, p] += direct[k - start, i * first + p]
+            add_product(ahead, A, now, 1.0)
+            speeds = np.zeros(inputs)
+            for i in range(inputs):
+                for j in range(states):
+                    speeds[i] += speed[i, j] * x[k, j]
+            levels = friction_levels(laws, speeds, sizes[k])
+            d_levels = friction_level_derivatives(
+                laws, speeds, sizes[k], d_laws, product(speed, now)
+            )
+            d_force = force_derivative(
+                product(speed, ahead), gain, inverse, forces[k], levels, d_levels
+            )
+            now[:] = ahead
+            add_product(now, B, d_force, -1.0)
     return x, d_x
+
+
+@compiled
+def rows_of(derivative: FloatArray) -> FloatArray:
+    """Return the derivative of a matrix, (rows, columns, parameters), as (columns, rows * ...)."""
+    rows, columns, parameters = derivative.shape
+    turned = np.empty((columns, rows, parameters))
+    for i in range(rows):
+        turned[:, i] = derivative[i]
+    return turned.reshape(columns, rows * parameters)
 
 
 @compiled
 def product(left: FloatArray, right: FloatArray) -> FloatArray:
     """Return the product of two small matrices, of any layout."""
     result = np.zeros((left.shape[0], right.shape[1]))
+    add_product(result, left, right, 1.0)
+    return result
+
+
+@compiled
+def add_product(total: FloatArray, left: FloatArray, right: FloatArray, factor: float) -> None:
+    """Add a multiple of the product of two small matrices, of which the left one has zeros."""
     for i in range(left.shape[0]):
         for j in range(left.shape[1]):
-            for p in range(right.shape[1]):
-                result[i, p] += left[i, j] * right[j, p]
-    return result
+            entry = factor * left[i, j]
+            if entry != 0.0:
+                for p in range(right.shape[1]):
+                    total[i, p] += entry * right[j, p]
