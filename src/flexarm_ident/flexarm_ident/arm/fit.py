@@ -48,7 +48,7 @@ _STARTS = 24
 _FINALISTS = 6
 # Further starts are drawn until two have reached the same minimum.
 _BATCHES = 3
-_CONFIRMED = 1.05
+_CONFIRMED = 1.01
 _FIRST_STEPS = 15
 NO_BETTER = "an arm with friction simulates the records no better than the linear model"
 """Reason why an arm is not taken."""

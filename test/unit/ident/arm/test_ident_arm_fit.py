@@ -86,8 +86,8 @@ def test_fit___record_cut_in_mid_motion___finds_levels_and_first_motion(
     fit = fit_arm(record, drives)
     assert fit.rung == Rung.COULOMB
     assert fit.friction.levels == pytest.approx(levels, rel=0.05)
-    # Search ends in one of two valleys; in the higher one a bend lacks a mode.
-    assert np.all(fit.error < 0.1)
+    # Most starts end in another valley, where a bend lacks a mode and errs by 0.06.
+    assert np.all(fit.error < 0.05)
     x0 = fit.x0[0]
     assert x0[:joints] == pytest.approx(places, abs=0.02)
     assert x0[2 * joints : 3 * joints] == pytest.approx(speeds, abs=0.25)
