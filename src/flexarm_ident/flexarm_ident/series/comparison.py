@@ -202,7 +202,8 @@ def _trials(found: Sequence[Compared]) -> _Trials:
 
 
 def _words(found: Sequence[Compared], trials: _Trials) -> list[str]:
-    lines = [f"{counted(len(found), 'model')} on {counted(len(trials), 'record')}."]
+    on = counted(len(trials), "record") if trials else "no record: name a bag to try them on"
+    lines = [f"{counted(len(found), 'model')} on {on}."]
     for _, name, simulated in trials:
         errors = {
             each.name: dmv.mean
