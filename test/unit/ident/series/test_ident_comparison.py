@@ -65,7 +65,7 @@ def test_compare_files___two_model_files___are_one_page(tmp_path: Path) -> None:
         save_model(file, random_model(3), name="arm", provenance={"source": "a bag"})
         paths.append(tmp_path / name)
     lines = compare_files(paths, tmp_path / "out.html", Request())
-    assert lines == ["2 models on 0 records."]
+    assert lines == ["2 models on no record: name a bag to try them on."]
     text = (tmp_path / "out.html").read_text("utf-8")
     assert [row[0] for row in cells(text, "models")] == ["before", "after"]
     rows = cells(text, "compared")
