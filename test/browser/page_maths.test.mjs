@@ -66,6 +66,14 @@ test("samples that got lost on the way are counted, over the wrap of their numbe
   assert.equal(ring.lost, 3);
 });
 
+test("a run that begins anew has lost nothing, however late its number is in the span", () => {
+  for (const before of [5000, 2 ** 20 - 6000]) {
+    const ring = new Ring(["sequence_low"], 10);
+    ring.push(frame(0, [[0, before], [0.4, 1], [0.4033, 2], [0.41, 4]]));
+    assert.equal(ring.lost, 1);
+  }
+});
+
 test("few samples are drawn as they are", () => {
   const ring = new Ring(["a"], 10);
   ring.push(frame(0, ramp(5, 4)));

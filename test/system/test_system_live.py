@@ -108,6 +108,42 @@ def test_up___its_page___shows_samples_and_drives_the_arm(
     assert ("/flexarm/daq", "payload_kg", 0.2) in changed
 
 
+def test_page___while_an_experiment_runs___leaves_the_arm_to_it(
+    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(graph.domain))
+    monkeypatch.chdir(tmp_path)
+    process = graph.run([str(ROOT / "flexarm"), "up", "--view-only", "--port", "0"])
+    process.wait_for("http")
+    with connect_terminal("/flexarm") as terminal, closing(terminal.makefile("rw")) as lines:
+
+        def told(**request: Any) -> dict[str, Any]:  # noqa: ANN401 - of JSON
+            lines.write(json.dumps({"id": 3, **request}) + "\n")
+            lines.flush()
+            reply: dict[str, Any] = json.loads(lines.readline())
+            return reply
+
+        beyond = told(do="reference", value_v=6.8)["data"]["note"]
+        assert "beyond the bound of 6.5 V" in beyond
+        assert told(do="reference", value_v=0.0)["data"]["note"] == ""
+        job = told(do="experiment", name="O_dat1")["data"]["job"]
+        assert told(do="status")["data"]["has_experiment"] is True
+        for request in (
+            {"do": "fault", "name": "none"},
+            {"do": "activate", "node": "controller"},
+            {"do": "reference", "value_v": 1.0},
+            {"do": "record", "on": False},
+        ):
+            refused = told(**request)
+            assert refused["ok"] is False
+            assert f"job {job}, experiment, is at work: cancel it or wait" in refused["message"]
+        assert told(do="cancel", job=job)["ok"] is True
+        graph.wait(lambda: not told(do="status")["data"]["has_experiment"], "the end of the job")
+        assert told(do="reference", value_v=1.0)["ok"] is True
+    process.send(signal.SIGINT)
+    assert process.exit_code() == 0, process.printed
+
+
 def test_up___with_a_port_that_is_taken___says_so(graph: Graph) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])

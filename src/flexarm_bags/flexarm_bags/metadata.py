@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,6 +31,8 @@ VERSION = 9
 NO_START_NS = 2**63 - 1
 _INFINITE_NS = 2**63 - 1
 _NS = 1_000_000_000
+# A recorder writes a chunk every second or two.
+_WRITES_EVERY_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -165,8 +168,17 @@ def require_bag(path: Path) -> None:
 
 def repair_advice(path: Path) -> str:
     """Return the end of a sentence about a damaged bag; empty where there is nothing to repair."""
-    has_mcap = any(path.glob("*.mcap")) if path.is_dir() else path.suffix == ".mcap"
-    return f"; try {repair_command(path)}" if has_mcap else ""
+    files = [*path.glob("*.mcap")] if path.is_dir() else [path] * (path.suffix == ".mcap")
+    if not files:
+        return ""
+    still = "end the record if it still runs, else " if _are_being_written(files) else ""
+    return f"; {still}try {repair_command(path)}"
+
+
+def _are_being_written(files: Iterable[Path]) -> bool:
+    """Return whether a recorder may be at work."""
+    written_s = max((each.stat().st_mtime for each in files if each.exists()), default=0.0)
+    return time.time() - written_s < _WRITES_EVERY_S
 
 
 def repair_command(path: Path) -> str:

@@ -35,8 +35,8 @@ def one_line(error: BaseException) -> str:
     An error of the operating system is told as ``FILE: No such file or directory``.
     """
     said = str(error)
-    if isinstance(error, OSError) and error.strerror and error.filename is not None:
-        said = f"{error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.strerror:
+        said = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
     text = " ".join(said[: 2 * _LONGEST].split()) or type(error).__name__
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} ..."
 

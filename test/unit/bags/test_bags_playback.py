@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
@@ -197,6 +198,12 @@ def test_messages___truncated_bag___points_to_the_repair(tmp_path: Path) -> None
     (file,) = bag.glob("*.mcap")
     file.write_bytes(file.read_bytes()[:-100])
 
+    # A recorder may still be at work.
+    advice = "end the record if it still runs, else try `flexarm bag repair"
+    with pytest.raises(PlaybackError, match=rf"run: cannot read: .*; {advice}"):
+        list(PlaybackPlan(bag).messages())
+    long_ago_s = file.stat().st_mtime - 60.0
+    os.utime(file, (long_ago_s, long_ago_s))
     with pytest.raises(PlaybackError, match=r"run: cannot read: .*; try `flexarm bag repair"):
         list(PlaybackPlan(bag).messages())
 

@@ -67,7 +67,7 @@ WRONG = {
     "identify nothing": (
         "nothing: metadata.yaml: cannot be read: it has no rosbag2_bagfile_information",
     ),
-    "identify empty.mcap": ("seems to be empty; try `flexarm bag repair empty.mcap -o NEW`",),
+    "identify empty.mcap": ("seems to be empty; ", "try `flexarm bag repair empty.mcap -o NEW`"),
     "identify model": ("model is a model: name the bag or the CSV file of a record",),
     "identify model/model.yaml": ("model.yaml is a model: name the bag or the CSV file",),
     "tune model": ("model: is the folder of a model: name model/model.yaml",),

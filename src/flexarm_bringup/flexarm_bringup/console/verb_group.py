@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import os
 import signal
 import sys
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from click.shell_completion import CompletionItem
 
+_FULL = ": free some, or write elsewhere"
 _VERBS = "flexarm_bringup.verbs"
 _FOLDER = Path(__file__).parents[1] / "verbs"
 _WORDS = f"{__name__}.words"
@@ -64,7 +66,8 @@ class VerbGroup(click.Group):
             raise
         # Libraries raise errors of their own, such as rclpy for a wrong ROS_DOMAIN_ID.
         except (FlexarmError, ValueError, RuntimeError, OSError) as error:
-            _end(error, one_line(error))
+            is_full = isinstance(error, OSError) and error.errno == errno.ENOSPC
+            _end(error, one_line(error) + _FULL * is_full)
 
 
 class LazyVerbGroup(VerbGroup):

@@ -55,7 +55,7 @@ def live_hand(namespace: str) -> Iterator[LiveHand]:
     try:
         connection = connect(namespace)
     except (OSError, OwnFileError) as error:
-        raise NoAnswerError(f"no `flexarm up` of {namespace} runs here") from error
+        raise NoAnswerError(f"no page of a `flexarm up` of {namespace} answers here") from error
     with connection:
         yield LiveHand(connection)
 

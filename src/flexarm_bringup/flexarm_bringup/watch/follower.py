@@ -74,8 +74,8 @@ class Follower:
                 self._ask(hand)
         except NoAnswerError as error:
             raise LaunchError(
-                f"{one_line(error)}: start it with ./flexarm up, without --no-page, or name its "
-                "--namespace or ROS_DOMAIN_ID"
+                f"{one_line(error)}: start it with ./flexarm up, without --no-page (one that has "
+                "lost its page is ended by Ctrl-C first), or name its --namespace or ROS_DOMAIN_ID"
             ) from error
         self.units = Units(hello["channels"])
         reference = hello["reference"]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +21,7 @@ from flexarm_live.graph.jobs import Jobs
 from flexarm_live.graph.loop_nodes import LOOP_NODES, LoopNodes
 from flexarm_live.graph.node_parameters import NodeParameters
 from flexarm_live.graph.samples import SampleReader
-from flexarm_live.graph.situation import Situation
+from flexarm_live.graph.situation import EXPERIMENT, Situation
 from flexarm_live.graph.store import Store
 from flexarm_live.serving.laboratory import Answer
 from flexarm_live.serving.requests import Needs
@@ -107,8 +109,13 @@ class Bridge:
     def state(self) -> dict[str, Any]:
         """Return the state of now."""
         daq, controller = (self.loop.parameters[name].values for name in LOOP_NODES)
+        has_experiment = self._jobs.has(EXPERIMENT)
+        found = self.situation.state(time.monotonic())
+        if has_experiment and found["badge"] == "DRIVING":
+            found["reason"] = "an experiment drives the arm"
         return {
-            **self.situation.state(time.monotonic()),
+            **found,
+            "has_experiment": has_experiment,
             "law": controller.get("law"),
             "reference_v": self.samples.reference_v,
             "payload_kg": daq.get("payload_kg") if self.loop.simulated else None,
@@ -119,7 +126,12 @@ class Bridge:
         }
 
     async def carry_out(self, request: Request) -> Answer:
-        """Carry out a request; a `FlexarmError` refuses it with a reason."""
+        """Carry out a request; a `FlexarmError` refuses it with a reason.
+
+        An experiment has the arm for itself until it ends or is cancelled, but for a stop.
+        """
+        if request.needs is Needs.HOLD or request.verb == "record":
+            self._jobs.require_none(EXPERIMENT)
         answer: Answer = await getattr(self, f"_on_{request.verb}")(**request.fields)
         if request.needs in (Needs.TOKEN, Needs.HOLD):
             self.outlet.tell_state()
@@ -162,9 +174,21 @@ class Bridge:
         answer = await self._calls.call(SetReference, "set_reference", request, _REFERENCE_S)
         if not answer.success:
             raise FlexarmError(answer.message)
-        words = [f"set-point {answer.reference_v:.3f} V", answer.message]
-        data = {"value_v": answer.reference_v, "note": answer.message}
+        beyond = await self._beyond_bound(answer.reference_v)
+        note = ", ".join(filter(None, (answer.message, beyond)))
+        words = [f"set-point {answer.reference_v:.3f} V", note]
+        data = {"value_v": answer.reference_v, "note": note}
         return Answer(": ".join(filter(None, words)), data)
+
+    async def _beyond_bound(self, reference_v: float) -> str:
+        """Return that the drive is cut before the arm gets there; empty where it is not."""
+        parameters = self.loop.parameters["daq"]
+        with suppress(FlexarmError):  # the set-point is in force all the same
+            await parameters.load()
+        bound_v = parameters.values.get("position_bound_v", math.inf)
+        if abs(reference_v) <= bound_v:
+            return ""
+        return f"beyond the bound of {bound_v:g} V (daq position_bound_v), where the drive is cut"
 
     async def _end_waveform(self) -> None:
         await self.loop.parameters["controller"].set({"reference": TOPIC})
@@ -233,7 +257,7 @@ class Bridge:
 
     async def _on_experiment(self, name: str) -> Answer:
         work = self._chain.experiment(name, self._on_record, lambda: self.samples.newest)
-        number = self._jobs.start("experiment", work)
+        number = self._jobs.start(EXPERIMENT, work, left="what was recorded is kept")
         return Answer(f"experiment {name} runs", {"job": number})
 
     async def _on_identify(self, **asked: Any) -> Answer:  # noqa: ANN401 - checked fields

@@ -36,13 +36,24 @@ class Jobs:
         """Numbers of the jobs that have not ended."""
         return list(self._at_work)
 
-    def start(self, kind: str, work: Work) -> int:
-        """Start work and return its number; a `FlexarmError` while one of its kind is at work."""
+    def require_none(self, kind: str) -> None:
+        """Raise a `FlexarmError` while a job of a kind is at work."""
         for number, (other, _) in self._at_work.items():
             if other == kind:
                 raise FlexarmError(f"job {number}, {kind}, is at work: cancel it or wait")
+
+    def has(self, kind: str) -> bool:
+        """Return whether a job of a kind is at work."""
+        return any(other == kind for other, _ in self._at_work.values())
+
+    def start(self, kind: str, work: Work, *, left: str = "nothing was written") -> int:
+        """Start work and return its number; a `FlexarmError` while one of its kind is at work.
+
+        What is `left` of it is told when it is cancelled.
+        """
+        self.require_none(kind)
         number = next(self._numbers)
-        task = asyncio.create_task(self._run(number, kind, work))
+        task = asyncio.create_task(self._run(number, kind, work, left))
         self._at_work[number] = (kind, task)
         task.add_done_callback(lambda _: self._at_work.pop(number, None))
         return number
@@ -55,7 +66,7 @@ class Jobs:
         task.cancel()
         return kind
 
-    async def _run(self, number: int, kind: str, work: Work) -> None:
+    async def _run(self, number: int, kind: str, work: Work, left: str) -> None:
         def say(stage: str, fraction: float | None, **more: Any) -> None:  # noqa: ANN401 - of JSON
             news: dict[str, Any] = {
                 "fraction": fraction,
@@ -75,7 +86,7 @@ class Jobs:
         try:
             data = await work(report)
         except asyncio.CancelledError:
-            say("cancelled", None, done=True, message="cancelled: nothing was written")
+            say("cancelled", None, done=True, message=f"cancelled: {left}")
         except FlexarmError as error:
             say("failed", None, done=True, message=one_line(error))
         except Exception as error:

@@ -95,14 +95,15 @@ export function wireStop(link, isAllowed) {
 }
 
 /** Show which of the stop's and the drive's buttons lead on. */
-export function showPower({ badge, nodes }) {
+export function showPower({ badge, nodes, has_experiment: hasExperiment }) {
   const isStopped = badge === "STOPPED";
   byId("release").hidden = !isStopped;
   write(byId("stop").firstChild, isStopped ? "STOPPED " : "STOP ");
   byId("stop").classList.toggle("latched", isStopped);
   const isActive = Object.values(nodes ?? {}).every((phase) => phase === "active");
-  byId("activate").hidden = isStopped || isActive;
-  byId("deactivate").hidden = isStopped || !isActive;
+  // An experiment has the arm for itself.
+  byId("activate").hidden = isStopped || isActive || hasExperiment;
+  byId("deactivate").hidden = isStopped || !isActive || hasExperiment;
 }
 
 /** Waveforms of the set-point. */

@@ -90,7 +90,7 @@ link.addEventListener("state", ({ detail: state }) => {
   if (room.law.follow(state)) room.parameters.showLaw(state.law);
 });
 link.addEventListener("silent", () => showBadge("STALE", "the server is silent"));
-link.addEventListener("closed", ({ detail }) => showBadge("OFF", detail || "no connection to the server; trying again"));
+link.addEventListener("closed", ({ detail }) => showBadge("STALE", detail || "no connection to the server; trying again"));
 wireStop(link, () => room === null || room.hello.hand);
 
 addEventListener("keydown", (event) => {

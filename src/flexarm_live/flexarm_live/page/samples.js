@@ -3,6 +3,8 @@
 const MAGIC = 0x464c5831;
 const HEAD_BYTES = 24;
 const SEQUENCE_SPAN = 2 ** 20;
+// No arm is sampled faster: in a time, no more can be lost.
+const FASTEST_HZ = 10000;
 
 /** Rows of a frame: column 0 is the time after `startS`, the others are the channels. */
 export function decode(buffer) {
@@ -82,7 +84,10 @@ export class Ring {
   #countLost() {
     if (!this.columns.has("sequence_low") || this.end - this.begin < 2) return;
     const [now, before] = [1, 2].map((back) => this.value("sequence_low", this.end - back));
-    this.lost += Math.max(0, ((now - before + SEQUENCE_SPAN) % SEQUENCE_SPAN) - 1);
+    const lost = ((now - before + SEQUENCE_SPAN) % SEQUENCE_SPAN) - 1;
+    // A number that steps back is that of a new run, unless the numbers may have wrapped.
+    const passedS = this.time(this.end - 1) - this.time(this.end - 2);
+    if (now > before || lost <= FASTEST_HZ * passedS) this.lost += Math.max(0, lost);
   }
 }
 

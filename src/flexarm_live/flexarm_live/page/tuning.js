@@ -150,7 +150,7 @@ export class StepStage {
     this.size = new VoltageField(byId("step_size"), units, "reference_v", { lowV, highV, valueV: 1 });
     byId("step").onclick = () => attempt(() => this.#step());
     units.addEventListener("change", () => this.#show());
-    showCommand("step", "./flexarm reference 1");
+    showCommand("step", "");
   }
 
   async #step() {
@@ -159,6 +159,7 @@ export class StepStage {
     const toV = isOut ? this.#homeV : fromV + this.size.valueV;
     if (Math.abs(toV) > this.setpoint.highV) throw new Error("step: it ends beyond the stops; choose a smaller one");
     this.#homeV = isOut ? this.#homeV : fromV;
+    showCommand("step", `./flexarm reference ${Number(toV.toFixed(3))}`);
     const button = byId("step");
     button.disabled = true;
     try {

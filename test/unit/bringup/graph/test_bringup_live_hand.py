@@ -319,7 +319,8 @@ def test_arm___without_an_up___is_left_to_the_graph(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("flexarm_core.own_files.gettempdir", lambda: str(tmp_path))
-    with pytest.raises(NoAnswerError, match=f"no `flexarm up` of {ARM} runs here"), live_hand(ARM):
+    words = f"no page of a `flexarm up` of {ARM} answers here"
+    with pytest.raises(NoAnswerError, match=words), live_hand(ARM):
         pytest.fail("there is none")
 
 

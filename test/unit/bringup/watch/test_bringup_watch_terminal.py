@@ -137,6 +137,7 @@ def test_watch___without_an_up___says_what_to_do(
     done = subprocess.run(WATCH, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     assert done.returncode == 1
     assert done.stderr == (
-        "flexarm: no `flexarm up` of /arm runs here: start it with ./flexarm up, without "
-        "--no-page, or name its --namespace or ROS_DOMAIN_ID\n"
+        "flexarm: no page of a `flexarm up` of /arm answers here: start it with ./flexarm up, "
+        "without --no-page (one that has lost its page is ended by Ctrl-C first), or name its "
+        "--namespace or ROS_DOMAIN_ID\n"
     )

@@ -50,7 +50,9 @@ def test_job___done_failed_or_cancelled___tells_its_end_once() -> None:
         told: list[Mapping[str, Any]] = []
 
         async def start(jobs: Jobs, work: Any = work) -> None:  # noqa: ANN401
-            number = jobs.start("tune", work)
+            number = jobs.start("tune", work, left="half of it is there")
+            assert jobs.has("tune")
+            jobs.require_none("experiment")
             if work is endless:
                 await asyncio.sleep(0.01)
                 with pytest.raises(FlexarmError, match="job 1, tune, is at work"):
@@ -65,7 +67,7 @@ def test_job___done_failed_or_cancelled___tells_its_end_once() -> None:
     assert ends[0] == (True, "", {"x": 1})
     assert ends[1] == (False, "no model fits", {})
     assert ends[2][0] is False
-    assert "cancelled" in ends[2][1]
+    assert ends[2][1] == "cancelled: half of it is there"
 
 
 def test_store___knows___its_own_names_only(tmp_path: Path) -> None:
