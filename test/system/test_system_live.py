@@ -123,6 +123,8 @@ def test_page___while_an_experiment_runs___leaves_the_arm_to_it(
             reply: dict[str, Any] = json.loads(lines.readline())
             return reply
 
+        refused = told(do="set", node="daq", name="payload_kg", value=200)
+        assert "payload_kg = 200 is not within 0 to 1 kg" in refused["message"]
         beyond = told(do="reference", value_v=6.8)["data"]["note"]
         assert "beyond the bound of 6.5 V" in beyond
         assert told(do="reference", value_v=0.0)["data"]["note"] == ""

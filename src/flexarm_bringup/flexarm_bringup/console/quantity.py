@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from click import Context, Parameter
 
 _DIGITS = 9
-_NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?([a-zA-Z]+)")
+_NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?([a-zA-Z°]+)")
 
 
 class Quantity(FiniteRange):
@@ -76,6 +76,7 @@ POSITION_V = {
     "mV": 1e-3,
     "deg": POSITION_V_PER_RAD * math.radians(1.0),
     "rad": POSITION_V_PER_RAD,
+    "°": POSITION_V_PER_RAD * math.radians(1.0),
 }
 """Units of a position or a set-point; V are those of the potentiometer."""
 TIME_S = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}

@@ -127,9 +127,20 @@ class NodeParameters:
             if name.startswith("models."):
                 return value
             raise CallError(f"{self._node} has no parameter {name}{nearest(name, self.values)}")
-        wants_float = self._descriptors[name].type == ParameterType.PARAMETER_DOUBLE
+        descriptor = self._descriptors[name]
+        wants_float = descriptor.type == ParameterType.PARAMETER_DOUBLE
         is_whole = isinstance(value, int) and not isinstance(value, bool)
+        if is_whole or isinstance(value, float):
+            self._require_in_range(shown(descriptor, value))
         return float(value) if wants_float and is_whole else value  # type: ignore[arg-type]
+
+    def _require_in_range(self, wanted: Mapping[str, Any]) -> None:
+        """Refuse a number out of its range, which the node would do without its unit."""
+        low, high = wanted["low"], wanted["high"]
+        if low is not None and not low <= wanted["value"] <= high:
+            name, value, unit = wanted["name"], wanted["value"], wanted["unit"]
+            ends = f"{low:g} to {high:g} {unit}".rstrip()
+            raise CallError(f"{self._node} refused: {name} = {value:g} is not within {ends}")
 
 
 def own_names(listed: Iterable[str]) -> list[str]:

@@ -17,6 +17,7 @@ from flexarm_core.channels import TRAVEL_V
         # 35 deg are 3 V (section 2.4.2).
         (POSITION_V, "35deg", 3.0),
         (POSITION_V, "-17.5deg", -1.5),
+        (POSITION_V, "35°", 3.0),
         (POSITION_V, "0.6108652rad", 3.0),
         (POSITION_V, "-3", -3.0),
         (POSITION_V, "1500mV", 1.5),
