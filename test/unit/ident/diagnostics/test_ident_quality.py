@@ -114,8 +114,9 @@ def test_assess___command_is_limited___input_counts_too() -> None:
 
 def resting_at_turns(rng: np.random.Generator) -> Array:
     """Encoder of a rubbing joint: it swings to random places, and rests wherever it turns."""
-    parts, place, sign = [], 0.0, 1.0
-    while sum(map(len, parts)) < SAMPLES:
+    parts: list[Array] = []
+    place, sign = 0.0, 1.0
+    while sum(len(part) for part in parts) < SAMPLES:
         reach = sign * rng.uniform(0.5, 1.5)
         swing = place + (reach - place) * 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, 60)))
         parts += [swing, np.full(rng.integers(15, 25), reach)]

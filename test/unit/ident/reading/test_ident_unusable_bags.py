@@ -164,7 +164,7 @@ def big_endian(path: Path) -> Path:
     [
         (no_folder, "no such bag"),
         (empty_folder, "no bag: the folder has no metadata.yaml"),
-        (no_metadata, "run: no bag: the folder has no metadata.yaml; try `flexarm bag repair "),
+        (no_metadata, "run: no bag: the folder has no metadata.yaml; end the record if it still "),
         (metadata_only, "truncated or damaged: Some database files are missing"),
         (garbage_metadata, "run: metadata.yaml: cannot be read: "),
         (foreign_metadata, "run: metadata.yaml: cannot be read: "),
@@ -172,7 +172,7 @@ def big_endian(path: Path) -> Path:
         (garbage_file, "truncated or damaged: File magic is invalid"),
         (empty_file, "seems to be empty"),
         (garbage_database, "truncated or damaged: "),
-        (cut_bag, "File end magic is invalid; try `flexarm bag repair"),
+        (cut_bag, "File end magic is invalid; end the record if it still runs, else try"),
         (no_messages, "no messages on /flexarm/state"),
         (two_samples, "only 2 samples follow each other"),
         (lonely_io_sample, "only 1 samples follow each other"),
