@@ -61,15 +61,15 @@ test("a frame of other channels is refused", () => {
 });
 
 test("samples that got lost on the way are counted, over the wrap of their number too", () => {
-  const ring = new Ring(["sequence_low"], 10);
+  const ring = new Ring(["sequence_low"], 10, 300);
   ring.push(frame(0, [[0, 2 ** 20 - 2], [1, 2 ** 20 - 1], [2, 0], [3, 4]]));
   assert.equal(ring.lost, 3);
 });
 
 test("a run that begins anew has lost nothing, however late its number is in the span", () => {
-  for (const before of [5000, 2 ** 20 - 6000]) {
-    const ring = new Ring(["sequence_low"], 10);
-    ring.push(frame(0, [[0, before], [0.4, 1], [0.4033, 2], [0.41, 4]]));
+  for (const [before, pauseS] of [[5000, 0.4], [2 ** 20 - 6000, 0.4], [5000, 200], [5000, 1200]]) {
+    const ring = new Ring(["sequence_low"], 10, 300);
+    ring.push(frame(0, [[0, before], [pauseS, 1], [pauseS + 0.0033, 2], [pauseS + 0.01, 4]]));
     assert.equal(ring.lost, 1);
   }
 });

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+
 # A library's error may quote what it could not read.
 _LONGEST = 1000
 
@@ -36,7 +38,7 @@ def one_line(error: BaseException) -> str:
     """
     said = str(error)
     if isinstance(error, OSError) and error.strerror:
-        said = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+        said = reason(error) if error.filename is None else f"{error.filename}: {reason(error)}"
     text = " ".join(said[: 2 * _LONGEST].split()) or type(error).__name__
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} ..."
 
@@ -45,4 +47,6 @@ def reason(error: BaseException) -> str:
     """Return why a file cannot be read or written, in plain words without number and path."""
     if isinstance(error, UnicodeDecodeError):
         return "it is no text in UTF-8"
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        return f"{error.strerror}: free some, or write elsewhere"
     return str(getattr(error, "strerror", None) or one_line(error))

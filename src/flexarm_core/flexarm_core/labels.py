@@ -40,8 +40,8 @@ _TIME_UNITS_S = {
 TIME_UNIT_ENDING = rf"(?:_| *[\[(/,] *| +)(?:{'|'.join(_TIME_UNITS_S)})[\])]?"
 DEADBEAT = 1e-12
 """An eigenvalue of that magnitude is zero but for rounding: its mode has ended after one sample."""
-# An eigenvalue that close to 1 was taken for that of an integrator.
-_ENDLESS_SAMPLES = 1e7
+ENDLESS_SAMPLES = 1e7
+"""A decay over so many samples or more is that of an integrator."""
 # Deviations of ten thousand or more, and those below a ten-millionth, stand with an exponent.
 _FEWEST_DECIMALS, _MOST_DECIMALS = -2, 8
 
@@ -127,7 +127,7 @@ def decay(eigenvalue: complex, dt_s: float) -> str:
         return ""
     words = ["alternates"] if eigenvalue.real < 0.0 else []
     rate = abs(math.log(abs(eigenvalue.real)))
-    if rate * _ENDLESS_SAMPLES <= 1.0:
+    if rate * ENDLESS_SAMPLES <= 1.0:
         return ", ".join(words) or "integrator"
     words += ["grows"] if abs(eigenvalue.real) > 1.0 else []
     return ", ".join([*words, f"{float(f'{dt_s / rate:.2g}'):g} s"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import errno
 import os
 import signal
 import sys
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 
     from click.shell_completion import CompletionItem
 
-_FULL = ": free some, or write elsewhere"
 _VERBS = "flexarm_bringup.verbs"
 _FOLDER = Path(__file__).parents[1] / "verbs"
 _WORDS = f"{__name__}.words"
@@ -66,8 +64,7 @@ class VerbGroup(click.Group):
             raise
         # Libraries raise errors of their own, such as rclpy for a wrong ROS_DOMAIN_ID.
         except (FlexarmError, ValueError, RuntimeError, OSError) as error:
-            is_full = isinstance(error, OSError) and error.errno == errno.ENOSPC
-            _end(error, one_line(error) + _FULL * is_full)
+            _end(error, one_line(error))
 
 
 class LazyVerbGroup(VerbGroup):

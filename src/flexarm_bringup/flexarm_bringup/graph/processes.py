@@ -24,7 +24,7 @@ MANAGED = ("daq", "controller", "experiment")
 """The nodes with a lifecycle."""
 _PATIENCE_S = 8.0
 _KEPT_VOLTAGE = ": a board keeps its last voltage, so at a real rig press the emergency stop"
-_CUT_RECORD = ": its record is cut off, and `flexarm bag repair` gets what is there"
+_CUT_RECORD = ": a record that it was writing is cut off, `flexarm bag repair` gets what is there"
 _AFTER = {"daq_node": _KEPT_VOLTAGE, "loop_node": _KEPT_VOLTAGE, "recorder_node": _CUT_RECORD}
 """Advice for the user when the process of a node was killed."""
 _LOGGER = re.compile(r"\] \[[\w.]+\.(\w+)\]: ")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -75,13 +76,15 @@ def unit_notes(mapping: CsvMap) -> tuple[str, ...]:
     notes = [
         f"{each.name} is in {each.unit} by the map and in {own} by its name, which reports go by"
         for each, ending, own in told
-        if own and ending not in ("", unit_ending(own))
+        if own and not (ending == unit_ending(own) or re.match(rf"{own}(?!\w)", each.unit))
     ]
     silent = [(each.name, ending) for each, ending, own in told if not own]
     if silent:
         names = ", ".join(name for name, _ in silent)
         example = next((f", as {name}{ending}" for name, ending in silent if ending), "")
-        notes.append(f"reports show the unit at the end of a name{example}: none in {names}")
+        notes.append(
+            f"reports show the unit at the end of a name{example}: none that they know in {names}"
+        )
     return tuple(notes)
 
 

@@ -243,7 +243,7 @@ def _result(
         inputs=first.inputs,
         outputs=first.outputs,
     )
-    friction = _friction(problem, profile, arm.speed[:, kept])
+    friction = _friction(problem, profile, np.ascontiguousarray(arm.speed[:, kept]))
     x0 = tuple(problem.initial_state(best.theta, i)[kept] for i in range(len(records)))
     missed, total = np.zeros(arm.outputs), np.zeros(arm.outputs)
     for record, live, start in zip(records, lives, x0, strict=True):

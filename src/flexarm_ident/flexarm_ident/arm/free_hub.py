@@ -17,6 +17,7 @@ from flexarm_ident.arm.level_profile import EQUALLY_GOOD, LevelProfile, law_figu
 
 if TYPE_CHECKING:
     from flexarm_ident.arm.simulation_error import SimulationError
+    from flexarm_ident.fitting.levenberg_marquardt import Minimum
 
 _DESCENT = 60
 
@@ -38,10 +39,13 @@ def without_stiffness(problem: SimulationError, profile: LevelProfile) -> Freed:
     profile : LevelProfile
         Its lowest minimum and the laws that are equally good.
     """
-    best, hubs = profile.best, list[int]()
+    best, hubs, tried = profile.best, list[int](), set[int]()
     first = problem.arm.blocks["stiffness"].start
     places = np.arange(len(best.theta))
-    for hub in np.flatnonzero(best.theta[problem.arm.blocks["stiffness"]] < 0.0).tolist():
+    # Without one stiffness, the fit may give another one another sign.
+    while left := [hub for hub in _negative(problem, best) if hub not in tried]:
+        hub = left[0]
+        tried.add(hub)
         theta = best.theta.copy()
         theta[first + hub] = 0.0
         free = np.delete(places, [first + each for each in (*hubs, hub)])
@@ -55,3 +59,9 @@ def without_stiffness(problem: SimulationError, profile: LevelProfile) -> Freed:
     own = law_figures(problem.arm.laws(best.theta))
     lowest, highest = np.minimum(profile.lowest, own), np.maximum(profile.highest, own)
     return Freed(LevelProfile(best, lowest, highest), tuple(hubs))
+
+
+def _negative(problem: SimulationError, best: Minimum) -> list[int]:
+    """Return the inputs whose hub has a negative stiffness."""
+    found: list[int] = np.flatnonzero(best.theta[problem.arm.blocks["stiffness"]] < 0.0).tolist()
+    return found

@@ -87,13 +87,10 @@ class SimulationError:
 
     def cost(self, theta: FloatArray) -> float:
         """Return the sum; infinite where a simulation overflows."""
-        with np.errstate(all="ignore"):
-            A, B = self.arm.discrete(theta, self.dt_s)
-            if not (np.isfinite(A).all() and np.isfinite(B).all()):
-                return np.inf
         total = float(np.sum((self.prior * self.arm.offsets(theta)) ** 2))
         with np.errstate(all="ignore"):
-            return total + sum(float(np.sum(e**2)) for e in self.residuals(theta))
+            total += sum(float(np.sum(e**2)) for e in self.residuals(theta))
+        return total if np.isfinite(total) else np.inf
 
     def residuals(self, theta: FloatArray) -> list[FloatArray]:
         """Return the weighted residuals of each record, (samples, outputs)."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy
 
-from flexarm_core.labels import DEADBEAT
+from flexarm_core.labels import DEADBEAT, ENDLESS_SAMPLES
 from flexarm_ident.models.free_run import BlockSimulation
 
 if TYPE_CHECKING:
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 # Its exponential is still a double.
 _LARGEST_LOG = 700.0
 _PERSISTENT = 1e-12
-# Rounding of the eigenvalue of an integrator.
-_ROUNDING = 1e-9
 _DEFECTIVE_CONDITION = 1e8
 _GRID_POINTS = 400
 # The responses of this many samples fit into a core's own cache.
@@ -159,7 +157,7 @@ def frequency_and_damping(eigenvalue: complex, dt_s: float) -> tuple[float, floa
         return 0.0, 1.0
     rate = complex(np.log(complex(eigenvalue)))
     if rate.imag == 0.0:
-        return 0.0, 1.0 if rate.real <= _ROUNDING else -1.0
+        return 0.0, 1.0 if rate.real * ENDLESS_SAMPLES <= 1.0 else -1.0
     return abs(rate) / (2.0 * np.pi * dt_s), -rate.real / abs(rate)
 
 

@@ -61,14 +61,14 @@ def vibrations(
         Whether the model has an arm's equations of motion: their modes need not recur over the
         orders of linear models, which have no friction, but they must be heard.
     """
-    strongest = max((each.mrm for each in modes if each.is_pair), default=0.0)
+    light = [each for each in modes if each.is_pair and each.damping_ratio < _LIGHT_DAMPING]
+    strongest = max((each.mrm for each in light), default=0.0)
     told: dict[str, list[str]] = {PHYSICAL: [], SPLIT: [], NOISE: []}
-    for mode in sorted(modes, key=lambda each: each.frequency_hz):
-        if mode.is_pair and mode.damping_ratio < _LIGHT_DAMPING:
-            standing = standing_of(mode, judged) or NOISE
-            if is_arm and (standing == SPLIT or mode.mrm >= HEARD * strongest):
-                standing = PHYSICAL
-            told[standing].append(f"{mode.frequency_hz:.2f} Hz")
+    for mode in sorted(light, key=lambda each: each.frequency_hz):
+        standing = standing_of(mode, judged) or NOISE
+        if is_arm:
+            standing = PHYSICAL if mode.mrm >= HEARD * strongest else NOISE
+        told[standing].append(f"{mode.frequency_hz:.2f} Hz")
     lines = []
     if told[PHYSICAL]:
         lines.append(
@@ -86,13 +86,13 @@ def vibrations(
         )
     if len(told[NOISE]) == 1:
         lines.append(
-            f"Its vibration at {told[NOISE][0]} is not taken for the plant's: it does not stay "
-            "over the orders, or hardly answers the input."
+            f"Its vibration at {told[NOISE][0]} is not taken for the plant's: it "
+            f"{'' if is_arm else 'does not stay over the orders, or '}hardly answers the input."
         )
     elif told[NOISE]:
         lines.append(
-            f"Its vibrations at {listed(told[NOISE])} are not taken for the plant's: they do not "
-            "stay over the orders, or hardly answer the input."
+            f"Its vibrations at {listed(told[NOISE])} are not taken for the plant's: they "
+            f"{'' if is_arm else 'do not stay over the orders, or '}hardly answer the input."
         )
     return lines or [f"It has no vibration with a damping ratio below {_LIGHT_DAMPING}."]
 

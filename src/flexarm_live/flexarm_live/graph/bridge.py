@@ -82,6 +82,7 @@ class Bridge:
         self._chain = Chain(
             self._store, self.loop, held=lambda: self.situation.held(time.monotonic())
         )
+        self._commands = 0
         self._recording: str | None = None
         self._waveform: Mapping[str, Any] = {"kind": "none"}
         # Discovered before they are needed.
@@ -130,9 +131,16 @@ class Bridge:
 
         An experiment has the arm for itself until it ends or is cancelled, but for a stop.
         """
-        if request.needs is Needs.HOLD or request.verb == "record":
+        moves_arm = request.needs is Needs.HOLD or request.verb == "record"
+        if moves_arm:
             self._jobs.require_none(EXPERIMENT)
-        answer: Answer = await getattr(self, f"_on_{request.verb}")(**request.fields)
+        if request.verb == EXPERIMENT and self._commands:
+            raise FlexarmError("a command to the arm is being carried out: wait for its end")
+        self._commands += moves_arm
+        try:
+            answer: Answer = await getattr(self, f"_on_{request.verb}")(**request.fields)
+        finally:
+            self._commands -= moves_arm
         if request.needs in (Needs.TOKEN, Needs.HOLD):
             self.outlet.tell_state()
         return answer

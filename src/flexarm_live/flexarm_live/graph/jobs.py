@@ -30,6 +30,7 @@ class Jobs:
         self._tell = tell
         self._numbers = count(1)
         self._at_work: dict[int, tuple[str, asyncio.Task[None]]] = {}
+        self._cancelled: set[int] = set()
 
     @property
     def at_work(self) -> list[int]:
@@ -59,11 +60,16 @@ class Jobs:
         return number
 
     def cancel(self, number: int) -> str:
-        """Cancel a job and return its kind; a `FlexarmError` when there is none of the number."""
+        """Cancel a job and return its kind; a `FlexarmError` when there is none of the number.
+
+        A second time changes nothing: it would break off what the job does to end well.
+        """
         if number not in self._at_work:
             raise FlexarmError(f"no job {number} is at work")
         kind, task = self._at_work[number]
-        task.cancel()
+        if number not in self._cancelled:
+            self._cancelled.add(number)
+            task.cancel()
         return kind
 
     async def _run(self, number: int, kind: str, work: Work, left: str) -> None:

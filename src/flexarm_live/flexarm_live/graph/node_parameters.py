@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
     from flexarm_live.graph.calls import Calls
 
+# Tolerance of rclpy at the ends of a range.
+_AT_AN_END = 1e-6
 _KINDS = {
     ParameterType.PARAMETER_BOOL: "bool",
     ParameterType.PARAMETER_INTEGER: "integer",
@@ -137,10 +140,13 @@ class NodeParameters:
     def _require_in_range(self, wanted: Mapping[str, Any]) -> None:
         """Refuse a number out of its range, which the node would do without its unit."""
         low, high = wanted["low"], wanted["high"]
-        if low is not None and not low <= wanted["value"] <= high:
-            name, value, unit = wanted["name"], wanted["value"], wanted["unit"]
+        name, value, unit = wanted["name"], wanted["value"], wanted["unit"]
+        if low is None or low <= value <= high:
+            return
+        # As near to an end the node takes it.
+        if not any(math.isclose(value, end, rel_tol=_AT_AN_END) for end in (low, high)):
             ends = f"{low:g} to {high:g} {unit}".rstrip()
-            raise CallError(f"{self._node} refused: {name} = {value:g} is not within {ends}")
+            raise CallError(f"{self._node}: {name} = {value:g} is not within {ends}")
 
 
 def own_names(listed: Iterable[str]) -> list[str]:

@@ -27,7 +27,7 @@ let room = null;
 function furnish(hello) {
   const names = hello.channels.map(({ name }) => name);
   const units = new Units(hello.channels);
-  const ring = new Ring(names, Math.ceil(KEPT_S * hello.rate_hz));
+  const ring = new Ring(names, Math.ceil(KEPT_S * hello.rate_hz), hello.rate_hz);
   const setpoint = new Setpoint(hello, link, units);
   const parameters = new Parameters(hello, link);
   const jobs = new Jobs(link);

@@ -86,13 +86,19 @@ def test_import___rate_that_stamps_cannot_show___says_how_to_tell_the_unit(tmp_p
         (
             "torque",
             "Nm",
-            "reports show the unit at the end of a name, as torque_nm: none in",
+            "reports show the unit at the end of a name, as torque_nm: none that",
         ),
-        ("angle", "counts", "reports show the unit at the end of a name: none in angle"),
+        (
+            "angle",
+            "counts",
+            "reports show the unit at the end of a name: none that they know",
+        ),
         ("hub_rad", "deg", "hub_rad is in deg by the map and in rad by its name, which reports go"),
         ("torque_nm", "N\u00b7m", ""),
         ("speed_rad_per_s", "rad/s", ""),
         ("level_v", "V (RMS)", ""),
+        ("level_v", "mV", "level_v is in mV by the map and in V by its name, which reports go by"),
+        ("place_m", "mm", "place_m is in mm by the map and in m by its name, which reports go by"),
         ("torque", "", ""),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexarm_ident.arm.equations import FlexibleArm
 from flexarm_ident.arm.fit import fit_arm
 from flexarm_ident.arm.free_hub import without_stiffness
 from flexarm_ident.arm.level_profile import LevelProfile, law_figures
@@ -33,6 +34,33 @@ def test_stiffness___negative_and_untold___is_taken_out(
     assert best.cost == pytest.approx(1.0 + (curvature * stiffness**2 if hubs else 0.0))
     assert best.theta[places] == pytest.approx(0.0 if hubs else stiffness)
     assert best.matrix[places, places] == pytest.approx(0.0 if hubs else curvature)
+
+
+class TwoHubs(Bowl):
+    """Cost of an arm with two inputs, whose stiffnesses are coupled."""
+
+    def __init__(self, stiffness: tuple[float, float], coupling: float) -> None:
+        super().__init__({})
+        self.arm = FlexibleArm((0, 1), (1.0, 1.0), 4)
+        self.matrix = np.eye(self.arm.parameters)
+        places = self.arm.blocks["stiffness"]
+        self.matrix[places, places] = [[4.0, coupling], [coupling, 4.0]]
+        self.centre = np.zeros(self.arm.parameters)
+        self.centre[places] = stiffness
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "hubs"), [((-0.1, -0.02), (0,)), ((0.02, -0.1), (1, 0)), ((0.1, 0.1), ())]
+)
+def test_stiffness___of_two_hubs___is_looked_at_again_when_one_is_free(
+    stiffness: tuple[float, float], hubs: tuple[int, ...]
+) -> None:
+    # With one stiffness zero the other one moves by three quarters of it.
+    bowl = TwoHubs(stiffness, coupling=-3.0 if stiffness[0] < 0.0 else 3.0)
+    own = law_figures(bowl.arm.laws(bowl.centre))
+    freed = without_stiffness(bowl, LevelProfile(bowl.minimum, own, own))  # type: ignore[arg-type]
+    assert freed.hubs == hubs
+    assert np.all(freed.profile.best.theta[bowl.arm.blocks["stiffness"]] > -ROUNDING)
 
 
 @pytest.mark.slow

@@ -70,6 +70,35 @@ def test_job___done_failed_or_cancelled___tells_its_end_once() -> None:
     assert ends[2][1] == "cancelled: half of it is there"
 
 
+def test_job___cancelled_twice___ends_well_once() -> None:
+    ended = []
+
+    async def back() -> None:
+        await asyncio.sleep(0.05)
+        ended.append(1)
+
+    async def work(report: Report) -> Mapping[str, Any]:  # noqa: ARG001
+        try:
+            await asyncio.Event().wait()
+        finally:
+            await asyncio.shield(back())
+        return {}
+
+    async def start(jobs: Jobs) -> None:
+        number = jobs.start("experiment", work)
+        await asyncio.sleep(0.01)
+        for _ in range(2):
+            assert jobs.cancel(number) == "experiment"
+            await asyncio.sleep(0.01)
+        assert jobs.has("experiment")
+        assert not ended
+
+    told: list[Mapping[str, Any]] = []
+    asyncio.run(told_by(start, told))
+    assert ended == [1]
+    assert told[-1]["message"].startswith("cancelled")
+
+
 def test_store___knows___its_own_names_only(tmp_path: Path) -> None:
     store = Store(tmp_path / "live")
     assert store.bags() == []
