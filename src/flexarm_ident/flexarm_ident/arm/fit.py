@@ -237,7 +237,7 @@ def _result(
     best = profile.best
     arm = problem.arm
     A, B = arm.discrete(best.theta, first.dt_s)
-    kept, C = observed(problem, best.theta)
+    kept, C = observed(problem, best)
     model = state_space(
         *(A[np.ix_(kept, kept)], B[kept], C, np.zeros((arm.outputs, arm.inputs)), first.dt_s),
         inputs=first.inputs,

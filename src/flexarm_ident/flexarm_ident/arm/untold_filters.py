@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
     from flexarm_ident.arm.equations import FlexibleArm
     from flexarm_ident.arm.simulation_error import SimulationError
+    from flexarm_ident.fitting.levenberg_marquardt import Minimum
 
 # A cost that rises by 2 % is an error that rises by 1 %.
 _NOTHING_LOST = 0.02
@@ -36,20 +37,20 @@ class Observed(NamedTuple):
     C: FloatArray
 
 
-def observed(problem: SimulationError, theta: FloatArray) -> Observed:
+def observed(problem: SimulationError, best: Minimum) -> Observed:
     """Return the states without those of filters that can be left out.
 
     Parameters
     ----------
     problem : SimulationError
         Simulation error.
-    theta : ndarray, (parameters,)
+    best : Minimum
         Its minimum.
     """
-    arm, states = problem.arm, problem.states(theta)
-    C, settled = arm.output_matrix.copy(), _settled(arm, theta)
+    arm, states = problem.arm, problem.states(best.theta)
+    C, settled = arm.output_matrix.copy(), _settled(arm, best.theta)
     kept = np.ones(arm.states, dtype=np.bool_)
-    allowance = _NOTHING_LOST * problem.cost(theta)
+    allowance = _NOTHING_LOST * best.cost
     for number, output in enumerate(arm.elastic):
         before, after = (
             _missed(problem, states, output, row) for row in (C[output], settled[number])

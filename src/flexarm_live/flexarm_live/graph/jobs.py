@@ -39,13 +39,13 @@ class Jobs:
 
     def require_none(self, kind: str) -> None:
         """Raise a `FlexarmError` while a job of a kind is at work."""
-        for number, (other, _) in self._at_work.items():
-            if other == kind:
-                raise FlexarmError(f"job {number}, {kind}, is at work: cancel it or wait")
+        number = self._number_of(kind)
+        if number is not None:
+            raise FlexarmError(f"job {number}, {kind}, is at work: cancel it or wait")
 
     def has(self, kind: str) -> bool:
         """Return whether a job of a kind is at work."""
-        return any(other == kind for other, _ in self._at_work.values())
+        return self._number_of(kind) is not None
 
     def start(self, kind: str, work: Work, *, left: str = "nothing was written") -> int:
         """Start work and return its number; a `FlexarmError` while one of its kind is at work.
@@ -56,7 +56,7 @@ class Jobs:
         number = next(self._numbers)
         task = asyncio.create_task(self._run(number, kind, work, left))
         self._at_work[number] = (kind, task)
-        task.add_done_callback(lambda _: self._at_work.pop(number, None))
+        task.add_done_callback(lambda _: self._forget(number))
         return number
 
     def cancel(self, number: int) -> str:
@@ -71,6 +71,14 @@ class Jobs:
             self._cancelled.add(number)
             task.cancel()
         return kind
+
+    def _number_of(self, kind: str) -> int | None:
+        """Return the number of the job of a kind that is at work; None without one."""
+        return next((number for number, (own, _) in self._at_work.items() if own == kind), None)
+
+    def _forget(self, number: int) -> None:
+        del self._at_work[number]
+        self._cancelled.discard(number)
 
     async def _run(self, number: int, kind: str, work: Work, left: str) -> None:
         def say(stage: str, fraction: float | None, **more: Any) -> None:  # noqa: ANN401 - of JSON

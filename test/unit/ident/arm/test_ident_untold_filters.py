@@ -11,6 +11,7 @@ from flexarm_ident.arm.equations import FlexibleArm
 from flexarm_ident.arm.random_starts import RandomStarts
 from flexarm_ident.arm.simulation_error import Part, SimulationError
 from flexarm_ident.arm.untold_filters import observed
+from flexarm_ident.fitting.levenberg_marquardt import Minimum
 from support.rubbing_arms import rubbing_arm
 
 NOISE = 0.01
@@ -32,7 +33,8 @@ def test_observed___filter_of_a_bend___is_left_out_where_it_changes_nothing(
     y = x @ arm.output_matrix.T
     noisy = y + NOISE * y.std(axis=0) * np.random.default_rng(1).normal(size=y.shape)
     problem = replace(guess, parts=(part._replace(y=noisy),))
-    kept, C = observed(problem, theta)
+    best = Minimum(theta, problem.cost(theta), np.eye(len(theta)))
+    kept, C = observed(problem, best)
     assert kept.tolist() == list(range(states))
     missed = y - x[:, kept] @ C.T
     assert np.all(np.abs(missed) < NOISE * y.std(axis=0))
