@@ -121,7 +121,7 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
     (controller,) = graph.survivors("controller_node")
     os.kill(controller, signal.SIGKILL)
 
-    process.wait_for("controller_node was ended by SIGKILL: the drive is at zero; for another one:")
+    process.wait_for("controller_node was ended by SIGKILL; the drive is at zero; for another one:")
     graph.wait(lambda: not any(state.command_v for state in heard[-300:]), "an arm left to itself")
     # The loop and the recorder read its commands.
     process.wait_for("-p autostart:=true -p listeners:=2")
@@ -149,3 +149,27 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
     assert len(alone) >= 300
     assert not run.command_v[alone].any()
     assert run.command_v[alone[-1] + 1 :].any()
+
+
+def test_up___recorder_killed___arm_goes_on_and_another_recorder_takes_its_place(
+    graph: Graph, tmp_path: Path
+) -> None:
+    bag, second = tmp_path / "bag", tmp_path / "second"
+    heard: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "/flexarm/state", heard.append, qos.EVERY)
+    options = "--no-page", "--reference", "square", "--bag", str(bag)
+    process = graph.run([str(ROOT / "flexarm"), "up", *options])
+    graph.wait(lambda: sum(bool(state.command_v) for state in heard) > 100, "a driven arm")
+    (recorder,) = graph.survivors("recorder_node")
+    os.kill(recorder, signal.SIGKILL)
+
+    process.wait_for("nothing is recorded any more, and the arm goes on; for another one:")
+    before = heard[-1].sequence
+    graph.wait(lambda: heard[-1].sequence > before + 300, "an arm that goes on")
+    assert all(state.command_v for state in heard[-10:])
+    graph.start("recorder", {"bag": str(second)})
+    graph.wait((second / "metadata.yaml").exists, "the second record")
+    process.send(signal.SIGINT)
+
+    assert process.exit_code() == 1
+    assert "flexarm: recorder_node was ended by SIGKILL" in process.printed.splitlines()[-1]

@@ -204,6 +204,10 @@ class NodeProcesses:
         """Go on without a node that ends from now on: another one may take its place."""
         self._replaceable.add(executable)
 
+    def losses(self) -> dict[str, str]:
+        """Return the endings of those that may be replaced, as `endings` does."""
+        return {name: end for name, end in self.endings().items() if name in self._replaceable}
+
     def endings(self) -> dict[str, str]:
         """Return in words how those have ended that have, by the name of the executable."""
         return {

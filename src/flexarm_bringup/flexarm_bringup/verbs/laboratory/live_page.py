@@ -79,25 +79,13 @@ class Address:
         self._executable = executable
         self._find = find
         self._is_shown = False
-        self._is_lost = False
 
     def look(self) -> bool:
-        """Show the address when it is there and was not shown; return whether it was.
-
-        The end of its node afterwards is told, once.
-        """
+        """Show the address when it is there and was not shown; return whether it was."""
         if not self._is_shown and (address := self._find()):
             self._is_shown = True
             self._processes.let_be_replaced(self._executable)
             terminal.CONSOLE.print(address, highlight=False, soft_wrap=True)
-        if self._is_shown and not self._is_lost:
-            ending = self._processes.endings().get(self._executable, "")
-            self._is_lost = bool(ending)
-            if ending:
-                terminal.CONSOLE.print(
-                    f"{ending}: the arm goes on without it; to have it back, end this up by Ctrl-C "
-                    "and start it again"
-                )
         return self._is_shown
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flexarm_bringup.console import terminal
-from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
@@ -22,6 +21,7 @@ from flexarm_bringup.verbs.laboratory.live_page import (
     PageSettings,
     page_options,
 )
+from flexarm_bringup.verbs.laboratory.lost_nodes import LostNodes
 from flexarm_bringup.verbs.laboratory.options import (
     ARM,
     PARAMETER_FILES,
@@ -48,14 +48,8 @@ if TYPE_CHECKING:
     from flexarm_bringup.runs.pace import Pace
     from flexarm_bringup.verbs.laboratory.live_page import Address
 
-_REPLACE = (
-    "the drive is at zero; for another one: "
-    "flexarm run flexarm_control controller_node --ros-args -r __ns:={} -p autostart:=true "
-    "-p listeners:={} {}"
-)
 _ERRORS = ("[ERROR]", "[FATAL]")
 _COMPLAINTS = ("[WARN]", *_ERRORS)
-_CONTROLLER = "controller_node"
 # It commands in open loop, when a page asks for such an experiment.
 _IDLE = ("experiment",)
 _RATE, _SHAPER_RATE = "rate_hz", "shaper_rate_hz"
@@ -128,7 +122,8 @@ def up(*, real_time: bool, **settings: Any) -> None:  # noqa: ANN401
 
     A controller that ends leaves the arm to itself, with the drive at zero: another one may be
     started in its place. With --compose it shares a process with the DAQ node and ends with it; a
-    deactivated one leaves its place as well.
+    deactivated one leaves its place as well. The arm goes on without any other node that ends, and
+    the exit code is 1 then. The end of the DAQ node is that of all.
     """
     _run_graph(_Settings(pace=chosen_pace(real_time=real_time), **settings))
 
@@ -248,32 +243,31 @@ def _stay(
     addresses: Sequence[Address],
     words: str,
 ) -> None:
-    """Show complaints of the nodes until Ctrl-C; a controller that ends is not the end.
+    """Show complaints of the nodes until Ctrl-C; only the end of the DAQ node is that of all.
 
     `words` are the arguments of another controller in its place.
     """
-    processes.let_be_replaced(_CONTROLLER)
-    loss = ""
+
+    def controller() -> str:
+        # Else its first commands might come before the recorder is discovered.
+        readers = operator.node.count_subscribers("command")
+        return f"-p autostart:=true -p listeners:={readers} {words}".rstrip()
+
+    lost = LostNodes(processes, operator.namespace, controller)
 
     def look() -> bool:
         """Show the news; never done."""
-        nonlocal loss
         complaints.show(_COMPLAINTS)
         for address in addresses:
             address.look()
-        if not loss and (loss := processes.endings().get(_CONTROLLER, "")):
-            # Else its first commands might come before the recorder is discovered.
-            readers = operator.node.count_subscribers("command")
-            replace = _REPLACE.format(operator.namespace, readers, words)
-            terminal.CONSOLE.print(f"{loss}: {as_called(replace)}")
+        lost.look()
         return False
 
     try:
         operator.wait(look, "nothing", timeout_s=float("inf"))
     except KeyboardInterrupt:
         terminal.CONSOLE.print("stopping")
-        if loss:
-            raise LaunchError(loss) from None
+        lost.check()
     finally:
         processes.check()
 
