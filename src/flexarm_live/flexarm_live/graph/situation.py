@@ -176,11 +176,12 @@ class Situation:
         }
 
     def reports(self, now_s: float) -> dict[str, dict[str, Any]]:
-        """Return message and figures of each node that reports."""
+        """Return message and figures of each node; of one that is silent, for how long."""
         found: dict[str, dict[str, Any]] = {
             name: {"message": report.message, "values": dict(report.values)}
+            if now_s - report.heard_s <= _USUAL_REPORT_S
+            else {"message": _silent(report, now_s), "values": {}}
             for name, report in self._reports.items()
-            if now_s - report.heard_s <= _REPORT_S
         }
         daq = found.get("daq", {"values": {}})
         if now_s - self._stopped_s < _STOPPED_S and daq["values"].get("drive") == "driving":
@@ -202,3 +203,8 @@ class Situation:
         if report is None or not report.message.startswith(_RECORDING):
             return None
         return report.message.removeprefix(_RECORDING).partition(";")[0]
+
+
+def _silent(report: _Report, now_s: float) -> str:
+    silent_s = now_s - report.heard_s
+    return f"no report for {silent_s:.0f} s, it hangs or has ended; before: {report.message}"

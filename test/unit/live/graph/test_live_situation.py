@@ -154,3 +154,15 @@ def test_reports___older_than_an_answered_stop___say_that_the_drive_is_held() ->
     found.moved("daq", active=True, now_s=12.0)
     found.hear("daq", OK, "active", {"drive": "driving"}, 12.5)
     assert found.reports(12.6)["daq"]["values"]["drive"] == "driving"
+
+
+def test_reports___of_a_node_that_has_ended___say_since_when_and_have_no_figures() -> None:
+    found = situation(OK, "active", "driving")
+    found.hear("controller", OK, "active", {"answered samples": "290"}, 10.0)
+    found.hear("daq", OK, "active", {"drive": "ready"}, 18.0)
+    told = found.reports(18.2)
+    assert told["controller"] == {
+        "message": "no report for 8 s, it hangs or has ended; before: active",
+        "values": {},
+    }
+    assert told["daq"]["message"] == "active"
