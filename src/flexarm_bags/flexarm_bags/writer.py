@@ -73,7 +73,7 @@ class BagWriter:
     Raises
     ------
     RecordingError
-        If the path exists, cannot be created, or a topic is named twice.
+        If the path exists, is in another bag or cannot be created, or a topic is named twice.
 
     Examples
     --------
@@ -219,6 +219,10 @@ class BagWriter:
         return file.open("xb")
 
     def _create_folder(self) -> None:
+        outer = self.path.parent
+        # Other programs write files of that name too, but not beside messages.
+        if (outer / FILE_NAME).exists() and any(outer.glob("*.mcap*")):
+            raise RecordingError(f"{self.path}: {outer} is a bag: choose a name outside of it")
         try:
             self.path.mkdir(parents=True)
         except FileExistsError as error:

@@ -189,6 +189,16 @@ def test_writer___existing_path___is_never_touched(tmp_path: Path, kind: str) ->
     assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
 
 
+def test_writer___folder_in_another_bag___is_refused(tmp_path: Path) -> None:
+    outer = tmp_path / "outer"
+    write_bag(outer, experiment(2))
+
+    with pytest.raises(RecordingError, match=f"run: {outer} is a bag: choose a name outside"):
+        BagWriter(outer / "run", recorded_topics(experiment(1)))
+
+    assert not any(outer.glob("*/"))
+
+
 def test_writer___folder_below_a_file___says_why(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
 
