@@ -104,6 +104,9 @@ def test_design___of_a_payload_that_nobody_packaged___holds_its_step(
     assert step["overshoot"] <= 0.1
     assert step["settling_s"] is not None
     assert set(summary["packaged"]["step"]) == set(step)
+    assert summary["packaged"]["margins"].keys() == summary["margins"].keys()
+    gain_db, phase_deg = (summary["margins"][key] for key in ("gain_db", "phase_deg"))
+    assert f"; margins {gain_db:.1f} dB, {phase_deg:.0f} deg" in " ".join(verb.output.split())
     report = (out / "report.html").read_text()
     assert "Designed step" in report
     assert "Packaged step" in report

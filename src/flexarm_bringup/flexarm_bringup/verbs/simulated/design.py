@@ -20,6 +20,7 @@ from flexarm_bringup.verbs.simulated.run_settings import (
 )
 from flexarm_bringup.verbs.simulated.simulated_run import REPLY_DELAY_S
 from flexarm_bringup.verbs.simulated.step_results import SET_POINT_V, versions
+from flexarm_control.design.packaged_margins import packaged_margins
 from flexarm_control.design.tuning_job import TuneRequest, tune
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.rigid_and_bending import bending_modes
@@ -34,6 +35,7 @@ from flexarm_ident.workflow.request import Request
 if TYPE_CHECKING:
     from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
     from flexarm_bringup.verbs.simulated.step_results import ControlledStep
+    from flexarm_control.design.margins import Margins
     from flexarm_control.design.tuning_job import TuneResult
 
 CONTROLLER_FILE = "controller.yaml"
@@ -49,13 +51,14 @@ class DesignSettings(RunSettings):
 
 
 class Designed(NamedTuple):
-    """Model and design of a run, its step and that of the packaged law."""
+    """Model and design of a run, its step, and step and margins of the packaged law."""
 
     model: IdentifiedModel
     modes_hz: tuple[float, ...]
     result: TuneResult
     step: ControlledStep
     packaged: ControlledStep
+    packaged_margins: Margins | None
 
 
 @click.command()
@@ -78,7 +81,8 @@ class Designed(NamedTuple):
 def design(**settings: Any) -> None:  # noqa: ANN401
     """Identify, design and run a law for any payload.
 
-    The packaged law makes a step beside it: ilqr and lqg for 300 g, pdpc with its own gains.
+    The packaged law makes a step beside it: ilqr and lqg for 300 g, pdpc with its own gains. The
+    margins are those on the identified model.
     """
     _run_design(DesignSettings(**settings))
 
@@ -103,7 +107,8 @@ def _run_design(settings: DesignSettings) -> None:
         step = run.step("designed", {"law": law, **result.parameters})
         run.begin(f"Controlling the arm: {law} as packaged")
         packaged = run.step("packaged", {"law": law, **_packaged(law)})
-    _write(settings, Designed(identified, modes_hz, result, step, packaged))
+    beside = packaged_margins(law, model, delay_s=REPLY_DELAY_S)
+    _write(settings, Designed(identified, modes_hz, result, step, packaged, beside))
 
 
 def _packaged(law: str) -> dict[str, Any]:
@@ -123,9 +128,29 @@ def _write(settings: DesignSettings, designed: Designed) -> None:
     (out / REPORT_FILE).write_text(append_section(report, "Packaged step", packaged), "utf-8")
     text = json.dumps(_summary(settings, designed), indent=2)
     (out / SUMMARY_FILE).write_text(text + "\n", "utf-8")
-    terminal.CONSOLE.print(f"  designed: {designed.step.text}")
-    terminal.CONSOLE.print(f"  packaged: {designed.packaged.text}")
+    (margins,) = designed.result.margins
+    terminal.CONSOLE.print(f"  designed: {designed.step.text}{_told(margins)}")
+    terminal.CONSOLE.print(
+        f"  packaged: {designed.packaged.text}{_told(designed.packaged_margins)}"
+    )
     terminal.step(f"Parameters: {out / CONTROLLER_FILE}. {settings.told_results()}")
+
+
+def _told(margins: Margins | None) -> str:
+    """Return margins on the identified model, to be added to the figures of a step."""
+    if margins is None:
+        return ""
+    return f"; margins {margins.gain_margin_db:.1f} dB, {margins.phase_margin_deg:.0f} deg"
+
+
+def _figures(margins: Margins | None) -> dict[str, float] | None:
+    if margins is None:
+        return None
+    return {
+        "gain_db": margins.gain_margin_db,
+        "phase_deg": margins.phase_margin_deg,
+        "disk": margins.disk_margin,
+    }
 
 
 def _summary(settings: DesignSettings, designed: Designed) -> dict[str, Any]:
@@ -143,15 +168,14 @@ def _summary(settings: DesignSettings, designed: Designed) -> dict[str, Any]:
             RigParameters(payload_kg=settings.payload_kg)
         ).tolist(),
         "dmv_mean": model.dmv[-1],
-        "margins": {
-            "gain_db": margins.gain_margin_db,
-            "phase_deg": margins.phase_margin_deg,
-            "disk": margins.disk_margin,
-        },
+        "margins": _figures(margins),
         "criterion": result.criteria[0],
         "notes": list(result.notes),
         "warnings": list(model.warnings),
         "step": designed.step.summary(),
-        "packaged": {"step": designed.packaged.summary()},
+        "packaged": {
+            "step": designed.packaged.summary(),
+            "margins": _figures(designed.packaged_margins),
+        },
         "versions": versions(),
     }
