@@ -60,6 +60,11 @@ class Designed(NamedTuple):
     packaged: ControlledStep
     packaged_margins: Margins | None
 
+    @property
+    def doubts(self) -> list[str]:
+        """What the packaged law's step says against the model."""
+        return doubts(self.packaged_margins, has_settled=self.packaged.has_settled)
+
 
 @click.command()
 @click.option(
@@ -143,6 +148,17 @@ def _told(margins: Margins | None) -> str:
     return f"; margins {margins.gain_margin_db:.1f} dB, {margins.phase_margin_deg:.0f} deg"
 
 
+def doubts(margins: Margins | None, *, has_settled: bool) -> list[str]:
+    """Return what a law that has settled on the arm says against the model of its margins."""
+    if margins is None or margins.stable or not has_settled:
+        return []
+    text = (
+        "the model calls the loop of the packaged law unstable, and that law held the arm: the "
+        "model is wrong somewhere, so take its margins with care, and a law by the steps"
+    )
+    return [text]
+
+
 def _figures(margins: Margins | None) -> dict[str, float] | None:
     if margins is None:
         return None
@@ -170,7 +186,7 @@ def _summary(settings: DesignSettings, designed: Designed) -> dict[str, Any]:
         "dmv_mean": model.dmv[-1],
         "margins": _figures(margins),
         "criterion": result.criteria[0],
-        "notes": list(result.notes),
+        "notes": [*result.notes, *designed.doubts],
         "warnings": list(model.warnings),
         "step": designed.step.summary(),
         "packaged": {
