@@ -256,7 +256,7 @@ class Bridge:
         return Answer(data={"bags": self._store.bags(), "models": self._store.models()})
 
     async def _on_get(self, node: str = "") -> Answer:
-        names = [node] if node else LOOP_NODES
+        names = [node] if node else [each for each in _NODES if self._parameters(each).are_there]
         for name in names:
             # A node that was killed and started anew has its own.
             await self._parameters(name).look_again()

@@ -58,6 +58,12 @@ class NodeParameters:
         for kind, service in _SERVICES.items():
             calls.client(kind, f"{node}/{service}")
 
+    @property
+    def are_there(self) -> bool:
+        """Whether the node is known to answer questions about them."""
+        client = self._calls.client(ListParameters, f"{self._node}/list_parameters")
+        return bool(client.service_is_ready())
+
     async def load(self) -> None:
         """Read names, descriptions and values, where that was not done yet."""
         if self.values:
