@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 const PAGE = new URL("../../src/flexarm_live/flexarm_live/page/", import.meta.url);
-const { decode, decimated, Ring } = await import(new URL("samples.js", PAGE));
+const { decode, decimated, Ring, withHoles } = await import(new URL("samples.js", PAGE));
 const { angleAt, deflections, linkPoints } = await import(new URL("bending.js", PAGE));
 const { figure, stepFigures, stepOf, ticksOf } = await import(new URL("numbers.js", PAGE));
 const { Units } = await import(new URL("units.js", PAGE));
@@ -110,6 +110,30 @@ test("what is not known yet is passed over", () => {
   ring.push(frame(0, [NaN, NaN, 1, 4, NaN, NaN, NaN, NaN].map((value, k) => [k, value])));
   const [, values] = decimated(ring, ["a"], 0, 7, 2);
   assert.deepEqual(values, [1, 4, NaN, NaN]);
+});
+
+test("a hole of the samples is not drawn across", () => {
+  const times = [0, 1, 2, 3, 20, 21, 22];
+  const [at, a, b] = withHoles([times, [1, 2, 3, 4, 5, 6, 7], [7, 6, 5, 4, 3, 2, 1]], 2);
+  assert.deepEqual(at, [0, 1, 2, 3, 11.5, 20, 21, 22]);
+  assert.deepEqual(a, [1, 2, 3, 4, NaN, 5, 6, 7]);
+  assert.deepEqual(b, [7, 6, 5, 4, NaN, 3, 2, 1]);
+});
+
+test("several holes, also at the ends, are kept apart", () => {
+  const times = [0, ...Array.from({ length: 50 }, (_, k) => 30 + k), 110];
+  const [at, values] = withHoles([times, times], 2);
+  assert.deepEqual([at[1], at.at(-2), at.length], [15, 94.5, times.length + 2]);
+  assert.deepEqual(values.map(Number.isNaN).reduce((sum, none) => sum + none, 0), 2);
+});
+
+test("samples without a hole stay as they are, at any rate", () => {
+  for (const period of [0.1, 1, 7]) {
+    const times = Array.from({ length: 20 }, (_, k) => k * period);
+    assert.deepEqual(withHoles([times, times], 2), [times, times]);
+  }
+  assert.deepEqual(withHoles([[], []], 2), [[], []]);
+  assert.deepEqual(withHoles([[3], [1]], 2), [[3], [1]]);
 });
 
 test("gauges that measure one mode alone bend the arm in its shape", () => {

@@ -58,6 +58,10 @@ export class Setpoint {
   #show(valueV) {
     this.valueV = valueV;
     this.slider.value = valueV;
+    // Positive is left, as of the arm.
+    const places = [0, valueV].map((volts) => (100 * (this.highV - volts)) / (this.highV - this.lowV));
+    this.slider.style.setProperty("--from", `${Math.min(...places)}%`);
+    this.slider.style.setProperty("--to", `${Math.max(...places)}%`);
     this.slider.setAttribute("aria-valuetext", this.units.shown("reference_v", valueV, 1));
     if (document.activeElement !== this.field.input) this.field.show(valueV);
   }

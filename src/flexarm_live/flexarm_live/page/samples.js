@@ -138,3 +138,19 @@ function extremes(column, capacity, spans) {
   });
   return found;
 }
+
+// Steps of so many usual ones are holes: samples were lost, or the arm was not sampled.
+const HOLE_STEPS = 4;
+
+/** Times and columns with an empty point in each hole: no curve is drawn across it. */
+export function withHoles([times, ...columns], shortestS) {
+  const usualS = (times.at(-1) - times[0]) / (times.length - 1);
+  const longestS = Math.max(shortestS, HOLE_STEPS * usualS);
+  const holes = [];
+  for (let k = 1; k < times.length; k += 1) if (times[k] - times[k - 1] > longestS) holes.push(k);
+  if (holes.length === 0) return [times, ...columns];
+  const bounds = [0, ...holes, times.length];
+  const joined = (column, between) =>
+    holes.flatMap((hole, k) => [...column.slice(bounds[k], hole), between(hole)]).concat(column.slice(bounds.at(-2)));
+  return [joined(times, (k) => (times[k - 1] + times[k]) / 2), ...columns.map((column) => joined(column, () => NaN))];
+}

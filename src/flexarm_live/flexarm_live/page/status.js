@@ -63,7 +63,7 @@ function showHistogram({ edges_ms: edges, late, reply }) {
   const ends = [edges[0], edges[Math.floor(edges.length / 2)], edges.at(-1)];
   const y = 2 * height + foot;
   const labels = ends.map((edge, k) =>
-    drawn("text", { x: (k * width) / 2, y, "text-anchor": ["start", "middle", "end"][k] }, `${figure(edge, 1)} ms`),
+    drawn("text", { x: (k * width) / 2, y, "text-anchor": ["start", "middle", "end"][k] }, `${Number(edge.toPrecision(2))} ms`),
   );
   const picture = drawn("svg", { width, height: y + 4, "aria-hidden": "true" });
   picture.append(...bars(late, "late", 0), ...bars(reply, "reply", height), ...labels);

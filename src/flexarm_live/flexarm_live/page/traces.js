@@ -1,13 +1,15 @@
 // Traces: one plot for each kind of signal over one time axis, with zoom, pause and hover.
 
 import { byId, element, write } from "./dom.js";
-import { decimated } from "./samples.js";
+import { decimated, withHoles } from "./samples.js";
 
 const HEIGHT_PX = 116;
 const FOOT_PX = 22;
 const LEAST_SPAN_S = 0.05;
 // A plot that took long is drawn less often, so that the arm keeps its frames.
 const REST_FACTOR = 3;
+// A busy machine drops some samples on their way here; a curve goes on over so few.
+const HOLE_PERIODS = 10;
 const TITLES = { position: "Position", strain: "Strain", speed: "Speed", command: "Command" };
 // Range of an axis whose signal rests, V: noise is not blown up to full height.
 const LEAST_RANGE_V = { position: 0.5, strain: 1, speed: 0.2, command: 1 };
@@ -79,7 +81,8 @@ export class Traces {
     // One look at the samples for all plots, which are equally wide.
     const every = this.#panels.flatMap(({ names }) => names);
     const { width } = this.#panels[0].plot;
-    const [times, ...columns] = decimated(this.ring, every, endS - spanS, endS, width);
+    const drawn = decimated(this.ring, every, endS - spanS, endS, width);
+    const [times, ...columns] = withHoles(drawn, HOLE_PERIODS / this.ring.rateHz);
     const shown = columns.map((column, k) => {
       const factor = this.units.factor(every[k]);
       return column.map((volts) => (Number.isFinite(volts) ? volts * factor : null));
@@ -218,4 +221,6 @@ function roomy(low, high, least) {
   return [middle - half, middle + half];
 }
 
-const seconds = (splits, originS) => splits.map((split) => `${Number((split - originS).toFixed(3))} s`);
+// Nothing was sampled before the begin of the run.
+const seconds = (splits, originS) =>
+  splits.map((split) => (split < originS ? "" : `${Number((split - originS).toFixed(3))} s`));
