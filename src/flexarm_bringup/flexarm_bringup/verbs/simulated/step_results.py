@@ -40,15 +40,10 @@ class ControlledStep(NamedTuple):
         return cls(recorded, step_figures(_time_s(data), data.y[:, 0], SET_POINT_V))
 
     @property
-    def has_settled(self) -> bool:
-        """Whether the position stays at the set-point."""
-        return math.isfinite(self.figures.settling_s)
-
-    @property
     def text(self) -> str:
         """Figures for the terminal."""
         figures = self.figures
-        settled = f"{figures.settling_s:.2f} s" if self.has_settled else "-"
+        settled = f"{figures.settling_s:.2f} s" if math.isfinite(figures.settling_s) else "-"
         return (
             f"mean error over the last 2 s {figures.mean_error_v:+.4f} V, "
             f"overshoot {100 * figures.overshoot:.1f} %, settled after {settled}"
@@ -61,7 +56,7 @@ class ControlledStep(NamedTuple):
             "set_point_v": SET_POINT_V,
             "mean_error_v": figures.mean_error_v,
             "overshoot": figures.overshoot,
-            "settling_s": figures.settling_s if self.has_settled else None,
+            "settling_s": figures.settling_s if math.isfinite(figures.settling_s) else None,
         }
 
     def blocks(self, title: str) -> tuple[Words | Plots, ...]:
