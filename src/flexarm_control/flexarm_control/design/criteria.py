@@ -11,11 +11,19 @@ import numpy as np
 from flexarm_core.errors import SettingError
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from flexarm_core.arrays import RealArray
 
 _MEAN_WINDOW_S = 2.0
 _SETTLING_BAND = 0.05
 _RISE_FROM, _RISE_TO = 0.1, 0.9
+_STRAIN_BAND = 0.1
+# The vibrations of the arm are slower, and noise is averaged out.
+_SMOOTHED_S = 0.03
+_ABOVE_NOISE = 4.0
+# Median of the magnitude of a normal variable with deviation one.
+_NORMAL_MEDIAN = 0.6745
 
 
 def itae(error: RealArray, *, dt_s: float) -> float:
@@ -85,6 +93,28 @@ def step_itae(y: RealArray, *, dt_s: float) -> tuple[float, float]:
     )
 
 
+def strain_settling_s(strain_v: RealArray, *, dt_s: float) -> float:
+    """Return the time from which a strain stays within a tenth of its peak, s.
+
+    It is infinite when the last sample is outside. The strain is averaged over 0.03 s; what does
+    not stand out of its noise then is inside.
+
+    Parameters
+    ----------
+    strain_v : ndarray, (samples,)
+        Strain signal, the first sample at the step, V.
+    dt_s : float
+        Sampling period, s.
+    """
+    width = max(1, round(_SMOOTHED_S / dt_s))
+    smooth_v = np.convolve(strain_v, np.full(width, 1.0 / width), mode="same")
+    # Two differences leave little of a vibration; those of white noise have six times its power.
+    noise_v = float(np.median(np.abs(np.diff(strain_v, 2)))) / (_NORMAL_MEDIAN * np.sqrt(6.0))
+    floor_v = _ABOVE_NOISE * noise_v / np.sqrt(width)
+    band_v = max(_STRAIN_BAND * float(np.max(np.abs(smooth_v))), floor_v)
+    return _last_entry_s(dt_s * np.arange(len(strain_v)), np.abs(smooth_v) > band_v)
+
+
 @dataclass(frozen=True)
 class StepFigures:
     """Figures of one step response.
@@ -149,7 +179,12 @@ def step_figures(
 
 
 def _settling_s(since_step_s: RealArray, progress: RealArray) -> float:
-    outside = np.flatnonzero(np.abs(progress - 1.0) > _SETTLING_BAND)
+    return _last_entry_s(since_step_s, np.abs(progress - 1.0) > _SETTLING_BAND)
+
+
+def _last_entry_s(since_step_s: RealArray, is_outside: NDArray[np.bool_]) -> float:
+    """Return the time of the first sample after which none is outside; infinite without one."""
+    outside = np.flatnonzero(is_outside)
     if len(outside) == 0:
         return 0.0
     first_inside = int(outside[-1]) + 1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexarm_control import ControlError, itae, step_figures
-from flexarm_control.design.criteria import position_itae, strain_itae
+from flexarm_control.design.criteria import position_itae, strain_itae, strain_settling_s
 
 DT_S = 1 / 300
 TIME_S = np.arange(3000) * DT_S
@@ -43,6 +43,32 @@ def test_strain_itae___signal_of_zeros___counts_as_zero() -> None:
     base_v = np.exp(-2.0 * TIME_S)
 
     assert strain_itae(base_v, np.zeros_like(base_v), dt_s=DT_S) == pytest.approx(0.25, rel=1e-3)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 300.0, 1000.0])
+@pytest.mark.parametrize("noise_v", [0.0, 0.02])
+def test_strain_settling___damped_vibration___is_where_its_envelope_is_a_tenth(
+    rate_hz: float, noise_v: float
+) -> None:
+    time_s = np.arange(round(10.0 * rate_hz)) / rate_hz
+    decay_s, frequency_hz = 0.8, 2.0
+    noise = np.random.default_rng(1).normal(0.0, noise_v, len(time_s))
+    strain_v = np.exp(-time_s / decay_s) * np.cos(2.0 * np.pi * frequency_hz * time_s) + noise
+    # It leaves the band at most half a period before its envelope does.
+    assert strain_settling_s(strain_v, dt_s=1.0 / rate_hz) == pytest.approx(
+        decay_s * math.log(10.0), abs=0.5 / frequency_hz
+    )
+
+
+def test_strain_settling___vibration_that_stays___is_never_over() -> None:
+    time_s = np.arange(3000) / 300.0
+    assert strain_settling_s(np.sin(12.0 * time_s), dt_s=1.0 / 300.0) == math.inf
+
+
+def test_strain_settling___noise_or_nothing___is_over_at_once() -> None:
+    noise_v = np.random.default_rng(1).normal(0.0, 0.1, 3000)
+    assert strain_settling_s(noise_v, dt_s=1.0 / 300.0) == 0.0
+    assert strain_settling_s(np.zeros(3000), dt_s=1.0 / 300.0) == 0.0
 
 
 @pytest.mark.parametrize(("reference_v", "start_v"), [(3.0, 0.0), (-3.0, 3.0), (1.0, -2.0)])

@@ -38,22 +38,21 @@ from flexarm_ident.workflow.request import Request
 if TYPE_CHECKING:
     from flexarm_bringup.verbs.simulated.identified_model import IdentifiedModel
     from flexarm_bringup.verbs.simulated.step_results import ControlledStep
-    from flexarm_control.design.criteria import StepFigures
     from flexarm_control.design.margins import Margins
     from flexarm_control.design.tuning_job import TuneResult
 
 CONTROLLER_FILE = "controller.yaml"
 # The law of the controller for each tuning: without compensation, PDP sticks before the set-point.
 _RUNS_AS = {"ilqr": "ilqr", "lqg": "lqg", "pdp": "pdpc"}
-# A step is clearly earlier when it settles in two thirds of the time of another one.
+# A step is clearly earlier when it takes less than two thirds of the time of another one.
 _EARLIER = 1.5
 _DOUBT = (
     "the model calls the loop of the packaged law unstable, and that law held the arm: the model "
     "is wrong somewhere, so take its margins with care, and a law by the steps"
 )
 _EARLIER_STEP = (
-    "the packaged law settled much earlier, and its margins suffice: take that one. The criterion "
-    "of the design knows no friction (docs/control.md)"
+    "the packaged law was there and calm much earlier, and its margins suffice: take that one. The "
+    "criterion of the design knows no friction (docs/control.md)"
 )
 
 
@@ -77,7 +76,9 @@ class Designed(NamedTuple):
     @property
     def remarks(self) -> list[str]:
         """What the packaged law's step says of the design."""
-        return remarks(self.packaged_margins, self.packaged.figures, self.step.figures)
+        return remarks(
+            self.packaged_margins, packaged_s=self.packaged.over_s, designed_s=self.step.over_s
+        )
 
 
 @click.command()
@@ -164,15 +165,22 @@ def _told(margins: Margins | None) -> str:
     return f"; margins {margins.gain_margin_db:.1f} dB, {margins.phase_margin_deg:.0f} deg"
 
 
-def remarks(margins: Margins | None, packaged: StepFigures, designed: StepFigures) -> list[str]:
-    """Return what the step of the packaged law says, with its `margins` on the identified model."""
-    if margins is None or not math.isfinite(packaged.settling_s):
+def remarks(margins: Margins | None, *, packaged_s: float, designed_s: float) -> list[str]:
+    """Return what the step of the packaged law says of a design.
+
+    Parameters
+    ----------
+    margins : Margins or None
+        Margins of the packaged law on the model of the design.
+    packaged_s, designed_s : float
+        Times from which the arm is at the set-point and calm, s; infinite for never.
+    """
+    if margins is None or not math.isfinite(packaged_s):
         return []
     if not margins.stable:
         return [_DOUBT]
     suffices = bool(np.all(Requirements().excess([margins]) >= 0.0))
-    is_earlier = designed.settling_s > _EARLIER * packaged.settling_s
-    return [_EARLIER_STEP] if suffices and is_earlier else []
+    return [_EARLIER_STEP] if suffices and designed_s > _EARLIER * packaged_s else []
 
 
 def _figures(margins: Margins | None) -> dict[str, float] | None:

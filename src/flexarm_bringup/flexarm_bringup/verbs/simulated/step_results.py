@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexarm_control.design.criteria import step_figures
+from flexarm_control.design.criteria import step_figures, strain_settling_s
 from flexarm_core import __version__
 from flexarm_ident.report.content.blocks import Plots, Words
 from flexarm_ident.report.plots.time_plots import step_plot
@@ -28,26 +28,36 @@ _VERSIONED = ("numpy", "scipy", "control", "numba", "rosbags", "mcap")
 
 
 class ControlledStep(NamedTuple):
-    """Recorded step from rest to `SET_POINT_V`, and its figures."""
+    """Recorded step from rest to `SET_POINT_V`, its figures, and when the arm is calm.
+
+    From `calm_s` on, s, the strain at the base is within a tenth of its peak; infinite for never.
+    """
 
     recorded: RecordedRun
     figures: StepFigures
+    calm_s: float
 
     @classmethod
     def of(cls, recorded: RecordedRun) -> ControlledStep:
         """Return a run with the figures of its step."""
         data = recorded.reading.data
-        return cls(recorded, step_figures(_time_s(data), data.y[:, 0], SET_POINT_V))
+        figures = step_figures(_time_s(data), data.y[:, 0], SET_POINT_V)
+        return cls(recorded, figures, strain_settling_s(data.y[:, 1], dt_s=data.dt_s))
 
     @property
     def text(self) -> str:
         """Figures for the terminal."""
         figures = self.figures
-        settled = f"{figures.settling_s:.2f} s" if math.isfinite(figures.settling_s) else "-"
         return (
             f"mean error over the last 2 s {figures.mean_error_v:+.4f} V, "
-            f"overshoot {100 * figures.overshoot:.1f} %, settled after {settled}"
+            f"overshoot {100 * figures.overshoot:.1f} %, "
+            f"settled after {_shown(figures.settling_s)}, calm after {_shown(self.calm_s)}"
         )
+
+    @property
+    def over_s(self) -> float:
+        """Time from which the arm is at the set-point and calm, s."""
+        return max(self.figures.settling_s, self.calm_s)
 
     def summary(self) -> dict[str, Any]:
         """Return the figures for `summary.json`."""
@@ -57,6 +67,7 @@ class ControlledStep(NamedTuple):
             "mean_error_v": figures.mean_error_v,
             "overshoot": figures.overshoot,
             "settling_s": figures.settling_s if math.isfinite(figures.settling_s) else None,
+            "calm_s": self.calm_s if math.isfinite(self.calm_s) else None,
         }
 
     def blocks(self, title: str) -> tuple[Words | Plots, ...]:
@@ -66,7 +77,8 @@ class ControlledStep(NamedTuple):
             f"{title}, step to {SET_POINT_V:g} V. "
             f"Mean error over the last 2 s {figures.mean_error_v:+.4f} V, "
             f"overshoot {100 * figures.overshoot:.1f} %, "
-            f"within 5 % after {figures.settling_s:.2f} s."
+            f"within 5 % after {_shown(figures.settling_s)}, "
+            f"strain at the base below a tenth of its peak after {_shown(self.calm_s)}."
         )
         set_point_v = np.full(len(data), SET_POINT_V)
         plot = step_plot(_time_s(data), data.y, set_point_v, data.u[:, 0])
@@ -88,6 +100,11 @@ def switching_words(data: IoData) -> list[str]:
         "turns with the least speed or noise. It makes up for friction."
     )
     return [words]
+
+
+def _shown(time_s: float) -> str:
+    """Return a time for people; one that never comes is a dash."""
+    return f"{time_s:.2f} s" if math.isfinite(time_s) else "-"
 
 
 def _time_s(data: IoData) -> FloatArray:
