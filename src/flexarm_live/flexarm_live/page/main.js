@@ -107,6 +107,7 @@ addEventListener("keydown", (event) => {
 });
 
 let figuresDueMs = 0;
+let drawnOf = "";
 
 function frame(nowMs) {
   if (room !== null && room.ring.end > 0) {
@@ -119,7 +120,10 @@ function frame(nowMs) {
       referenceV: ring.newest("reference_v"),
       payloadKg: state?.payload_kg,
     };
-    room.arm.draw(sample);
+    // Without a server nothing is new, and a drawing takes a third of a core.
+    const of = [ring.end, sample.timeS, sample.payloadKg, room.arm.enlarged].join();
+    if (of !== drawnOf) room.arm.draw(sample);
+    drawnOf = of;
     if (nowMs >= figuresDueMs) {
       figuresDueMs = nowMs + FIGURES_EVERY_MS;
       room.arm.tellFigures(sample, units);
