@@ -31,7 +31,9 @@ class FrictionSensing(Bounded):
     tachometer and motor.
     """
 
-    observer_hz: float = setting(0.0, 0.0, 50.0, "Hz", "low-pass of the friction, 0 for none; 5")
+    observer_hz: float = setting(
+        0.0, 0.0, 50.0, "Hz", "bandwidth of the friction observer; 0: none; try 5"
+    )
     command_per_strain: float = setting(1.136, -100.0, 100.0, "V/V", "command that a strain takes")
     command_per_acceleration_s: float = setting(
         0.0235, 0.0, 10.0, "s", "command that accelerates the hub alone, over the change of speed"

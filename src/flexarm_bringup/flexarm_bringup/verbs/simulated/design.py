@@ -101,8 +101,8 @@ class Designed(NamedTuple):
 def design(**settings: Any) -> None:  # noqa: ANN401
     """Identify, design and run a law for any payload.
 
-    The packaged law makes a step beside it: ilqr and lqg for 300 g, pdpc with its own gains. The
-    margins are those on the identified model.
+    The packaged law makes a step beside it: ilqr for 300 g, lqg by payload, pdpc with its gains.
+    The margins are those on the identified model.
     """
     _run_design(DesignSettings(**settings))
 
