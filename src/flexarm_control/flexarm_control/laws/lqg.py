@@ -243,7 +243,7 @@ class Lqg:
         else:
             if self._limiters:
                 limiter = self._limiters[self._active]
-                effort_v += limiter.correction_v(observer.state, base_v, reference_v)
+                effort_v = limiter.limited_v(effort_v, observer.state, base_v, reference_v)
             share = min(1.0, max(-1.0, effort_v / self._settings.full_effort_v))
             compensation_v = share * self._settings.compensation_v
         answer = limited(effort_v, compensation_v)

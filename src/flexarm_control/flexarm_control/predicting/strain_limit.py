@@ -6,6 +6,10 @@ cost of a correction is that of the regulator: about its optimum it is the squar
 R + B' P B at every sample [1]_. So only the ratio of that weight to the one of the slack matters,
 and no prediction beyond the limit means no correction.
 
+A correction takes the effort to zero at most. One that may reverse it is a feedback of the gauge
+with a high gain, and the modes that the model knows badly swing in that loop for ever, from stop to
+stop of the drive.
+
 References
 ----------
 .. [1] Kouvaritakis, B., Rossiter, J. A., and Schuurmans, J. (2000). Efficient robust predictive
@@ -72,11 +76,15 @@ class StrainLimiter:
         self._gauge = np.array(model.C[BASE_STRAIN])
         self._weights = np.full(_CORRECTIONS, float(_HELD))
 
-    def correction_v(self, state: FloatArray, base_v: float, reference_v: float) -> float:
-        """Return the correction of the effort of this sample, V.
+    def limited_v(
+        self, effort_v: float, state: FloatArray, base_v: float, reference_v: float
+    ) -> float:
+        """Return the effort of this sample with its correction, between zero and the effort, V.
 
         Parameters
         ----------
+        effort_v : float
+            Effort of the state feedback, V.
         state : ndarray, (states,)
             State of the observer before the sample.
         base_v : float
@@ -87,8 +95,10 @@ class StrainLimiter:
         unknown_v = _COUNTED * (base_v - self._gauge @ state)
         free_v = self._from_state @ state + self._from_reference * reference_v + unknown_v
         if np.abs(free_v).max() <= self._bound_v:
-            return 0.0
-        return float(least_correction(self._weights, _SLACK, self.moves, free_v, self._bound_v)[0])
+            return effort_v
+        correction = least_correction(self._weights, _SLACK, self.moves, free_v, self._bound_v)
+        lowest_v, highest_v = min(0.0, effort_v), max(0.0, effort_v)
+        return min(max(effort_v + float(correction[0]), lowest_v), highest_v)
 
 
 def predictions(

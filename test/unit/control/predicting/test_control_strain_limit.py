@@ -41,19 +41,28 @@ def test_predictions___are_those_of_the_loop_sample_by_sample() -> None:
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-def test_correction___is_zero_below_the_limit_and_against_the_peak_beyond_it() -> None:
+def test_effort___is_kept_below_the_limit_and_lessened_beyond_it() -> None:
     design = design_lqg(rig_model(0.2))
     at_rest = np.zeros(design.model.nstates)
 
-    assert limiter_of(design, 20.0).correction_v(at_rest, 0.0, 1.0) == 0.0
+    assert limiter_of(design, 20.0).limited_v(1.5, at_rest, 0.0, 1.0) == 1.5
     # Bent more than the model knows: that counts too.
-    assert limiter_of(design, 20.0).correction_v(at_rest, 40.0, 1.0) < 0.0
+    assert limiter_of(design, 20.0).limited_v(1.5, at_rest, 40.0, 1.0) < 1.5
     for reference_v in (3.0, 5.0):
-        limiter = limiter_of(design, 1.0)
-        forward_v = limiter.correction_v(at_rest, 0.0, reference_v)
-        backward_v = limiter.correction_v(at_rest, 0.0, -reference_v)
+        limiter, effort_v = limiter_of(design, 1.0), design.kp * reference_v
+        forward_v = limiter.limited_v(effort_v, at_rest, 0.0, reference_v)
+        backward_v = limiter.limited_v(-effort_v, at_rest, 0.0, -reference_v)
         assert backward_v == pytest.approx(-forward_v)
-        assert forward_v != 0.0
+        assert 0.0 < forward_v < effort_v
+
+
+@pytest.mark.parametrize("effort_v", [-4.0, -0.5, 0.0, 0.5, 4.0])
+@pytest.mark.parametrize("base_v", [-8.0, 8.0])
+def test_effort___however_bent_the_arm___is_never_reversed(effort_v: float, base_v: float) -> None:
+    design = design_lqg(rig_model(0.0))
+    at_rest = np.zeros(design.model.nstates)
+    found_v = limiter_of(design, 0.5).limited_v(effort_v, at_rest, base_v, 0.0)
+    assert min(0.0, effort_v) <= found_v <= max(0.0, effort_v)
 
 
 def test_corrections___on_the_model___keep_the_gauge_at_the_limit() -> None:
@@ -64,7 +73,7 @@ def test_corrections___on_the_model___keep_the_gauge_at_the_limit() -> None:
     for _ in range(900):
         gauge_v.append(float(design.model.C[BASE_STRAIN] @ state))
         effort_v = design.kp * 5.0 - design.kc @ state
-        effort_v += limiter.correction_v(state, gauge_v[-1], 5.0)
+        effort_v = limiter.limited_v(effort_v, state, gauge_v[-1], 5.0)
         state = design.model.A @ state + design.model.B[:, 0] * effort_v
 
     assert 0.5 * 2.0 <= np.abs(gauge_v).max() <= 2.0
@@ -80,3 +89,32 @@ def test_limit___on_the_rig___is_kept_softly(payload_kg: float, setpoint_v: floa
 
     assert np.abs(run.true_y[:, BASE_STRAIN]).max() <= 1.5 * 2.0
     assert run.true_y[-1, 0] == pytest.approx(setpoint_v, abs=0.05 * setpoint_v)
+
+
+# Payload, set-point before and after, limit, seed, samples until the set-point is reversed: with
+# corrections that might reverse the effort, all of these swung for ever between the drive's stops.
+_REVERSALS = [
+    (0.1, 2.0, 3.0, 40, 41),
+    (0.1, 4.0, 4.0, 23, 77),
+    (0.1, 4.0, 1.5, 31, 233),
+    (0.1, 5.0, 2.0, 88, 55),
+    (0.2, 2.0, 1.5, 91, 47),
+]
+
+
+@pytest.mark.parametrize(("payload_kg", "amplitude_v", "limit_v", "seed", "moved"), _REVERSALS)
+def test_limit___of_a_move_that_is_reversed_on_its_way___comes_to_rest(
+    payload_kg: float, amplitude_v: float, limit_v: float, seed: int, moved: int
+) -> None:
+    rig = SimulatedRig(RigParameters(payload_kg=payload_kg), seed=seed)
+    law = build_law("lqg", {"strain_limit_v": limit_v})
+    reference_v = np.concatenate(
+        [np.zeros(30), np.full(moved, amplitude_v), np.full(1800, -amplitude_v)]
+    )
+
+    run = simulate(rig, law, reference_v, true_outputs=rig.outputs_v)
+
+    late = run.true_y[-600:]
+    np.testing.assert_allclose(late[:, 0], -amplitude_v, atol=0.25)
+    assert np.std(late[:, BASE_STRAIN]) < 0.2
+    assert np.abs(run.effort[-600:]).max() < 2.0
