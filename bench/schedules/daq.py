@@ -196,6 +196,10 @@ class Daq(Process):
         self._oracle.on_command(answer)
         return answer.command
 
+    def commanders(self) -> list[str]:
+        """Return nothing: nobody is asked for."""
+        return []
+
     def acted(self) -> None:
         """Do nothing: nothing waits."""
 

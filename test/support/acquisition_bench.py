@@ -116,6 +116,9 @@ class ScriptedLink:
             self._clock.now_s = until_s + WAKE_UP_S
         return None
 
+    def commanders(self) -> list[str]:
+        return ["/flexarm/controller", "/flexarm/other"]
+
     def acted(self) -> None:
         """Do nothing: nothing waits."""
 

@@ -107,6 +107,10 @@ class RestlessController:
             self._clock.sleep(timeout_s + 1e-6)
         return answer
 
+    def commanders(self) -> list[str]:
+        """Return nothing: nobody is asked for."""
+        return []
+
     def acted(self) -> None:
         """Do nothing: nothing waits."""
 

@@ -3,7 +3,9 @@
 The middleware does not name the sender of a message. A commander numbers its commands, however, and
 sends one for each sample that it answers. Between two of its commands its own count therefore grows
 by at least one and at most by the count of the samples. A command that does not fit is not obeyed.
-When the commander in force continues beside it, there are two commanders.
+When the commander in force continues beside it, there are two commanders. When it is silent, a
+sender whose commands did not fit takes its place with one that counts on from its last: a sender
+that does not count would drive with its first command after each silence.
 """
 
 from __future__ import annotations
@@ -60,6 +62,7 @@ class Commander:
         self.answered = 0
         self._last: Command | None = None
         self._has_rival = False
+        self._foreign: Command | None = None
 
     def release(self) -> None:
         """Forget the commander, which is silent."""
@@ -85,10 +88,13 @@ class Commander:
         """
         verdict = self._verdict(command, newest)
         if verdict is Verdict.FOREIGN:
-            self._has_rival = True
+            self._has_rival = self._last is not None
+            self._foreign = command
         if verdict is Verdict.ACCEPTED and not in_time:
             verdict = Verdict.LATE
         if verdict is Verdict.ACCEPTED:
+            if self._last is not None:
+                self._foreign = None
             if self._has_rival:
                 verdict = Verdict.CONFLICT
             self._last = command
@@ -101,14 +107,25 @@ class Commander:
             return Verdict.AHEAD
         last = self._last
         if last is None or command.state_sequence < 1:
-            return Verdict.ACCEPTED if command.state_sequence > self.answered else Verdict.OLD
+            return self._first_verdict(command)
         if command == last:
             return Verdict.DUPLICATE
-        commands = command.sequence - last.sequence
-        samples = command.state_sequence - last.state_sequence
-        if samples == 0:
+        if command.state_sequence == last.state_sequence:
             return Verdict.CONFLICT
-        # This holds for late commands too: both counts are then negative.
-        if not 1 <= (commands if samples > 0 else -commands) <= abs(samples):
+        if not _counts_on(last, command):
             return Verdict.FOREIGN
-        return Verdict.ACCEPTED if samples > 0 else Verdict.OLD
+        return Verdict.ACCEPTED if command.state_sequence > last.state_sequence else Verdict.OLD
+
+    def _first_verdict(self, command: Command) -> Verdict:
+        """Judge a command while there is no commander in force."""
+        if command.state_sequence <= self.answered:
+            return Verdict.OLD
+        counts = self._foreign is None or _counts_on(self._foreign, command)
+        return Verdict.ACCEPTED if counts else Verdict.FOREIGN
+
+
+def _counts_on(last: Command, command: Command) -> bool:
+    """Return whether two commands, in any order, may be of one commander."""
+    commands = command.sequence - last.sequence
+    samples = command.state_sequence - last.state_sequence
+    return 1 <= (commands if samples > 0 else -commands) <= abs(samples)

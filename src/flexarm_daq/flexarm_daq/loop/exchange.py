@@ -69,6 +69,9 @@ class Link(Protocol):
     def wait(self, timeout_s: float) -> Command | None:
         """Return the newest command, or None when none came in time."""
 
+    def commanders(self) -> list[str]:
+        """Return the full names of the nodes that may have sent a command."""
+
     def acted(self) -> None:
         """Do what has waited for the answer to a sample: it has acted, or was refused."""
 
@@ -243,12 +246,14 @@ class Exchange:
         in_time = answered != self._overdue and self._watchdog.in_time(answered)
         verdict = self.commander.judge(command, self.sequence, in_time=in_time)
         if verdict is Verdict.CONFLICT:
+            self._write(_NOTHING)
+            # One that ends is not known any more when somebody looks.
+            senders = ", ".join(self._link.commanders()) or "nodes that are not known"
             self._hold(
                 Event.TWO_COMMANDERS,
                 f"two commanders: command {command.sequence} for sample {command.state_sequence} "
-                "is not the only one",
+                f"is not the only one; who may command: {senders}",
             )
-            self._write(_NOTHING)
         if verdict is not Verdict.ACCEPTED:
             return verdict
         self._watchdog.fed(command.state_sequence)

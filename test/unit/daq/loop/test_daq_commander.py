@@ -101,6 +101,29 @@ def test_foreign_command___is_no_conflict_when_the_first_has_gone() -> None:
     assert commander.judge(command(2, 102), NEWEST) is Verdict.ACCEPTED
 
 
+@pytest.mark.parametrize("sequence", [0, 7])
+def test_sender_that_does_not_count___drives_with_its_first_command_alone(sequence: int) -> None:
+    commander = Commander()
+    verdicts = []
+    for sample in range(1, 100):
+        verdicts.append(commander.judge(command(sequence, sample), sample))
+        if sample % 3 == 0:
+            commander.release()
+    assert verdicts == [Verdict.ACCEPTED, *[Verdict.FOREIGN] * 98]
+    # Mended and started anew, it is obeyed from its second command on.
+    verdicts = [commander.judge(command(50 + n, 100 + n), 100 + n) for n in range(1, 4)]
+    assert verdicts == [Verdict.FOREIGN, Verdict.ACCEPTED, Verdict.ACCEPTED]
+
+
+def test_commander_after_one_that_did_not_count___is_not_asked_for_it_again() -> None:
+    commander = following(command(7, 1), command(7, 2))
+    commander.release()
+    found = [commander.judge(command(n, 10 + n), NEWEST) for n in (1, 2, 3)]
+    assert found == [Verdict.FOREIGN, Verdict.ACCEPTED, Verdict.ACCEPTED]
+    commander.release()
+    assert commander.judge(command(1, 50), NEWEST) is Verdict.ACCEPTED
+
+
 @given(st.lists(st.tuples(st.integers(1, 4), st.booleans()), min_size=1, max_size=50))
 def test_one_commander___that_misses_samples_and_loses_commands___is_always_accepted(
     steps: list[tuple[int, bool]],

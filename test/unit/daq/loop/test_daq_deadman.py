@@ -79,6 +79,10 @@ class HangingLaw:
             time.sleep(timeout_s)
         return answer
 
+    def commanders(self) -> list[str]:
+        """Return nothing: nobody is asked for."""
+        return []
+
     def acted(self) -> None:
         self._hang("rest of the answer")
 

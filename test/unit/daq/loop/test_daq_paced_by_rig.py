@@ -81,6 +81,10 @@ class Controller:
         self._machine.sleep(REPLY_S)
         return Command(sequence, sequence, 0.5, 0.0, 1)
 
+    def commanders(self) -> list[str]:
+        """Return nothing: nobody is asked for."""
+        return []
+
     def acted(self) -> None:
         """Do nothing: nothing waits."""
 
