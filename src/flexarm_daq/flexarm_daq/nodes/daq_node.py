@@ -18,6 +18,7 @@ from flexarm_core.errors import SettingError
 from flexarm_core.tables import defaults, read_table
 from flexarm_daq.loop.acquisition import Acquisition, LockStep
 from flexarm_daq.loop.commander import Verdict
+from flexarm_daq.loop.complaints import Complaints
 from flexarm_daq.loop.deadman import Deadman
 from flexarm_daq.loop.limiter import LIMITS, Limiter, LimiterSettings
 from flexarm_daq.loop.safety import COUNTED
@@ -64,9 +65,6 @@ PARAMETERS = read_table(
     },
 )
 _LIVE = {spec.name for spec in PARAMETERS if spec.live}
-_SILENT_S = 1.0
-# Time without samples, of a second, that a user should know of.
-_HELD_UP_S = 0.05
 _SLOWEST_PACE = 0.01
 
 
@@ -130,7 +128,7 @@ class DaqNode(LoopNode):
             is_answered=self._link.has_commander(),
         )
         self._rate = Rate()
-        self._missed = 0
+        self._complaints = Complaints(values["rate_hz"])
         watchdog = Watchdog(1.0 / values["rate_hz"], values["max_age_periods"])
         deadman = None
         if self._handover is not None and not virtual:
@@ -174,28 +172,9 @@ class DaqNode(LoopNode):
         return f"the drive is held at zero: {reason}" if reason else ""
 
     def warning(self) -> str:
-        """Return a line when commands or samples do not come in time; empty otherwise."""
-        acquisition = self._acquisition
-        assert acquisition is not None  # noqa: S101 - asked only while the loop runs
-        held_up = self._held_up(acquisition.missed)
-        answered = acquisition.commander.answered
-        late = acquisition.commander.verdicts[Verdict.LATE]
-        rate_hz = self.parameters.values()["rate_hz"]
-        if not (answered or late) or acquisition.sequence - answered < _SILENT_S * rate_hz:
-            if held_up or not acquisition.off_rate:
-                return held_up
-            # The measured rate would make it another warning every second.
-            return "samples do not come at rate_hz: see off rate"
-        since = f" since the one for sample {answered}" if answered else ""
-        return f"no command in time{since}: the drive is at zero"
-
-    def _held_up(self, missed: int) -> str:
-        """Return how many periods the loop has missed since the last report, if they are many."""
-        lost, self._missed = missed - self._missed, missed
-        lost_s = lost / self.parameters.values()["rate_hz"]
-        if lost_s < _HELD_UP_S:
-            return ""
-        return f"{lost} periods without a sample, {lost_s:.2f} s in all: the loop was held up"
+        """Return what a user should know of the running loop; empty when all is well."""
+        assert self._acquisition is not None  # noqa: S101 - asked only while the loop runs
+        return self._complaints.look(self._acquisition)
 
     def rig(self) -> str:
         """Return the name of the rig."""
