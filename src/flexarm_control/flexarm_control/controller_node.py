@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from std_msgs.msg import Float64
 
 from flexarm_control.laws.switching import Handover
-from flexarm_control.loop_setup import PARAMETERS, TOPIC, Setup
-from flexarm_control.models.chosen_model import PREFIX
+from flexarm_control.loop_setup import MODEL_CHOICES, PARAMETERS, TOPIC, Setup
+from flexarm_control.models.chosen_model import PREFIX, ModelChoices
 from flexarm_control.sample_rate import SampleRate
 from flexarm_core.channels import TRAVEL_DEG, TRAVEL_V
 from flexarm_core.errors import SettingError
@@ -75,6 +75,7 @@ class ControllerNode(AnsweringNode):
 
     def __init__(self, direct: DirectHandover | None = None, cli_args: Sequence[str] = ()) -> None:
         self.direct = direct
+        self._model_choices = ModelChoices(MODEL_CHOICES)
         super().__init__(
             "controller",
             PARAMETERS,
@@ -231,6 +232,7 @@ class ControllerNode(AnsweringNode):
 
     def _on_request(self, values: Mapping[str, Any]) -> None:
         """Check parameters: they make a setup, which is kept, since a design takes time."""
+        self._model_choices.check(values)
         accepted = Setup.of(values)
         if self.is_answering():
             accepted.check_rate(self._measured_hz)

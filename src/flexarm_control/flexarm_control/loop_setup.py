@@ -67,6 +67,8 @@ PARAMETERS = (
     ),
 )
 _SPECS = {spec.name: spec for spec in PARAMETERS}
+MODEL_CHOICES = tuple(f"{row.name}.model" for row in LAWS.values() if row.takes_model)
+"""Parameters that choose the model of a law."""
 _OF_SHAPER = [name for name in _SPECS if name.startswith("shaper")]
 
 

@@ -8,12 +8,44 @@ from typing import TYPE_CHECKING
 from flexarm_core.errors import IdentificationError, SettingError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     import control
 
 PREFIX = "models."
 """Beginning of the parameters of models, as the identification gives and writes them."""
+
+
+class ModelChoices:
+    """Choices of the models of all laws: also of one that is not in force, each when it changes.
+
+    Parameters
+    ----------
+    keys : sequence of str
+        Parameters that choose a model.
+    """
+
+    def __init__(self, keys: Sequence[str]) -> None:
+        self._keys = keys
+        self._checked: dict[str, object] = {}
+
+    def check(self, parameters: Mapping[str, object]) -> None:
+        """Refuse a choice that has changed since the last time and is none.
+
+        Raises
+        ------
+        SettingError
+            When there is no such model, or it is incomplete or was changed.
+        """
+        choices = {key: parameters.get(key, "") for key in self._keys}
+        for key, choice in choices.items():
+            if choice == self._checked.get(key, ""):
+                continue
+            try:
+                chosen_model(str(choice), parameters)
+            except SettingError as error:
+                raise SettingError(f"parameter {key}: {error}") from error
+        self._checked = choices
 
 
 def chosen_model(choice: str, parameters: Mapping[str, object]) -> control.StateSpace | None:
