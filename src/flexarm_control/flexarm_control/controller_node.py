@@ -133,11 +133,11 @@ class ControllerNode(AnsweringNode):
 
     def prepare(self) -> None:
         """Prepare a run, and publish the set-point."""
+        super().prepare()
         if self.direct is None or not self.direct.waits:
             # A law that is set during the run may need this library, and loading it then would
             # cost the loop some periods.
             import_module("control")
-        super().prepare()
         self.listen()
         if self._setup.profile is None:
             # A record needs the set-point in force from its first sample on.

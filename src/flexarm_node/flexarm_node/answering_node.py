@@ -109,10 +109,13 @@ class AnsweringNode(LoopNode):
         self.destroy_publisher(self._commander_out)
 
     def prepare(self) -> None:
-        """Wait for every reader of what is sent, drop an old sample, declare the commander."""
-        self.await_listeners(*self.publishers(), least=1)
+        """Drop an old sample, wait for every reader of what is sent, declare the commander.
+
+        In virtual time a sample that comes meanwhile waits for its answer.
+        """
         if self._states is not None:
             self._states.wait_newest(0.0)
+        self.await_listeners(*self.publishers(), least=1)
         self.declare_commander()
 
     def declare_commander(self) -> None:

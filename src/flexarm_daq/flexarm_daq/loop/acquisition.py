@@ -140,6 +140,14 @@ class Acquisition(Exchange):
                 return f"{rate_hz:.1f} Hz by {clock}, for rate_hz = {self._rate_hz:g}"
         return ""
 
+    @property
+    def waits_s(self) -> float:
+        """Time for which the newest sample has waited for its answer, s; 0 where none waits."""
+        if self._lockstep is None or not self._is_answered or self.taken == 0:
+            return 0.0
+        is_answered = self.commander.answered == self.sequence
+        return 0.0 if is_answered else self._clock.monotonic() - self._tick_s
+
     def run(self, stop: threading.Event) -> None:
         """Sample until told to stop or until all samples are taken; the drive ends at zero.
 

@@ -51,6 +51,8 @@ class Complaints:
         new = _Counts(*(count - before for count, before in zip(now, self._counts, strict=True)))
         limits = {name: loop.limited_by[name] - self._limited_by.get(name, 0) for name in LIMITS}
         self._counts, self._limited_by = now, dict(loop.limited_by)
+        if loop.waits_s > _SILENT_S:
+            return f"the arm's time stands: sample {loop.sequence} waits for its answer"
         return (
             self._silence(loop, new)
             or self._held_up(new.missed)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from flexarm_daq.loop.acquisition import LockStep
 from flexarm_daq.loop.commander import Command
 from flexarm_daq.loop.complaints import Complaints
 from support.acquisition_bench import RATE_HZ, WIDE, Bench, at_once, never, reply
@@ -71,3 +72,24 @@ def test_complaints___are_of_the_time_since_the_last_look(clock: Clock) -> None:
     complaints = Complaints(RATE_HZ)
     assert "no finite numbers" in complaints.look(bench.acquisition)
     assert complaints.look(bench.acquisition) == ""
+
+
+def test_sample_that_waits_for_its_answer___is_told_while_it_does(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [(2.5 if record.sequence == 9 else 0.0, reply(record, 1.0))]
+
+    patient = LockStep(0.0, 5.0, is_answered=True)
+    bench = Bench(clock, answer, virtual=True, samples=12, lockstep=patient)
+    complaints, looks = Complaints(RATE_HZ), []
+    monkeypatch.setattr(
+        bench.link, "spare_time", lambda: looks.append(complaints.look(bench.acquisition))
+    )
+    bench.run()
+
+    waits = "the arm's time stands: sample 9 waits for its answer"
+    assert set(looks) == {"", waits}
+    # It has waited for one second of two and a half before it is told.
+    assert looks.count(waits) > 20
+    assert looks[0] == looks[-1] == ""
