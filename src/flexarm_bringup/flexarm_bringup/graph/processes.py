@@ -256,12 +256,18 @@ class NodeProcesses:
         # The last line of a traceback names no node.
         logger = _LOGGER.search(lines[-1])
         if logger is not None:
-            return f": {lines[-1]}" if logger[1] == node else ""
+            own = lines[-1] if logger[1] == node else _last_of(lines, f"{node}: ")
+            return own and f": {own}"
         return f": {lines[-1]}{_place(lines)}"
 
 
 def _name(process: subprocess.Popen[bytes]) -> str:
     return Path(str(process.args[0])).name  # type: ignore[index]
+
+
+def _last_of(lines: Sequence[str], start: str) -> str:
+    """Return the last line with a start: what a node says that could not begin; or nothing."""
+    return next((line for line in reversed(lines) if line.startswith(start)), "")
 
 
 def _place(lines: Sequence[str]) -> str:

@@ -162,6 +162,10 @@ class _DirectLink:
             time.sleep(max(0.0, timeout_s))
         return answer
 
+    def commanders(self) -> list[str]:
+        """Return nothing: the law of this process alone commands."""
+        return []
+
     def acted(self) -> None:
         """Do nothing: nothing waits."""
 

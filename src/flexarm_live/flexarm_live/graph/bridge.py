@@ -14,7 +14,7 @@ from flexarm_control.loop_setup import TOPIC
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 from flexarm_live.graph.about import about_arm
-from flexarm_live.graph.calls import Calls
+from flexarm_live.graph.calls import CallError, Calls
 from flexarm_live.graph.chain import Chain
 from flexarm_live.graph.command_lines import record_line
 from flexarm_live.graph.jobs import Jobs
@@ -179,7 +179,13 @@ class Bridge:
 
     async def _on_reference(self, value_v: float) -> Answer:
         request = SetReference.Request(reference_v=float(value_v))
-        answer = await self._calls.call(SetReference, "set_reference", request, _REFERENCE_S)
+        try:
+            answer = await self._calls.call(SetReference, "set_reference", request, _REFERENCE_S)
+        except CallError as error:
+            # A node that has ended stays known to the graph for a while.
+            if told := self.situation.silence("controller", time.monotonic()):
+                raise FlexarmError(f"the controller does not answer: {told}") from error
+            raise
         if not answer.success:
             raise FlexarmError(answer.message)
         beyond = await self._beyond_bound(answer.reference_v)

@@ -178,9 +178,9 @@ class Situation:
     def reports(self, now_s: float) -> dict[str, dict[str, Any]]:
         """Return message and figures of each node; of one that is silent, for how long."""
         found: dict[str, dict[str, Any]] = {
-            name: {"message": report.message, "values": dict(report.values)}
-            if now_s - report.heard_s <= _USUAL_REPORT_S
-            else {"message": _silent(report, now_s), "values": {}}
+            name: {"message": silence, "values": {}}
+            if (silence := self.silence(name, now_s))
+            else {"message": report.message, "values": dict(report.values)}
             for name, report in self._reports.items()
         }
         daq = found.get("daq", {"values": {}})
@@ -189,6 +189,13 @@ class Situation:
             daq["message"] = f"active: {_HELD}{_EMERGENCY}"
             daq["values"]["drive"] = "held"
         return found
+
+    def silence(self, node: str, now_s: float) -> str:
+        """Return since when a node is silent that has reported; empty when it is not."""
+        report = self._reports.get(node)
+        if report is None or now_s - report.heard_s <= _USUAL_REPORT_S:
+            return ""
+        return _silent(report, now_s)
 
     def word(self, node: str, now_s: float) -> str:
         """Return whether a node is active, or silent."""

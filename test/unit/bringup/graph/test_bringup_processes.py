@@ -95,8 +95,9 @@ def check_until_it_ends(nodes: NodeProcesses) -> None:
             "SyntaxError: expected a colon (/a/rigs/mine.py, line 7)",
         ),
         (["[ERROR] [1.5] [flexarm.rig]: torn", "[INFO] [2.5] [flexarm.daq]: at zero"], ""),
+        (["rig: port 80 is taken", "[INFO] [2.5] [flexarm.daq]: at zero"], "rig: port 80 is taken"),
     ],
-    ids=["nothing", "its_own", "a_traceback", "an_unreadable_file", "another_node"],
+    ids=["nothing", "its_own", "a_traceback", "an_unreadable_file", "another_node", "no_start"],
 )
 def test_node_that_ended___last_line___is_quoted_unless_another_node_logged_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, printed: list[str], quoted: str
