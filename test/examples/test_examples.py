@@ -71,6 +71,13 @@ def test_own_rig___under_pd_control___comes_to_the_set_point(tmp_path: Path) -> 
     assert figure(r"settled after ([\d.]+) s", text) < 3.0
 
 
+def test_own_law___beside_a_packaged_one___settles(tmp_path: Path) -> None:
+    text = printed("own_law", tmp_path)
+    for name in ("pid", "pdpc"):
+        assert figure(rf"{name}: .*settling_s=([\d.]+)", text) < 5.0
+        assert abs(figure(rf"{name}: .*mean_error_v=([-\d.e]+)", text)) < 0.05
+
+
 def test_learn_gains___six_rounds___are_no_worse_than_the_law_on_new_arms(tmp_path: Path) -> None:
     text = printed("learn_gains", tmp_path)
     assert figure(r"round 1: best [-\d.]+, median ([-\d.]+)", text) < -200.0

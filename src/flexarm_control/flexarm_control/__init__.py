@@ -10,13 +10,13 @@ if TYPE_CHECKING:
     from flexarm_control.design.tuning import PdpTuning, PiTuning, tune_pdp, tune_pi
     from flexarm_control.laws.gains import Compensation, Coulomb, PdGains, PdpGains, PiGains
     from flexarm_control.laws.ilqr import Ilqr, IlqrWeights, design_ilqr
-    from flexarm_control.laws.law_protocol import Effort, Law
+    from flexarm_control.laws.law_protocol import Effort, Law, Memoryless, limited
     from flexarm_control.laws.lqg import LqgWeights, design_lqg
     from flexarm_control.laws.pd import Pd
     from flexarm_control.laws.pdpc import Pdp, Pdpc
     from flexarm_control.laws.pdpc_plus import PdpcPlus
     from flexarm_control.laws.pi import Pi
-    from flexarm_control.laws.registry import LAWS, build_law
+    from flexarm_control.laws.registry import LAWS, LawSpec, build_law
     from flexarm_control.models.nominal_models import nominal_model, nominal_payloads_kg
     from flexarm_control.references import REFERENCES, Reference, build_reference
     from flexarm_control.simulation import LoopRun, simulate, simulate_loop
@@ -36,9 +36,11 @@ __all__ = [
     "Ilqr",
     "IlqrWeights",
     "Law",
+    "LawSpec",
     "LoopRun",
     "LqgWeights",
     "Margins",
+    "Memoryless",
     "Pd",
     "PdGains",
     "Pdp",
@@ -56,6 +58,7 @@ __all__ = [
     "design_ilqr",
     "design_lqg",
     "itae",
+    "limited",
     "margins",
     "nominal_model",
     "nominal_payloads_kg",

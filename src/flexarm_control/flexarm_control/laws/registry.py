@@ -1,4 +1,4 @@
-"""Registry of the control laws: one row for each, the only list of them."""
+"""Registry of the control laws: one row for each, the only list of them but for the user's own."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ from flexarm_control.laws.pi import Pi
 from flexarm_control.laws.planned import Planned
 from flexarm_control.laws.regulator_loop import stabilising_design
 from flexarm_control.models.nominal_models import identified_model
+from flexarm_control.own.own_laws import FILES, own_laws
 from flexarm_control.planning.fitted_arm import fitted_arm
 from flexarm_control.planning.flat_arm import ArmFigures
 from flexarm_control.planning.friction_observer import FrictionSensing
@@ -237,9 +238,6 @@ _ROWS = (
     ),
 )
 
-#: Every law by the name it has as a ROS parameter.
-LAWS: Mapping[str, LawSpec] = MappingProxyType({row.name: row for row in _ROWS})
-
 
 def build_law(
     name: str,
@@ -270,7 +268,9 @@ def build_law(
         stabilising design.
     """
     if name not in LAWS:
-        raise SettingError(f"no law {name!r}; choose one of {', '.join(LAWS)}")
+        raise SettingError(
+            f"no law {name!r}; choose one of {', '.join(LAWS)}, or name its file in {FILES}"
+        )
     spec, values = LAWS[name], values or {}
     refuse_unknown(name, spec.parameters, values)
     first, *others = (select(kind, values) for kind in spec.settings)
@@ -292,3 +292,10 @@ def _designed(
     if model is None:
         return design(identified_model(), weights)
     return stabilising_design(design, model, weights)
+
+
+# At the end: the files of the user's laws take what is above from here.
+#: Every law by the name it has as a ROS parameter, those of the user last.
+LAWS: Mapping[str, LawSpec] = MappingProxyType(
+    {row.name: row for row in (*_ROWS, *own_laws(LawSpec, [row.name for row in _ROWS]))}
+)

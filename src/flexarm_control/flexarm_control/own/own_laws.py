@@ -1,0 +1,143 @@
+"""Laws of the user's own, from the files that the environment variable FLEXARM_LAWS names.
+
+A file has a tuple `LAWS` of `LawSpec` rows. All processes of flexarm have them beside its own:
+nodes, verbs, the page, and the replay of a record.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from flexarm_core.errors import FlexarmError, SettingError, one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from types import ModuleType
+
+FILES = "FLEXARM_LAWS"
+"""Environment variable: Python files with laws, separated as those of PATH."""
+_METHODS = ("step", "reset", "memory", "remember")
+_AT_REST_V = (0.0, 0.0, 0.0, 0.0)
+
+
+class Row(Protocol):
+    """What is looked at in a row, a `LawSpec`."""
+
+    @property
+    def name(self) -> str:
+        """Name of the law."""
+
+    @property
+    def build(self) -> Any:  # noqa: ANN401 - the law's own arguments
+        """Constructor of the law."""
+
+    @property
+    def settings(self) -> Sequence[type]:
+        """Tables of its parameters."""
+
+    @property
+    def design(self) -> object | None:
+        """Design on a model, or None."""
+
+
+RowT = TypeVar("RowT", bound=Row)
+
+
+def own_laws(row: type[RowT], known: Sequence[str]) -> tuple[RowT, ...]:
+    """Return the rows of the user's laws, each tried once at rest.
+
+    Parameters
+    ----------
+    row : type
+        The class of rows.
+    known : sequence of str
+        Names that are taken.
+
+    Raises
+    ------
+    SettingError
+        When a file cannot be read, or has a row that is no law or whose name is taken.
+    """
+    files = [each for each in os.environ.get(FILES, "").split(os.pathsep) if each]
+    found: dict[str, RowT] = {}
+    for file in files:
+        for each in _rows(file, row):
+            if not each.name.isidentifier() or each.name in {*known, *found}:
+                raise SettingError(
+                    f"{FILES}: {file}: law {each.name!r}: a name is a word in small letters, and "
+                    "no other law has it"
+                )
+            _try_out(file, each)
+            found[each.name] = each
+    return tuple(found.values())
+
+
+def _rows(file: str, row: type[RowT]) -> Iterator[RowT]:
+    """Yield the rows of a file."""
+    path = Path(file)
+    if not path.is_file():
+        raise SettingError(f"{FILES}: {file}: no such file")
+    try:
+        rows = getattr(_module(path), "LAWS", ())
+    except FlexarmError:
+        raise
+    except Exception as error:
+        raise SettingError(f"{FILES}: {file}{_line(error, path)}: {_told(error)}") from error
+    if not rows or not all(isinstance(each, row) for each in rows):
+        raise SettingError(
+            f"{FILES}: {file}: it has no tuple LAWS of LawSpec rows (docs/howto/own_law.md)"
+        )
+    yield from rows
+
+
+def _module(path: Path) -> ModuleType:
+    """Return the module of a file; its classes can be found again by their names."""
+    name = f"flexarm_own_{path.stem}"
+    spec = spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise SettingError(f"{FILES}: {path}: no Python file: name it with the ending .py")
+    module = sys.modules[name] = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _try_out(file: str, row: Row) -> None:
+    """Refuse a law that does not answer a sample at rest; one that needs a model is left alone."""
+    if row.design is not None:
+        return
+    start = f"{FILES}: {file}: law {row.name}"
+    try:
+        law = row.build(*(kind() for kind in row.settings))
+        lacking = [name for name in _METHODS if not callable(getattr(law, name, None))]
+        if not lacking:
+            _answer_at_rest(law)
+    except Exception as error:
+        where = _line(error, Path(file))
+        raise SettingError(f"{start} does not answer at rest{where}: {_told(error)}") from error
+    if lacking:
+        raise SettingError(f"{start} has no method {', '.join(lacking)}")
+
+
+def _answer_at_rest(law: Any) -> None:  # noqa: ANN401 - it may be none
+    law.reset()
+    law.remember(law.memory())
+    effort_v, compensation_v = law.step(_AT_REST_V, 0.0)
+    float(effort_v) + float(compensation_v)
+
+
+def _told(error: Exception) -> str:
+    return f"{type(error).__name__}: {one_line(error)}"
+
+
+def _line(error: Exception, path: Path) -> str:
+    """Return the line of a file in which an error came up, to be added to a text; or nothing."""
+    if isinstance(error, SyntaxError):
+        return f", line {error.lineno}"
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [each.lineno for each in frames if each.filename == str(path)]
+    return f", line {lines[-1]}" if lines else ""
