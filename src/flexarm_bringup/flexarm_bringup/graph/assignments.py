@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexarm_bringup.console.quantity import in_first_unit, units_of
@@ -82,14 +83,13 @@ class _Kind(NamedTuple):
 
 
 def _is_number(value: object) -> bool:
-    """Return whether a value is a number: 2 is one for 2.0, and 2e0, a text in YAML."""
+    """Return whether a value is a number: 2 is one for 2.0, and 2e0, a text in YAML; NaN is none."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return False
     try:
-        float(value)
+        return not math.isnan(float(value))
     except (ValueError, OverflowError):
         return False
-    return True
 
 
 _KINDS = {

@@ -57,6 +57,8 @@ def test_assigned___value_of_the_kind___is_taken(assignment: str, value: object)
     [
         ("pdpc.kp=abc", "a number"),
         ("pdpc.kp=2V", "a number"),
+        ("pdpc.kp=.nan", "a number"),
+        ("pdpc.kp=nan", "a number"),
         ("payload_kg=heavy", r"a number, or one with its unit \(kg, g\)"),
         ("payload_kg=2lb", r"a number, or one with its unit \(kg, g\)"),
         ("pdpc.kp=true", "a number"),

@@ -44,6 +44,8 @@ def stop(*, namespace: str, everything: bool) -> None:
         click.echo(f"{arm}: {message}")
 
 
+_PART = ": "
+"""Part of a count, by its kind; those that are zero say nothing."""
 _FOR_THE_PAGE = "histogram"
 """Figures that are a drawing on the page and say nothing as numbers."""
 
@@ -64,7 +66,8 @@ def status(namespace: str) -> None:
     for name, (message, values) in sorted(reports.items()):
         click.echo(f"{name}: {message}")
         for key, value in values.items():
-            if value and not key.endswith(_FOR_THE_PAGE):
+            is_none = value in {"", "0"} and _PART in key
+            if value and not is_none and not key.endswith(_FOR_THE_PAGE):
                 click.echo(f"    {key:36s} {'-' if value == 'nan' else value}")
 
 
