@@ -83,7 +83,7 @@ class _Kind(NamedTuple):
 
 
 def _is_number(value: object) -> bool:
-    """Return whether a value is a number: 2 is one for 2.0, and 2e0, a text in YAML; NaN is none."""
+    """Return whether a value is a number: 2 is one for 2.0, and 2e0, a text in YAML, not NaN."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return False
     try:

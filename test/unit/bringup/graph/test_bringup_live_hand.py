@@ -308,7 +308,7 @@ def test_stop___that_up_does_not_carry_out___is_left_to_the_graph(
         hand.stop()
 
 
-@pytest.mark.parametrize("value", ["nan", "-inf"])
+@pytest.mark.parametrize("value", ["inf", "-inf"])
 def test_set___number_that_json_cannot_tell___is_left_to_the_graph(up: Up, value: str) -> None:
     with live_hand(ARM) as hand, pytest.raises(NoAnswerError, match="no such number"):
         hand.set("controller", {"pd.kp": value})
