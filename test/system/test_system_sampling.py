@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_srvs.srv import Trigger
 
 from flexarm_bringup.graph.processes import LaunchError
-from flexarm_msgs.msg import ArmState
+from flexarm_msgs.msg import ArmState, MotorCommand
 from flexarm_msgs.srv import Identify, SetReference
 from flexarm_node import qos
 from support.project import BAGS
@@ -313,3 +313,24 @@ def test_real_time___500_hz_while_a_model_is_identified___records_every_sample(
     graph.wait(answers[-1].done, "the last model")
     results = [answer.result() for answer in answers]
     assert all(result.success for result in results), results[0].message
+
+
+def test_virtual_time___controller_activated_after_the_first_sample___answers_it(
+    graph: Graph,
+) -> None:
+    heard: list[MotorCommand] = []
+    graph.node.create_subscription(MotorCommand, "/flexarm/command", heard.append, qos.EVERY)
+    graph.start("controller", RESTLESS)
+    graph.start("daq", {"real_time_factor": 0.0, "answer_timeout_s": 60.0, "samples": 20})
+    graph.configure_loop()
+    sampled: list[ArmState] = []
+    graph.node.create_subscription(ArmState, "/flexarm/state", sampled.append, qos.EVERY)
+    graph.wait(lambda: graph.node.count_publishers("/flexarm/state") > 0, "the publisher")
+    graph.operator.acquaint("daq")
+    assert graph.transition("daq", "activate")
+    graph.wait(lambda: bool(sampled), "the first sample")
+
+    assert graph.transition("controller", "activate")
+
+    graph.wait(lambda: len(sampled) == 20 and len(heard) >= 19, "all samples")
+    assert heard[0].state_sequence == 1

@@ -237,6 +237,7 @@ class ControllerNode(AnsweringNode):
         if self.is_answering():
             accepted.check_rate(self._measured_hz)
         self._accepted = accepted
+        self._model_choices.take(values)
 
     def _on_parameters(self, _: Mapping[str, Any]) -> None:
         """Put accepted parameters into force, from the next sample on."""

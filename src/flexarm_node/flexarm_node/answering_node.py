@@ -44,6 +44,7 @@ class AnsweringNode(LoopNode):
     """
 
     _heard_s = math.inf
+    _waiting: Numbers | None = None
     direct: DirectHandover | None = None
     """Way from a DAQ node in the same process, whose samples alone are answered then."""
 
@@ -111,10 +112,12 @@ class AnsweringNode(LoopNode):
     def prepare(self) -> None:
         """Drop an old sample, wait for every reader of what is sent, declare the commander.
 
-        In virtual time a sample that comes meanwhile waits for its answer.
+        In virtual time a sample that comes meanwhile waits for its answer, and so does the first of
+        a run.
         """
-        if self._states is not None:
-            self._states.wait_newest(0.0)
+        self._waiting = None if self._states is None else self._states.wait_newest(0.0)
+        if self._waiting is not None and self._waiting.sequence != 1:
+            self._waiting = None
         self.await_listeners(*self.publishers(), least=1)
         self.declare_commander()
 
@@ -160,7 +163,8 @@ class AnsweringNode(LoopNode):
 
     def _answer_topic(self, states: TopicWaiter, stopping: threading.Event) -> None:
         while not stopping.is_set():
-            state = states.wait_newest(_WAIT_S)
+            state = states.wait_newest(_WAIT_S if self._waiting is None else 0.0) or self._waiting
+            self._waiting = None
             if state is not None and (answer := self._answer_to(state)) is not None:
                 self._send(answer)
             self.spare_time()

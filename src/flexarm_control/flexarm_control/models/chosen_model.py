@@ -27,25 +27,30 @@ class ModelChoices:
 
     def __init__(self, keys: Sequence[str]) -> None:
         self._keys = keys
-        self._checked: dict[str, object] = {}
+        self._in_force: dict[str, object] = {}
 
     def check(self, parameters: Mapping[str, object]) -> None:
-        """Refuse a choice that has changed since the last time and is none.
+        """Refuse a choice that differs from the one in force and is none.
 
         Raises
         ------
         SettingError
             When there is no such model, or it is incomplete or was changed.
         """
-        choices = {key: parameters.get(key, "") for key in self._keys}
-        for key, choice in choices.items():
-            if choice == self._checked.get(key, ""):
+        for key, choice in self._of(parameters).items():
+            if choice == self._in_force.get(key, ""):
                 continue
             try:
                 chosen_model(str(choice), parameters)
             except SettingError as error:
                 raise SettingError(f"parameter {key}: {error}") from error
-        self._checked = choices
+
+    def take(self, parameters: Mapping[str, object]) -> None:
+        """Take choices that come into force: they are not looked up again."""
+        self._in_force = self._of(parameters)
+
+    def _of(self, parameters: Mapping[str, object]) -> dict[str, object]:
+        return {key: parameters.get(key, "") for key in self._keys}
 
 
 def chosen_model(choice: str, parameters: Mapping[str, object]) -> control.StateSpace | None:

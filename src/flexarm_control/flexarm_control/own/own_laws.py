@@ -6,9 +6,12 @@ nodes, verbs, the page, and the replay of a record.
 
 from __future__ import annotations
 
+import math
 import os
+import re
 import sys
 import traceback
+from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
 
 FILES = "FLEXARM_LAWS"
 """Environment variable: Python files with laws, separated as those of PATH."""
+_NAME = re.compile("[a-z][a-z0-9_]*")
+_MODELS = "models"
 _METHODS = ("step", "reset", "memory", "remember")
 _AT_REST_V = (0.0, 0.0, 0.0, 0.0)
 
@@ -67,10 +72,10 @@ def own_laws(row: type[RowT], known: Sequence[str]) -> tuple[RowT, ...]:
     found: dict[str, RowT] = {}
     for file in files:
         for each in _rows(file, row):
-            if not each.name.isidentifier() or each.name in {*known, *found}:
+            if not _NAME.fullmatch(each.name) or each.name in {*known, *found, _MODELS}:
                 raise SettingError(
-                    f"{FILES}: {file}: law {each.name!r}: a name is a word in small letters, and "
-                    "no other law has it"
+                    f"{FILES}: {file}: law {each.name!r}: a name is a word in small letters, that "
+                    "of no other law and of no group of parameters"
                 )
             _try_out(file, each)
             found[each.name] = each
@@ -86,7 +91,7 @@ def _rows(file: str, row: type[RowT]) -> Iterator[RowT]:
         rows = getattr(_module(path), "LAWS", ())
     except FlexarmError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SettingError(f"{FILES}: {file}{_line(error, path)}: {_told(error)}") from error
     if not rows or not all(isinstance(each, row) for each in rows):
         raise SettingError(
@@ -97,7 +102,8 @@ def _rows(file: str, row: type[RowT]) -> Iterator[RowT]:
 
 def _module(path: Path) -> ModuleType:
     """Return the module of a file; its classes can be found again by their names."""
-    name = f"flexarm_own_{path.stem}"
+    place = sha256(str(path.resolve()).encode()).hexdigest()[:8]
+    name = f"flexarm_own_{path.stem}_{place}"
     spec = spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise SettingError(f"{FILES}: {path}: no Python file: name it with the ending .py")
@@ -127,14 +133,15 @@ def _answer_at_rest(law: Any) -> None:  # noqa: ANN401 - it may be none
     law.reset()
     law.remember(law.memory())
     effort_v, compensation_v = law.step(_AT_REST_V, 0.0)
-    float(effort_v) + float(compensation_v)
+    if not math.isfinite(effort_v + compensation_v):
+        raise ValueError(f"{effort_v} V of effort and {compensation_v} V of compensation")
 
 
-def _told(error: Exception) -> str:
+def _told(error: BaseException) -> str:
     return f"{type(error).__name__}: {one_line(error)}"
 
 
-def _line(error: Exception, path: Path) -> str:
+def _line(error: BaseException, path: Path) -> str:
     """Return the line of a file in which an error came up, to be added to a text; or nothing."""
     if isinstance(error, SyntaxError):
         return f", line {error.lineno}"

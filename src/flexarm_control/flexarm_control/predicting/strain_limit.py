@@ -6,9 +6,9 @@ cost of a correction is that of the regulator: about its optimum it is the squar
 R + B' P B at every sample [1]_. So only the ratio of that weight to the one of the slack matters,
 and no prediction beyond the limit means no correction.
 
-A correction takes the effort to zero at most. One that may reverse it is a feedback of the gauge
-with a high gain, and the modes that the model knows badly swing in that loop for ever, from stop to
-stop of the drive.
+A correction lessens the effort, to zero at most, and never enlarges it. One that may reverse it is
+a feedback of the gauge with a high gain, and the modes that the model knows badly swing in that
+loop for ever, from stop to stop of the drive.
 
 References
 ----------

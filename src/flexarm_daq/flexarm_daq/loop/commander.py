@@ -3,9 +3,10 @@
 The middleware does not name the sender of a message. A commander numbers its commands, however, and
 sends one for each sample that it answers. Between two of its commands its own count therefore grows
 by at least one and at most by the count of the samples. A command that does not fit is not obeyed.
-When the commander in force continues beside it, there are two commanders. When it is silent, a
-sender whose commands did not fit takes its place with one that counts on from its last: a sender
-that does not count would drive with its first command after each silence.
+When the commander in force continues beside it, there are two commanders. When it is silent,
+another sender takes its place. One that does not count would drive with its first command after
+each silence: a command with the number of the last one, and one of a sender whose commands were
+refused, has to be followed by one that counts on from it.
 """
 
 from __future__ import annotations
@@ -63,9 +64,11 @@ class Commander:
         self._last: Command | None = None
         self._has_rival = False
         self._foreign: Command | None = None
+        self._silent: Command | None = None
 
     def release(self) -> None:
         """Forget the commander, which is silent."""
+        self._silent = self._last or self._silent
         self._last = None
         self._has_rival = False
 
@@ -120,7 +123,10 @@ class Commander:
         """Judge a command while there is no commander in force."""
         if command.state_sequence <= self.answered:
             return Verdict.OLD
-        counts = self._foreign is None or _counts_on(self._foreign, command)
+        if self._foreign is not None:
+            counts = _counts_on(self._foreign, command)
+        else:
+            counts = self._silent is None or command.sequence != self._silent.sequence
         return Verdict.ACCEPTED if counts else Verdict.FOREIGN
 
 

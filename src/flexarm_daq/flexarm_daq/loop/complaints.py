@@ -68,8 +68,8 @@ class Complaints:
             return ""
         if new.foreign:
             return (
-                "commands come and none is obeyed, since their numbers (sequence) do not grow by "
-                "one with each command: the drive is at zero"
+                "commands come and none is obeyed: their numbers (sequence) do not grow by one "
+                "with each, as when one node does not count or two send; the drive is at zero"
             )
         since = f" since the one for sample {answered}" if answered else ""
         return f"no command in time{since}: the drive is at zero"

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 EXPERIMENT = "experiment"
 """Node that takes the controller's place in open loop; not in every graph."""
+_LABORATORY = {"daq", "controller", "recorder", "ident", EXPERIMENT}
 _REPORT_S = 4.0
 """Reports come once a second; older ones tell nothing."""
 _USUAL_REPORT_S = 2.5
@@ -176,12 +177,16 @@ class Situation:
         }
 
     def reports(self, now_s: float) -> dict[str, dict[str, Any]]:
-        """Return message and figures of each node; of one that is silent, for how long."""
+        """Return message and figures of each node.
+
+        Of one of the laboratory that is silent it is told for how long; others come and go.
+        """
         found: dict[str, dict[str, Any]] = {
             name: {"message": silence, "values": {}}
             if (silence := self.silence(name, now_s))
             else {"message": report.message, "values": dict(report.values)}
             for name, report in self._reports.items()
+            if name in _LABORATORY or now_s - report.heard_s <= _REPORT_S
         }
         daq = found.get("daq", {"values": {}})
         if now_s - self._stopped_s < _STOPPED_S and daq["values"].get("drive") == "driving":

@@ -30,10 +30,14 @@ def test_choice_that_is_no_model___of_any_law___is_refused_by_name(key: str) -> 
     choices.check(NONE)
 
 
-def test_choice_that_was_checked___is_not_looked_up_again(tmp_path: Path) -> None:
+def test_choice_in_force___is_not_looked_up_again(tmp_path: Path) -> None:
     given: dict[str, object] = dict(model_parameters("mine", nominal_model(0.2), provenance={}))
     choices = ModelChoices(MODEL_CHOICES)
     choices.check(NONE | {"lqg.model": "mine"} | given)
+    # It was checked, and another parameter of the same set may have been refused.
+    with pytest.raises(SettingError, match="no model 'mine'"):
+        choices.check(NONE | {"lqg.model": "mine"})
+    choices.take(NONE | {"lqg.model": "mine"} | given)
     # Its parameters may go: the law that is in force has the model.
     choices.check(NONE | {"lqg.model": "mine"})
     with pytest.raises(SettingError, match="no model"):

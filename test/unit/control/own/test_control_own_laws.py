@@ -59,13 +59,15 @@ def test_laws_of_several_files___have_their_parameters_and_answer(
     folder.mkdir()
     files = [
         write(folder, GOOD.replace("{name}", "spring"), "a.py"),
-        write(folder, GOOD.replace("{name}", "other_spring"), "b.py"),
+        write(tmp_path, GOOD.replace("{name}", "other_spring"), "a.py"),
         str(EXAMPLE),
     ]
     spring, other, pid = found(monkeypatch, *files)
     assert [spring.name, other.name, pid.name] == ["spring", "other_spring", "pid"]
     (kp,) = spring.parameters
     assert (kp.name, kp.default, kp.minimum, kp.maximum, kp.unit) == ("kp", 0.5, 0.0, 5.0, "V/V")
+    kinds = spring.settings + other.settings
+    assert all(sys.modules[kind.__module__].Gains is kind for kind in kinds)
     law = spring.build(*(kind() for kind in spring.settings))
     assert law.step((1.0, 0.0, 0.0, 0.0), 3.0).effort_v == pytest.approx(1.0)
 
@@ -77,8 +79,18 @@ def test_laws_of_several_files___have_their_parameters_and_answer(
         ("", "it has no tuple LAWS of LawSpec rows"),
         ("a = 1\nb = 1 / 0", r"mine.py, line 2: ZeroDivisionError: division by zero"),
         ("def f(:\n    pass", r"mine.py, line 1: SyntaxError: "),
-        (GOOD.replace("{name}", "pdpc"), "law 'pdpc': a name is a word in small letters, and no "),
+        (
+            GOOD.replace("{name}", "pdpc"),
+            "law 'pdpc': a name is a word in small letters, that of no ",
+        ),
         (GOOD.replace("{name}", "my law"), "law 'my law': a name is a word in small letters"),
+        (GOOD.replace("{name}", "PID"), "law 'PID': a name is a word in small letters"),
+        (GOOD.replace("{name}", "models"), "law 'models': .* of no group of parameters"),
+        ("import sys\nsys.exit(0)", "mine.py, line 2: SystemExit: 0"),
+        (
+            GOOD.replace("{name}", "spring").replace("self.gains.kp *", "float('nan') *"),
+            "law spring does not answer at rest: ValueError: nan V of effort",
+        ),
         (
             GOOD.replace("{name}", "spring").replace("(Memoryless)", ""),
             "law spring has no method reset, memory, remember",

@@ -102,12 +102,16 @@ def test_foreign_command___is_no_conflict_when_the_first_has_gone() -> None:
 
 
 @pytest.mark.parametrize("sequence", [0, 7])
-def test_sender_that_does_not_count___drives_with_its_first_command_alone(sequence: int) -> None:
+@pytest.mark.parametrize("patience", [1, 2, 3])
+def test_sender_that_does_not_count___drives_with_its_first_command_alone(
+    sequence: int, patience: int
+) -> None:
+    """Whether it is slow, and silent after each command, or as fast as the samples."""
     commander = Commander()
     verdicts = []
     for sample in range(1, 100):
         verdicts.append(commander.judge(command(sequence, sample), sample))
-        if sample % 3 == 0:
+        if sample % patience == 0:
             commander.release()
     assert verdicts == [Verdict.ACCEPTED, *[Verdict.FOREIGN] * 98]
     # Mended and started anew, it is obeyed from its second command on.
@@ -122,6 +126,13 @@ def test_commander_after_one_that_did_not_count___is_not_asked_for_it_again() ->
     assert found == [Verdict.FOREIGN, Verdict.ACCEPTED, Verdict.ACCEPTED]
     commander.release()
     assert commander.judge(command(1, 50), NEWEST) is Verdict.ACCEPTED
+
+
+def test_commander_that_sent_one_command___started_again___drives_with_its_second() -> None:
+    commander = following(command(1, 1))
+    commander.release()
+    found = [commander.judge(command(n, 10 + n), NEWEST) for n in (1, 2, 3)]
+    assert found == [Verdict.FOREIGN, Verdict.ACCEPTED, Verdict.ACCEPTED]
 
 
 @given(st.lists(st.tuples(st.integers(1, 4), st.booleans()), min_size=1, max_size=50))

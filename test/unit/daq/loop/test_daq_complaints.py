@@ -64,7 +64,7 @@ def test_commander_that_ends___is_told(clock: Clock) -> None:
 
 def test_commander_that_does_not_count___is_told(clock: Clock) -> None:
     told = complaint(clock, lambda record: [(0.0, Command(7, record.sequence, 1.0, 0.0))])
-    assert told.startswith("commands come and none is obeyed, since their numbers (sequence) do")
+    assert told.startswith("commands come and none is obeyed: their numbers (sequence) do not grow")
 
 
 def test_complaints___are_of_the_time_since_the_last_look(clock: Clock) -> None:

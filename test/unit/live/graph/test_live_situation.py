@@ -166,3 +166,10 @@ def test_reports___of_a_node_that_has_ended___say_since_when_and_have_no_figures
         "values": {},
     }
     assert told["daq"]["message"] == "active"
+
+
+def test_reports___of_a_recorder_that_has_ended_beside_the_laboratory___go_away() -> None:
+    found = situation(OK, "active", "driving")
+    found.hear("recorder_4711", OK, "recording to x", {}, 10.0)
+    assert "no report" in found.reports(13.0)["recorder_4711"]["message"]
+    assert "recorder_4711" not in found.reports(18.2)

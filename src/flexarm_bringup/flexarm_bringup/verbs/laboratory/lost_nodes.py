@@ -9,17 +9,17 @@ from flexarm_bringup.console.called import as_called
 from flexarm_bringup.graph.processes import LaunchError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from flexarm_bringup.graph.processes import NodeProcesses
 
-_CONTROLLER = "controller_node"
-_BESIDE = {
+_WITHOUT = {
+    "controller_node": ("flexarm_control", "the drive is at zero"),
     "recorder_node": ("flexarm_daq", "nothing is recorded any more, and the arm goes on"),
     "experiment_node": ("flexarm_daq", "the arm goes on without experiments in open loop"),
     "ident_node": ("flexarm_ident", "the arm goes on without identification"),
 }
-"""Nodes that no loop needs and that may be started by hand: their packages, and what is lost."""
+"""Nodes that may be started by hand: their packages, and what the laboratory is without them."""
 _OF_UP = "the arm goes on without it; to have it back, end this up by Ctrl-C and start it again"
 
 
@@ -32,18 +32,19 @@ class LostNodes:
         Nodes of the laboratory.
     namespace : str
         Namespace of the arm.
-    controller : callable
-        Returns the arguments of another controller in the place of the first, as ROS 2 takes them.
+    words : mapping of str to callable
+        Functions that return the arguments of another node in the place of the first, as ROS 2
+        takes them, by the name of its executable.
     """
 
     def __init__(
-        self, processes: NodeProcesses, namespace: str, controller: Callable[[], str]
+        self, processes: NodeProcesses, namespace: str, words: Mapping[str, Callable[[], str]]
     ) -> None:
         self._processes = processes
         self._namespace = namespace
-        self._controller = controller
+        self._words = words
         self._told: set[str] = set()
-        for executable in (_CONTROLLER, *_BESIDE):
+        for executable in _WITHOUT:
             processes.let_be_replaced(executable)
 
     def look(self) -> None:
@@ -59,14 +60,9 @@ class LostNodes:
             raise LaunchError("; ".join(losses.values()))
 
     def _consequence(self, executable: str) -> str:
-        if executable == _CONTROLLER:
-            another = self._another("flexarm_control", executable)
-            return f"the drive is at zero; {another} {self._controller()}"
-        if executable not in _BESIDE:
+        if executable not in _WITHOUT:
             return _OF_UP
-        package, consequence = _BESIDE[executable]
-        return f"{consequence}; {self._another(package, executable)}"
-
-    def _another(self, package: str, executable: str) -> str:
-        line = f"flexarm run {package} {executable} --ros-args -r __ns:={self._namespace}"
-        return f"for another one: {line}"
+        package, consequence = _WITHOUT[executable]
+        words = [f"flexarm run {package} {executable} --ros-args -r __ns:={self._namespace}"]
+        words += [own() for name, own in self._words.items() if name == executable]
+        return f"{consequence}; for another one: {' '.join(words)}"

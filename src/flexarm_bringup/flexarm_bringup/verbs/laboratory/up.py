@@ -253,7 +253,11 @@ def _stay(
         readers = operator.node.count_subscribers("command")
         return f"-p autostart:=true -p listeners:={readers} {words}".rstrip()
 
-    lost = LostNodes(processes, operator.namespace, controller)
+    def recorder() -> str:
+        return f"-p bag:=NEW_BAG -p 'topics:=[{', '.join(_RECORDED)}]'"
+
+    words_of = {"controller_node": controller, "recorder_node": recorder}
+    lost = LostNodes(processes, operator.namespace, words_of)
 
     def look() -> bool:
         """Show the news; never done."""

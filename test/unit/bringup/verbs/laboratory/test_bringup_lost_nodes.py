@@ -12,12 +12,12 @@ from support.live_server import until
 if TYPE_CHECKING:
     from pathlib import Path
 
-WORDS = "-p law:=pd"
+WORDS = {"controller_node": lambda: "-p law:=pd", "recorder_node": lambda: "-p bag:=NEW_BAG"}
 CASES = {
     "controller_node": "the drive is at zero; for another one: "
     "flexarm run flexarm_control controller_node --ros-args -r __ns:=/arm2 -p law:=pd",
     "recorder_node": "nothing is recorded any more, and the arm goes on; for another one: "
-    "flexarm run flexarm_daq recorder_node --ros-args -r __ns:=/arm2",
+    "flexarm run flexarm_daq recorder_node --ros-args -r __ns:=/arm2 -p bag:=NEW_BAG",
     "experiment_node": "the arm goes on without experiments in open loop; for another one: "
     "flexarm run flexarm_daq experiment_node --ros-args -r __ns:=/arm2",
     "ident_node": "the arm goes on without identification; for another one: "
@@ -44,8 +44,7 @@ def test_node_that_no_loop_needs___ends___is_told_once_and_is_the_error_of_the_e
     executable: str,
 ) -> None:
     with NodeProcesses(*torn_node(monkeypatch, tmp_path, executable)) as nodes:
-        lost = LostNodes(nodes, "/arm2", lambda: WORDS)
-        lost.check()
+        lost = LostNodes(nodes, "/arm2", WORDS)
         until(lambda: bool(nodes.endings()))
         for _ in range(2):
             lost.look()
@@ -60,7 +59,7 @@ def test_node_of_the_loop___ends___is_the_end_of_all(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with NodeProcesses(*torn_node(monkeypatch, tmp_path, "daq_node")) as nodes:
-        lost = LostNodes(nodes, "/arm2", lambda: WORDS)
+        lost = LostNodes(nodes, "/arm2", WORDS)
         until(lambda: bool(nodes.endings()))
         lost.look()
         lost.check()
@@ -75,6 +74,6 @@ def test_page___ends_after_it_was_served___is_told(
     with NodeProcesses(*torn_node(monkeypatch, tmp_path, "live_node")) as nodes:
         nodes.let_be_replaced("live_node")
         until(lambda: bool(nodes.endings()))
-        LostNodes(nodes, "/flexarm", lambda: WORDS).look()
+        LostNodes(nodes, "/flexarm", WORDS).look()
     told = " ".join(capsys.readouterr().out.split())
     assert "torn; the arm goes on without it; to have it back, end this up by Ctrl-C" in told
