@@ -72,8 +72,8 @@ def test_corrections___on_the_model___keep_the_gauge_at_the_limit() -> None:
 
     for _ in range(900):
         gauge_v.append(float(design.model.C[BASE_STRAIN] @ state))
-        effort_v = design.kp * 5.0 - design.kc @ state
-        effort_v = limiter.limited_v(effort_v, state, gauge_v[-1], 5.0)
+        free_v = float(design.kp * 5.0 - design.kc @ state)
+        effort_v = limiter.limited_v(free_v, state, gauge_v[-1], 5.0)
         state = design.model.A @ state + design.model.B[:, 0] * effort_v
 
     assert 0.5 * 2.0 <= np.abs(gauge_v).max() <= 2.0
