@@ -196,7 +196,7 @@ def test_writer___folder_in_another_bag___is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=f"run: {outer} is a bag: choose a name outside"):
         BagWriter(outer / "run", recorded_topics(experiment(1)))
 
-    assert not any(outer.glob("*/"))
+    assert not any(each.is_dir() for each in outer.iterdir())
 
 
 def test_writer___folder_below_a_file___says_why(tmp_path: Path) -> None:

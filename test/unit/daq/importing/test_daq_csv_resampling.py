@@ -68,7 +68,7 @@ def test_resampling___vibration_under_a_held_input___has_its_frequency(tmp_path:
     joined = np.zeros((3, 3))
     joined[:2, :2], joined[1, 2] = A, rate**2
     rng = np.random.default_rng(1)
-    u = np.repeat(rng.choice([-1.0, 1.0], 600), 10)
+    u = np.repeat(1.0 * rng.choice([-1.0, 1.0], 600), 10)
     x, y = np.zeros(3), np.empty(len(u))
     for k, step_s in enumerate(np.append(np.diff(times_s), 1.0 / RATE_HZ)):
         x[2], y[k] = u[k], x[0]
