@@ -72,10 +72,13 @@ def own_laws(row: type[RowT], known: Sequence[str]) -> tuple[RowT, ...]:
     found: dict[str, RowT] = {}
     for file in files:
         for each in _rows(file, row):
-            if not _NAME.fullmatch(each.name) or each.name in {*known, *found, _MODELS}:
+            if each.name in {*known, *found, _MODELS}:
                 raise SettingError(
-                    f"{FILES}: {file}: law {each.name!r}: a name is a word in small letters, that "
-                    "of no other law and of no group of parameters"
+                    f"{FILES}: {file}: law {each.name!r}: the name is taken: choose another one"
+                )
+            if not _NAME.fullmatch(each.name):
+                raise SettingError(
+                    f"{FILES}: {file}: law {each.name!r}: a name is a word in small letters"
                 )
             _try_out(file, each)
             found[each.name] = each

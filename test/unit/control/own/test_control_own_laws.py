@@ -81,11 +81,11 @@ def test_laws_of_several_files___have_their_parameters_and_answer(
         ("def f(:\n    pass", r"mine.py, line 1: SyntaxError: "),
         (
             GOOD.replace("{name}", "pdpc"),
-            "law 'pdpc': a name is a word in small letters, that of no ",
+            "law 'pdpc': the name is taken: choose another one",
         ),
         (GOOD.replace("{name}", "my law"), "law 'my law': a name is a word in small letters"),
         (GOOD.replace("{name}", "PID"), "law 'PID': a name is a word in small letters"),
-        (GOOD.replace("{name}", "models"), "law 'models': .* of no group of parameters"),
+        (GOOD.replace("{name}", "models"), "law 'models': the name is taken"),
         ("import sys\nsys.exit(0)", "mine.py, line 2: SystemExit: 0"),
         (
             GOOD.replace("{name}", "spring").replace("self.gains.kp *", "float('nan') *"),
