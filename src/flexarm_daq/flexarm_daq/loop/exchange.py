@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from flexarm_core.channels import CHANNELS
 from flexarm_daq.loop.commander import Commander, Verdict
-from flexarm_daq.loop.safety import Event, Safety
+from flexarm_daq.loop.safety import DriveState, Event, Safety
 from flexarm_daq.rigs.rig_protocol import RigError
 from flexarm_node.statistics import Window
 
@@ -247,13 +247,9 @@ class Exchange:
         verdict = self.commander.judge(command, self.sequence, in_time=in_time)
         if verdict is Verdict.CONFLICT:
             self._write(_NOTHING)
-            # One that ends is not known any more when somebody looks.
-            senders = ", ".join(self._link.commanders()) or "nodes that are not known"
-            self._hold(
-                Event.TWO_COMMANDERS,
-                f"two commanders: command {command.sequence} for sample {command.state_sequence} "
-                f"is not the only one; who may command: {senders}",
-            )
+            # They may go on for ever, and each look at the graph would hold up the loop.
+            if self.safety.state is not DriveState.HELD:
+                self._hold(Event.TWO_COMMANDERS, self._two_commanders(command))
         if verdict is not Verdict.ACCEPTED:
             return verdict
         self._watchdog.fed(command.state_sequence)
@@ -271,6 +267,14 @@ class Exchange:
         self.limited_by.update(limited.reasons)
         self._write(Applied(limited.command_v, limited.compensation_v, command.sequence))
         return verdict
+
+    def _two_commanders(self, command: Command) -> str:
+        """Return who may have sent a command: one that ends is not known when somebody looks."""
+        senders = ", ".join(self._link.commanders()) or "nodes that are not known"
+        return (
+            f"two commanders: command {command.sequence} for sample {command.state_sequence} "
+            f"is not the only one; who may command: {senders}"
+        )
 
     def _lose_commander(self) -> None:
         """Take the drive to zero, since the commander in force is silent."""

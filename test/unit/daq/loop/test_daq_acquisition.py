@@ -305,6 +305,30 @@ def test_second_commander___of_other_count___is_refused_until_the_first_goes_on(
     assert bench.commands_v[5:] == [0.0] * 4
 
 
+def test_two_commanders_that_go_on___are_looked_up_once(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        return [
+            (0.0, reply(record, 2.0)),
+            (0.0, Command(record.sequence, record.sequence, -3.0, 0.0)),
+        ]
+
+    bench = Bench(clock, answer, virtual=True, samples=50)
+    looks = []
+
+    def commanders() -> list[str]:
+        looks.append(bench.acquisition.sequence)
+        return ["/a", "/b"]
+
+    monkeypatch.setattr(bench.link, "commanders", commanders)
+    bench.run()
+
+    assert len(looks) == 1
+    assert bench.acquisition.safety.reason.endswith("who may command: /a, /b")
+    assert bench.commands_v[3:] == [0.0] * 47
+
+
 def test_commander_that_starts_again___takes_over_after_a_silence(clock: Clock) -> None:
     def answer(record: Record) -> list[tuple[float, Command]]:
         if 4 <= record.sequence < 8:

@@ -63,6 +63,7 @@ class LostNodes:
         if executable not in _WITHOUT:
             return _OF_UP
         package, consequence = _WITHOUT[executable]
-        words = [f"flexarm run {package} {executable} --ros-args -r __ns:={self._namespace}"]
-        words += [own() for name, own in self._words.items() if name == executable]
-        return f"{consequence}; for another one: {' '.join(words)}"
+        line = f"flexarm run {package} {executable} --ros-args -r __ns:={self._namespace}"
+        if executable in self._words:
+            line += f" {self._words[executable]()}"
+        return f"{consequence}; for another one: {line}"

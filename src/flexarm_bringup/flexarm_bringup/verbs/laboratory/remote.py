@@ -66,7 +66,7 @@ def status(namespace: str) -> None:
     for name, (message, values) in sorted(reports.items()):
         click.echo(f"{name}: {message}")
         for key, value in values.items():
-            is_none = value in {"", "0"} and _PART in key
+            is_none = value == "0" and _PART in key
             if value and not is_none and not key.endswith(_FOR_THE_PAGE):
                 click.echo(f"    {key:36s} {'-' if value == 'nan' else value}")
 
