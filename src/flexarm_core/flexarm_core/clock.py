@@ -1,8 +1,14 @@
-"""Clock that a program waits by."""
+"""Clock that a program waits by, and the rate that a clock's stamps tell."""
 
 from __future__ import annotations
 
 from typing import Protocol
+
+# Periods by which the first and the last stamp may be off together.
+_STAMP_ERROR = 0.5
+# The clocks of a board and of a computer differ by less, as a part; a rate of few stamps that is
+# further off than the other bound is not a whole one.
+_SMALLEST, _LARGEST = 1e-4, 1e-3
 
 
 class Clock(Protocol):
@@ -13,3 +19,19 @@ class Clock(Protocol):
 
     def sleep(self, seconds: float, /) -> None:
         """Return when some seconds have passed."""
+
+
+def nominal_rate_hz(rate_hz: float, periods: float) -> float:
+    """Return a measured rate, or the whole number of hertz that it cannot be told from.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Rate by the stamps of a record.
+    periods : float
+        Periods from the first stamp to the last.
+    """
+    whole_hz = float(round(rate_hz))
+    allowed = min(max(_SMALLEST, _STAMP_ERROR / periods), _LARGEST)
+    near = whole_hz > 0.0 and abs(rate_hz - whole_hz) <= allowed * rate_hz
+    return whole_hz if near else rate_hz

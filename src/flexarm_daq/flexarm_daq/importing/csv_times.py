@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.clock import nominal_rate_hz
 from flexarm_core.labels import time_unit_s
 from flexarm_daq.importing.csv_table import CsvImportError
 
@@ -18,9 +19,8 @@ if TYPE_CHECKING:
 
 # Largest difference of a step from whole periods: times are often printed with few digits.
 STEP_TOLERANCE = 0.1
-# Largest relative difference of a rate from a whole number of hertz that is rounded, and largest
-# relative change of a rate within the file.
-WHOLE_RATE_TOLERANCE = 1e-3
+# Largest relative change of a rate within the file.
+_RATE_CHANGE = 1e-3
 _HALF_A_STEP = 0.5
 # A hole of so many periods is not filled later, so that it may have any length.
 _LONG_HOLE = 5.0
@@ -34,7 +34,7 @@ class Sampling:
     Attributes
     ----------
     rate_hz : float
-        Sampling rate; one near a whole number is rounded.
+        Sampling rate; a whole number where the times do not tell another.
     places : ndarray of int, (rows,)
         Periods from the first row to each; more than one from row to row where some are missing.
     """
@@ -70,9 +70,7 @@ def sampling(table: CsvTable, column: str) -> Sampling:
     even_s = times_s - np.concatenate([[0.0], np.cumsum(beyond_s)])
     rate_hz = float(places[-1] / (even_s[-1] - even_s[0]))
     _refuse_drift(table, column, even_s, Sampling(rate_hz, places))
-    whole = round(rate_hz)
-    near = abs(rate_hz - whole) <= WHOLE_RATE_TOLERANCE * rate_hz
-    return Sampling(float(whole) if near else rate_hz, places)
+    return Sampling(nominal_rate_hz(rate_hz, float(places[-1])), places)
 
 
 def doubt(column: str, rate_hz: float) -> tuple[str, ...]:
@@ -116,7 +114,7 @@ def _refuse_drift(table: CsvTable, column: str, times_s: FloatArray, found: Samp
     """
     places = found.places
     off = np.abs((times_s - times_s[0]) * found.rate_hz - places)
-    if off.max() <= _HALF_A_STEP + WHOLE_RATE_TOLERANCE * places[-1] / 8:
+    if off.max() <= _HALF_A_STEP + _RATE_CHANGE * places[-1] / 8:
         return
     tenth = max(1, len(times_s) // 10)
     first_hz, last_hz = (

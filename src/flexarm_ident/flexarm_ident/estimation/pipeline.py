@@ -52,7 +52,7 @@ def identify(
     block_rows: int | None = None,
     method: str = AUTO,
     stable: bool = True,
-    feedthrough: bool | None = False,
+    feedthrough: bool | None = None,
     friction: bool = False,
     refine: bool = False,
     progress: Progress | None = None,

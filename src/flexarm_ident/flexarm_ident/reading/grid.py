@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm_core.clock import nominal_rate_hz
 from flexarm_core.errors import DataError
 from flexarm_ident.records.holes import lagrange
 
@@ -30,8 +31,6 @@ ON_TIME = 0.1
 """A sample so near to its instant, in periods, is taken as it is."""
 LATEST = 0.3
 """A sample further off than this counts only when its neighbours tell what it was in time."""
-# A rate this near to a whole number of hertz is that number.
-WHOLE_RATE_TOLERANCE = 1e-3
 # Beyond this scatter of the steps, in periods, a phase is not sure.
 _STEADY = 0.15
 _PHASE_BLOCK = 128
@@ -52,7 +51,7 @@ class Grid:
     Attributes
     ----------
     period_s : float
-        Period of the grid: of a whole number of hertz when within 0.1 % of it.
+        Period of the grid: of a whole number of hertz where the stamps do not tell another.
     kept : ndarray of bool, (samples,)
         Samples that are later than all before them; the others are left out.
     instants : ndarray, (kept samples,)
@@ -129,11 +128,9 @@ def _is_near(instants: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(np.abs(instants - np.rint(instants)) <= ON_TIME)
 
 
-def _whole_rate(period_s: float) -> float:
-    rate_hz = 1.0 / period_s
-    whole = round(rate_hz)
-    near = whole > 0 and abs(rate_hz - whole) <= WHOLE_RATE_TOLERANCE * rate_hz
-    return 1.0 / whole if near else period_s
+def _nominal(period_s: float, places: FloatArray) -> float:
+    """Return a period, or that of a whole number of hertz, given the samples' places."""
+    return 1.0 / nominal_rate_hz(1.0 / period_s, float(places[-1] - places[0]))
 
 
 def _without_jumps(times_s: FloatArray, numbers: FloatArray, usual_s: float) -> FloatArray:
@@ -159,7 +156,7 @@ def _by_steps(times_s: FloatArray, usual_s: float) -> tuple[float, FloatArray]:
     """
     rounded = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(times_s) / usual_s))])
     for _ in range(2):
-        period_s = _whole_rate(_slope(rounded, times_s))
+        period_s = _nominal(_slope(rounded, times_s), rounded)
         instants = _by_phase(times_s / period_s)
         rounded = np.rint(instants)
     return period_s, instants
@@ -193,7 +190,7 @@ def _by_phase(instants: FloatArray) -> FloatArray:
 def _by_numbers(times_s: FloatArray, numbers: FloatArray) -> tuple[float, FloatArray]:
     """Return the period and the instants of samples whose numbers count periods."""
     slope, offset = np.polyfit(numbers, times_s, 1)
-    period_s = _whole_rate(float(slope))
+    period_s = _nominal(float(slope), numbers)
     late = (times_s - offset) / period_s - numbers
     blocks = -(-len(late) // _JITTER_BLOCK)
     parts = np.array_split(np.arange(len(late)), blocks)

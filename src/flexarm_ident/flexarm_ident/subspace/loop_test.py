@@ -30,6 +30,8 @@ _OUTPUT_MEMORY = 15
 _INPUT_MEMORY = 100
 # A controller answers within the sample or this many less one later.
 _ANSWERED_WITHIN = 5
+# Unpredicted part of an input's RMS above which it is an excitation rather than a law's noise.
+_FRESH = 0.06
 # Robust standard deviations above which a value is clipped in a correlation, or left out of a fit.
 _CLIP = 3.0
 _OUTLIER = 4.0
@@ -79,8 +81,8 @@ def is_closed_loop(record: IoData) -> bool | None:
     """Judge from inputs and outputs alone whether a controller made the input.
 
     In a closed loop every command is computed from noisy samples, so the innovation of the outputs
-    is correlated with the unpredicted inputs from that sample on. The plant has no feedthrough: row
-    `k` of the input answers row `k` of the outputs. Three measures make the test robust:
+    is correlated with the unpredicted inputs from that sample on. Row `k` of the input answers row
+    `k` of the outputs, unless the input is noise (`_verdict`). Three measures make the test robust:
 
     - The past holds 100 samples of the input, which cover the memory of a filtered excitation.
     - Remainders are clipped, and the prediction is fitted once to all samples and once to those
@@ -115,19 +117,19 @@ def is_closed_loop(record: IoData) -> bool | None:
         [_shifted(y, -_OUTPUT_MEMORY, 0, columns), _shifted(u, -_INPUT_MEMORY, 0, columns)]
     )
     present = np.hstack([_shifted(y, 0, 1, columns), _shifted(u, 0, _ANSWERED_WITHIN, columns)])
-    m = y.shape[1]
+    channels = y.shape[1], u.shape[1]
     kept = np.ones(columns, dtype=np.bool_)
     regression = _Regression(past, present, past.T @ past, past.T @ present)
     remainder = regression.remainder(kept)
-    verdicts = [_is_answered(remainder[:, :m], remainder[:, m:], kept, memory)]
+    verdicts = [_verdict(remainder, channels, kept, memory)]
     for _ in range(_REFITS):
-        following = remainder[:, m:]
+        following = remainder[:, channels[0] :]
         usual = np.all(np.abs(following) <= _OUTLIER * _deviation(following[kept]), axis=1)
         if usual.sum() < 2 * memory:
             break
         kept = usual
         remainder = regression.remainder(kept)
-    verdicts.append(_is_answered(remainder[:, :m], remainder[:, m:], kept, memory))
+    verdicts.append(_verdict(remainder, channels, kept, memory))
     told = [verdict for verdict in verdicts if verdict is not None]
     return any(told) if told else None
 
@@ -148,6 +150,26 @@ def _shifted(signals: FloatArray, first: int, last: int, columns: int) -> FloatA
 def _deviation(signals: FloatArray) -> FloatArray:
     """Return standard deviations estimated from medians, robust against outliers."""
     return np.asarray(_NORMAL_MAD * np.median(np.abs(signals), axis=0))
+
+
+def _verdict(
+    remainder: FloatArray, channels: tuple[int, int], kept: NDArray[np.bool_], memory: int
+) -> bool | None:
+    """Return whether inputs answer the innovation, given remainders of outputs and inputs.
+
+    An output that answers an input within the sample looks like a controller that does so. Where
+    an input is mostly unpredicted, as noise is, it is the input that comes first, and only what
+    follows it can be an answer.
+    """
+    outputs, inputs = channels
+    e, following = remainder[:, :outputs], remainder[:, outputs:]
+    answered = _is_answered(e, following, kept, memory)
+    present = following[:, :inputs]
+    if not answered or np.all(_deviation(present[kept]) < _FRESH):
+        return answered
+    unexplained = remainder - present @ np.linalg.lstsq(present[kept], remainder[kept])[0]
+    later = slice(outputs + inputs, None)
+    return _is_answered(unexplained[:, :outputs], unexplained[:, later], kept, memory)
 
 
 def _is_answered(

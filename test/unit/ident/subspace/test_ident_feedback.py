@@ -141,6 +141,24 @@ def test_is_closed_loop___no_controller___is_open_for_any_excitation(waveform: s
         assert is_closed_loop(data) is False, f"seed {seed}"
 
 
+@pytest.mark.parametrize(
+    "waveform", ["white noise", "noise above 20 Hz", "binary noise", "held noise", "square waves"]
+)
+@pytest.mark.parametrize("noise", [0.01, 0.1])
+def test_is_closed_loop___sensor_with_feedthrough___is_no_controller(
+    waveform: str, noise: float
+) -> None:
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        u = OPEN_LOOP[waveform](rng)[:, np.newaxis]
+        model = random_model(seed, outputs=2, inputs=1)
+        y = step_by_step(model, u)
+        y = y / y.std(axis=0) + u / u.std()
+        y += noise * rng.normal(size=y.shape)
+        data = IoData(u, y, dt_s=DT_S, outputs=("a", "b"))
+        assert is_closed_loop(data) is False, f"seed {seed}"
+
+
 def lqg(model: control.StateSpace, effort: float) -> tuple[Array, Array]:
     """Return state feedback and filter gain from the two Riccati equations."""
     A, B, C = np.asarray(model.A), np.asarray(model.B), np.asarray(model.C)
