@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from flexarm_ident.subspace.gram import BlockGram
     from flexarm_ident.subspace.segments import Segment
 
-_MEMORY = 12
+# Samples of the past. With fewer, the best predictor depends on how far a drifting output goes.
+_MEMORY = 24
 _SEGMENTS = 24
 # Cuts that are tried, as parts of the segments.
 _CUTS = (0.25, 0.375, 0.5, 0.625, 0.75)

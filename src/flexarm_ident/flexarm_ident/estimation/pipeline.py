@@ -83,9 +83,8 @@ def identify(
         A name in `METHODS`, or 'auto' for a choice from the data, see `choice` and `weighing`.
     stable : bool
         Move unstable eigenvalues into the unit circle before B is fitted (section 3.2).
-    feedthrough : bool
-        Fit D. The rig has none: a command acts after the sample it answers. None: where the
-        records call for it, see `direct_term`.
+    feedthrough : bool, optional
+        Fit D. By default where the records call for it, see `direct_term`.
     friction : bool
         Look for dry friction. With `method` 'auto' and `order` open, an arm with friction may
         replace the model; see `with_friction` for the test.
