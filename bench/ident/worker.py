@@ -44,9 +44,7 @@ def flexarm(method: str) -> tuple[Prepare, Identify]:
         return IoData(u, y, dt_s=DT_S, inputs=("u",), outputs=outputs)
 
     def run(data: IoData, order: int, block_rows: int) -> Model:
-        found = identify(
-            data, order=order, block_rows=block_rows, method=method, feedthrough=False
-        )
+        found = identify(data, order=order, block_rows=block_rows, method=method, feedthrough=False)
         model = found.model
         return model.A, model.B, model.C, model.D, found.moved_eigenvalues
 

@@ -1,4 +1,4 @@
-"""Change of the plant or of the law in the middle of a record.
+"""Change of the plant or of the law in the middle of a record, or from one record to another.
 
 A record is cut into segments. Each is predicted one step ahead by a model of the other segments on
 its side of a cut, and by a model of those on the other side. While nothing changes, the two models
@@ -21,6 +21,7 @@ from flexarm_core.errors import DataError
 from flexarm_core.labels import instant
 from flexarm_ident.diagnostics.drive import is_stopped, moves_seldom
 from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.naming import short_names
 from flexarm_ident.records.span import without
 from flexarm_ident.subspace.segments import cut, segment_grams
 
@@ -35,11 +36,15 @@ if TYPE_CHECKING:
 # Samples of the past. With fewer, the best predictor depends on how far a drifting output goes.
 _MEMORY = 24
 _SEGMENTS = 24
+# Of each of several records.
+_FEWEST_SEGMENTS = 8
 # Cuts that are tried, as parts of the segments.
 _CUTS = (0.25, 0.375, 0.5, 0.625, 0.75)
 # One false alarm in a million records, and the smallest change of the error that matters.
 _SIGNIFICANCE = 1e-6
 _SMALLEST_CHANGE = 0.1
+# Records differ more than the parts of one where friction or the drive bend a linear model.
+_SMALLEST_DIFFERENCE = 0.3
 # Evidence of a change of the drive that makes the test of the plant void.
 _DRIVE_SIGNIFICANCE = 0.01
 # Deviation on one side in units of that on the other, below which an output has stopped moving.
@@ -84,6 +89,46 @@ def changes(record: IoData) -> Iterator[DataWarning]:
     if len(parts) < _SEGMENTS:
         return
     yield from _found(record, segment_grams([signals], _MEMORY + 1, parts), parts)
+
+
+def differences(records: Sequence[IoData]) -> Iterator[DataWarning]:
+    """Yield a warning where the plant of one of several records is not that of the others.
+
+    Records whose drives are not alike are not compared, for the reason that `changes` has.
+    """
+    labels = list(dict.fromkeys(record.part_of or record.label for record in records))
+    if len(labels) == 1 or any(map(is_stopped, records)) or any(map(moves_seldom, records)):
+        return
+    try:
+        parts = cut(records, _MEMORY + 1, 2 * _FEWEST_SEGMENTS * len(labels))
+    except DataError:
+        return
+    wholes = [labels.index(record.part_of or record.label) for record in records]
+    of = np.array([wholes[part.record] for part in parts])
+    if np.bincount(of, minlength=len(labels)).min() < _FEWEST_SEGMENTS:
+        return
+    grams = segment_grams(records, _MEMORY + 1, parts)
+    matrices, last = np.array([gram.matrix for gram in grams]), _MEMORY
+    y, u = grams[0].output_rows, grams[0].input_rows
+    drive = u(last, last + 1)
+    closed = [bool(record.closed_loop) for record in records]
+    before = y(last - 1, last + 1) + u(last - 1, last) if any(closed) else u(0, last)
+    found = []
+    for number in range(len(labels)):
+        sides = of == number
+        if _evidence(matrices, before, drive, sides)[1] < _DRIVE_SIGNIFICANCE:
+            return
+        loss, p_value = _evidence(matrices, y(0, last) + u(0, last), y(last, last + 1), sides)
+        found.append(_Change(number, loss, min(1.0, len(labels) * p_value)))
+    change = min(found, key=lambda each: each.p_value)
+    if change.is_certain and change.loss >= _SMALLEST_DIFFERENCE:
+        yield DataWarning(
+            "plant_differs",
+            f"the plant of {short_names(labels)[labels[change.segment]]} is not that of the other "
+            f"records: a model of one side predicts the other {_worse(change.loss)} its own; "
+            "identify each alone (--each), or those of the same arm and load together",
+            {"loss": change.loss, "p_value": change.p_value},
+        )
 
 
 def _found(
@@ -163,18 +208,27 @@ def _strongest(matrices: FloatArray, known: list[int], told: list[int]) -> _Chan
     tried = []
     for place in _CUTS:
         middle = round(place * count)
-        loss = _losses(matrices, known, told, np.arange(count) < middle)
-        # The models of the two sides lose differently: each side has its own mean.
-        sides = loss[:middle], loss[middle:]
-        mean = np.mean([side.mean(axis=0) for side in sides], axis=0)
-        variance = np.sum([side.var(axis=0, ddof=1) / len(side) for side in sides], axis=0)
-        scatter = 0.5 * np.sqrt(variance)
-        # Signals without a remainder lose nothing.
-        p_values = scipy.special.stdtr(count - 2, -mean / np.where(scatter > 0.0, scatter, np.inf))
-        row = int(np.argmin(p_values))
-        p_value = min(1.0, float(len(_CUTS) * len(told) * p_values[row]))
-        tried.append(_Change(middle, float(np.expm1(0.5 * mean[row])), p_value))
+        loss, p_value = _evidence(matrices, known, told, np.arange(count) < middle)
+        tried.append(_Change(middle, loss, min(1.0, len(_CUTS) * p_value)))
     return min(tried, key=lambda each: each.p_value)
+
+
+def _evidence(
+    matrices: FloatArray, known: list[int], told: list[int], sides: BoolArray
+) -> tuple[float, float]:
+    """Return the loss across two sides, of the row that tells most, and its chance."""
+    loss = _losses(matrices, known, told, sides)
+    # The models of the two sides lose differently: each side has its own mean.
+    parts = loss[sides], loss[~sides]
+    mean = np.mean([part.mean(axis=0) for part in parts], axis=0)
+    variance = np.sum([part.var(axis=0, ddof=1) / len(part) for part in parts], axis=0)
+    scatter = 0.5 * np.sqrt(variance)
+    # Signals without a remainder lose nothing.
+    p_values = scipy.special.stdtr(
+        len(matrices) - 2, -mean / np.where(scatter > 0.0, scatter, np.inf)
+    )
+    row = int(np.argmin(p_values))
+    return float(np.expm1(0.5 * mean[row])), min(1.0, float(len(told) * p_values[row]))
 
 
 def _losses(

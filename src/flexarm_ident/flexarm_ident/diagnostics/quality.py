@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from flexarm_ident.diagnostics.change import changes
+from flexarm_ident.diagnostics.change import changes, differences
 from flexarm_ident.diagnostics.channel_defects import channel_defects, offsets
 from flexarm_ident.diagnostics.drive import drive_defects
 from flexarm_ident.diagnostics.excitation import excited_bands, richness
@@ -34,6 +34,9 @@ _OF_ONE_RECORD = (
     changes,
 )
 
+# Changes that a bag of our own rig tells, see `reading.told_changes`.
+_TOLD = frozenset({"plant_changed", "law_changed"})
+
 
 def assess(
     records: Sequence[IoData], gram: BlockGram, *, feedthrough: bool = False
@@ -52,24 +55,39 @@ def assess(
     Returns
     -------
     tuple of DataWarning
-        ``feedback``, ``input_condition``, ``too_short`` once; for each record its notices, such as
-        ``lost_samples`` and ``clock_jitter`` from a bag, ``few_moves``, ``held_drive``,
+        ``feedback``, ``input_condition``, ``too_short``, ``plant_differs`` once; for each record
+        its notices, such as ``lost_samples`` and ``clock_jitter`` from a bag, ``few_moves``, ``held_drive``,
         ``plant_changed`` and ``law_changed``; and for each of its channels ``constant_channel``,
         ``offset``, ``saturation``, ``dead_sensor``, ``unmeasured``, ``duplicated_channel``,
         ``outliers``, ``quantisation``, ``excitation_band``, ``delay``, ``static_gain`` and
         ``no_answer``.
     """
     found = [*_feedback(records, gram, feedthrough=feedthrough), *richness(gram, records)]
+    found += differences(records)
     names = short_names([record.label for record in records])
     for record in records:
+        told = [each for each in record.notices if _concerns(each, record)]
+        kinds = {each.name for each in told}
         of_one = [each for look in _OF_ONE_RECORD for each in look(record)]
-        found += [replace(each, record=names[record.label]) for each in (*record.notices, *of_one)]
+        # What a bag tells of a change is exact.
+        of_one = [each for each in of_one if each.name not in kinds & _TOLD]
+        found += [replace(each, record=names[record.label]) for each in (*told, *of_one)]
     wholes = [list(parts) for _, parts in groupby(records, lambda each: each.part_of or id(each))]
     labels = [parts[0].part_of or parts[0].label for parts in wholes]
     names = short_names(labels)
     for label, parts in zip(labels, wholes, strict=True):
         found += [replace(each, record=names[label]) for each in offsets(parts)]
     return tuple(found)
+
+
+def _concerns(notice: DataWarning, record: IoData) -> bool:
+    """Return whether a notice belongs to a record that may be a part of the one it was made for."""
+    at_s = notice.figures.get("at_s")
+    if at_s is None:
+        return True
+    # A change at an end is none within.
+    off_s = at_s - record.begins_s
+    return 0.5 * record.dt_s < off_s < (len(record) - 0.5) * record.dt_s
 
 
 def _feedback(

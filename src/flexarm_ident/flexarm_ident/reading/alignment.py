@@ -116,7 +116,12 @@ class Alignment:
         )
 
     def reading(
-        self, samples: Recorded, *, reference: Recorded | None = None, declared: Sequence[bool] = ()
+        self,
+        samples: Recorded,
+        *,
+        reference: Recorded | None = None,
+        declared: Sequence[bool] = (),
+        told: Sequence[DataWarning] = (),
     ) -> BagReading:
         """Return the whole record in memory; for our own rig with compensation and reference.
 
@@ -129,6 +134,8 @@ class Alignment:
             sample.
         declared : sequence of bool
             As in `loop_kind`.
+        told : sequence of DataWarning
+            What the bag tells of the run besides.
 
         Raises
         ------
@@ -147,7 +154,7 @@ class Alignment:
         if reference is not None and len(reference):
             log_times_ns = samples.log_times_ns[self.table.run.messages][self.table.grid.kept]
             followed, odd = _references(reference, self.table, log_times_ns)
-        notices = (*header.notices, *odd)
+        notices = (*header.notices, *odd, *told)
         data = header.record(
             u[:, :1], y, compensation=u[:, 1:], reference=followed, notices=notices
         )

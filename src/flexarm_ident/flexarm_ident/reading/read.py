@@ -18,6 +18,7 @@ from flexarm_ident.reading.alignment import arm_alignment, io_alignment
 from flexarm_ident.reading.channels import selected
 from flexarm_ident.reading.fields import numbers_in
 from flexarm_ident.reading.stream import BagStream
+from flexarm_ident.reading.told_changes import told_changes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -66,7 +67,12 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
         if not aligned.is_arm:
             return aligned.reading(samples)
         reference = bag.optional(sibling(chosen, "reference"), REFERENCE)
-        return aligned.reading(samples, reference=reference, declared=bag.declared_loops(chosen))
+        return aligned.reading(
+            samples,
+            reference=reference,
+            declared=bag.declared_loops(chosen),
+            told=told_changes(bag, chosen, samples, aligned.table),
+        )
 
 
 def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:

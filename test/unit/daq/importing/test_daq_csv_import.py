@@ -113,25 +113,6 @@ def test_import___rate_instead_of_time___uses_the_rate(tmp_path: Path) -> None:
     assert read_bag(tmp_path / "bag").dt_s == pytest.approx(0.08)
 
 
-def test_import___times_printed_with_few_digits___give_the_whole_rate(tmp_path: Path) -> None:
-    rows = [f"{k / 300:.4f},{k},{k}" for k in range(601)]
-    file = csv_file(tmp_path, ["t,i,q", *rows])
-
-    summary = import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
-
-    assert summary.rate_hz == pytest.approx(300.0, rel=1e-12)
-
-
-def test_import___long_record_beside_a_whole_rate___keeps_its_own(tmp_path: Path) -> None:
-    rows = [f"{k * 0.005004:.6f},{k % 7},{k % 5}" for k in range(6000)]
-    file = csv_file(tmp_path, ["t,i,q", *rows])
-
-    summary = import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
-
-    assert summary.rate_hz == pytest.approx(1.0 / 0.005004, rel=1e-9)
-    assert read_bag(tmp_path / "bag").dt_s == pytest.approx(0.005004, rel=1e-9)
-
-
 def test_import___column_names_with_commas___stand_between_tabs(tmp_path: Path) -> None:
     file = csv_file(tmp_path, ["time, s\tcurrent, A\tangle", "0\t1\t2", "1\t3\t4"])
     mapping = CsvMap((CsvChannel("current, A", "i"),), (CsvChannel("angle", "q"),), time="time, s")

@@ -12,7 +12,7 @@ import pytest
 from scipy import signal
 
 from flexarm_ident import IoData
-from flexarm_ident.diagnostics.change import changes
+from flexarm_ident.diagnostics.change import changes, differences
 from flexarm_ident.diagnostics.channel_defects import channel_defects
 from flexarm_ident.diagnostics.drive import drive_defects
 from flexarm_ident.diagnostics.input_answer import answer_defects
@@ -259,6 +259,49 @@ def test_plant_changed___gauge_that_gives_noise_from_mid_record_on___names_the_s
     y[half:, 2] = 0.01 * y[:, 2].std() * np.random.default_rng(7).normal(size=SAMPLES - half)
     (text,) = [str(each) for each in changes(replace(data, y=y)) if each.name == "plant_changed"]
     assert "y2 hardly moves on one side: check the sensor, and leave that out (--to " in text
+
+
+def integrating(seed: int) -> IoData:
+    """Return an arm on a free hub, which drifts further on one side of a cut than on the other."""
+    u = np.repeat(np.random.default_rng(seed).choice([-1.0, 1.0], SAMPLES // 4 + 1), 4)[:SAMPLES]
+    hub, inertia, stiffness = 0.05, 0.03, 60.0
+    A = np.zeros((4, 4))
+    A[0, 2] = A[1, 3] = 1.0
+    A[2] = np.array([-stiffness, stiffness, -0.07, 0.02]) / hub
+    A[3] = np.array([stiffness, -stiffness, 0.02, -0.02]) / inertia
+    C = np.array([[1.0, 0.0, 0.0, 0.0], [-1.0, 1.0, 0.0, 0.0]])
+    plant = control.ss(A, [[0.0], [0.0], [20.0], [0.0]], C, 0.0).sample(DT_S)
+    y = step_by_step(plant, u[:, np.newaxis])
+    noise = np.random.default_rng(seed + 1).normal(size=y.shape)
+    return IoData(u, y + 0.01 * y.std(axis=0) * noise, dt_s=DT_S, outputs=("hub", "bend"))
+
+
+def test_plant_changed___output_that_drifts___is_not_called_so() -> None:
+    assert not [seed for seed in range(12) if list(changes(integrating(seed)))]
+
+
+def loaded(seed: int, factor: float) -> IoData:
+    """Return an answer to white noise of an arm whose modes are a factor higher."""
+    u = DRIVES["white"](np.random.default_rng(seed))
+    model = arm_model()
+    A = np.array(model.A)
+    for i in (3, 5, 7):
+        pole = np.exp(factor * np.log(complex(A[i, i], A[i + 1, i])))
+        A[i : i + 2, i : i + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+    other = control.ss(A, model.B, model.C, model.D, DT_S)
+    return replace(noisy(u, step_by_step(other, u), seed + 1), source=f"record{seed}")
+
+
+def test_plant_differs___one_record_of_three_from_another_arm___is_named() -> None:
+    records = [loaded(0, 1.0), loaded(1, 0.8), loaded(2, 1.0)]
+    (found,) = differences(records)
+    assert found.text.startswith("the plant of record1 is not that of the other records: ")
+    assert found.figures["loss"] > 0.3
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_plant_differs___records_of_one_arm___are_not_called_so(count: int) -> None:
+    assert not list(differences([loaded(seed, 1.0) for seed in range(count)]))
 
 
 def test_plant_changed___sweep_of_a_steady_plant___is_not_called_so() -> None:

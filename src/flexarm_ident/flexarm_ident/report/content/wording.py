@@ -32,6 +32,7 @@ CHECKS = {
     "static_gain": "Static gain",
     "delay": "Delay",
     "plant_changed": "Change of the plant",
+    "plant_differs": "Plants of the records",
     "law_changed": "Change of the law",
     "few_moves": "Number of moves",
     "held_drive": "Held drive",
