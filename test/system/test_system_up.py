@@ -120,13 +120,16 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
         ]
     )
     graph.wait(lambda: sum(bool(state.command_v) for state in heard) > 100, "a driven arm")
+    setting = graph.run([str(ROOT / "flexarm"), "set", "controller", "pd.kp=1.25"])
+    assert setting.exit_code() == 0, setting.printed
     (controller,) = graph.survivors("controller_node")
     os.kill(controller, signal.SIGKILL)
 
-    process.wait_for("controller_node was ended by SIGKILL; the drive is at zero; for another one:")
+    process.wait_for("controller_node was ended by SIGKILL; the drive goes to zero, and")
     graph.wait(lambda: not any(state.command_v for state in heard[-300:]), "an arm left to itself")
     # The loop and the recorder read its commands.
     process.wait_for("-p autostart:=true -p listeners:=2")
+    process.wait_for("-p law:=pd -p reference:=square -p pd.kp:=1.25")
     ready = {"autostart": True, "listeners": 2}
     graph.start("controller", RESTLESS | ready, "-r", "__node:=successor")
     graph.wait(lambda: heard[-1].command_v != 0.0, "the new controller")

@@ -58,9 +58,9 @@ def assess(
         ``feedback``, ``input_condition``, ``too_short``, ``plant_differs`` once; for each record
         its notices, such as ``lost_samples`` and ``clock_jitter`` from a bag, ``few_moves``,
         ``held_drive``, ``plant_changed`` and ``law_changed``; and for each of its channels
-        ``constant_channel``, ``offset``, ``saturation``, ``dead_sensor``, ``unmeasured``, ``duplicated_channel``,
-        ``outliers``, ``quantisation``, ``excitation_band``, ``delay``, ``static_gain`` and
-        ``no_answer``.
+        ``constant_channel``, ``offset``, ``saturation``, ``dead_sensor``, ``unmeasured``,
+        ``duplicated_channel``, ``outliers``, ``quantisation``, ``excitation_band``, ``delay``,
+        ``static_gain`` and ``no_answer``.
     """
     found = [*_feedback(records, gram, feedthrough=feedthrough), *richness(gram, records)]
     found += differences(records)

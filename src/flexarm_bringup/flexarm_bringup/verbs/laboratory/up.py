@@ -29,6 +29,7 @@ from flexarm_bringup.verbs.laboratory.options import (
     REAL_TIME,
     chosen_pace,
 )
+from flexarm_bringup.verbs.laboratory.set_since import SetSince
 from flexarm_bringup.verbs.laboratory.viewers import (
     FOXGLOVE,
     FOXGLOVE_NODE,
@@ -168,7 +169,7 @@ def _run_graph(settings: _Settings) -> None:
                     addresses.append(PageAddress(settings.namespace, processes))
                 if settings.foxglove_port is not None:
                     addresses.append(FoxgloveAddress(processes))
-                _stay(operator, processes, complaints, addresses, _words(settings))
+                _stay(operator, processes, complaints, addresses, settings)
         finally:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
@@ -216,13 +217,6 @@ def _rates(rate_hz: float, law: str) -> dict[str, float]:
     return changed | ({_SHAPER_RATE: rate_hz} if changed else {})
 
 
-def _words(settings: _Settings) -> str:
-    """Return the parameters of the controller as ROS 2 takes them, for one that is started anew."""
-    files = [f"--params-file {terminal.quoted(each)}" for each in settings.parameter_files]
-    own = [f"-p {name}:={value}" for name, value in _controller(settings).items()]
-    return " ".join([*files, *own])
-
-
 def _start(operator: Operator, settings: _Settings) -> None:
     if settings.bag:
         # Not before all nodes have taken their parameters: a refused start shall not leave an
@@ -241,17 +235,19 @@ def _stay(
     processes: NodeProcesses,
     complaints: _Complaints,
     addresses: Sequence[Address],
-    words: str,
+    settings: _Settings,
 ) -> None:
-    """Show complaints of the nodes until Ctrl-C; only the end of the DAQ node is that of all.
-
-    `words` are the arguments of another controller in its place.
-    """
+    """Show complaints of the nodes until Ctrl-C; only the end of the DAQ node is that of all."""
+    since = SetSince(operator, "controller")
 
     def controller() -> str:
         # Else its first commands might come before the recorder is discovered.
         readers = operator.node.count_subscribers("command")
-        return f"-p autostart:=true -p listeners:={readers} {words}".rstrip()
+        files = [f"--params-file {terminal.quoted(each)}" for each in settings.parameter_files]
+        own = since.words(_controller(settings))
+        if since.has_models:
+            terminal.CONSOLE.print("the models that were set are to be set again: flexarm set")
+        return " ".join([f"-p autostart:=true -p listeners:={readers}", *files, own])
 
     def recorder() -> str:
         return f"-p bag:=NEW_BAG -p 'topics:=[{', '.join(_RECORDED)}]'"
