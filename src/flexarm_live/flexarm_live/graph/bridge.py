@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import time
 from contextlib import suppress
@@ -29,7 +30,7 @@ from flexarm_msgs.msg import ArmState
 from flexarm_msgs.srv import SetReference
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Coroutine, Mapping
 
     from rclpy.node import Node
 
@@ -39,9 +40,11 @@ if TYPE_CHECKING:
 _NODES = (*LOOP_NODES, "recorder", "ident")
 _STOP_S = 5.0
 _STOP_AGAIN_S = 0.2
-# Less than a verb of another terminal waits.
-_REFERENCE_S = 3.0
 """A stop does no harm twice, and its answer may be lost while the nodes discover each other."""
+# Less than a verb of another terminal waits.
+_REFERENCE_S = _SILENT_NODE_S = 3.0
+_NODE_OF = dict.fromkeys(("reference", "law", "waveform", "apply"), "controller")
+"""Node that a request is for which names none."""
 _RECORD_S = 30.0
 
 
@@ -138,12 +141,28 @@ class Bridge:
             raise FlexarmError("a command to the arm is being carried out: wait for its end")
         self._commands += moves_arm
         try:
-            answer: Answer = await getattr(self, f"_on_{request.verb}")(**request.fields)
+            answer = await self._answered(request)
         finally:
             self._commands -= moves_arm
         if request.needs in (Needs.TOKEN, Needs.HOLD):
             self.outlet.tell_state()
         return answer
+
+    async def _answered(self, request: Request) -> Answer:
+        """Answer a request; one to a node that is silent is given up early, with the reason."""
+        work: Coroutine[Any, Any, Answer] = getattr(self, f"_on_{request.verb}")(**request.fields)
+        node = request.fields.get("node") or _NODE_OF.get(request.verb, "")
+        # A drive is taken to zero however long that takes.
+        is_silent = request.verb != "deactivate" and self.situation.silence(node, time.monotonic())
+        try:
+            return await asyncio.wait_for(work, _SILENT_NODE_S if is_silent else None)
+        except (asyncio.TimeoutError, CallError) as error:
+            # A node that has ended stays known to the graph for a while.
+            if told := self.situation.silence(node, time.monotonic()):
+                raise FlexarmError(f"the {node} does not answer: {told}") from error
+            if isinstance(error, CallError):
+                raise
+            raise CallError(f"the {node} did not answer in time: try again") from error
 
     def report(self, name: str) -> bytes | None:
         """Return the report of an identified model; None when there is none of that name."""
@@ -179,13 +198,7 @@ class Bridge:
 
     async def _on_reference(self, value_v: float) -> Answer:
         request = SetReference.Request(reference_v=float(value_v))
-        try:
-            answer = await self._calls.call(SetReference, "set_reference", request, _REFERENCE_S)
-        except CallError as error:
-            # A node that has ended stays known to the graph for a while.
-            if told := self.situation.silence("controller", time.monotonic()):
-                raise FlexarmError(f"the controller does not answer: {told}") from error
-            raise
+        answer = await self._calls.call(SetReference, "set_reference", request, _REFERENCE_S)
         if not answer.success:
             raise FlexarmError(answer.message)
         beyond = await self._beyond_bound(answer.reference_v)
