@@ -182,3 +182,5 @@ def test_up___recorder_killed___arm_goes_on_and_another_recorder_takes_its_place
 
     assert process.exit_code() == 1
     assert "flexarm: recorder_node was ended by SIGKILL" in process.printed.splitlines()[-1]
+    printed = " ".join(process.printed.split())
+    assert f"recorded in {bag}: its end is missing, try `" in printed

@@ -49,6 +49,8 @@ class BagCheck:
         What is wrong, one line each; empty for a good bag.
     notes : tuple of str
         What could not be checked, and restarts of the sampling, one line each.
+    is_open : bool
+        False where readers refuse the bag, as one that is cut off or still being written.
     """
 
     bag: Path
@@ -56,6 +58,7 @@ class BagCheck:
     samples: int
     problems: tuple[str, ...]
     notes: tuple[str, ...]
+    is_open: bool
 
 
 def check_bag(uri: Path | str) -> BagCheck:
@@ -84,6 +87,7 @@ class _Check:
         self._path = path
         self._problems: list[str] = []
         self._notes: list[str] = []
+        self._is_open = True
         self._content = ContentCheck(self._problems, self._notes)
 
     def result(self) -> BagCheck:
@@ -106,7 +110,8 @@ class _Check:
         if not total and not self._problems:
             self._problems.append("holds no message")
         samples = self._content.samples
-        return BagCheck(self._path, total, samples, tuple(self._problems), tuple(self._notes))
+        problems, notes = tuple(self._problems), tuple(self._notes)
+        return BagCheck(self._path, total, samples, problems, notes, self._is_open)
 
     def _information(self) -> dict[str, Any]:
         try:
@@ -134,6 +139,7 @@ class _Check:
             self._content.connect(reader)
         except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
             self._problems.append(f"cannot be opened: {one_line(error)}")
+            self._is_open = False
             return None
         try:
             require_known_order(reader, get_typestore(Stores.ROS2_JAZZY))

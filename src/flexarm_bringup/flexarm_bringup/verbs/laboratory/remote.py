@@ -37,6 +37,9 @@ def stop(*, namespace: str, everything: bool) -> None:
 
     Without `flexarm up` it takes seconds to find the arm: at a real rig, press the button.
     """
+    source = click.get_current_context().get_parameter_source("namespace")
+    if everything and source is ParameterSource.COMMANDLINE:
+        raise click.UsageError("give --all, or --namespace for one arm")
     if not everything:
         click.echo(through(namespace, lambda hand: hand.stop()))
         return

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from flexarm_bags.metadata import repair_command
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.quantity import FREQUENCY_HZ, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.laboratory import LABORATORY, running_graph
@@ -174,12 +176,12 @@ def _run_graph(settings: _Settings) -> None:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
             if bag and bag.exists():
-                terminal.CONSOLE.print(f"recorded in {bag}")
+                is_cut = bool(processes.exit_codes()["recorder_node"])
+                cut = f": its end is missing, try {repair_command(bag)}" if is_cut else ""
+                terminal.CONSOLE.print(as_called(f"recorded in {bag}{cut}"))
                 terminal.CONSOLE.print(f"what the nodes printed is in {log}")
         if bag and processes.exit_codes()["recorder_node"]:
-            raise LaunchError(
-                f"the recording is not complete: flexarm bag repair {terminal.quoted(bag)} -o OTHER"
-            )
+            raise LaunchError("the recording is not complete")
 
 
 def _controller(settings: _Settings) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.console.called import as_called
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.verbs.offline.csv_bags import imported
 from flexarm_core.labels import counted
@@ -91,6 +92,7 @@ def check(bags: tuple[Path, ...]) -> None:
 def _is_good(bag: Path) -> bool:
     """Print what is wrong with a bag and what could not be checked; return whether it is good."""
     from flexarm_bags.check import check_bag  # noqa: PLC0415
+    from flexarm_bags.metadata import repair_advice  # noqa: PLC0415
 
     found = check_bag(bag)
     count = len(found.problems)
@@ -102,6 +104,8 @@ def _is_good(bag: Path) -> bool:
     )
     for line in lines:
         terminal.CONSOLE.print(line)
+    if not found.is_open and (advice := repair_advice(bag)):
+        terminal.CONSOLE.print(as_called(f"  {advice.removeprefix('; ')}"))
     return not found.problems
 
 
