@@ -40,7 +40,7 @@ class ShownModel(NamedTuple):
 
     Errors are those of (2-25), one per output and the mean; `left_out`, of the full model on blocks
     left out of the fit, and `sfv` may be empty. Of the parameters `models.<name>.*` the friction is
-    shown.
+    shown. The standard deviations of the modes' frequencies may be unknown.
     """
 
     modes: Sequence[Mode]
@@ -50,12 +50,13 @@ class ShownModel(NamedTuple):
     sfv: Sequence[float]
     parameters: Mapping[str, Any]
     warnings: Sequence[str]
+    frequency_std_hz: Sequence[float] = ()
 
 
 def show_model(model: ShownModel) -> None:
     """Print modes, errors, dry friction and warnings."""
     dt_s = next(value for key, value in model.parameters.items() if key.endswith(".dt_s"))
-    show_table(mode_table(model.modes, dt_s))
+    show_table(mode_table(model.modes, dt_s, model.frequency_std_hz))
     is_reduced = not all(mode.kept for mode in model.modes)
     rows = [
         ("data (DMV)", model.dmv),
@@ -187,12 +188,16 @@ def marked(word: str, colour: str, text: str) -> None:
     CONSOLE.print(Text.assemble((word, colour), text))
 
 
-def mode_table(modes: Iterable[Mode], dt_s: float) -> Table:
+def mode_table(
+    modes: Sequence[Mode], dt_s: float, frequency_std_hz: Sequence[float] = ()
+) -> Table:
     """Return the table of modes as in Table 3-1a; real ones have their time constants, s."""
     table = Table("frequency Hz", "damping", "MRM", "rank", "MSV", "rank", "kept", box=None)
-    for mode in sorted(modes, key=lambda mode: mode.mrm_rank):
+    deviations = frequency_std_hz or [None] * len(modes)
+    pairs = zip(modes, deviations, strict=True)
+    for mode, deviation_hz in sorted(pairs, key=lambda pair: pair[0].mrm_rank):
         table.add_row(
-            decay(mode.eigenvalue, dt_s) or f"{mode.frequency_hz:.3f}",
+            decay(mode.eigenvalue, dt_s) or with_deviation(mode.frequency_hz, deviation_hz),
             f"{mode.damping_ratio:.4f}",
             f"{mode.mrm:.4g}",
             str(mode.mrm_rank),

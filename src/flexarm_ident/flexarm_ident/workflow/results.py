@@ -48,6 +48,17 @@ class Results:
         return () if found is None else _with_mean(found.error)
 
     @property
+    def frequency_std_hz(self) -> tuple[float, ...]:
+        """Standard deviations of the modes' frequencies, where they are all of the error.
+
+        It is empty in a closed loop, where a bias remains that is larger.
+        """
+        found = self.outcome.identification
+        if any(record.closed_loop for record in self.outcome.records):
+            return ()
+        return tuple(each.frequency_std_hz for each in found.mode_uncertainty)
+
+    @property
     def sfv(self) -> tuple[float, ...]:
         """Set-point following errors, likewise; empty without a recorded reference."""
         found = self.outcome.sfv

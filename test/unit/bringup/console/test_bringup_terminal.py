@@ -52,6 +52,12 @@ def test_mode_table___modes___stand_by_their_mrm_rank() -> None:
     ]
 
 
+def test_mode_table___deviations___stand_by_their_frequencies() -> None:
+    slow = mode(0.0, 1, kept=True, eigenvalue=complex(exp(-0.01 / 0.62)))
+    found = mode_table([mode(9.4, 3, kept=True), slow, mode(24.0, 2, kept=True)], 0.01, [0.05, 1, 2])
+    assert [row[0] for row in cells(found)] == ["0.62 s", "24.0 ± 2.0", "9.400 ± 0.050"]
+
+
 def test_error_table___errors___have_a_column_for_each_output() -> None:
     rows = cells(error_table(["position_v"], [("data (DMV)", [0.25, 0.125])]))
     assert rows == [("data (DMV)", "0.2500", "0.1250")]

@@ -329,6 +329,7 @@ def _show(results: Results, written: str) -> None:
     terminal.show_model(
         terminal.ShownModel(
             modes=outcome.modes,
+            frequency_std_hz=results.frequency_std_hz,
             outputs=outcome.records[0].outputs,
             dmv=results.dmv,
             left_out=results.left_out,
