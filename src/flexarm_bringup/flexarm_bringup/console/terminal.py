@@ -188,12 +188,10 @@ def marked(word: str, colour: str, text: str) -> None:
     CONSOLE.print(Text.assemble((word, colour), text))
 
 
-def mode_table(
-    modes: Sequence[Mode], dt_s: float, frequency_std_hz: Sequence[float] = ()
-) -> Table:
+def mode_table(modes: Sequence[Mode], dt_s: float, frequency_std_hz: Sequence[float] = ()) -> Table:
     """Return the table of modes as in Table 3-1a; real ones have their time constants, s."""
     table = Table("frequency Hz", "damping", "MRM", "rank", "MSV", "rank", "kept", box=None)
-    deviations = frequency_std_hz or [None] * len(modes)
+    deviations: Sequence[float | None] = frequency_std_hz or [None] * len(modes)
     pairs = zip(modes, deviations, strict=True)
     for mode, deviation_hz in sorted(pairs, key=lambda pair: pair[0].mrm_rank):
         table.add_row(

@@ -49,6 +49,9 @@ def channel_defects(record: IoData) -> Iterator[DataWarning]:
                 channel=name,
             )
             continue
+        if constant > CONSTANT_SHARE and name in record.inputs and np.median(x) == 0.0:
+            # Blows of a hammer are few.
+            continue
         if constant > CONSTANT_SHARE:
             yield DataWarning(
                 "constant_channel",

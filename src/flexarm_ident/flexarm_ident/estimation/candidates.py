@@ -72,6 +72,24 @@ class Candidate:
         return mean_error(self.fitted.fit.error)
 
     @cached_property
+    def inflation(self) -> float:
+        """Factor from the error to that expected of other data, infinite for too few of them.
+
+        Akaike, "Fitting autoregressive models for prediction", Annals of the Institute of
+        Statistical Mathematics 21 (1969): the final prediction error.
+        """
+        states, model = self.order, self.fitted.model
+        parameters = states * (model.ninputs + model.noutputs + len(self.records))
+        values = model.noutputs * sum(int(record.usable.sum()) for record in self.records)
+        part = parameters / values
+        return float(np.sqrt((1.0 + part) / (1.0 - part))) if part < 1.0 else np.inf
+
+    @property
+    def expected_error(self) -> float:
+        """Mean relative error that is expected of other data."""
+        return self.inflation * self.error
+
+    @cached_property
     def parts(self) -> FloatArray:
         """Squared relative errors over parts of the records, (parts, outputs)."""
         model, starts = self.fitted.model, self.fitted.fit.x0

@@ -3,12 +3,12 @@
 The one-step errors, by which `order.choose_order` goes, say little about the simulation where the
 noise is coloured by friction: the order is too small then. Models of every estimator that the data
 allow and of several orders are therefore fitted and simulated freely, and judged by their mean
-relative error (2-25). The first choice stays when its error exceeds the smallest by at most 3 %.
-Otherwise the smallest order is taken that is as good as the best model: its error exceeds the
-smallest by at most 3 %, and its squared error that of the best model by at most two standard
-errors. These are taken over parts of the records, both models compared part by part. The second
-condition decides for records with much noise, where 3 % of the error would hide a mode, the first
-for records whose errors come in bursts.
+relative error (2-25), as it is expected of other data. The first choice stays when its error
+exceeds the smallest by at most 3 %. Otherwise the smallest order is taken that is as good as the
+best model: its error exceeds the smallest by at most 3 %, and its squared error that of the best
+model by at most two standard errors. These are taken over parts of the records, both models
+compared part by part. The second condition decides for records with much noise, where 3 % of the
+error would hide a mode, the first for records whose errors come in bursts.
 
 Free simulation does not show the bias of a model that was identified under feedback: it fits the
 noise that the controller has brought into the input. And it rewards a model of high order that
@@ -165,7 +165,7 @@ class Weighed:
                 stable=self._stable,
                 feedthrough=self._feedthrough,
             )
-            if np.isfinite(made.error):
+            if np.isfinite(made.expected_error):
                 self._candidates[selection.method, order] = made
 
     @property
@@ -173,8 +173,10 @@ class Weighed:
         """Whether the first choice is as good as the best of the others, or nearly so."""
         row = METHODS[self._first.selection.method]
         tolerance = _TOLERANCE_IN_FEEDBACK if row.bears_feedback else _TOLERANCE
-        smallest = self._best.error if self._candidates else 0.0
-        return bool(self._first_error <= tolerance * max(smallest, _SMALLEST_ERROR))
+        smallest = self._best.expected_error if self._candidates else 0.0
+        found = self._found_first
+        error = found.expected_error if found else np.inf
+        return bool(error <= tolerance * max(smallest, _SMALLEST_ERROR))
 
     def choice(self) -> Choice:
         """Return the first choice where it stays, else the most parsimonious model."""
@@ -195,13 +197,17 @@ class Weighed:
         return Choice(chosen.selection._replace(reason=reason), chosen.order)
 
     @property
+    def _found_first(self) -> Candidate | None:
+        return self._candidates.get((self._first.selection.method, self._first.order))
+
+    @property
     def _first_error(self) -> float:
-        found = self._candidates.get((self._first.selection.method, self._first.order))
+        found = self._found_first
         return found.error if found else np.inf
 
     @property
     def _best(self) -> Candidate:
-        return min(self._candidates.values(), key=lambda each: each.error)
+        return min(self._candidates.values(), key=lambda each: each.expected_error)
 
 
 def spread(records: Sequence[IoData]) -> list[IoData]:
@@ -223,7 +229,7 @@ def spread(records: Sequence[IoData]) -> list[IoData]:
 
 def most_parsimonious(candidates: Sequence[Candidate], best: Candidate) -> Candidate:
     """Return the candidate of the smallest order that is as good as the best one."""
-    by_order = sorted(candidates, key=lambda each: (each.order, each.error))
+    by_order = sorted(candidates, key=lambda each: (each.order, each.expected_error))
     return next(
         each for each in by_order if within_tolerance(each, best) and within_scatter(each, best)
     )
@@ -231,13 +237,14 @@ def most_parsimonious(candidates: Sequence[Candidate], best: Candidate) -> Candi
 
 def within_tolerance(one: Candidate, best: Candidate) -> bool:
     """Return whether an error exceeds the best's by at most 3 %."""
-    return one.error <= _TOLERANCE * max(best.error, _SMALLEST_ERROR)
+    return one.expected_error <= _TOLERANCE * max(best.expected_error, _SMALLEST_ERROR)
 
 
 def within_scatter(one: Candidate, best: Candidate) -> bool:
     """Return whether a squared error exceeds the best's by at most two standard errors."""
     floor = _SMALLEST_ERROR**2
-    weight = 1.0 / np.maximum(best.parts.sum(axis=0), floor)
-    excess = np.sum(weight * (one.parts - best.parts), axis=1)
+    ours, bests = (each.inflation**2 * each.parts for each in (one, best))
+    weight = 1.0 / np.maximum(bests.sum(axis=0), floor)
+    excess = np.sum(weight * (ours - bests), axis=1)
     scatter = np.sqrt(len(excess)) * np.std(excess, ddof=1)
     return bool(excess.sum() <= _STANDARD_ERRORS * scatter + floor * weight.sum())

@@ -54,7 +54,9 @@ def test_mode_table___modes___stand_by_their_mrm_rank() -> None:
 
 def test_mode_table___deviations___stand_by_their_frequencies() -> None:
     slow = mode(0.0, 1, kept=True, eigenvalue=complex(exp(-0.01 / 0.62)))
-    found = mode_table([mode(9.4, 3, kept=True), slow, mode(24.0, 2, kept=True)], 0.01, [0.05, 1, 2])
+    found = mode_table(
+        [mode(9.4, 3, kept=True), slow, mode(24.0, 2, kept=True)], 0.01, [0.05, 1, 2]
+    )
     assert [row[0] for row in cells(found)] == ["0.62 s", "24.0 ± 2.0", "9.400 ± 0.050"]
 
 

@@ -172,6 +172,12 @@ def test_assess___dead_channel_with_rare_spikes___is_named() -> None:
     assert found["constant_channel"].figures["share"] == pytest.approx(1.0 - 1.0 / 400.0)
 
 
+def test_assess___blows_of_a_hammer___are_an_input() -> None:
+    u = np.zeros((SAMPLES, 1))
+    u[100 :: SAMPLES // 5] = 8.0
+    assert not {"constant_channel", "saturation"} & set(warnings(response(u)))
+
+
 def test_assess___channel_without_a_sensor___is_told_without_a_ban() -> None:
     clean = response(square_wave(SAMPLES, 9))
     y = clean.y * np.array([1.0, 0.0, 1.0, 1.0])

@@ -31,16 +31,18 @@ class Weighed:
 
     order: int
     parts: Array
+    inflation: float = 1.0
 
     @property
-    def error(self) -> float:
-        """Mean of the outputs' relative errors."""
-        return float(np.mean(np.sqrt(self.parts.sum(axis=0))))
+    def expected_error(self) -> float:
+        """Mean of the outputs' relative errors, as expected of other data."""
+        return self.inflation * float(np.mean(np.sqrt(self.parts.sum(axis=0))))
 
 
-def weighed(order: int, squared: list[float]) -> Candidate:
+def weighed(order: int, squared: list[float], inflation: float = 1.0) -> Candidate:
     """Return a candidate with one output and these squared errors by part."""
-    return Weighed(order, np.array(squared)[:, np.newaxis])  # type: ignore[return-value]
+    parts = np.array(squared)[:, np.newaxis]
+    return Weighed(order, parts, inflation)  # type: ignore[return-value]
 
 
 BEST = [1.0, 3.0, 1.0, 3.0]
@@ -69,6 +71,38 @@ def test_most_parsimonious___smaller_order___is_taken_when_it_is_as_good(
 def test_most_parsimonious___errors_of_rounding___are_no_reason_for_a_larger_order() -> None:
     best = weighed(30, [1e-22] * 4)
     assert most_parsimonious([weighed(6, [4e-18] * 4), best], best).order == 6
+
+
+def test_most_parsimonious___few_data___count_the_parameters_of_the_larger_order() -> None:
+    best, smaller = weighed(32, BEST, 1.2), weighed(8, [1.35 * each for each in BEST], 1.03)
+    assert most_parsimonious([smaller, best], best).order == 8
+
+
+def test_expected_error___white_noise___is_that_of_other_data() -> None:
+    found, met = [], []
+    for seed in range(40):
+        made, other = (
+            record(random_model(3, states=4, outputs=1, inputs=1), 250, each, noise=0.3)
+            for each in (seed, seed + 1000)
+        )
+        selection = estimate([made], [made], "orse", 24, feedthrough=False)
+        model = fitted(selection, 12, [made], stable=True, feedthrough=False, noise_weighted=False)
+        candidate = Candidate(selection, model, [made])
+        found.append([candidate.error, candidate.expected_error])
+        met.append(validate_dmv(model.model, other).mean)
+    error, expected = np.mean(found, axis=0)
+    assert error < 0.97 * np.mean(met)
+    assert expected == pytest.approx(np.mean(met), rel=0.06)
+
+
+def test_auto___short_record___has_the_order_of_its_plant() -> None:
+    orders = [
+        identify(
+            record(random_model(seed, states=4, outputs=2, inputs=1), 300, seed, noise=0.03)
+        ).order
+        for seed in range(6)
+    ]
+    assert max(orders) <= 12
 
 
 @pytest.mark.parametrize("missing", [False, True])

@@ -324,8 +324,7 @@ def report(
 
 def _show(results: Results, written: str) -> None:
     """Print verdict, modes, errors and warnings of a model, and what was written."""
-    outcome = results.outcome
-    terminal.CONSOLE.print(f"{outcome.verdict}", style="bold")
+    terminal.step(f"{(outcome := results.outcome).verdict}")
     terminal.show_model(
         terminal.ShownModel(
             modes=outcome.modes,
@@ -347,5 +346,5 @@ def _after(results: Results, out: Path) -> str:
     """Return what follows on a model: a law for a usable one of the arm, else the report."""
     model, report = (terminal.quoted(out / name) for name in (job.MODEL_FILE, job.REPORT_FILE))
     is_arm = tuple(results.outcome.records[0].outputs) == CHANNEL_NAMES
-    is_usable = results.outcome.verdict.level <= Level.USABLE
-    return f"flexarm tune {model}" if is_arm and is_usable else f"open {report} in a browser"
+    fits = is_arm and results.outcome.verdict.level <= Level.USABLE
+    return f"flexarm tune {model}" if fits else f"open {report} in a browser"
