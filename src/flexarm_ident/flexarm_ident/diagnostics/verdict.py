@@ -238,6 +238,7 @@ def _next_step(
     if level == Level.USABLE:
         return "design with a gain margin of 2 or more; harder driving or less noise would help"
     return (
-        f"drive harder and longer, measure {worst_output} better or leave it out: noise, friction "
-        "or something beside these inputs makes most of the error"
+        "drive harder and longer, or less hard where the plant is not linear, measure "
+        f"{worst_output} better or leave it out: noise, friction or something beside these inputs "
+        "makes most of the error"
     )

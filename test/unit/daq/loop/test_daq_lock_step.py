@@ -115,6 +115,22 @@ def test_lock_step___drive_is_held___no_sample_waits_for_an_answer(
     np.testing.assert_allclose(np.diff(taken_s), PERIOD_S / (factor or 1.0), rtol=1e-6)
 
 
+def test_lock_step___emergency_stop_while_a_sample_waits___ends_the_wait(clock: Clock) -> None:
+    def answer(record: Record) -> list[tuple[float, Command]]:
+        if record.sequence == 3:
+            bench.acquisition.emergency_stop()
+        return [(0.0, reply(record, 1.0))] if record.sequence < 3 else []
+
+    started_s = clock.now_s
+    bench = Bench(clock, answer, virtual=True, samples=6)
+    bench.run()
+
+    assert clock.now_s - started_s < 0.1 * TIMEOUT_S
+    # The fourth sample was taken while the last command was in force.
+    assert bench.commands_v == [0.0, 1.0, 1.0, 1.0, 0.0, 0.0]
+    assert bench.acquisition.safety.reason == "emergency stop"
+
+
 @pytest.mark.parametrize("factor", [0.01, 0.25, 1.0, 100.0])
 def test_pace___every_sample_waits_for_the_wall_clock(clock: Clock, factor: float) -> None:
     bench = Bench(
