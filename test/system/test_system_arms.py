@@ -88,7 +88,12 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
     assert stamps_ns[1] - stamps_ns[0] == pytest.approx(1e9 / 100.0, abs=2)
     assert heard.states["arm2"][0].header.frame_id == "arm2/base_link"
 
-    assert flexarm(graph, "stop", "--namespace", "arm1")[-1].startswith("the drive is held at zero")
+    held = "the drive is held at zero until the node is deactivated"
+    assert flexarm(graph, "stop", "--namespace", "arm1")[-2:] == [
+        held,
+        "Then: ./flexarm deactivate daq --namespace arm1 && "
+        "./flexarm activate daq --namespace arm1",
+    ]
     graph.wait(lambda: heard.drive("arm1") == "held", "the report")
     assert heard.reports["/arm1/daq"].level == DiagnosticStatus.ERROR
     heard.reports.clear()
@@ -102,7 +107,6 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
         line.startswith("daq: active") for line in flexarm(graph, "status", "--namespace", "arm2")
     )
 
-    held = "the drive is held at zero until the node is deactivated"
     assert sorted(flexarm(graph, "stop", "--all")) == [f"/{arm}: {held}" for arm in ARMS]
     graph.wait(lambda: heard.drive("arm2") == "held", "the second stop")
 

@@ -49,14 +49,13 @@ class Results:
 
     @property
     def frequency_std_hz(self) -> tuple[float, ...]:
-        """Standard deviations of the modes' frequencies, where they are all of the error.
+        """Standard deviations of the modes' frequencies, where the errors are noise.
 
-        It is empty in a closed loop, where a bias remains that is larger.
+        Elsewhere it is empty: the bias of friction or of a closed loop is larger.
         """
         found = self.outcome.identification
-        if any(record.closed_loop for record in self.outcome.records):
-            return ()
-        return tuple(each.frequency_std_hz for each in found.mode_uncertainty)
+        is_noise = found.likelihood is not None
+        return tuple(each.frequency_std_hz for each in found.mode_uncertainty if is_noise)
 
     @property
     def sfv(self) -> tuple[float, ...]:

@@ -100,7 +100,13 @@ def told(verb: click.Command, *arguments: str) -> str:
 @pytest.mark.parametrize(
     ("verb", "arguments", "asked", "printed"),
     [
-        (remote.stop, [], {"do": "stop"}, "held\n"),
+        (
+            remote.stop,
+            [],
+            {"do": "stop"},
+            f"held\nThen: flexarm deactivate daq --namespace {ARM[1:]} "
+            f"&& flexarm activate daq --namespace {ARM[1:]}\n",
+        ),
         (remote.reference, ["-1.5"], {"do": "reference", "value_v": -1.5}, "set-point -1.5 V\n"),
         (remote.activate, ["daq"], {"do": "activate", "node": "daq"}, "daq is active\n"),
         (remote.deactivate, ["daq"], {"do": "deactivate", "node": "daq"}, "daq is inactive\n"),

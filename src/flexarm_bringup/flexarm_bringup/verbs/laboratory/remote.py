@@ -13,7 +13,7 @@ from flexarm_bringup.console.quantity import POSITION_V, Quantity
 from flexarm_bringup.console.verb_group import examples
 from flexarm_bringup.graph.assignments import parsed
 from flexarm_bringup.graph.hand import stop_every_arm, through
-from flexarm_bringup.graph.processes import MANAGED, LaunchError
+from flexarm_bringup.graph.processes import MANAGED, NAMESPACE, LaunchError
 from flexarm_bringup.verbs.laboratory.options import ARM
 from flexarm_core.bounds import shown
 from flexarm_core.channels import TRAVEL_V
@@ -42,6 +42,8 @@ def stop(*, namespace: str, everything: bool) -> None:
         raise click.UsageError("give --all, or --namespace for one arm")
     if not everything:
         click.echo(through(namespace, lambda hand: hand.stop()))
+        of = "" if namespace == NAMESPACE else f" --namespace {namespace.strip('/')}"
+        click.echo(as_called(f"Then: flexarm deactivate daq{of} && flexarm activate daq{of}"))
         return
     for arm, message in stop_every_arm():
         click.echo(f"{arm}: {message}")
