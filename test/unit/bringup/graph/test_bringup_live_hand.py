@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     import click
 
 ARM = "/arm_of_a_test"
+OF = f"daq --namespace {ARM[1:]}"
+RELEASE = f"flexarm deactivate {OF} && flexarm activate {OF}"
 PARAMS: list[dict[str, Any]] = [
     {
         "name": "pd.kp",
@@ -104,8 +106,7 @@ def told(verb: click.Command, *arguments: str) -> str:
             remote.stop,
             [],
             {"do": "stop"},
-            f"held\nThen: flexarm deactivate daq --namespace {ARM[1:]} "
-            f"&& flexarm activate daq --namespace {ARM[1:]}\n",
+            f"held\nThen: {RELEASE}\n",
         ),
         (remote.reference, ["-1.5"], {"do": "reference", "value_v": -1.5}, "set-point -1.5 V\n"),
         (remote.activate, ["daq"], {"do": "activate", "node": "daq"}, "daq is active\n"),
