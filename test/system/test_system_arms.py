@@ -89,11 +89,9 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
     assert heard.states["arm2"][0].header.frame_id == "arm2/base_link"
 
     held = "the drive is held at zero until the node is deactivated"
-    release = [f"./flexarm {verb} daq --namespace arm1" for verb in ("deactivate", "activate")]
-    assert flexarm(graph, "stop", "--namespace", "arm1")[-2:] == [
-        held,
-        f"Then: {' && '.join(release)}",
-    ]
+    said, release = flexarm(graph, "stop", "--namespace", "arm1")[-2:]
+    assert said == held
+    assert release.endswith("flexarm activate daq --namespace arm1")
     graph.wait(lambda: heard.drive("arm1") == "held", "the report")
     assert heard.reports["/arm1/daq"].level == DiagnosticStatus.ERROR
     heard.reports.clear()
