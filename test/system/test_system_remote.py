@@ -47,13 +47,19 @@ def test_status___without_a_graph___says_so(graph: Graph) -> None:
     )
 
 
-def test_status___of_an_arm_that_is_not_there___names_those_that_are(graph: Graph) -> None:
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [(["status"], "node that reports"), (["reference", "1"], "node /flexarm/controller")],
+)
+def test_verb___for_an_arm_that_is_not_there___names_those_that_are(
+    graph: Graph, words: list[str], wanted: str
+) -> None:
     graph.start("recorder", {}, "-r", "__ns:=/arm2")
     graph.wait(lambda: "/arm2/recorder" in graph.operator.nodes(), "the other arm")
-    process = graph.run([str(ROOT / "flexarm"), "status"])
+    process = graph.run([str(ROOT / "flexarm"), *words])
     assert process.exit_code() == 1
     assert process.printed == (
-        f"flexarm: no node that reports was heard of in ROS domain {graph.domain} within 4 s in "
+        f"flexarm: no {wanted} was heard of in ROS domain {graph.domain} within 4 s in "
         "/flexarm, but /arm2 was: give --namespace arm2\n"
     )
 

@@ -171,7 +171,9 @@ class GraphHand:
             operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
         except LaunchError:
             others = operator.nodes() - {operator.full_name(REMOTE)}
-            raise LaunchError(_nobody(f"node {wanted}", nearest_node(wanted, others))) from None
+            if any(each.startswith(operator.full_name("")) for each in others):
+                raise LaunchError(_nobody(f"node {wanted}", nearest_node(wanted, others))) from None
+            raise LaunchError(self._no_arm(f"node {wanted}")) from None
 
 
 def stop_arms_of_graph(stopped_already: Collection[str]) -> Iterator[tuple[str, str]]:

@@ -18,6 +18,7 @@ from flexarm_control.design.tuning import (
     tune_pi,
 )
 from flexarm_control.design.tuning_words import (
+    at_bounds,
     compensated,
     confirmation,
     explained,
@@ -220,7 +221,9 @@ def _tune_schedule(models: Models, request: TuneRequest) -> TuneResult:
         kg, alone = payload_kg(name), _confirmed_pdp([models[name]], request)
         values = {"kg": kg, **asdict(alone.gains)}
         rows |= {f"{row}_{key}": value for key, value in values.items()}
-        notes.append(f"{kg:g} kg alone: J {alone.criterion:.4g}, {confirmation(alone)}")
+        bounds = at_bounds(alone.active)
+        stopped = f"{stopped_by(bounds)}, " if bounds else ""
+        notes.append(f"{kg:g} kg alone: J {alone.criterion:.4g}, {stopped}{confirmation(alone)}")
     # The law checks the payloads.
     gains = ScheduleGains(**asdict(found.gains), **rows)
     return _pdp_result(found, request, _prefixed("pdpc_scheduled", asdict(gains)), notes)

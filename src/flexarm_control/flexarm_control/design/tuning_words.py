@@ -58,10 +58,15 @@ def confirmation(found: PdpTuning) -> str:
     )
 
 
+def at_bounds(active: Sequence[str]) -> list[str]:
+    """Return the bounds of gains among what is active."""
+    return [each for each in active if each.startswith("bound of ")]
+
+
 def stopped_by(active: Sequence[str]) -> str:
     """Return in words what stopped the search, with what to do at a bound."""
     text = f"active: {', '.join(active) or 'none'}"
-    if any(each.startswith("bound of ") for each in active):
+    if at_bounds(active):
         text += (
             "; the best gain may lie beyond: see that all signals are in V, or weigh E and Y anew"
         )

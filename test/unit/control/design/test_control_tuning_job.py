@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 
 from flexarm_control import ControlError, build_law, nominal_model, tune_pdp, tune_pi
-from flexarm_control.design import model_sources
+from flexarm_control.design import model_sources, tuning_job
 from flexarm_control.design.model_sources import friction_levels_v, load_models
+from flexarm_control.design.search import Search
+from flexarm_control.design.tuning import PdpTuning
 from flexarm_control.design.tuning_job import TuneRequest, tune
+from flexarm_control.laws.gains import PdpGains
 from flexarm_control.laws.registry import LAWS
 from flexarm_control.models.chosen_model import chosen_model
 from flexarm_control.models.nominal_models import identified_model
@@ -24,6 +27,7 @@ from flexarm_ident.models.state_space import with_matrices
 from support.project import BAGS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     import control
@@ -162,6 +166,27 @@ def test_tune___schedule___has_a_row_for_each_payload_and_gains_for_all() -> Non
         alone = tune_pdp([nominal_model(kg)]).gains
         assert values[f"{row}_kd"] == pytest.approx(alone.kd, abs=0.05)
     build_law("pdpc_scheduled", values)  # type: ignore[arg-type]
+
+
+def test_tune___schedule_whose_search_ends_at_a_bound___says_so_for_that_payload(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    light = nominal_model(0.0)
+
+    def tuned(models: Sequence[control.StateSpace], **_: object) -> PdpTuning:
+        is_light = len(models) == 1 and np.array_equal(models[0].A, light.A)
+        active = ("phase margin of model 1", *(["bound of kp"] if is_light else []))
+        searches = (Search(PdpGains(), PdpGains(), 1.0, feasible=True),) * 2
+        return PdpTuning(PdpGains(), 1.0, (1.0,), (1.0,), (), active, searches, 0.0)
+
+    monkeypatch.setattr(tuning_job, "tune_pdp", tuned)
+    names = ["nominal:0", "nominal:0.2", "nominal:0.4"]
+    notes = tune(load_models(names), TuneRequest("pdpc_scheduled")).notes
+
+    assert [note.partition(" alone: ")[0] for note in notes if "active: bound of kp;" in note] == [
+        "0 kg"
+    ]
+    assert sum("phase margin" in note for note in notes) == 1
 
 
 @pytest.mark.parametrize(
