@@ -125,7 +125,7 @@ def test_up___controller_killed___drive_at_zero_arm_moves_on_and_a_new_controlle
     (controller,) = graph.survivors("controller_node")
     os.kill(controller, signal.SIGKILL)
 
-    process.wait_for("controller_node was ended by SIGKILL; the drive goes to zero, and")
+    process.wait_for("controller_node was ended by SIGKILL; the drive goes to zero; for another")
     graph.wait(lambda: not any(state.command_v for state in heard[-300:]), "an arm left to itself")
     # The loop and the recorder read its commands.
     process.wait_for("-p autostart:=true -p listeners:=2")

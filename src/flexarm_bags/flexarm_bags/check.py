@@ -49,8 +49,9 @@ class BagCheck:
         What is wrong, one line each; empty for a good bag.
     notes : tuple of str
         What could not be checked, and restarts of the sampling, one line each.
-    is_open : bool
-        False where readers refuse the bag, as one that is cut off or still being written.
+    is_cut : bool
+        Whether a file with messages lacks its end, or the folder its metadata: the recording was
+        interrupted, or goes on.
     """
 
     bag: Path
@@ -58,7 +59,7 @@ class BagCheck:
     samples: int
     problems: tuple[str, ...]
     notes: tuple[str, ...]
-    is_open: bool
+    is_cut: bool
 
 
 def check_bag(uri: Path | str) -> BagCheck:
@@ -87,7 +88,7 @@ class _Check:
         self._path = path
         self._problems: list[str] = []
         self._notes: list[str] = []
-        self._is_open = True
+        self._is_cut = False
         self._content = ContentCheck(self._problems, self._notes)
 
     def result(self) -> BagCheck:
@@ -111,7 +112,7 @@ class _Check:
             self._problems.append("holds no message")
         samples = self._content.samples
         problems, notes = tuple(self._problems), tuple(self._notes)
-        return BagCheck(self._path, total, samples, problems, notes, self._is_open)
+        return BagCheck(self._path, total, samples, problems, notes, self._is_cut)
 
     def _information(self) -> dict[str, Any]:
         try:
@@ -139,7 +140,6 @@ class _Check:
             self._content.connect(reader)
         except Exception as error:  # noqa: BLE001 - parsers raise anything on damaged bytes
             self._problems.append(f"cannot be opened: {one_line(error)}")
-            self._is_open = False
             return None
         try:
             require_known_order(reader, get_typestore(Stores.ROS2_JAZZY))
@@ -185,6 +185,8 @@ class _Check:
         for messages in examination.messages():
             if hand_on:
                 yield messages
+        has_no_facts = self._path.is_dir() and not information
+        self._is_cut |= bool(examination.counts) and (examination.is_cut or has_no_facts)
         self._problems += examination.problems
         self._notes += examination.notes
         for channel in examination.channels.values():

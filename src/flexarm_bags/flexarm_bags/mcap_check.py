@@ -71,6 +71,8 @@ class McapExamination:
         Metadata records by name.
     counts : Counter
         Messages by channel.
+    is_cut : bool
+        Whether the end of the file is missing.
     library : str
         Writer of the file.
     """
@@ -83,6 +85,7 @@ class McapExamination:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     counts: Counter[int] = field(default_factory=Counter)
     library: str = ""
+    is_cut: bool = False
     _chunks: dict[int, _ChunkSeen] = field(default_factory=dict)
     _fingerprints: dict[tuple[int, ...], int] = field(default_factory=dict)
     # Of the last chunk: its place, and the entries of the index that follows it.
@@ -129,12 +132,15 @@ class McapExamination:
                     break
             else:
                 self._problem(f"is cut at byte {end}")
+                self.is_cut = True
                 return
         except CutError as error:
             self._problem(str(error))
+            self.is_cut = True
             return
         if data[end : end + len(MAGIC) + 1] != MAGIC:
             self._problem(f"does not end as an MCAP file at byte {end}")
+            self.is_cut = True
         self._compare()
 
     def _take(self, data: mmap.mmap, start: int, opcode: int, end: int) -> Iterator[TopicMessages]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Protocol
 
+SAME_PERIOD = 1e-3
+"""Part by which periods of one rig may differ: those of short records are less exact."""
 # Periods by which the first and the last stamp may be off together.
 _STAMP_ERROR = 0.5
-# The clocks of a board and of a computer differ by less, as a part; a rate of few stamps that is
-# further off than the other bound is not a whole one.
-_SMALLEST, _LARGEST = 1e-4, 1e-3
+# The clocks of a board and of a computer differ by less, as a part.
+_CLOCK_ERROR = 1e-4
 
 
 class Clock(Protocol):
@@ -32,6 +33,6 @@ def nominal_rate_hz(rate_hz: float, periods: float) -> float:
         Periods from the first stamp to the last.
     """
     whole_hz = float(round(rate_hz))
-    allowed = min(max(_SMALLEST, _STAMP_ERROR / periods), _LARGEST)
+    allowed = min(max(_CLOCK_ERROR, _STAMP_ERROR / periods), SAME_PERIOD)
     near = whole_hz > 0.0 and abs(rate_hz - whole_hz) <= allowed * rate_hz
     return whole_hz if near else rate_hz

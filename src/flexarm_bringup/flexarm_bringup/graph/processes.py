@@ -66,7 +66,7 @@ class NodeProgram:
 
     def command(self) -> list[str]:
         """Return the command line that starts it."""
-        assignments = [f"{name}:={_as_yaml(value)}" for name, value in self.parameters.items()]
+        assignments = [f"{name}:={as_yaml(value)}" for name, value in self.parameters.items()]
         line = [str(find_executable(self.package, self.executable))]
         if self.has_several:
             line += assignments
@@ -307,11 +307,12 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
         return
 
 
-def _as_yaml(value: object) -> str:
+def as_yaml(value: object) -> str:
+    """Return a value as ROS 2 takes it after ``-p NAME:=``."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (str, Path)):
         return "'" + str(value).replace("'", "''") + "'"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_as_yaml(each) for each in value) + "]"
+        return "[" + ", ".join(as_yaml(each) for each in value) + "]"
     return repr(value)

@@ -264,11 +264,10 @@ class Acquisition(Exchange):
         while self.commander.answered != self.sequence and not stop.is_set():
             self._spare()
             left_s = until_s - self._clock.monotonic()
-            if self._serve(min(left_s, _STOP_POLL_S)):
-                continue
+            has_come = self._serve(min(left_s, _STOP_POLL_S))
             if self._emergency:
                 return
-            if left_s <= _STOP_POLL_S:
+            if not has_come and left_s <= _STOP_POLL_S:
                 self._is_answered = False
                 self._lose_commander()
                 return

@@ -38,6 +38,8 @@ _MEMORY = 24
 _SEGMENTS = 24
 # Of each of several records.
 _FEWEST_SEGMENTS = 8
+# Ratio of the strongest drive to the weakest up to which records are compared.
+_ALIKE = 3.0
 # Cuts that are tried, as parts of the segments.
 _CUTS = (0.25, 0.375, 0.5, 0.625, 0.75)
 # One false alarm in a million records, and the smallest change of the error that matters.
@@ -94,41 +96,64 @@ def changes(record: IoData) -> Iterator[DataWarning]:
 def differences(records: Sequence[IoData]) -> Iterator[DataWarning]:
     """Yield a warning where the plant of one of several records is not that of the others.
 
-    Records whose drives are not alike are not compared, for the reason that `changes` has.
+    Records whose drives are not alike are not compared, for the reason that `changes` has, nor are
+    short ones. Parts of a record count as one.
     """
-    labels = list(dict.fromkeys(record.part_of or record.label for record in records))
-    if len(labels) == 1 or any(map(is_stopped, records)) or any(map(moves_seldom, records)):
+    keys = [record.part_of or id(record) for record in records]
+    wholes = [list(dict.fromkeys(keys)).index(key) for key in keys]
+    count = max(wholes) + 1
+    lengths = np.bincount(wholes, [len(record) for record in records])
+    coefficients = _MEMORY * (len(records[0].inputs) + len(records[0].outputs))
+    is_short = lengths.min() < 2 * _SAMPLES_PER_COEFFICIENT * coefficients
+    if count == 1 or is_short or any(map(is_stopped, records)) or any(map(moves_seldom, records)):
         return
     try:
-        parts = cut(records, _MEMORY + 1, 2 * _FEWEST_SEGMENTS * len(labels))
+        parts = cut(records, _MEMORY + 1, 2 * _FEWEST_SEGMENTS * count)
     except DataError:
         return
-    wholes = [labels.index(record.part_of or record.label) for record in records]
     of = np.array([wholes[part.record] for part in parts])
-    if np.bincount(of, minlength=len(labels)).min() < _FEWEST_SEGMENTS:
+    if np.bincount(of, minlength=count).min() < _FEWEST_SEGMENTS or not _is_alike_driven(records):
         return
-    grams = segment_grams(records, _MEMORY + 1, parts)
+    grams = segment_grams([_centred(record) for record in records], _MEMORY + 1, parts)
     matrices, last = np.array([gram.matrix for gram in grams]), _MEMORY
     y, u = grams[0].output_rows, grams[0].input_rows
     drive = u(last, last + 1)
     closed = [bool(record.closed_loop) for record in records]
     before = y(last - 1, last + 1) + u(last - 1, last) if any(closed) else u(0, last)
     found = []
-    for number in range(len(labels)):
+    for number in range(count):
         sides = of == number
         if _evidence(matrices, before, drive, sides)[1] < _DRIVE_SIGNIFICANCE:
             return
         loss, p_value = _evidence(matrices, y(0, last) + u(0, last), y(last, last + 1), sides)
-        found.append(_Change(number, loss, min(1.0, len(labels) * p_value)))
+        found.append(_Change(number, loss, min(1.0, count * p_value)))
     change = min(found, key=lambda each: each.p_value)
     if change.is_certain and change.loss >= _SMALLEST_DIFFERENCE:
+        labels = [record.part_of or record.label for record in records]
+        name = short_names(labels)[labels[wholes.index(change.segment)]]
+        others = "the other record" if count == 2 else "the other records"  # noqa: PLR2004
         yield DataWarning(
             "plant_differs",
-            f"the plant of {short_names(labels)[labels[change.segment]]} is not that of the other "
-            f"records: a model of one side predicts the other {_worse(change.loss)} its own; "
-            "identify each alone (--each), or those of the same arm and load together",
+            f"the plant of {name} is not that of {others}: a model of one side predicts the other "
+            f"{_worse(change.loss)} its own; identify each alone (--each), or those of the same "
+            "arm and load together",
             {"loss": change.loss, "p_value": change.p_value},
         )
+
+
+def _is_alike_driven(records: Sequence[IoData]) -> bool:
+    """Return whether the inputs of all records are about as strong."""
+    deviations = np.array([record.u.std(axis=0) for record in records])
+    return bool(np.all(deviations.max(axis=0) <= _ALIKE * deviations.min(axis=0)))
+
+
+def _centred(record: IoData) -> IoData:
+    """Return a record without its means: an offset of a sensor is no other plant."""
+    return replace(
+        record,
+        u=record.u - record.u.mean(axis=0),
+        y=record.y_usable - record.y[record.usable].mean(axis=0),
+    )
 
 
 def _found(

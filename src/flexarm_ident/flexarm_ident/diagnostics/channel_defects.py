@@ -34,6 +34,8 @@ _NEIGHBOURS = 3
 # Length of a plateau in rests at other turns up to which it is a rest itself, and the least number
 # of such rests for each.
 _LONGER, _MORE = 1.5, 2
+# Separate blows that make a record of an input which rests else.
+_BLOWS = 3
 
 
 def channel_defects(record: IoData) -> Iterator[DataWarning]:
@@ -49,18 +51,17 @@ def channel_defects(record: IoData) -> Iterator[DataWarning]:
                 channel=name,
             )
             continue
-        if constant > CONSTANT_SHARE and name in record.inputs and np.median(x) == 0.0:
-            # Blows of a hammer are few.
-            continue
         if constant > CONSTANT_SHARE:
-            yield DataWarning(
-                "constant_channel",
-                f"{name} is constant in {_percent(constant)} of the samples and carries no "
-                "information: check the channel, or leave it out",
-                {"share": constant},
-                grade=Grade.DO_NOT_USE,
-                channel=name,
-            )
+            # Blows of a hammer are few.
+            if name not in record.inputs or len(runs(x != np.median(x))) < _BLOWS:
+                yield DataWarning(
+                    "constant_channel",
+                    f"{name} is constant in {_percent(constant)} of the samples and carries no "
+                    "information: check the channel, or leave it out",
+                    {"share": constant},
+                    grade=Grade.DO_NOT_USE,
+                    channel=name,
+                )
             continue
         dense = np.ascontiguousarray(x)
         limits = []

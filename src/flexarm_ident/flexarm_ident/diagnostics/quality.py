@@ -34,8 +34,8 @@ _OF_ONE_RECORD = (
     changes,
 )
 
-# Changes that a bag of our own rig tells, see `reading.told_changes`.
-_TOLD = frozenset({"plant_changed", "law_changed"})
+# Figure of the notices of changes that a bag of our own rig tells, see `reading.told_changes`.
+_AT = "at_s"
 
 
 def assess(
@@ -64,30 +64,35 @@ def assess(
     """
     found = [*_feedback(records, gram, feedthrough=feedthrough), *richness(gram, records)]
     found += differences(records)
-    names = short_names([record.label for record in records])
+    names_of = short_names([record.label for record in records])
     for record in records:
-        told = [each for each in record.notices if _concerns(each, record)]
-        kinds = {each.name for each in told}
         of_one = [each for look in _OF_ONE_RECORD for each in look(record)]
-        # What a bag tells of a change is exact.
-        of_one = [each for each in of_one if each.name not in kinds & _TOLD]
-        found += [replace(each, record=names[record.label]) for each in (*told, *of_one)]
+        notices = [each for each in record.notices if _AT not in each.figures]
+        found += [replace(each, record=names_of[record.label]) for each in (*notices, *of_one)]
     wholes = [list(parts) for _, parts in groupby(records, lambda each: each.part_of or id(each))]
     labels = [parts[0].part_of or parts[0].label for parts in wholes]
     names = short_names(labels)
     for label, parts in zip(labels, wholes, strict=True):
-        found += [replace(each, record=names[label]) for each in offsets(parts)]
+        told = list(_told(parts))
+        kinds, labels_of = {each.name for each in told}, {each.label for each in parts}
+        # What a bag tells of a change is exact, and what the signals show of it is not.
+        inexact = {(names_of[each], kind) for each in labels_of for kind in kinds}
+        found = [each for each in found if (each.record, each.name) not in inexact]
+        found += [replace(each, record=names[label]) for each in (*told, *offsets(parts))]
     return tuple(found)
 
 
-def _concerns(notice: DataWarning, record: IoData) -> bool:
-    """Return whether a notice belongs to a record that may be a part of the one it was made for."""
-    at_s = notice.figures.get("at_s")
-    if at_s is None:
-        return True
-    # A change at an end is none within.
-    off_s = at_s - record.begins_s
-    return 0.5 * record.dt_s < off_s < (len(record) - 0.5) * record.dt_s
+def _told(parts: Sequence[IoData]) -> Iterator[DataWarning]:
+    """Yield the changes that a bag tells within the parts of a record, or in a hole between them.
+
+    The notices are those of the whole record, of which this may be a span.
+    """
+    dt_s, begin_s = parts[0].dt_s, parts[0].begins_s
+    end_s = parts[-1].begins_s + len(parts[-1]) * dt_s
+    for each in parts[0].notices:
+        # A change at an end is none within.
+        if begin_s + 0.5 * dt_s < each.figures.get(_AT, begin_s) < end_s - 0.5 * dt_s:
+            yield each
 
 
 def _feedback(

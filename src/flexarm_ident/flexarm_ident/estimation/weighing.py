@@ -57,6 +57,8 @@ _RECORDS = 8
 _TOLERANCE = 1.03
 _TOLERANCE_IN_FEEDBACK = 1.35
 _STANDARD_ERRORS = 2.0
+# Factor between both errors above which their difference can decide.
+_FEW_DATA = 1.02
 # A smaller relative error is rounding.
 _SMALLEST_ERROR = 1e-6
 
@@ -183,15 +185,17 @@ class Weighed:
         if not self._candidates:
             return self._first
         first, best = self._first, self._best
-        smallest = f"the best of {len(self._candidates)} models {best.error:.3g} ({best.name})"
+        told = _told_expected if best.inflation > _FEW_DATA else _told_error
+        smallest = f"the best of {len(self._candidates)} models {told(best)[0]} ({best.name})"
+        error, words = told(self._found_first)
         if self.first_stays:
-            error = f"{self._first_error:.3g} in free simulation"
+            error = f"{error} {words}"
             reason = f"{first.selection.reason}: {error}, {smallest}"
             return Choice(first.selection._replace(reason=reason), first.order)
         chosen = most_parsimonious(list(self._candidates.values()), best)
         reason = (
-            f"{chosen.name} was chosen: {chosen.error:.3g} in free simulation, "
-            f"{self._first_error:.3g} by {first.selection.method} of order {first.order}, which "
+            f"{chosen.name} was chosen: {told(chosen)[0]} {words}, "
+            f"{error} by {first.selection.method} of order {first.order}, which "
             f"the one-step errors call for, {smallest}"
         )
         return Choice(chosen.selection._replace(reason=reason), chosen.order)
@@ -201,13 +205,19 @@ class Weighed:
         return self._candidates.get((self._first.selection.method, self._first.order))
 
     @property
-    def _first_error(self) -> float:
-        found = self._found_first
-        return found.error if found else np.inf
-
-    @property
     def _best(self) -> Candidate:
         return min(self._candidates.values(), key=lambda each: each.expected_error)
+
+
+def _told_error(made: Candidate | None) -> tuple[str, str]:
+    """Return an error and what it is of."""
+    return (f"{made.error:.3g}" if made else "no result"), "in free simulation"
+
+
+def _told_expected(made: Candidate | None) -> tuple[str, str]:
+    """Return the same as expected of other data, which for few data is another one."""
+    error = f"{made.expected_error:.3g}" if made else "no result"
+    return error, "in free simulation, as expected of other data"
 
 
 def spread(records: Sequence[IoData]) -> list[IoData]:

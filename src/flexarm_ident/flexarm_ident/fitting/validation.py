@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.channels import MAX_COMMAND_V
+from flexarm_core.clock import SAME_PERIOD
 from flexarm_core.errors import IdentificationError
 from flexarm_core.labels import axis_label
 from flexarm_core.showing.traces import Panel, plot_traces
@@ -322,8 +323,7 @@ def _initial_state(model: control.StateSpace, data: IoData) -> FloatArray:
 
 
 def _checked_state(model: control.StateSpace, x0: ArrayLike) -> FloatArray:
-    start = np.asarray(x0, dtype=np.float64).ravel()
-    if len(start) != model.nstates:
+    if len(start := np.asarray(x0, dtype=np.float64).ravel()) != model.nstates:
         raise IdentificationError(f"x0 has {len(start)} states, the model has {model.nstates}")
     return start
 
@@ -344,7 +344,7 @@ def check_model(model: control.StateSpace, data: IoData) -> None:
             raise IdentificationError(
                 f"{data.label}: its {kind} are {', '.join(labels)}, the model's {', '.join(own)}"
             )
-    if not np.isclose(model.dt, data.dt_s, rtol=1e-6, atol=0.0):
+    if not np.isclose(model.dt, data.dt_s, rtol=SAME_PERIOD, atol=0.0):
         raise IdentificationError(
             f"{data.label}: the model's period is {model.dt} s, the record's {data.dt_s} s"
         )

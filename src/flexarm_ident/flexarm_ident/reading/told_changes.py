@@ -13,7 +13,7 @@ from flexarm_core.labels import instant
 from flexarm_ident.records.iodata import DataWarning, Grade
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
@@ -31,7 +31,7 @@ def told_changes(
 ) -> tuple[DataWarning, ...]:
     """Return the warnings of a bag of our own rig, of the kinds that `diagnostics.change` has.
 
-    Each has the instant of the first change, ``at_s``, seconds from the first row on.
+    Each has the instant of its change, ``at_s``, seconds from the first row on.
 
     Parameters
     ----------
@@ -44,20 +44,19 @@ def told_changes(
     table : Timetable
         Places of the samples.
     """
-    places = _Places(samples, table)
-    payloads = list(places.inside(_payloads(bag, topic), places.received_ns))
-    laws = list(places.inside(_laws(bag, topic), places.stamps_ns))
+    places, period_s = _Places(samples, table), table.grid.period_s
     found = []
-    if payloads:
-        parts = _parts([row for row, _ in payloads], table)
-        text = (
-            f"the payload was changed in mid-record, {_listed(payloads, table)}: a model of the "
-            f"whole mixes several arms; identify the parts separately ({parts})"
+    for row, text in places.inside(_payloads(bag, topic), places.received_ns):
+        at_s = row * period_s
+        said = (
+            f"the payload was changed {text} at {instant(row, period_s)}: a model of the whole "
+            f"mixes two arms; identify the parts separately (--to {at_s:.9g}s, --from {at_s:.9g}s)"
         )
-        found.append(_warning("plant_changed", text, payloads, table, Grade.CAUTION))
-    if laws:
-        text = f"the law was changed in mid-record, {_listed(laws, table)}"
-        found.append(_warning("law_changed", text, laws, table, Grade.INFORMATION))
+        found.append(DataWarning("plant_changed", said, {"at_s": at_s}))
+    for row, text in places.inside(_laws(bag, topic), places.stamps_ns):
+        said = f"the law was changed {text} at {instant(row, period_s)}"
+        figures = {"at_s": row * period_s}
+        found.append(DataWarning("law_changed", said, figures, grade=Grade.INFORMATION))
     return tuple(found)
 
 
@@ -86,7 +85,7 @@ def _payloads(bag: Bag, topic: str) -> Iterator[tuple[int, str]]:
     """Yield instant of receiving and new value of each change of the simulated arm's payload."""
     if not bag.has(_EVENTS, PARAMETER_EVENT) or not bag.count(_EVENTS):
         return
-    node = sibling(topic, "daq")
+    node, before_kg = sibling(topic, "daq"), None
     messages = zip(
         bag.grouped(_EVENTS).log_times_ns.tolist(),
         bag.messages(_EVENTS, PARAMETER_EVENT),
@@ -94,8 +93,10 @@ def _payloads(bag: Bag, topic: str) -> Iterator[tuple[int, str]]:
     )
     for time_ns, event in messages:
         for each in event.changed_parameters if event.node == node else ():
-            if each.name == "payload_kg":
-                yield time_ns, f"to {each.value.double_value:g} kg"
+            # What is set to the value that it has is in the event as well.
+            if each.name == "payload_kg" and each.value.double_value != before_kg:
+                before_kg = each.value.double_value
+                yield time_ns, f"to {before_kg:g} kg"
 
 
 def _laws(bag: Bag, topic: str) -> Iterator[tuple[int, str]]:
@@ -104,13 +105,17 @@ def _laws(bag: Bag, topic: str) -> Iterator[tuple[int, str]]:
     if not bag.has(law, LAW_IN_FORCE) or not bag.count(law):
         return
     messages = bag.messages(law, LAW_IN_FORCE)
-    told = [(_NS * m.header.stamp.sec + m.header.stamp.nanosec, m.parameters) for m in messages]
+    told = [
+        (_NS * each.header.stamp.sec + each.header.stamp.nanosec, values)
+        for each in messages
+        if "law" in (values := _values(each.parameters))
+    ]
     for (_, before), (time_ns, after) in pairwise(told):
-        if before != after and (text := _difference(_values(before), _values(after))):
+        if text := _difference(before, after):
             yield time_ns, text
 
 
-def _values(text: str) -> Mapping[str, Any]:
+def _values(text: str) -> dict[str, Any]:
     try:
         values = json.loads(text)
     except ValueError:
@@ -118,39 +123,15 @@ def _values(text: str) -> Mapping[str, Any]:
     return values if isinstance(values, dict) else {}
 
 
-def _difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
+def _difference(before: dict[str, Any], after: dict[str, Any]) -> str:
     """Return what differs of the law, in a few words; empty where it is the reference alone."""
-    if "law" not in before or "law" not in after:
-        return ""
     if after["law"] != before["law"]:
         return f"to {after['law']}"
-    of_reference = ("reference", "trajectory", f"{after.get('reference')}.")
+    references = tuple(f"{each.get('reference')}." for each in (before, after))
+    of_others = ("models.", "shaper", "reference", "trajectory", *references)
     names = [
         name
-        for name, value in after.items()
-        if not name.startswith(of_reference) and value != before.get(name)
+        for name in before | after
+        if not name.startswith(of_others) and before.get(name) != after.get(name)
     ]
     return f"in {', '.join(names)}" if names else ""
-
-
-def _listed(changes: Sequence[tuple[int, str]], table: Timetable) -> str:
-    period_s = table.grid.period_s
-    return ", ".join(f"{text} at {instant(row, period_s)}" for row, text in changes)
-
-
-def _parts(rows: Sequence[int], table: Timetable) -> str:
-    """Return the options of each part between the rows of changes."""
-    period_s = table.grid.period_s
-    options = [f"--to {rows[0] * period_s:.9g}s"]
-    options += [
-        f"--from {first * period_s:.9g}s --to {last * period_s:.9g}s"
-        for first, last in pairwise(rows)
-    ]
-    return ", ".join([*options, f"--from {rows[-1] * period_s:.9g}s"])
-
-
-def _warning(
-    name: str, text: str, changes: Sequence[tuple[int, str]], table: Timetable, grade: Grade
-) -> DataWarning:
-    figures = {"at_s": changes[0][0] * table.grid.period_s, "changes": float(len(changes))}
-    return DataWarning(name, text, figures, grade=grade)

@@ -12,6 +12,7 @@ import numpy as np
 
 from flexarm_core.arrays import real_array
 from flexarm_core.channels import CHANNEL_NAMES
+from flexarm_core.clock import SAME_PERIOD
 from flexarm_core.errors import DataError
 from flexarm_core.labels import axis_label, counted, named_twice, without_dots
 from flexarm_core.showing.tables import html_table
@@ -342,7 +343,7 @@ def as_records(data: IoData | Sequence[IoData]) -> tuple[IoData, ...]:
                 raise DataError(
                     f"{record.label}: {field} {names[0]} differ from {names[1]} of {first.label}"
                 )
-        if not math.isclose(record.dt_s, first.dt_s, rel_tol=1e-6):
+        if not math.isclose(record.dt_s, first.dt_s, rel_tol=SAME_PERIOD):
             raise DataError(
                 f"{record.label}: dt_s {record.dt_s} differs from {first.dt_s} of {first.label}"
             )

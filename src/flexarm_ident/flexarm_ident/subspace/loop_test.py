@@ -58,13 +58,15 @@ class _Regression(NamedTuple):
         return np.asarray(self.present - self.past @ truncated_inverse(gram).solve(cross))
 
 
-def judged_loop(record: IoData) -> bool | None:
+def judged_loop(record: IoData, *, feedthrough: bool = False) -> bool | None:
     """Judge as `is_closed_loop` does, by the longest stretch of a record between holes.
 
     Parameters
     ----------
     record : IoData
         The record, with holes or without.
+    feedthrough : bool
+        As in `is_closed_loop`.
 
     Returns
     -------
@@ -74,15 +76,15 @@ def judged_loop(record: IoData) -> bool | None:
     longest = max(stretches(record.y_usable), key=lambda rows: rows.stop - rows.start, default=None)
     if longest is None or longest.stop - longest.start < 2 or not np.any(record.u):  # noqa: PLR2004
         return None
-    return is_closed_loop(record.rows(longest))
+    return is_closed_loop(record.rows(longest), feedthrough=feedthrough)
 
 
-def is_closed_loop(record: IoData) -> bool | None:
+def is_closed_loop(record: IoData, *, feedthrough: bool = False) -> bool | None:
     """Judge from inputs and outputs alone whether a controller made the input.
 
     In a closed loop every command is computed from noisy samples, so the innovation of the outputs
-    is correlated with the unpredicted inputs from that sample on. Row `k` of the input answers row
-    `k` of the outputs, unless the input is noise (`_verdict`). Three measures make the test robust:
+    is correlated with the unpredicted inputs from that sample on: row `k` of the input answers row
+    `k` of the outputs. Three measures make the test robust:
 
     - The past holds 100 samples of the input, which cover the memory of a filtered excitation.
     - Remainders are clipped, and the prediction is fitted once to all samples and once to those
@@ -96,6 +98,10 @@ def is_closed_loop(record: IoData) -> bool | None:
     ----------
     record : IoData
         The record as it was measured; its first 16384 samples are examined.
+    feedthrough : bool
+        The plant may have a feedthrough: an output that answers the input within the sample looks
+        like a controller that does so. Where 6 % of the input or more are new in each sample, only
+        later inputs are looked at then, and a controller without memory can stay unseen.
 
     Returns
     -------
@@ -121,7 +127,8 @@ def is_closed_loop(record: IoData) -> bool | None:
     kept = np.ones(columns, dtype=np.bool_)
     regression = _Regression(past, present, past.T @ past, past.T @ present)
     remainder = regression.remainder(kept)
-    verdicts = [_verdict(remainder, channels, kept, memory)]
+    look = _later_answered if feedthrough else _is_answered
+    verdicts = [look(remainder, channels, kept, memory)]
     for _ in range(_REFITS):
         following = remainder[:, channels[0] :]
         usual = np.all(np.abs(following) <= _OUTLIER * _deviation(following[kept]), axis=1)
@@ -129,7 +136,7 @@ def is_closed_loop(record: IoData) -> bool | None:
             break
         kept = usual
         remainder = regression.remainder(kept)
-    verdicts.append(_verdict(remainder, channels, kept, memory))
+    verdicts.append(look(remainder, channels, kept, memory))
     told = [verdict for verdict in verdicts if verdict is not None]
     return any(told) if told else None
 
@@ -152,31 +159,32 @@ def _deviation(signals: FloatArray) -> FloatArray:
     return np.asarray(_NORMAL_MAD * np.median(np.abs(signals), axis=0))
 
 
-def _verdict(
+def _later_answered(
     remainder: FloatArray, channels: tuple[int, int], kept: NDArray[np.bool_], memory: int
 ) -> bool | None:
-    """Return whether inputs answer the innovation, given remainders of outputs and inputs.
-
-    An output that answers an input within the sample looks like a controller that does so. Where
-    an input is mostly unpredicted, as noise is, it is the input that comes first, and only what
-    follows it can be an answer.
-    """
+    """Return whether inputs answer the innovation of a plant that may have a feedthrough."""
+    answered = _is_answered(remainder, channels, kept, memory)
     outputs, inputs = channels
-    e, following = remainder[:, :outputs], remainder[:, outputs:]
-    answered = _is_answered(e, following, kept, memory)
-    present = following[:, :inputs]
+    present = remainder[:, outputs : outputs + inputs]
     if not answered or np.all(_deviation(present[kept]) < _FRESH):
         return answered
     unexplained = remainder - present @ np.linalg.lstsq(present[kept], remainder[kept])[0]
-    later = slice(outputs + inputs, None)
-    return _is_answered(unexplained[:, :outputs], unexplained[:, later], kept, memory)
+    later = np.delete(unexplained, np.s_[outputs : outputs + inputs], axis=1)
+    found = _is_answered(later, channels, kept, memory)
+    # Nothing is left of an output that an exact law made of the input, or the input of it.
+    return answered if found is None else found
 
 
 def _is_answered(
-    e: FloatArray, following: FloatArray, kept: NDArray[np.bool_], memory: int
+    remainder: FloatArray, channels: tuple[int, int], kept: NDArray[np.bool_], memory: int
 ) -> bool | None:
-    """Return whether the kept inputs correlate with the innovation; None without innovation."""
-    white_e, white_u = _white(e, kept), _white(following, kept)
+    """Return whether inputs correlate with the innovation; None without innovation.
+
+    The remainders are those of the outputs and of the inputs that follow; `channels` are both
+    counts.
+    """
+    outputs, _ = channels
+    white_e, white_u = (_white(each, kept) for each in np.split(remainder, [outputs], axis=1))
     if white_e.shape[1] == 0:
         return None
     if white_u.shape[1] == 0:

@@ -15,7 +15,7 @@ from flexarm_control.loop_setup import TOPIC
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
 from flexarm_live.graph.about import about_arm
-from flexarm_live.graph.calls import CallError, Calls
+from flexarm_live.graph.calls import Calls, SilentNodeError
 from flexarm_live.graph.chain import Chain
 from flexarm_live.graph.command_lines import record_line
 from flexarm_live.graph.jobs import Jobs
@@ -43,8 +43,12 @@ _STOP_AGAIN_S = 0.2
 """A stop does no harm twice, and its answer may be lost while the nodes discover each other."""
 # Less than a verb of another terminal waits.
 _REFERENCE_S = _SILENT_NODE_S = 3.0
-_NODE_OF = dict.fromkeys(("reference", "law", "waveform", "apply"), "controller")
-"""Node that a request is for which names none."""
+_NODES_OF: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(("reference", "law", "waveform", "apply"), ("controller",)),
+    **dict.fromkeys(("payload", "fault"), ("daq",)),
+    "record": ("recorder",),
+}
+"""Nodes that requests are for which name none, but for those that take the drive to zero."""
 _RECORD_S = 30.0
 
 
@@ -151,18 +155,27 @@ class Bridge:
     async def _answered(self, request: Request) -> Answer:
         """Answer a request; one to a node that is silent is given up early, with the reason."""
         work: Coroutine[Any, Any, Answer] = getattr(self, f"_on_{request.verb}")(**request.fields)
-        node = request.fields.get("node") or _NODE_OF.get(request.verb, "")
         # A drive is taken to zero however long that takes.
-        is_silent = request.verb != "deactivate" and self.situation.silence(node, time.monotonic())
+        patience_s = _SILENT_NODE_S if self._silence(request) else None
         try:
-            return await asyncio.wait_for(work, _SILENT_NODE_S if is_silent else None)
-        except (asyncio.TimeoutError, CallError) as error:
+            return await asyncio.wait_for(work, patience_s)
+        except (asyncio.TimeoutError, SilentNodeError) as error:
             # A node that has ended stays known to the graph for a while.
-            if told := self.situation.silence(node, time.monotonic()):
-                raise FlexarmError(f"the {node} does not answer: {told}") from error
-            if isinstance(error, CallError):
+            if told := self._silence(request):
+                raise FlexarmError(told) from error
+            if isinstance(error, SilentNodeError):
                 raise
-            raise CallError(f"the {node} did not answer in time: try again") from error
+            raise SilentNodeError("the node did not answer in time: try again") from error
+
+    def _silence(self, request: Request) -> str:
+        """Return which node that a request is for is silent, and since when; else nothing."""
+        nodes = _NODES_OF.get(request.verb, ())
+        if request.verb in {"get", "set", "activate"}:
+            nodes = (request.fields["node"],) if request.fields.get("node") else LOOP_NODES
+        for node in nodes:
+            if told := self.situation.silence(node, time.monotonic()):
+                return f"the {node} does not answer: {told}"
+        return ""
 
     def report(self, name: str) -> bytes | None:
         """Return the report of an identified model; None when there is none of that name."""

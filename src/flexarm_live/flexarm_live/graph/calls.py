@@ -24,6 +24,10 @@ class CallError(FlexarmError):
     """A service that does not answer, or refuses."""
 
 
+class SilentNodeError(CallError):
+    """A service or its answer that did not come in time."""
+
+
 class Calls:
     """Clients of the services of one arm.
 
@@ -60,14 +64,16 @@ class Calls:
 
         Raises
         ------
-        CallError
+        SilentNodeError
             When the service or its answer does not come in time.
+        CallError
+            When the node refuses the call.
         """
         client = self.client(kind, name)
         deadline_s = time.monotonic() + timeout_s
         while not client.service_is_ready():
             if time.monotonic() > deadline_s:
-                raise CallError(f"{client.service_name} does not answer: is its node there?")
+                raise SilentNodeError(f"{client.service_name} does not answer: is its node there?")
             await asyncio.sleep(_POLL_S)
         answers: list[asyncio.Future[Any]] = []
         while (left_s := deadline_s - time.monotonic()) > 0.0:
@@ -77,7 +83,7 @@ class Calls:
             )
             if done:
                 return done.pop().result()
-        raise CallError(
+        raise SilentNodeError(
             f"{client.service_name} did not answer within {timeout_s:.0f} s: its node hangs, or "
             "the machine is busy. What was asked for may still come into force"
         )

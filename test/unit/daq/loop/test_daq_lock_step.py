@@ -115,11 +115,19 @@ def test_lock_step___drive_is_held___no_sample_waits_for_an_answer(
     np.testing.assert_allclose(np.diff(taken_s), PERIOD_S / (factor or 1.0), rtol=1e-6)
 
 
-def test_lock_step___emergency_stop_while_a_sample_waits___ends_the_wait(clock: Clock) -> None:
+@pytest.mark.parametrize("old", [0, 200])
+def test_lock_step___emergency_stop_while_a_sample_waits___ends_the_wait(
+    clock: Clock, old: int
+) -> None:
+    """Also where commands go on that answer no sample."""
+
     def answer(record: Record) -> list[tuple[float, Command]]:
-        if record.sequence == 3:
-            bench.acquisition.emergency_stop()
-        return [(0.0, reply(record, 1.0))] if record.sequence < 3 else []
+        if record.sequence < 3:
+            return [(0.0, reply(record, 1.0))]
+        if record.sequence > 3:
+            return []
+        bench.acquisition.emergency_stop()
+        return [(0.005 * k, reply(record._replace(sequence=1), 1.0)) for k in range(old)]
 
     started_s = clock.now_s
     bench = Bench(clock, answer, virtual=True, samples=6)

@@ -172,10 +172,13 @@ def test_assess___dead_channel_with_rare_spikes___is_named() -> None:
     assert found["constant_channel"].figures["share"] == pytest.approx(1.0 - 1.0 / 400.0)
 
 
-def test_assess___blows_of_a_hammer___are_an_input() -> None:
-    u = np.zeros((SAMPLES, 1))
-    u[100 :: SAMPLES // 5] = 8.0
-    assert not {"constant_channel", "saturation"} & set(warnings(response(u)))
+@pytest.mark.parametrize("rest", [0.0, 0.1])
+@pytest.mark.parametrize("blows", [1, 5])
+def test_assess___blows_of_a_hammer___are_an_input(rest: float, blows: int) -> None:
+    u = np.full((SAMPLES, 1), rest)
+    u[100 :: SAMPLES // blows] = 8.0
+    found = {"constant_channel", "saturation"} & set(warnings(response(u)))
+    assert found == (set() if blows > 1 else {"constant_channel"})
 
 
 def test_assess___channel_without_a_sensor___is_told_without_a_ban() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from flexarm_ident import read_bag
 from flexarm_ident.diagnostics.quality import assess
 from flexarm_ident.records.span import Span
+from flexarm_ident.records.unknown_inputs import known_parts
 from flexarm_ident.subspace.gram import block_gram
 from support.bag_samples import (
     START_NS,
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from flexarm_ident import IoData
-    from flexarm_ident.records.iodata import DataWarning
 
 SAMPLES = 400
 PERIOD_S = 1e-9 * STEP_NS
@@ -79,42 +80,63 @@ def law(row: int, parameters: object) -> Sent:
     return Sent("/flexarm/law", type_name, stamp_ns + 1000, raw)
 
 
-def record(path: Path, *told: Sent) -> IoData:
+def record(path: Path, *told: Sent, samples: int = SAMPLES) -> IoData:
     rng = np.random.default_rng(1)
     states = [
         arm_state(
             k + 1, START_NS + k * STEP_NS, rng.normal(size=4).tolist(), command_v=rng.normal()
         )
-        for k in range(SAMPLES + 1)
+        for k in range(samples + 1)
     ]
     return read_bag(write_bag(path, sorted([*states, *told], key=lambda sent: sent.time_ns)))
 
 
-def warnings(data: IoData) -> dict[str, DataWarning]:
-    found = assess([data], block_gram([data], 4))
-    return {each.name: each for each in found if each.name.endswith("_changed")}
+def warnings(*records: IoData) -> list[tuple[str, str]]:
+    found = assess(records, block_gram(records, 4))
+    return [(each.name, each.text) for each in found if each.name.endswith("_changed")]
 
 
-def test_payload___set_in_mid_record___is_told_with_the_parts(tmp_path: Path) -> None:
-    data = record(tmp_path / "run", payload_set(150, 0.3), payload_set(300, 0.0))
-
-    found = warnings(data)["plant_changed"]
-
-    assert found.figures["at_s"] == pytest.approx(150 * PERIOD_S)
-    assert str(found.grade) == "caution"
-    assert found.text == (
-        "the payload was changed in mid-record, to 0.3 kg at 0.3 s (row 150), to 0 kg at 0.6 s "
-        "(row 300): a model of the whole mixes several arms; identify the parts separately "
-        "(--to 0.3s, --from 0.3s --to 0.6s, --from 0.6s)"
+def payload(words: str, row: int) -> tuple[str, str]:
+    at = f"{row * PERIOD_S:g}s"
+    return "plant_changed", (
+        f"the payload was changed to {words} at {row * PERIOD_S:g} s (row {row}): a model of the "
+        f"whole mixes two arms; identify the parts separately (--to {at}, --from {at})"
     )
 
 
-@pytest.mark.parametrize("span", [Span(to_s=0.3), Span(from_s=0.3)])
-def test_payload___set_outside_the_part___is_no_matter(tmp_path: Path, span: Span) -> None:
-    data = record(tmp_path / "run", payload_set(150, 0.3))
+def test_payload___set_in_mid_record___is_told_with_the_parts(tmp_path: Path) -> None:
+    told = [payload_set(150, 0.3), payload_set(200, 0.3), payload_set(300, 0.0)]
+    data = record(tmp_path / "run", *told)
 
-    assert "plant_changed" in warnings(data)
-    assert "plant_changed" not in warnings(span.of(data))
+    assert warnings(data) == [payload("0.3 kg", 150), payload("0 kg", 300)]
+    (notice, _) = data.notices
+    assert notice.figures["at_s"] == pytest.approx(0.3)
+    assert str(notice.grade) == "caution"
+
+
+@pytest.mark.parametrize(
+    ("span", "row"), [(Span(to_s=0.5), 150), (Span(from_s=0.4), 300), (Span(0.3, 0.6), 0)]
+)
+def test_payload___set_outside_the_part___is_no_matter(
+    tmp_path: Path, span: Span, row: int
+) -> None:
+    data = span.of(record(tmp_path / "run", payload_set(150, 0.3), payload_set(300, 0.0)))
+
+    expected = {150: [payload("0.3 kg", 150)], 300: [payload("0 kg", 300)], 0: []}
+    assert warnings(data) == expected[row]
+
+
+@pytest.mark.parametrize("row", [700, 950, 1010, 1100, 1500])
+def test_payload___set_about_a_hole_with_an_unknown_input___is_told(
+    tmp_path: Path, row: int
+) -> None:
+    data = record(tmp_path / "run", payload_set(row, 0.3), samples=2000)
+    held = np.zeros(len(data), dtype=np.bool_)
+    held[900:1010] = True
+    parts = known_parts(replace(data, input_held=held))
+
+    assert len(parts) == 2
+    assert warnings(*parts) == [payload("0.3 kg", row)]
 
 
 def test_payload___of_another_arm_or_before_the_record___is_no_matter(tmp_path: Path) -> None:
@@ -128,16 +150,15 @@ def test_law___replaced_or_with_another_gain___is_told(tmp_path: Path) -> None:
     told = [
         law(0, pd),
         law(80, {**pd, "reference": "square", "square.period_s": 4.0}),
-        law(100, {**pd, "pd.kp": 2.0}),
+        law(100, {**pd, "pd.kp": 2.0, "shaper": "zv", "models.own.A": 1.0}),
+        law(120, "no JSON"),
         law(250, {"law": "pi", "pi.kp": 1.0}),
     ]
 
-    found = warnings(record(tmp_path / "run", *told))["law_changed"]
-
-    assert str(found.grade) == "information"
-    assert found.text == (
-        "the law was changed in mid-record, in pd.kp at 0.2 s (row 100), to pi at 0.5 s (row 250)"
-    )
+    assert warnings(record(tmp_path / "run", *told)) == [
+        ("law_changed", "the law was changed in pd.kp at 0.2 s (row 100)"),
+        ("law_changed", "the law was changed to pi at 0.5 s (row 250)"),
+    ]
 
 
 @pytest.mark.parametrize("text", ["no JSON", "[1, 2]"])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _WITHOUT = {
     "controller_node": (
         "flexarm_control",
-        "the drive goes to zero, and the set-point of another one is 0",
+        "the drive goes to zero",
     ),
     "recorder_node": ("flexarm_daq", "nothing is recorded any more, and the arm goes on"),
     "experiment_node": ("flexarm_daq", "the arm goes on without experiments in open loop"),

@@ -246,9 +246,10 @@ def _stay(
         # Else its first commands might come before the recorder is discovered.
         readers = operator.node.count_subscribers("command")
         files = [f"--params-file {terminal.quoted(each)}" for each in settings.parameter_files]
-        own = since.words(_controller(settings))
-        if since.has_models:
-            terminal.CONSOLE.print("the models that were set are to be set again: flexarm set")
+        start = _controller(settings)
+        own = since.words(start)
+        if lost := since.lost(start):
+            terminal.CONSOLE.print(f"another controller begins with {' and '.join(lost)}")
         return " ".join([f"-p autostart:=true -p listeners:={readers}", *files, own])
 
     def recorder() -> str:

@@ -104,7 +104,7 @@ def _is_good(bag: Path) -> bool:
     )
     for line in lines:
         terminal.CONSOLE.print(line)
-    if not found.is_open and (advice := repair_advice(bag)):
+    if found.is_cut and (advice := repair_advice(bag)):
         terminal.CONSOLE.print(as_called(f"  {advice.removeprefix('; ')}"))
     return not found.problems
 

@@ -144,7 +144,8 @@ def _judged(csv: Path, columns: Columns, bag: Path) -> Path:
             tuple(each.name for each in x) for x in (mapping.inputs, mapping.outputs)
         )
         dt_s = 1.0 / record.sampling.rate_hz
-        return bool(judged_loop(IoData(u, y, dt_s=dt_s, inputs=inputs, outputs=outputs)))
+        data = IoData(u, y, dt_s=dt_s, inputs=inputs, outputs=outputs)
+        return bool(judged_loop(data, feedthrough=True))
 
     return _imported(csv, mapping, bag, judged, kept=False).bag
 

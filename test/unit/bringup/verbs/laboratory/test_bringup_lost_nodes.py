@@ -14,8 +14,7 @@ if TYPE_CHECKING:
 
 WORDS = {"controller_node": lambda: "-p law:=pd", "recorder_node": lambda: "-p bag:=NEW_BAG"}
 CASES = {
-    "controller_node": "the drive goes to zero, and the set-point of another one is 0; "
-    "for another one: "
+    "controller_node": "the drive goes to zero; for another one: "
     "flexarm run flexarm_control controller_node --ros-args -r __ns:=/arm2 -p law:=pd",
     "recorder_node": "nothing is recorded any more, and the arm goes on; for another one: "
     "flexarm run flexarm_daq recorder_node --ros-args -r __ns:=/arm2 -p bag:=NEW_BAG",

@@ -44,23 +44,26 @@ def client() -> Client:
 def test_words___are_those_of_the_start_with_what_was_set_since(client: Client) -> None:
     since = SetSince(client, "controller")  # type: ignore[arg-type]
     client.hear(event(law="pdpc_plus", pdpc__kp=0.3))
-    client.hear(event(pdpc__kp=2.0, profile=[0.0, 1.5], name="it is", flag=True))
+    client.hear(event(pdpc__kp=2.0, profile=[0.0, 1.5], name="it is", word="off", flag=True))
     client.hear(event("/arm1/controller", law="pi"))
     client.hear(event(new=True, pdpc__kd=1.0))
-    client.hear(event(listeners=7))
+    client.hear(event(listeners=7, trajectory="sweep.csv"))
 
-    words = since.words({"law": "pdpc", "reference": "topic"})
+    start = {"law": "pdpc", "reference": "topic"}
 
-    assert shlex.split(words) == [
+    assert shlex.split(since.words(start)) == [
         *("-p", "law:=pdpc_plus", "-p", "reference:=topic", "-p", "pdpc.kp:=2.0"),
-        *("-p", "profile:=[0.0, 1.5]", "-p", 'name:="it is"', "-p", "flag:=true"),
+        *("-p", "profile:=[0.0, 1.5]", "-p", "name:='it is'", "-p", "word:='off'"),
+        *("-p", "flag:=true"),
     ]
-    assert not since.has_models
+    assert since.lost(start) == ["the set-point 0"]
+    assert since.lost({**start, "reference": "square"}) == []
 
 
 def test_models___are_told_and_stand_in_no_line(client: Client) -> None:
     since = SetSince(client, "controller")  # type: ignore[arg-type]
+    client.hear(event(lqg__effort_weight=2.0, lqg__model="own"))
     client.hear(event(new=True, models__own__A=[1.0]))
 
-    assert since.has_models
-    assert since.words({}) == ""
+    assert since.words({}) == "-p lqg.effort_weight:=2.0"
+    assert since.lost({}) == ["the set-point 0", "the models of its start"]
