@@ -72,7 +72,7 @@ class McapExamination:
     counts : Counter
         Messages by channel.
     is_cut : bool
-        Whether the end of the file is missing.
+        Whether the end of the file is missing or cannot be found.
     library : str
         Writer of the file.
     """

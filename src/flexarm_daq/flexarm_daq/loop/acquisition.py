@@ -264,10 +264,11 @@ class Acquisition(Exchange):
         while self.commander.answered != self.sequence and not stop.is_set():
             self._spare()
             left_s = until_s - self._clock.monotonic()
-            has_come = self._serve(min(left_s, _STOP_POLL_S))
-            if self._emergency:
+            has_come = self._serve(max(0.0, min(left_s, _STOP_POLL_S)))
+            if self._emergency or self.commander.answered == self.sequence:
                 return
-            if not has_come and left_s <= _STOP_POLL_S:
+            # Commands that answer no sample may go on for ever.
+            if left_s <= (0.0 if has_come else _STOP_POLL_S):
                 self._is_answered = False
                 self._lose_commander()
                 return

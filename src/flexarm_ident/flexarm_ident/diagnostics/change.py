@@ -130,7 +130,10 @@ def differences(records: Sequence[IoData]) -> Iterator[DataWarning]:
     change = min(found, key=lambda each: each.p_value)
     if change.is_certain and change.loss >= _SMALLEST_DIFFERENCE:
         labels = [record.part_of or record.label for record in records]
-        name = short_names(labels)[labels[wholes.index(change.segment)]]
+        label = labels[wholes.index(change.segment)]
+        name = short_names(labels)[label]
+        if len(set(labels)) < count:
+            name = f"record {change.segment + 1}"
         others = "the other record" if count == 2 else "the other records"  # noqa: PLR2004
         yield DataWarning(
             "plant_differs",

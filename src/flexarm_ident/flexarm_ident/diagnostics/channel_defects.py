@@ -11,7 +11,13 @@ from flexarm_core.arrays import runs
 from flexarm_core.labels import counted, instant
 from flexarm_ident.records.holes import holes_told
 from flexarm_ident.records.iodata import DataWarning, Grade
-from flexarm_ident.records.signals import CONSTANT_SHARE, constant_share, dead_stretches, look
+from flexarm_ident.records.signals import (
+    CONSTANT_SHARE,
+    ROUNDING,
+    constant_share,
+    dead_stretches,
+    look,
+)
 from flexarm_ident.records.span import without
 
 if TYPE_CHECKING:
@@ -34,7 +40,7 @@ _NEIGHBOURS = 3
 # Length of a plateau in rests at other turns up to which it is a rest itself, and the least number
 # of such rests for each.
 _LONGER, _MORE = 1.5, 2
-# Separate blows that make a record of an input which rests else.
+# Separate blows, as of a hammer, that make a record of an input which is otherwise at rest.
 _BLOWS = 3
 
 
@@ -52,16 +58,7 @@ def channel_defects(record: IoData) -> Iterator[DataWarning]:
             )
             continue
         if constant > CONSTANT_SHARE:
-            # Blows of a hammer are few.
-            if name not in record.inputs or len(runs(x != np.median(x))) < _BLOWS:
-                yield DataWarning(
-                    "constant_channel",
-                    f"{name} is constant in {_percent(constant)} of the samples and carries no "
-                    "information: check the channel, or leave it out",
-                    {"share": constant},
-                    grade=Grade.DO_NOT_USE,
-                    channel=name,
-                )
+            yield from _rest(record, name, x, constant)
             continue
         dense = np.ascontiguousarray(x)
         limits = []
@@ -100,6 +97,29 @@ def offsets(records: Sequence[IoData]) -> Iterator[DataWarning]:
                 {"mean": mean, "deviation": deviation},
                 channel=name,
             )
+
+
+def _rest(record: IoData, name: str, x: FloatArray, constant: float) -> Iterator[DataWarning]:
+    """Yield what is wrong with a channel that is constant in nearly all samples."""
+    usual = np.median(x)
+    blows = len(runs(np.abs(x - usual) > ROUNDING * abs(usual)))
+    if name not in record.inputs or not blows:
+        yield DataWarning(
+            "constant_channel",
+            f"{name} is constant in {_percent(constant)} of the samples and carries no "
+            "information: check the channel, or leave it out",
+            {"share": constant},
+            grade=Grade.DO_NOT_USE,
+            channel=name,
+        )
+    elif blows < _BLOWS:
+        yield DataWarning(
+            "constant_channel",
+            f"{name} is constant in {_percent(constant)} of the samples and leaves that value in "
+            f"{counted(blows, 'place')}: check the channel, or drive on",
+            {"share": constant},
+            channel=name,
+        )
 
 
 def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator[DataWarning]:

@@ -72,14 +72,13 @@ def assess(
     wholes = [list(parts) for _, parts in groupby(records, lambda each: each.part_of or id(each))]
     labels = [parts[0].part_of or parts[0].label for parts in wholes]
     names = short_names(labels)
+    of_wholes, inexact = [], set()
     for label, parts in zip(labels, wholes, strict=True):
         told = list(_told(parts))
-        kinds, labels_of = {each.name for each in told}, {each.label for each in parts}
         # What a bag tells of a change is exact, and what the signals show of it is not.
-        inexact = {(names_of[each], kind) for each in labels_of for kind in kinds}
-        found = [each for each in found if (each.record, each.name) not in inexact]
-        found += [replace(each, record=names[label]) for each in (*told, *offsets(parts))]
-    return tuple(found)
+        inexact |= {(names_of[part.label], each.name) for part in parts for each in told}
+        of_wholes += [replace(each, record=names[label]) for each in (*told, *offsets(parts))]
+    return (*(each for each in found if (each.record, each.name) not in inexact), *of_wholes)
 
 
 def _told(parts: Sequence[IoData]) -> Iterator[DataWarning]:

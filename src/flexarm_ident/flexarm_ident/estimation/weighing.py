@@ -57,7 +57,7 @@ _RECORDS = 8
 _TOLERANCE = 1.03
 _TOLERANCE_IN_FEEDBACK = 1.35
 _STANDARD_ERRORS = 2.0
-# Factor between both errors above which their difference can decide.
+# Ratio of the expected to the plain error above which it can decide.
 _FEW_DATA = 1.02
 # A smaller relative error is rounding.
 _SMALLEST_ERROR = 1e-6
@@ -185,7 +185,8 @@ class Weighed:
         if not self._candidates:
             return self._first
         first, best = self._first, self._best
-        told = _told_expected if best.inflation > _FEW_DATA else _told_error
+        inflations = [each.inflation for each in (best, self._found_first) if each]
+        told = _told_expected if max(inflations) > _FEW_DATA else _told_error
         smallest = f"the best of {len(self._candidates)} models {told(best)[0]} ({best.name})"
         error, words = told(self._found_first)
         if self.first_stays:
@@ -215,7 +216,7 @@ def _told_error(made: Candidate | None) -> tuple[str, str]:
 
 
 def _told_expected(made: Candidate | None) -> tuple[str, str]:
-    """Return the same as expected of other data, which for few data is another one."""
+    """Return the same as expected of other data, which differs where data are few."""
     error = f"{made.expected_error:.3g}" if made else "no result"
     return error, "in free simulation, as expected of other data"
 

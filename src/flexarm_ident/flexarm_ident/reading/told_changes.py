@@ -46,11 +46,14 @@ def told_changes(
     """
     places, period_s = _Places(samples, table), table.grid.period_s
     found = []
-    for row, text in places.inside(_payloads(bag, topic), places.received_ns):
-        at_s = row * period_s
+    payloads = list(places.inside(_payloads(bag, topic), places.received_ns))
+    edges_s = [0.0, *(row * period_s for row, _ in payloads), table.rows * period_s]
+    for number, (row, text) in enumerate(payloads, start=1):
+        since_s, at_s, until_s = edges_s[number - 1 : number + 2]
+        before, after = _part(since_s, at_s, edges_s[-1]), _part(at_s, until_s, edges_s[-1])
         said = (
-            f"the payload was changed {text} at {instant(row, period_s)}: a model of the whole "
-            f"mixes two arms; identify the parts separately (--to {at_s:.9g}s, --from {at_s:.9g}s)"
+            f"the payload was changed {text} at {instant(row, period_s)}: a model of both sides "
+            f"mixes two arms; identify the parts separately ({before}, {after})"
         )
         found.append(DataWarning("plant_changed", said, {"at_s": at_s}))
     for row, text in places.inside(_laws(bag, topic), places.stamps_ns):
@@ -58,6 +61,13 @@ def told_changes(
         figures = {"at_s": row * period_s}
         found.append(DataWarning("law_changed", said, figures, grade=Grade.INFORMATION))
     return tuple(found)
+
+
+def _part(from_s: float, to_s: float, end_s: float) -> str:
+    """Return the options of a part."""
+    options = [f"--from {from_s:.9g}s"] if from_s > 0.0 else []
+    options += [f"--to {to_s:.9g}s"] if to_s < end_s else []
+    return " ".join(options)
 
 
 class _Places:
@@ -92,10 +102,15 @@ def _payloads(bag: Bag, topic: str) -> Iterator[tuple[int, str]]:
         strict=True,
     )
     for time_ns, event in messages:
-        for each in event.changed_parameters if event.node == node else ():
+        if event.node != node:
+            continue
+        # A node that starts declares its own.
+        for each in (*event.new_parameters, *event.changed_parameters):
+            if each.name != "payload_kg":
+                continue
+            is_new, before_kg = each.value.double_value != before_kg, each.value.double_value
             # What is set to the value that it has is in the event as well.
-            if each.name == "payload_kg" and each.value.double_value != before_kg:
-                before_kg = each.value.double_value
+            if is_new and each in event.changed_parameters:
                 yield time_ns, f"to {before_kg:g} kg"
 
 
@@ -124,7 +139,10 @@ def _values(text: str) -> dict[str, Any]:
 
 
 def _difference(before: dict[str, Any], after: dict[str, Any]) -> str:
-    """Return what differs of the law, in a few words; empty where it is the reference alone."""
+    """Return what differs of the law, in a few words.
+
+    It is empty where only its reference differs, or models, which are told where they are chosen.
+    """
     if after["law"] != before["law"]:
         return f"to {after['law']}"
     references = tuple(f"{each.get('reference')}." for each in (before, after))

@@ -24,8 +24,9 @@ _LONGEST_HOLD = 20
 _MOSTLY = 0.5
 _LOOK = 2048
 _CONSTANT_LOOK = 0.9
-_ROUNDING = 1e-9
 
+ROUNDING = 1e-9
+"""Difference of two samples, as a part of them, that is none."""
 CONSTANT_SHARE = 0.99
 """Share of equal samples above which a channel counts as constant."""
 
@@ -132,7 +133,7 @@ def constant_share(x: FloatArray) -> float:
     """Return the share of equal samples of a signal, rounding apart; 0 if it is small."""
     some = look(x)
     usual = np.median(some)
-    near = _ROUNDING * abs(usual)
+    near = ROUNDING * abs(usual)
     if np.mean(np.abs(some - usual) <= near) < _CONSTANT_LOOK:
         return 0.0
     return float(np.mean(np.abs(x - usual) <= near))

@@ -180,8 +180,8 @@ def _is_answered(
 ) -> bool | None:
     """Return whether inputs correlate with the innovation; None without innovation.
 
-    The remainders are those of the outputs and of the inputs that follow; `channels` are both
-    counts.
+    The remainders are those of the outputs and of the inputs that follow; `channels` are the
+    numbers of outputs and of inputs.
     """
     outputs, _ = channels
     white_e, white_u = (_white(each, kept) for each in np.split(remainder, [outputs], axis=1))

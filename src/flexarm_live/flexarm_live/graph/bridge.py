@@ -45,10 +45,14 @@ _STOP_AGAIN_S = 0.2
 _REFERENCE_S = _SILENT_NODE_S = 3.0
 _NODES_OF: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("reference", "law", "waveform", "apply"), ("controller",)),
-    **dict.fromkeys(("payload", "fault"), ("daq",)),
+    **dict.fromkeys(("payload", "fault", "stop", "release"), ("daq",)),
+    **dict.fromkeys(("activate", "deactivate"), LOOP_NODES),
     "record": ("recorder",),
+    "get": _NODES,
 }
-"""Nodes that requests are for which name none, but for those that take the drive to zero."""
+"""Nodes that requests are for which name none."""
+# A drive is taken to zero, and a run begun anew, however long that takes.
+_WAITED_FOR = frozenset({"stop", "release", "deactivate", "fault"})
 _RECORD_S = 30.0
 
 
@@ -155,8 +159,8 @@ class Bridge:
     async def _answered(self, request: Request) -> Answer:
         """Answer a request; one to a node that is silent is given up early, with the reason."""
         work: Coroutine[Any, Any, Answer] = getattr(self, f"_on_{request.verb}")(**request.fields)
-        # A drive is taken to zero however long that takes.
-        patience_s = _SILENT_NODE_S if self._silence(request) else None
+        is_waited_for = request.verb in _WAITED_FOR or not self._silence(request)
+        patience_s = None if is_waited_for else _SILENT_NODE_S
         try:
             return await asyncio.wait_for(work, patience_s)
         except (asyncio.TimeoutError, SilentNodeError) as error:
@@ -169,10 +173,8 @@ class Bridge:
 
     def _silence(self, request: Request) -> str:
         """Return which node that a request is for is silent, and since when; else nothing."""
-        nodes = _NODES_OF.get(request.verb, ())
-        if request.verb in {"get", "set", "activate"}:
-            nodes = (request.fields["node"],) if request.fields.get("node") else LOOP_NODES
-        for node in nodes:
+        named = request.fields.get("node")
+        for node in (named,) if named else _NODES_OF.get(request.verb, ()):
             if told := self.situation.silence(node, time.monotonic()):
                 return f"the {node} does not answer: {told}"
         return ""

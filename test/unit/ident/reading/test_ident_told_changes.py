@@ -34,7 +34,9 @@ SAMPLES = 400
 PERIOD_S = 1e-9 * STEP_NS
 
 
-def payload_set(row: int, payload_kg: float, node: str = "/flexarm/daq") -> Sent:
+def payload_set(
+    row: int, payload_kg: float, node: str = "/flexarm/daq", *, new: bool = False
+) -> Sent:
     """Event of a parameter that was set just before a sample was taken."""
     types, time_ns = typestore().types, START_NS + row * STEP_NS - STEP_NS // 4
     number: dict[str, Any] = {
@@ -55,8 +57,8 @@ def payload_set(row: int, payload_kg: float, node: str = "/flexarm/daq") -> Sent
         type_name,
         stamp=stamp,
         node=node,
-        new_parameters=[],
-        changed_parameters=[changed],
+        new_parameters=[changed] if new else [],
+        changed_parameters=[] if new else [changed],
         deleted_parameters=[],
     )
     return Sent("/parameter_events", type_name, time_ns, raw)
@@ -96,11 +98,14 @@ def warnings(*records: IoData) -> list[tuple[str, str]]:
     return [(each.name, each.text) for each in found if each.name.endswith("_changed")]
 
 
-def payload(words: str, row: int) -> tuple[str, str]:
-    at = f"{row * PERIOD_S:g}s"
+def payload(words: str, row: int, *, after: int = 0, before: int = 0) -> tuple[str, str]:
+    """Return the warning of a change that comes after another one, or before one."""
+    at, since, until = (f"{each * PERIOD_S:g}s" for each in (row, after, before))
+    first = f"--from {since} --to {at}" if after else f"--to {at}"
+    second = f"--from {at} --to {until}" if before else f"--from {at}"
     return "plant_changed", (
-        f"the payload was changed to {words} at {row * PERIOD_S:g} s (row {row}): a model of the "
-        f"whole mixes two arms; identify the parts separately (--to {at}, --from {at})"
+        f"the payload was changed to {words} at {row * PERIOD_S:g} s (row {row}): a model of both "
+        f"sides mixes two arms; identify the parts separately ({first}, {second})"
     )
 
 
@@ -108,7 +113,7 @@ def test_payload___set_in_mid_record___is_told_with_the_parts(tmp_path: Path) ->
     told = [payload_set(150, 0.3), payload_set(200, 0.3), payload_set(300, 0.0)]
     data = record(tmp_path / "run", *told)
 
-    assert warnings(data) == [payload("0.3 kg", 150), payload("0 kg", 300)]
+    assert warnings(data) == [payload("0.3 kg", 150, before=300), payload("0 kg", 300, after=150)]
     (notice, _) = data.notices
     assert notice.figures["at_s"] == pytest.approx(0.3)
     assert str(notice.grade) == "caution"
@@ -122,8 +127,21 @@ def test_payload___set_outside_the_part___is_no_matter(
 ) -> None:
     data = span.of(record(tmp_path / "run", payload_set(150, 0.3), payload_set(300, 0.0)))
 
-    expected = {150: [payload("0.3 kg", 150)], 300: [payload("0 kg", 300)], 0: []}
-    assert warnings(data) == expected[row]
+    first, second = payload("0.3 kg", 150, before=300), payload("0 kg", 300, after=150)
+    assert warnings(data) == {150: [first], 300: [second], 0: []}[row]
+
+
+def test_payload___of_both_parts_of_a_split_record___is_told_for_each(tmp_path: Path) -> None:
+    data = record(tmp_path / "run", payload_set(150, 0.3), payload_set(300, 0.0))
+
+    first, second = payload("0.3 kg", 150, before=300), payload("0 kg", 300, after=150)
+    assert warnings(*data.split(0.5)) == [first, second]
+
+
+def test_payload___of_a_node_that_starts_anew___is_known(tmp_path: Path) -> None:
+    told = [payload_set(-30, 0.3), payload_set(-20, 0.0, new=True), payload_set(150, 0.3)]
+
+    assert warnings(record(tmp_path / "run", *told)) == [payload("0.3 kg", 150)]
 
 
 @pytest.mark.parametrize("row", [700, 950, 1010, 1100, 1500])

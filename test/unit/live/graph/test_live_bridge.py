@@ -14,7 +14,6 @@ from flexarm_live.graph import bridge as bridge_module
 from flexarm_live.graph.bridge import Bridge
 from flexarm_live.graph.calls import CallError, SilentNodeError
 from flexarm_live.serving.laboratory import Answer
-from flexarm_live.serving.requests import Needs
 
 LONG_S = 30.0
 
@@ -37,7 +36,7 @@ def _short_patience(monkeypatch: pytest.MonkeyPatch) -> None:
 def answered(quiet: Quiet, verb: str, work: Any, **fields: Any) -> Answer:  # noqa: ANN401
     made = SimpleNamespace(situation=quiet, **{f"_on_{verb}": work})
     made._silence = lambda request: Bridge._silence(made, request)  # type: ignore[arg-type]
-    request = SimpleNamespace(verb=verb, fields=fields, needs=Needs.HOLD)
+    request = SimpleNamespace(verb=verb, fields=fields)
     return asyncio.run(Bridge._answered(made, request))  # type: ignore[arg-type]
 
 
@@ -53,6 +52,7 @@ async def hang(**_: Any) -> Answer:  # noqa: ANN401
         ("activate", {}, "daq"),
         ("activate", {"node": "controller"}, "controller"),
         ("get", {"node": "recorder"}, "recorder"),
+        ("get", {}, "recorder"),
         ("payload", {"kg": 0.1}, "daq"),
         ("record", {"on": True}, "recorder"),
         ("law", {"name": "pi"}, "controller"),
@@ -89,9 +89,10 @@ def test_request___that_is_refused___keeps_its_reason(error: CallError, said: st
         answered(Quiet("daq"), "payload", refuse, kg=2.0)
 
 
-def test_request___that_takes_the_drive_to_zero___is_waited_for() -> None:
+@pytest.mark.parametrize("verb", ["deactivate", "stop", "release", "fault"])
+def test_request___that_takes_the_drive_to_zero___is_waited_for(verb: str) -> None:
     async def slow(**_: Any) -> Answer:  # noqa: ANN401
         await asyncio.sleep(0.2)
         return Answer("at zero")
 
-    assert answered(Quiet("daq"), "deactivate", slow, node="daq").message == "at zero"
+    assert answered(Quiet("daq"), verb, slow).message == "at zero"

@@ -46,7 +46,7 @@ class SetSince:
         """Return the parameters in force as ROS 2 takes them, given those of the start.
 
         Models that were set, whose entries are too long for a line, and the laws' choices of them
-        are left out, and so is a trajectory: it would be played once more.
+        are left out, and so is a trajectory that was set: it would be played once more.
         """
         values = {**start, **self._values}
         return " ".join(f"-p {shlex.quote(f'{n}:={_text(v)}')}" for n, v in values.items())
