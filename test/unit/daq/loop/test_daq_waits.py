@@ -57,19 +57,24 @@ def test_lock_step___drive_is_held___no_sample_waits_for_an_answer(
     np.testing.assert_allclose(np.diff(taken_s), PERIOD_S / (factor or 1.0), rtol=1e-6)
 
 
-@pytest.mark.parametrize("old", [0, 200])
+def old_commands(record: Record, count: int) -> list[tuple[float, Command]]:
+    """Answer two samples, and the third with commands for the first, every 5 ms."""
+    if record.sequence < 3:
+        return [(0.0, reply(record, 1.0))]
+    old = reply(record._replace(sequence=1), 1.0)
+    return [(0.005 * k, old) for k in range(count)] if record.sequence == 3 else []
+
+
+@pytest.mark.parametrize("count", [0, 200])
 def test_lock_step___emergency_stop_while_a_sample_waits___ends_the_wait(
-    clock: Clock, old: int
+    clock: Clock, count: int
 ) -> None:
     """Also where commands go on that answer no sample."""
 
     def answer(record: Record) -> list[tuple[float, Command]]:
-        if record.sequence < 3:
-            return [(0.0, reply(record, 1.0))]
-        if record.sequence > 3:
-            return []
-        bench.acquisition.emergency_stop()
-        return [(0.005 * k, reply(record._replace(sequence=1), 1.0)) for k in range(old)]
+        if record.sequence == 3:
+            bench.acquisition.emergency_stop()
+        return old_commands(record, count)
 
     started_s = clock.now_s
     bench = Bench(clock, answer, virtual=True, samples=6)
@@ -84,16 +89,9 @@ def test_lock_step___emergency_stop_while_a_sample_waits___ends_the_wait(
 def test_lock_step___commands_that_answer_no_sample_go_on___costs_one_time_out(
     clock: Clock,
 ) -> None:
-    def answer(record: Record) -> list[tuple[float, Command]]:
-        if record.sequence < 3:
-            return [(0.0, reply(record, 1.0))]
-        if record.sequence > 3:
-            return []
-        old = reply(record._replace(sequence=1), 1.0)
-        return [(0.005 * k, old) for k in range(round(3.0 * TIMEOUT_S / 0.005))]
-
+    count = round(3.0 * TIMEOUT_S / 0.005)
     started_s = clock.now_s
-    bench = Bench(clock, answer, virtual=True, samples=4)
+    bench = Bench(clock, lambda record: old_commands(record, count), virtual=True, samples=4)
     bench.run()
 
     assert clock.now_s - started_s < 1.2 * TIMEOUT_S
