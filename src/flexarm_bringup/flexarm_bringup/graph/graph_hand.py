@@ -171,7 +171,8 @@ class GraphHand:
             operator.wait(lambda: wanted in operator.nodes(), wanted, _DISCOVERY_S)
         except LaunchError:
             others = operator.nodes() - {operator.full_name(REMOTE)}
-            if any(each.startswith(operator.full_name("")) for each in others):
+            # Beside them there may be nodes of the user's own.
+            if others & {operator.full_name(each) for each in _REPORTING}:
                 raise LaunchError(_nobody(f"node {wanted}", nearest_node(wanted, others))) from None
             raise LaunchError(self._no_arm(f"node {wanted}")) from None
 
