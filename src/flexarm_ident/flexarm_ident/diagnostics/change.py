@@ -22,7 +22,7 @@ from flexarm_core.labels import instant
 from flexarm_ident.diagnostics.drive import is_stopped, moves_seldom
 from flexarm_ident.records.iodata import DataWarning, Grade
 from flexarm_ident.records.naming import short_names
-from flexarm_ident.records.span import without
+from flexarm_ident.records.span import part_options, without
 from flexarm_ident.subspace.segments import cut, segment_grams
 
 if TYPE_CHECKING:
@@ -215,7 +215,8 @@ def _remedy(record: IoData, row: int) -> str:
     stopped = np.min(sides, axis=0) < _STOPPED * np.max(sides, axis=0)
     if not stopped.any() or stopped.all():
         cut_s = record.begins_s + row * record.dt_s
-        return f"identify the parts separately (--to {cut_s:.9g}s, --from {cut_s:.9g}s)"
+        before, after = part_options(0.0, cut_s), part_options(cut_s, None)
+        return f"identify the parts separately ({before}, {after})"
     names = ", ".join(np.array(record.outputs)[stopped].tolist())
     # Where one output or more stood still.
     still = sides[0] < sides[1]

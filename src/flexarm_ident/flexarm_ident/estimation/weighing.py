@@ -185,17 +185,22 @@ class Weighed:
         if not self._candidates:
             return self._first
         first, best = self._first, self._best
-        inflations = [each.inflation for each in (best, self._found_first) if each]
-        told = _told_expected if max(inflations) > _FEW_DATA else _told_error
-        smallest = f"the best of {len(self._candidates)} models {told(best)[0]} ({best.name})"
-        error, words = told(self._found_first)
+        is_few = any(each.inflation > _FEW_DATA for each in (best, self._found_first) if each)
+        words = "in free simulation" + is_few * ", as expected of other data"
+
+        def told(made: Candidate | None) -> str:
+            if made is None:
+                return "no result"
+            return f"{made.expected_error if is_few else made.error:.3g}"
+
+        error = told(self._found_first)
+        smallest = f"the best of {len(self._candidates)} models {told(best)} ({best.name})"
         if self.first_stays:
-            error = f"{error} {words}"
-            reason = f"{first.selection.reason}: {error}, {smallest}"
+            reason = f"{first.selection.reason}: {error} {words}, {smallest}"
             return Choice(first.selection._replace(reason=reason), first.order)
         chosen = most_parsimonious(list(self._candidates.values()), best)
         reason = (
-            f"{chosen.name} was chosen: {told(chosen)[0]} {words}, "
+            f"{chosen.name} was chosen: {told(chosen)} {words}, "
             f"{error} by {first.selection.method} of order {first.order}, which "
             f"the one-step errors call for, {smallest}"
         )
@@ -208,17 +213,6 @@ class Weighed:
     @property
     def _best(self) -> Candidate:
         return min(self._candidates.values(), key=lambda each: each.expected_error)
-
-
-def _told_error(made: Candidate | None) -> tuple[str, str]:
-    """Return an error and what it is of."""
-    return (f"{made.error:.3g}" if made else "no result"), "in free simulation"
-
-
-def _told_expected(made: Candidate | None) -> tuple[str, str]:
-    """Return the same as expected of other data, which differs where data are few."""
-    error = f"{made.expected_error:.3g}" if made else "no result"
-    return error, "in free simulation, as expected of other data"
 
 
 def spread(records: Sequence[IoData]) -> list[IoData]:

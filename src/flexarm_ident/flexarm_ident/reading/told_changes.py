@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexarm_bags.reader import sibling
+from flexarm_bags.reader import LAW_IN_FORCE, sibling
 from flexarm_core.labels import instant
 from flexarm_ident.records.iodata import DataWarning, Grade
+from flexarm_ident.records.span import part_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from flexarm_bags.reader import Bag, Recorded
     from flexarm_ident.reading.timetable import Timetable
 
-LAW_IN_FORCE = "flexarm_msgs/msg/LawInForce"
 PARAMETER_EVENT = "rcl_interfaces/msg/ParameterEvent"
 _EVENTS = "/parameter_events"
 _NS = 1_000_000_000
@@ -47,27 +47,20 @@ def told_changes(
     places, period_s = _Places(samples, table), table.grid.period_s
     found = []
     payloads = list(places.inside(_payloads(bag, topic), places.received_ns))
-    edges_s = [0.0, *(row * period_s for row, _ in payloads), table.rows * period_s]
-    for number, (row, text) in enumerate(payloads, start=1):
-        since_s, at_s, until_s = edges_s[number - 1 : number + 2]
-        before, after = _part(since_s, at_s, edges_s[-1]), _part(at_s, until_s, edges_s[-1])
+    at_s = [row * period_s for row, _ in payloads]
+    sides = zip(payloads, [0.0, *at_s], at_s, [*at_s[1:], None], strict=False)
+    for (row, text), since_s, cut_s, until_s in sides:
+        before, after = part_options(since_s, cut_s), part_options(cut_s, until_s)
         said = (
             f"the payload was changed {text} at {instant(row, period_s)}: a model of both sides "
             f"mixes two arms; identify the parts separately ({before}, {after})"
         )
-        found.append(DataWarning("plant_changed", said, {"at_s": at_s}))
+        found.append(DataWarning("plant_changed", said, {"at_s": cut_s}))
     for row, text in places.inside(_laws(bag, topic), places.stamps_ns):
         said = f"the law was changed {text} at {instant(row, period_s)}"
         figures = {"at_s": row * period_s}
         found.append(DataWarning("law_changed", said, figures, grade=Grade.INFORMATION))
     return tuple(found)
-
-
-def _part(from_s: float, to_s: float, end_s: float) -> str:
-    """Return the options of a part."""
-    options = [f"--from {from_s:.9g}s"] if from_s > 0.0 else []
-    options += [f"--to {to_s:.9g}s"] if to_s < end_s else []
-    return " ".join(options)
 
 
 class _Places:

@@ -104,8 +104,13 @@ def without(record: IoData, stretches: Iterable[tuple[int, int]]) -> str:
     gaps = [(before[1], after[0]) for before, after in pairwise(edges)]
     first, stop = max(gaps, key=lambda gap: gap[1] - gap[0])
     from_s, to_s = (record.begins_s + row * record.dt_s for row in (first, stop))
+    return part_options(from_s, to_s if stop < len(record) else None)
+
+
+def part_options(from_s: float, to_s: float | None) -> str:
+    """Return the options of a part of a record, s: ``--from 4s --to 12.5s``; None is its end."""
     options = [f"--from {from_s:.9g}s"] if from_s > 0.0 else []
-    if stop < len(record):
+    if to_s is not None:
         options.append(f"--to {to_s:.9g}s")
     return " ".join(options)
 

@@ -14,10 +14,7 @@ if TYPE_CHECKING:
     from flexarm_bringup.graph.processes import NodeProcesses
 
 _WITHOUT = {
-    "controller_node": (
-        "flexarm_control",
-        "the drive goes to zero",
-    ),
+    "controller_node": ("flexarm_control", "the drive goes to zero"),
     "recorder_node": ("flexarm_daq", "nothing is recorded any more, and the arm goes on"),
     "experiment_node": ("flexarm_daq", "the arm goes on without experiments in open loop"),
     "ident_node": ("flexarm_ident", "the arm goes on without identification"),

@@ -324,27 +324,27 @@ def report(
 
 def _show(results: Results, written: str) -> None:
     """Print verdict, modes, errors and warnings of a model, and what was written."""
-    terminal.step(f"{(outcome := results.outcome).verdict}")
+    terminal.step(f"{results.outcome.verdict}")
     terminal.show_model(
         terminal.ShownModel(
-            modes=outcome.modes,
+            modes=results.outcome.modes,
             frequency_std_hz=results.frequency_std_hz,
-            outputs=outcome.records[0].outputs,
+            outputs=results.outcome.records[0].outputs,
             dmv=results.dmv,
             left_out=results.left_out,
             sfv=results.sfv,
             parameters=results.parameters,
-            warnings=outcome.warnings,
+            warnings=results.outcome.warnings,
         )
     )
-    if outcome.identification.choice:
-        terminal.note(f"method: {outcome.identification.choice}")
-    terminal.CONSOLE.print(f"order {outcome.model.nstates}, {written}")
+    if choice := results.outcome.identification.choice:
+        terminal.note(f"method: {choice}")
+    terminal.CONSOLE.print(f"order {results.outcome.model.nstates}, {written}")
 
 
 def _after(results: Results, out: Path) -> str:
     """Return what follows on a model: a law for a usable one of the arm, else the report."""
     model, report = (terminal.quoted(out / name) for name in (job.MODEL_FILE, job.REPORT_FILE))
     is_arm = tuple(results.outcome.records[0].outputs) == CHANNEL_NAMES
-    fits = is_arm and results.outcome.verdict.level <= Level.USABLE
-    return f"flexarm tune {model}" if fits else f"open {report} in a browser"
+    is_for_a_law = is_arm and results.outcome.verdict.level <= Level.USABLE
+    return f"flexarm tune {model}" if is_for_a_law else f"open {report} in a browser"
