@@ -10,8 +10,8 @@ from support.import_graph import SOURCES, project_modules
 from support.project import PROJECT
 
 MODULES = project_modules()
-MOST_LINES = 350
-MOST_MODULES = 14
+MOST_LINES = 500
+MOST_MODULES = 20
 # A title names a thing; these words begin a question or half a sentence.
 NO_TITLE = {"What", "How", "Whether", "Where", "Why", "Which", "When"}
 UNIT_TESTS = PROJECT / "test" / "unit"
@@ -19,7 +19,7 @@ UNIT_TESTS = PROJECT / "test" / "unit"
 BESIDE = {"bench"}
 
 
-def test_files___are___at_most_350_lines_long() -> None:
+def test_files___are___at_most_500_lines_long() -> None:
     lengths = {
         str(file.relative_to(PROJECT)): len(file.read_text("utf-8").splitlines())
         for folder in ("src", "reproduction", "bench", "examples", "test")
@@ -28,7 +28,7 @@ def test_files___are___at_most_350_lines_long() -> None:
     assert {file: lines for file, lines in lengths.items() if lines > MOST_LINES} == {}
 
 
-def test_folders___hold___at_most_14_modules() -> None:
+def test_folders___hold___at_most_20_modules() -> None:
     count = Counter(module.folder for module in MODULES if not module.is_init)
     assert {folder: modules for folder, modules in count.items() if modules > MOST_MODULES} == {}
 
