@@ -19,4 +19,6 @@ FROM python:3.12-slim
 WORKDIR /flexarm
 COPY --from=build /flexarm .
 
+# `docker stop` ends the nodes as Ctrl-C does, so that the drive is at zero before the container is killed.
+STOPSIGNAL SIGINT
 CMD ["./flexarm", "--help"]

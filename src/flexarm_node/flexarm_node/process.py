@@ -7,6 +7,7 @@ import faulthandler
 import gc
 import os
 import resource
+import select
 import signal
 import sys
 import threading
@@ -29,10 +30,12 @@ if TYPE_CHECKING:
 
     from rclpy.guard_condition import GuardCondition
 
-_STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+ENDINGS = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM)
+"""Signals that end a node in order. Python ignores SIGPIPE, so that a node goes on when nobody
+reads what it prints."""
+_LOOK_S = 0.2
 _SHUTDOWN_S = 1.0
 _END_S = 10.0
-_PR_SET_PDEATHSIG = 1
 _MCL_CURRENT_AND_FUTURE = 3
 _NICE = 10
 PRIORITY = "FLEXARM_PRIORITY"
@@ -40,8 +43,10 @@ PRIORITY = "FLEXARM_PRIORITY"
 
 The recorder takes the one below."""
 _DEFAULT_PRIORITY = "20"
+# It may end while this process loads what it needs.
+_PARENT = os.getppid()
 DIE_WITH_PARENT = "FLEXARM_DIE_WITH_PARENT"
-"""Environment variable: the process that started a node, which stops when that one dies."""
+"""Environment variable: the process that started a node in a session of its own."""
 GATE = "FLEXARM_GATE"
 """Environment variable: file descriptor of a pipe. A node that is ready to join the graph waits for
 a byte of it; its end without one says that there is no graph to join."""
@@ -91,10 +96,11 @@ def run(
     keeps_up: bool = False,
     takes_words: bool = False,
 ) -> int:
-    """Run one node until SIGINT or SIGTERM; return the process's exit code, 1 after its failure.
+    """Run one node until one of `ENDINGS`; return the process's exit code, 1 after its failure.
 
     A signal ends the spinning at once although the main thread is waiting inside the middleware,
-    and a second one (a launcher and a terminal both send it) cannot break the shutdown.
+    and a second one (a launcher and a terminal both send it) cannot break the shutdown. The end of
+    the process that started the node is such a signal too, unless the node was detached from it.
 
     Parameters
     ----------
@@ -118,19 +124,16 @@ def run(
         # Where it is not permitted, the nodes with a loop say so.
         with suppress(PermissionError):
             _take_priority(_priority() - 1)
-    if not (_follows_parent() and _let_in()):
+    parent = _followed()
+    if _is_lost(parent) or not _let_in():
         return 1
-    signals, wakeup = os.pipe()
-    os.set_blocking(wakeup, False)
-    signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
-    for stop_signal in _STOP_SIGNALS:
-        signal.signal(stop_signal, _leave_to_wakeup)
+    ending = Ending(parent)
     try:
         set_up_middleware(loop=realtime)
         _begin(takes_words=takes_words)
         node = make_node()
     except SettingError as error:
-        sys.stderr.write(f"{error}\n")
+        _say(f"{error}\n")
         with bounded_end():
             try_shutdown()
         return 2
@@ -139,14 +142,10 @@ def run(
     # Its callback ends `spin_once`; the executor's own wake-up would not.
     stop = node.create_guard_condition(stopped.set)
 
-    def wait_for_signal() -> None:
-        os.read(signals, 1)
-        stop.trigger()
-
     # What lives now lives to the end: the collector need not look through it in the loop's time.
     gc.collect()
     gc.freeze()
-    threading.Thread(target=wait_for_signal, daemon=True, name="signals").start()
+    ending.tell(stop.trigger)
     executor.add_node(node)
     try:
         while not stopped.is_set():
@@ -157,13 +156,44 @@ def run(
             executor.shutdown(timeout_sec=_SHUTDOWN_S)
             node.destroy_node()
             try_shutdown()
-        # The interpreter's end puts the default back in the place of a handler, but lets this be.
-        for stop_signal in _STOP_SIGNALS:
-            signal.signal(stop_signal, signal.SIG_IGN)
+        ending.ignore_more()
     code = 1 if getattr(node, "failure", "") else 0
     if threading.active_count() > 1:
         _leave(code)
     return code
+
+
+class Ending:
+    """What ends this process: a signal, or the end of the process that it follows."""
+
+    def __init__(self, parent: int | None) -> None:
+        self._parent = parent
+        self._signals, wakeup = os.pipe()
+        os.set_blocking(wakeup, False)
+        signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
+        for ending in ENDINGS:
+            # `nohup` has it ignored.
+            if ending != signal.SIGHUP or signal.getsignal(ending) != signal.SIG_IGN:
+                signal.signal(ending, _leave_to_wakeup)
+
+    def tell(self, stop: Callable[[], None]) -> None:
+        """Have a thread call `stop` at the first one."""
+        threading.Thread(target=self._wait, args=(stop,), daemon=True, name="signals").start()
+
+    def ignore_more(self) -> None:
+        """Ignore further signals.
+
+        The interpreter's end puts the default back in the place of a handler, but lets this be.
+        """
+        for ending in ENDINGS:
+            signal.signal(ending, signal.SIG_IGN)
+
+    def _wait(self, stop: Callable[[], None]) -> None:
+        while not select.select([self._signals], [], [], _LOOK_S)[0]:
+            if _is_lost(self._parent):
+                _say("the process that started this node has ended, and so does the node\n")
+                break
+        stop()
 
 
 def _begin(*, takes_words: bool) -> None:
@@ -182,19 +212,36 @@ def _leave(code: int) -> None:
     That one unwinds threads still at work in compiled code, which may then use the interpreter
     without its lock and crash.
     """
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):
+            stream.flush()
     os._exit(code)
 
 
-def _follows_parent() -> bool:
-    """Have the kernel stop this process with its parent; return whether the parent still lives."""
-    parent = os.environ.pop(DIE_WITH_PARENT, None)
-    if parent is None:
-        return True
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    # It may have died before the kernel was told.
-    return os.getppid() == int(parent)
+def _say(line: str) -> None:
+    """Print on standard error, where anybody reads it: its terminal may be gone."""
+    with suppress(OSError):
+        sys.stderr.write(line)
+        sys.stderr.flush()
+
+
+def _followed() -> int | None:
+    """Return the process with which this one ends; None where it stands alone.
+
+    A node stands alone in a session of its own (systemd, `setsid`), behind `nohup`, and where the
+    first process of the machine or container has started it.
+    """
+    named = os.environ.pop(DIE_WITH_PARENT, None)
+    if named is not None:
+        return int(named)
+    leads = os.getsid(0) == os.getpid()
+    alone = leads or signal.getsignal(signal.SIGHUP) == signal.SIG_IGN or _PARENT <= 1
+    return None if alone else _PARENT
+
+
+def _is_lost(parent: int | None) -> bool:
+    """Return whether the process to follow has ended: another one has taken over its children."""
+    return parent is not None and os.getppid() != parent
 
 
 def _let_in() -> bool:
@@ -212,7 +259,7 @@ def prefer_realtime() -> None:
     try:
         _take_priority(_priority())
     except PermissionError:
-        sys.stderr.write(
+        _say(
             f"no real-time priority, so a busy machine makes samples late: permit it with "
             f"`ulimit -r {_priority()}`, or set {PRIORITY}=0\n"
         )

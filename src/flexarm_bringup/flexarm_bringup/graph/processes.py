@@ -22,6 +22,7 @@ NAMESPACE = "/flexarm"
 """Namespace of an arm that is given none."""
 MANAGED = ("daq", "controller", "experiment")
 """The nodes with a lifecycle."""
+_ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _PATIENCE_S = 8.0
 _KEPT_VOLTAGE = ": a board keeps its last voltage, so at a real rig press the emergency stop"
 _CUT_RECORD = ": a record that it was writing is cut off, `flexarm bag repair` gets what is there"
@@ -131,7 +132,7 @@ class NodeProcesses:
         self.log.parent.mkdir(parents=True, exist_ok=True)
         try:
             # A process of which nobody knows yet could not be stopped.
-            with held_back(signal.SIGINT, signal.SIGTERM):
+            with held_back(*_ENDINGS):
                 self._start()
         except BaseException:
             self.stop()
@@ -154,13 +155,14 @@ class NodeProcesses:
 
     def stop(self) -> None:
         """Stop the processes that still run, the last one first."""
-        # A second Ctrl-C must not break the shutdown.
-        previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        # A second Ctrl-C, or a terminal that goes after it, must not break the shutdown.
+        previous = {each: signal.signal(each, signal.SIG_IGN) for each in _ENDINGS}
         try:
             for process in reversed(self._processes):
                 _stop(process)
         finally:
-            signal.signal(signal.SIGINT, previous)
+            for each, handler in previous.items():
+                signal.signal(each, handler)
             self._close_gate()
 
     def end(self, *executables: str) -> None:

@@ -62,12 +62,14 @@ def session(
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Leave the block by a KeyboardInterrupt at SIGINT or SIGTERM.
+    """Leave the block by a KeyboardInterrupt at SIGINT, SIGTERM or the end of the terminal.
 
     A binding in C++ that calls Python may report one as an error of its own, such as "Unable to
     convert call argument". The failure of a node, a `LaunchError`, is told all the same.
     """
-    with interruption.interruptible(signal.SIGINT, signal.SIGTERM):
+    # `nohup` has it ignored.
+    hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    with interruption.interruptible(signal.SIGINT, signal.SIGTERM, *[signal.SIGHUP] * hangs_up):
         try:
             yield
         except LaunchError:
