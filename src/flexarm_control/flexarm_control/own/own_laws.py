@@ -9,18 +9,14 @@ from __future__ import annotations
 import math
 import os
 import re
-import sys
-import traceback
-from hashlib import sha256
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from flexarm_core.errors import FlexarmError, SettingError, one_line
+from flexarm_core.errors import SettingError
+from flexarm_core.own_modules import failed_line, own_module, told
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from types import ModuleType
 
 FILES = "FLEXARM_LAWS"
 """Environment variable: Python files with laws, separated as those of PATH."""
@@ -87,32 +83,12 @@ def own_laws(row: type[RowT], known: Sequence[str]) -> tuple[RowT, ...]:
 
 def _rows(file: str, row: type[RowT]) -> Iterator[RowT]:
     """Yield the rows of a file."""
-    path = Path(file)
-    if not path.is_file():
-        raise SettingError(f"{FILES}: {file}: no such file")
-    try:
-        rows = getattr(_module(path), "LAWS", ())
-    except FlexarmError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise SettingError(f"{FILES}: {file}{_line(error, path)}: {_told(error)}") from error
+    rows = getattr(own_module(Path(file), FILES), "LAWS", ())
     if not rows or not all(isinstance(each, row) for each in rows):
         raise SettingError(
             f"{FILES}: {file}: it has no tuple LAWS of LawSpec rows (docs/howto/own_law.md)"
         )
     yield from rows
-
-
-def _module(path: Path) -> ModuleType:
-    """Return the module of a file; its classes can be found again by their names."""
-    place = sha256(str(path.resolve()).encode()).hexdigest()[:8]
-    name = f"flexarm_own_{path.stem}_{place}"
-    spec = spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise SettingError(f"{FILES}: {path}: no Python file: name it with the ending .py")
-    module = sys.modules[name] = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def _try_out(file: str, row: Row) -> None:
@@ -126,8 +102,8 @@ def _try_out(file: str, row: Row) -> None:
         if not lacking:
             _answer_at_rest(law)
     except Exception as error:
-        where = _line(error, Path(file))
-        raise SettingError(f"{start} does not answer at rest{where}: {_told(error)}") from error
+        where = failed_line(error, Path(file))
+        raise SettingError(f"{start} does not answer at rest{where}: {told(error)}") from error
     if lacking:
         raise SettingError(f"{start} has no method {', '.join(lacking)}")
 
@@ -138,16 +114,3 @@ def _answer_at_rest(law: Any) -> None:  # noqa: ANN401 - it may be none
     effort_v, compensation_v = law.step(_AT_REST_V, 0.0)
     if not math.isfinite(effort_v + compensation_v):
         raise ValueError(f"{effort_v} V of effort and {compensation_v} V of compensation")
-
-
-def _told(error: BaseException) -> str:
-    return f"{type(error).__name__}: {one_line(error)}"
-
-
-def _line(error: BaseException, path: Path) -> str:
-    """Return the line of a file in which an error came up, to be added to a text; or nothing."""
-    if isinstance(error, SyntaxError):
-        return f", line {error.lineno}"
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [each.lineno for each in frames if each.filename == str(path)]
-    return f", line {lines[-1]}" if lines else ""

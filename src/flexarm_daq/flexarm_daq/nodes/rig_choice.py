@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexarm_core.channels import CHANNEL_NAMES
+from flexarm_core.channels import CHANNEL_NAMES, COMMAND
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
+from flexarm_core.rig.description import load_rig
 from flexarm_daq.loop.self_test import check_possible
+from flexarm_daq.rigs.drivers import DRIVERS, driven
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
-from flexarm_daq.rigs.rig_protocol import METHODS, absent_channels
+from flexarm_daq.rigs.rig_protocol import absent_channels
 from flexarm_daq.rigs.simulated import SimulatedRig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from flexarm_core.rig.description import RigDescription
     from flexarm_daq.rigs.rig_protocol import Rig
 
 NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
@@ -29,10 +33,23 @@ def rig_name(values: Mapping[str, Any]) -> str:
     return f"{name} {values['nidaq.device']}" if name == "nidaq" else name
 
 
+def driver_name(values: Mapping[str, Any]) -> str:
+    """Return the name of the driver: the rig's own, or that of the description that it names.
+
+    Raises
+    ------
+    SettingError
+        If there is no such description, or it is wrong.
+    """
+    rig: str = values["rig"]
+    return rig if rig in DRIVERS else load_rig(rig).driver
+
+
 def is_virtual(values: Mapping[str, Any]) -> bool:
     """Return whether the parameters `time` and `rig` mean sampling in virtual time."""
     return bool(
-        values["time"] == "virtual" or (values["time"] == "auto" and values["rig"] == "simulated")
+        values["time"] == "virtual"
+        or (values["time"] == "auto" and driver_name(values) == "simulated")
     )
 
 
@@ -46,40 +63,48 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
     """
     if wants_self_test(values):
         check_possible(values["rate_hz"], values["max_command_v"])
-    if values["rig"] != "simulated" and values["time"] == "virtual":
+    if driver_name(values) != "simulated" and values["time"] == "virtual":
         raise SettingError(
             f"time = 'virtual', as --fast has it, needs rig = 'simulated', and rig = "
             f"'{values['rig']}' has real time: leave it out"
         )
     rig = chosen_rig(values)
-    require_methods(rig)
     require_channels(rig)
     return rig
 
 
 def chosen_rig(values: Mapping[str, Any]) -> Rig:
-    """Make the rig that the parameter `rig` names; a rig of your own is one more branch."""
-    if values["rig"] == "simulated":
+    """Make the rig that the parameter `rig` names: a driver, or a description with its own."""
+    if driver_name(values) == "simulated":
         return _simulated(values)
-    start = "nidaq."
-    wired = {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
-    wired |= {"sensors": tuple(wired["sensors"]), "rate_hz": values["rate_hz"]}
-    return NidaqRig(NidaqSettings(**wired))
+    if values["rig"] == "nidaq":
+        start = "nidaq."
+        wired = {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
+        wired |= {"sensors": tuple(wired["sensors"]), "rate_hz": values["rate_hz"]}
+        return NidaqRig(NidaqSettings(**wired))
+    description = load_rig(values["rig"])
+    require_thesis_signals(description)
+    if description.rate_hz != values["rate_hz"]:
+        raise SettingError(
+            f"rate_hz = {values['rate_hz']:g} of the node and {description.rate_hz:g} of "
+            f"{values['rig']}: give the node rate_hz:={description.rate_hz}"
+        )
+    return driven(description, Path(values["rig"]).parent)
 
 
-def require_methods(rig: Rig) -> None:
-    """Refuse a rig that lacks a method, which would show when the method is needed.
+def require_thesis_signals(rig: RigDescription) -> None:
+    """Refuse a rig with other signals than the thesis's arm, which no node drives yet.
 
     Raises
     ------
     SettingError
-        When it does.
+        When it has other ones.
     """
-    lacking = [name for name in METHODS if not callable(getattr(rig, name, None))]
-    if lacking:
+    if rig.input_names != (COMMAND.name,) or rig.output_names != CHANNEL_NAMES:
         raise SettingError(
-            f"the rig's class {type(rig).__name__} has no method {', '.join(lacking)}: a rig has "
-            f"{', '.join(METHODS)} (docs/howto/own_rig.md)"
+            f"rig {rig.name} has the signals {', '.join((*rig.input_names, *rig.output_names))}; the "
+            f"nodes drive an arm of {', '.join((COMMAND.name, *CHANNEL_NAMES))}, in this order, with "
+            "`absent: true` at those that it lacks"
         )
 
 
@@ -124,5 +149,5 @@ def wants_self_test(values: Mapping[str, Any]) -> bool:
     """Return whether the rig is to be pulsed before it is armed."""
     return bool(
         values["self_test"] == "on"
-        or (values["self_test"] == "auto" and values["rig"] != "simulated")
+        or (values["self_test"] == "auto" and driver_name(values) != "simulated")
     )

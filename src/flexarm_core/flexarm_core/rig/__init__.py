@@ -1,0 +1,1 @@
+"""Rig description: one YAML file that says what an arm is."""

@@ -1,0 +1,216 @@
+"""Sections of a YAML file, whose entries are taken one by one and refused with their line."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import yaml
+
+from flexarm_core.bounds import YamlError, shown, yaml_content
+from flexarm_core.errors import FlexarmError
+from flexarm_core.nearest import nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping
+
+_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
+_ANY = -math.inf, math.inf
+
+
+class RigFileError(FlexarmError):
+    """A rig description that cannot be used; the text begins with ``FILE:LINE``."""
+
+
+class Section:
+    """Mapping of a YAML file.
+
+    Parameters
+    ----------
+    file : str
+        Name of the file, for messages.
+    node : yaml.Node
+        Where it stands in the text.
+    content : object
+        What it says.
+    place : str
+        What leads to it, such as ``outputs.hub``; empty for the whole file.
+
+    Raises
+    ------
+    RigFileError
+        From every method, with file and line, where an entry is not as it should be.
+    """
+
+    def __init__(self, file: str, node: yaml.Node, content: object, place: str = "") -> None:
+        self._file, self._node, self._place = file, node, place
+        if not isinstance(content, dict) or not isinstance(node, yaml.MappingNode):
+            self.refuse(f"{place or 'the file'} must be a mapping, entries of NAME: VALUE")
+        self._nodes: dict[object, tuple[yaml.Node, yaml.Node]] = {}
+        for key, value in node.value:
+            name = key.value
+            if name in self._nodes:
+                self.refuse(f"{self._full(name)} stands here twice: leave one", key)
+            self._nodes[name] = key, value
+        self._content: Mapping[Any, Any] = content
+        self._taken: set[str] = set()
+
+    def __contains__(self, name: str) -> bool:
+        return self._content.get(name) is not None
+
+    @property
+    def name(self) -> str:
+        """Name of the section in the one around it."""
+        return self._place.rpartition(".")[2]
+
+    def refuse(self, said: str, at: yaml.Node | str | None = None) -> NoReturn:
+        """Raise a `RigFileError` at an entry, or at the section itself."""
+        entry = self._nodes.get(at, (None,))[0] if isinstance(at, str) else at
+        line = (entry or self._node).start_mark.line + 1
+        raise RigFileError(f"{self._file}:{line}: {said}")
+
+    def number(
+        self,
+        name: str,
+        default: float | None = None,
+        *,
+        within: tuple[float, float] = _ANY,
+        zero: bool = True,
+    ) -> float:
+        """Return a finite number, which may not be zero where that means nothing."""
+        value = self._number(name, self._value(name, default))
+        if not within[0] <= value <= within[1]:
+            self.refuse(
+                f"{self._full(name)} = {value:g} must lie from {within[0]:g} to {within[1]:g}", name
+            )
+        if not (value or zero):
+            self.refuse(f"{self._full(name)} = 0 has no meaning: give another number", name)
+        return value
+
+    def whole(self, name: str, default: int, within: tuple[int, int]) -> int:
+        """Return a whole number."""
+        value = self.number(name, default, within=within)
+        if value != int(value):
+            self.refuse(f"{self._full(name)} = {value:g} must be a whole number", name)
+        return int(value)
+
+    def interval(self, name: str, default: tuple[float, float] | None = None) -> tuple[float, float]:
+        """Return the ends of a range: a list of two, or one number for both sides of zero."""
+        value = self._value(name, default)
+        ends = value if isinstance(value, (list, tuple)) else None
+        if ends is None:
+            size = self._number(name, value)
+            ends = -size, size
+        if len(ends) != 2:  # noqa: PLR2004 - two ends
+            self.refuse(f"{self._full(name)} must be a list of two, [LOW, HIGH]", name)
+        low, high = (self._number(name, end) for end in ends)
+        if not low < high:
+            self.refuse(
+                f"{self._full(name)} = [{low:g}, {high:g}]: the first end must be the lower one", name
+            )
+        return low, high
+
+    def flag(self, name: str) -> bool:
+        """Return yes or no; no without the entry."""
+        value = self._value(name, default=False)
+        if not isinstance(value, bool):
+            self.refuse(f"{self._full(name)} = {shown(value)} must be true or false", name)
+        return value
+
+    def text(self, name: str, default: str | None = None) -> str:
+        """Return a text that is not empty, but for the default."""
+        value = self._value(name, default)
+        if not isinstance(value, str) or (name in self and not value.strip()):
+            self.refuse(f"{self._full(name)} = {shown(value)} must be a text", name)
+        return value
+
+    def word(self, name: str, known: Collection[str], default: str | None = None) -> str:
+        """Return one of the known words."""
+        return self.known(name, self.text(name, default), known)
+
+    def words(
+        self, name: str, known: Collection[str], default: Collection[str] | None = None
+    ) -> tuple[str, ...]:
+        """Return a list of known words, each once."""
+        value = self._value(name, None if default is None else list(default))
+        if not isinstance(value, list) or len(set(map(str, value))) != len(value):
+            self.refuse(f"{self._full(name)} must be a list of names, each once", name)
+        return tuple(self.known(name, each, known) for each in value)
+
+    def known(self, name: str, value: object, known: Collection[str]) -> str:
+        """Return a word of the entry if it is known."""
+        if value not in known:
+            self.refuse(
+                f"{self._full(name)} = {shown(value)} is not known{nearest(str(value), known)}", name
+            )
+        return str(value)
+
+    def section(self, name: str) -> Section:
+        """Return the section of an entry, which may be missing."""
+        self._taken.add(name)
+        if name not in self:
+            empty = yaml.MappingNode("", [], self._node.start_mark)
+            return Section(self._file, empty, {}, self._full(name))
+        return Section(self._file, self._nodes[name][1], self._content[name], self._full(name))
+
+    def sections(self, name: str) -> Iterator[Section]:
+        """Yield the sections of an entry, of which each has the name of a channel or joint."""
+        entries = self.section(name)
+        for each in entries._content:  # noqa: SLF001 - of this class
+            if not isinstance(each, str) or not _NAME.fullmatch(each):
+                entries.refuse(
+                    f"{entries._full(str(each))}: a name has letters, digits and _, a letter first",  # noqa: SLF001
+                    str(each),
+                )
+            yield entries.section(each)
+
+    def values(self) -> dict[str, Any]:
+        """Return all entries as they stand."""
+        self._taken |= {str(name) for name in self._content}
+        return {str(name): value for name, value in self._content.items()}
+
+    def end(self) -> None:
+        """Refuse the entries that were not taken."""
+        for name in self._content:
+            if name not in self._taken:
+                self.refuse(f"{self._full(str(name))} is not known{nearest(str(name), self._taken)}", str(name))
+
+    def _value(self, name: str, default: object) -> Any:  # noqa: ANN401 - of a YAML text
+        self._taken.add(name)
+        if name in self:
+            return self._content[name]
+        if default is None:
+            self.refuse(f"{self._full(name)} is missing", name)
+        return default
+
+    def _number(self, name: str, value: object) -> float:
+        # YAML takes 1e6 for a text.
+        try:
+            number = math.nan if isinstance(value, bool) else float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            number = math.nan
+        if not math.isfinite(number):
+            self.refuse(f"{self._full(name)} = {shown(value)} must be a finite number", name)
+        return number
+
+    def _full(self, name: str) -> str:
+        return f"{self._place}.{name}" if self._place else name
+
+
+def sections_of(text: str, file: str) -> Section:
+    """Return the whole of a YAML text as a section.
+
+    Raises
+    ------
+    RigFileError
+        Where it is no YAML, or no mapping.
+    """
+    try:
+        content = yaml_content(text)
+    except YamlError as error:
+        raise RigFileError(f"{file}: {error}") from None
+    node = yaml.compose(text, yaml.SafeLoader)
+    if node is None:
+        raise RigFileError(f"{file}: is empty: `flexarm rig new NAME` writes a template")
+    return Section(file, node, content)

@@ -1,0 +1,128 @@
+"""Drivers of rigs: a row here, an entry point of the group ``flexarm.rigs``, or a file of one's own.
+
+A driver is a class with the methods of `rig_protocol.Rig`, made from the settings of the rig's
+description.
+"""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import fields
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from flexarm_core.errors import FlexarmError, SettingError
+from flexarm_core.nearest import nearest
+from flexarm_core.own_modules import failed_line, own_module, told
+from flexarm_daq.rigs.nidaq.board import NidaqRig
+from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
+from flexarm_daq.rigs.rig_protocol import METHODS
+from flexarm_daq.rigs.simulated import SimulatedRig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flexarm_core.rig.description import RigDescription
+    from flexarm_daq.rigs.rig_protocol import Rig
+
+GROUP: Final = "flexarm.rigs"
+"""Entry points of packages that bring a driver."""
+
+
+def _simulated(rig: RigDescription) -> Rig:
+    if rig.settings:
+        raise SettingError("the simulated rig has no settings here, but parameters of the node daq")
+    return SimulatedRig(rate_hz=rig.rate_hz)
+
+
+def _nidaq(rig: RigDescription) -> Rig:
+    known = [field.name for field in fields(NidaqSettings)]
+    for name in rig.settings:
+        if name not in known:
+            raise SettingError(f"the driver nidaq has no setting {name}{nearest(name, known)}")
+    settings = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in rig.settings.items()
+    }
+    return NidaqRig(NidaqSettings(**settings | {"rate_hz": rig.rate_hz}))
+
+
+DRIVERS: Final[dict[str, Callable[[RigDescription], Rig]]] = {
+    "simulated": _simulated,
+    "nidaq": _nidaq,
+}
+"""Drivers that come with flexarm."""
+
+
+def driven(rig: RigDescription, folder: Path) -> Rig:
+    """Make the driver of a rig, without opening it.
+
+    Parameters
+    ----------
+    rig : RigDescription
+        The rig.
+    folder : Path
+        Where a driver's relative file begins: the folder of the description.
+
+    Raises
+    ------
+    SettingError
+        If there is no such driver, it does not take the settings, or it lacks a method.
+    """
+    if rig.driver in DRIVERS:
+        return DRIVERS[rig.driver](rig)
+    driver = _own(rig.driver, folder) if ":" in rig.driver else _installed(rig.driver)
+    path = Path(inspect.getsourcefile(driver) or "")
+    try:
+        made: Rig = driver(**rig.settings)
+    except FlexarmError:
+        raise
+    except Exception as error:
+        raise SettingError(
+            f"driver {rig.driver}{failed_line(error, path)}: settings "
+            f"{', '.join(rig.settings) or '(none)'} do not make it: {told(error)}"
+        ) from error
+    require_methods(made)
+    return made
+
+
+def require_methods(rig: Rig) -> None:
+    """Refuse a rig that lacks a method, which would show when the method is needed.
+
+    Raises
+    ------
+    SettingError
+        When it does.
+    """
+    lacking = [name for name in METHODS if not callable(getattr(rig, name, None))]
+    if lacking:
+        raise SettingError(
+            f"the rig's class {type(rig).__name__} has no method {', '.join(lacking)}: a rig has "
+            f"{', '.join(METHODS)} (docs/howto/own_rig.md)"
+        )
+
+
+def _own(driver: str, folder: Path) -> Any:  # noqa: ANN401 - a class of the user's
+    file, _, name = driver.rpartition(":")
+    path = folder / file
+    module = own_module(path, f"driver {driver}")
+    found = getattr(module, name, None)
+    if not inspect.isclass(found):
+        classes = [each for each, value in vars(module).items() if inspect.isclass(value)]
+        raise SettingError(f"driver {driver}: {path} has no class {name!r}{nearest(name, classes)}")
+    return found
+
+
+def _installed(driver: str) -> Any:  # noqa: ANN401 - a class of another package
+    found = {each.name: each for each in entry_points(group=GROUP)}
+    if driver not in found:
+        known = [*DRIVERS, *found]
+        raise SettingError(
+            f"driver {driver!r} is not known{nearest(driver, known)}: name one of "
+            f"{', '.join(known)}, or FILE.py:CLASS"
+        )
+    try:
+        return found[driver].load()
+    except Exception as error:
+        raise SettingError(f"driver {driver} of {found[driver].value}: {told(error)}") from error
