@@ -16,6 +16,7 @@ GROUPS = {
     "Start": {
         "demo": "simulated.demo:demo",
         "doctor": "health.doctor:doctor",
+        "rig": "health.rig:rig",
         "completion": "health.completion:completion",
     },
     "Measure": {

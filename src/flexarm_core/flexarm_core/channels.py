@@ -1,7 +1,7 @@
-"""Channels of the rig: one current command in, four sensor voltages out (section 2.3).
+"""Channels of the thesis's arm: one current command in, four sensor voltages out (section 2.3).
 
-As in the thesis, every signal of the rig is a voltage; this module holds the one set of factors
-between those voltages and SI units.
+As in the thesis, every signal of the rig is a voltage. The factors between those voltages and SI
+units, ranges and travel are those of the packaged rig description ``thesis``.
 """
 
 from __future__ import annotations
@@ -10,35 +10,22 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+from flexarm_core.rig_description import load_rig
+
+_RIG: Final = load_rig("thesis")
+(_DRIVE,), (_HUB,) = _RIG.inputs, _RIG.joints
+
 BOUND_V: Final = 3.0
 """Bound of the position in open-loop experiments (section 2.4.2)."""
 
 BOUND_DEG: Final = 35.0
 """The same bound as an angle."""
 
-POSITION_V_PER_RAD: Final = BOUND_V / math.radians(BOUND_DEG)
-"""Potentiometer gain (section 2.4.2), 4.911 V/rad."""
-
-BASE_STRAIN_V_PER_NM: Final = 1.6
-"""Base gauge gain per N m of bending moment, from the frequency responses of Appendix B."""
-
-MIDDLE_STRAIN_V_PER_NM: Final = 1.1
-"""Middle gauge gain per N m of bending moment, from the frequency responses of Appendix B."""
-
-SPEED_V_S_PER_RAD: Final = 0.2014
-"""Tachometer gain, from the ratio y4 / (j omega y1) of the models in Appendix B."""
-
-DRIVE_A_PER_V: Final = 0.5
-"""Gain of the current drive (Figure 2-2)."""
-
-MAX_COMMAND_V: Final = 10.0
+MAX_COMMAND_V: Final = _DRIVE.high
 """Largest magnitude of the command (Figure 2-2): 5 A."""
 
-INPUT_RANGE_V: Final = 10.0
+INPUT_RANGE_V: Final = _RIG.outputs[0].high
 """The analogue inputs read from minus to plus this voltage and clip beyond it."""
-
-TRAVEL_DEG: Final = 80.0
-"""The arm turns this far to either side (section 2.4.1)."""
 
 
 @dataclass(frozen=True)
@@ -64,19 +51,31 @@ class Channel:
         return volts / self.volts_per_si
 
 
-CHANNELS: Final = (
-    Channel("position_v", "position_rad", POSITION_V_PER_RAD),
-    Channel("base_strain_v", "base_moment_nm", BASE_STRAIN_V_PER_NM),
-    Channel("middle_strain_v", "middle_moment_nm", MIDDLE_STRAIN_V_PER_NM),
-    Channel("speed_v", "speed_rad_per_s", SPEED_V_S_PER_RAD),
+_SI_NAMES = ("position_rad", "base_moment_nm", "middle_moment_nm", "speed_rad_per_s")
+CHANNELS: Final = tuple(
+    Channel(output.name, si_name, output.per_si or 1.0)
+    for output, si_name in zip(_RIG.outputs, _SI_NAMES, strict=True)
 )
 """The four sensors y1 to y4, in the order of the analogue inputs ACH0 to ACH3."""
 
-CHANNEL_NAMES: Final = ("position_v", "base_strain_v", "middle_strain_v", "speed_v")
+CHANNEL_NAMES: Final = _RIG.output_names
 """Names of the four sensors, in the order of `CHANNELS`."""
 
-COMMAND: Final = Channel("command_v", "current_a", 1.0 / DRIVE_A_PER_V)
+COMMAND: Final = Channel(_DRIVE.name, "current_a", _DRIVE.per_si or 1.0)
 """The rig's only input: the drive's current command."""
 
-TRAVEL_V: Final = POSITION_V_PER_RAD * math.radians(TRAVEL_DEG)
+(
+    POSITION_V_PER_RAD,
+    BASE_STRAIN_V_PER_NM,
+    MIDDLE_STRAIN_V_PER_NM,
+    SPEED_V_S_PER_RAD,
+) = (channel.volts_per_si for channel in CHANNELS)
+
+DRIVE_A_PER_V: Final = 1.0 / COMMAND.volts_per_si
+"""Gain of the current drive (Figure 2-2)."""
+
+TRAVEL_V: Final = _HUB.high
 """Position reading at the end of the travel, 6.857 V."""
+
+TRAVEL_DEG: Final = round(math.degrees(TRAVEL_V / POSITION_V_PER_RAD), 9)
+"""The arm turns this far to either side (section 2.4.1), 80 degrees."""

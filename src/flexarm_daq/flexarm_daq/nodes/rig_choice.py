@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from flexarm_core.channels import CHANNEL_NAMES, COMMAND
 from flexarm_core.errors import SettingError
 from flexarm_core.nearest import nearest
-from flexarm_core.rig.description import load_rig
+from flexarm_core.rig_description import load_rig
+from flexarm_daq.drivers.registry import DRIVERS, driven, require_methods
 from flexarm_daq.loop.self_test import check_possible
-from flexarm_daq.rigs.drivers import DRIVERS, driven
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.nidaq.terminals import NidaqSettings
 from flexarm_daq.rigs.rig_parameters import LOW_NOISE_V, THESIS_NOISE_V, RigParameters
@@ -21,7 +21,7 @@ from flexarm_daq.rigs.simulated import SimulatedRig
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from flexarm_core.rig.description import RigDescription
+    from flexarm_core.rig_description import RigDescription
     from flexarm_daq.rigs.rig_protocol import Rig
 
 NOISE_V = {"low": LOW_NOISE_V, "thesis": THESIS_NOISE_V, "none": (0.0, 0.0, 0.0, 0.0)}
@@ -69,6 +69,7 @@ def make_rig(values: Mapping[str, Any]) -> Rig:
             f"'{values['rig']}' has real time: leave it out"
         )
     rig = chosen_rig(values)
+    require_methods(rig)
     require_channels(rig)
     return rig
 
@@ -79,7 +80,9 @@ def chosen_rig(values: Mapping[str, Any]) -> Rig:
         return _simulated(values)
     if values["rig"] == "nidaq":
         start = "nidaq."
-        wired = {name.removeprefix(start): values[name] for name in values if name.startswith(start)}
+        wired = {
+            name.removeprefix(start): values[name] for name in values if name.startswith(start)
+        }
         wired |= {"sensors": tuple(wired["sensors"]), "rate_hz": values["rate_hz"]}
         return NidaqRig(NidaqSettings(**wired))
     description = load_rig(values["rig"])
@@ -102,9 +105,9 @@ def require_thesis_signals(rig: RigDescription) -> None:
     """
     if rig.input_names != (COMMAND.name,) or rig.output_names != CHANNEL_NAMES:
         raise SettingError(
-            f"rig {rig.name} has the signals {', '.join((*rig.input_names, *rig.output_names))}; the "
-            f"nodes drive an arm of {', '.join((COMMAND.name, *CHANNEL_NAMES))}, in this order, with "
-            "`absent: true` at those that it lacks"
+            f"rig {rig.name} has the signals {', '.join((*rig.input_names, *rig.output_names))}; "
+            f"the nodes drive an arm of {', '.join((COMMAND.name, *CHANNEL_NAMES))}, in this "
+            "order, with `absent: true` at those that it lacks"
         )
 
 

@@ -3,8 +3,9 @@ from __future__ import annotations
 import pytest
 
 from flexarm_core.errors import SettingError
+from flexarm_daq.drivers.registry import require_methods
 from flexarm_daq.nodes.daq_node import PARAMETERS
-from flexarm_daq.nodes.rig_choice import is_virtual, make_rig, require_methods
+from flexarm_daq.nodes.rig_choice import is_virtual, make_rig
 from flexarm_daq.rigs.nidaq.board import NidaqRig
 from flexarm_daq.rigs.rig_protocol import METHODS
 from flexarm_daq.rigs.simulated import SimulatedRig

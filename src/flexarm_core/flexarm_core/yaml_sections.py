@@ -95,7 +95,9 @@ class Section:
             self.refuse(f"{self._full(name)} = {value:g} must be a whole number", name)
         return int(value)
 
-    def interval(self, name: str, default: tuple[float, float] | None = None) -> tuple[float, float]:
+    def interval(
+        self, name: str, default: tuple[float, float] | None = None
+    ) -> tuple[float, float]:
         """Return the ends of a range: a list of two, or one number for both sides of zero."""
         value = self._value(name, default)
         ends = value if isinstance(value, (list, tuple)) else None
@@ -107,7 +109,8 @@ class Section:
         low, high = (self._number(name, end) for end in ends)
         if not low < high:
             self.refuse(
-                f"{self._full(name)} = [{low:g}, {high:g}]: the first end must be the lower one", name
+                f"{self._full(name)} = [{low:g}, {high:g}]: the first end must be the lower one",
+                name,
             )
         return low, high
 
@@ -142,7 +145,8 @@ class Section:
         """Return a word of the entry if it is known."""
         if value not in known:
             self.refuse(
-                f"{self._full(name)} = {shown(value)} is not known{nearest(str(value), known)}", name
+                f"{self._full(name)} = {shown(value)} is not known{nearest(str(value), known)}",
+                name,
             )
         return str(value)
 
@@ -174,7 +178,10 @@ class Section:
         """Refuse the entries that were not taken."""
         for name in self._content:
             if name not in self._taken:
-                self.refuse(f"{self._full(str(name))} is not known{nearest(str(name), self._taken)}", str(name))
+                self.refuse(
+                    f"{self._full(str(name))} is not known{nearest(str(name), self._taken)}",
+                    str(name),
+                )
 
     def _value(self, name: str, default: object) -> Any:  # noqa: ANN401 - of a YAML text
         self._taken.add(name)

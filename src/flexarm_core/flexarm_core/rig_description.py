@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from flexarm_core.bounds import read_text_bytes
 from flexarm_core.errors import SettingError, one_line
 from flexarm_core.nearest import nearest
-from flexarm_core.rig.sections import RigFileError, Section, sections_of
+from flexarm_core.yaml_sections import Section, sections_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -262,7 +262,7 @@ class RigDescription:
 
 def packaged() -> tuple[str, ...]:
     """Return the names of the descriptions that come with flexarm."""
-    folder = files(__package__).joinpath("packaged")
+    folder = files(__package__).joinpath("rigs", "packaged")
     return tuple(sorted(each.name.removesuffix(".yaml") for each in folder.iterdir()))
 
 
@@ -282,7 +282,7 @@ def load_rig(rig: str | Path) -> RigDescription:
         If there is no such description.
     """
     if str(rig) in packaged():
-        text = files(__package__).joinpath("packaged", f"{rig}.yaml").read_text("utf-8")
+        text = files(__package__).joinpath("rigs", "packaged", f"{rig}.yaml").read_text("utf-8")
         return described(text, f"{rig}.yaml")
     path = Path(rig)
     if not path.is_file():
@@ -343,7 +343,9 @@ def _some(top: Section, name: str) -> Iterator[Section]:
     yield from top.sections(name)
 
 
-def _channel(row: Section, quantities: tuple[str, ...], limits: tuple[float, float]) -> dict[str, Any]:
+def _channel(
+    row: Section, quantities: tuple[str, ...], limits: tuple[float, float]
+) -> dict[str, Any]:
     """Return the fields that inputs and outputs share."""
     quantity = row.word("quantity", quantities, "other")
     known = _PER_SI.get(quantity, {})
@@ -382,7 +384,9 @@ def _input(row: Section) -> Input:
 
 
 def _output(row: Section) -> Output:
-    low, high = row.interval("range", (-math.inf, math.inf)) if "range" in row else (-math.inf, math.inf)
+    low, high = (
+        row.interval("range", (-math.inf, math.inf)) if "range" in row else (-math.inf, math.inf)
+    )
     wrap = row.number("wrap", within=(1e-12, 1e12)) if "wrap" in row else None
     if wrap is not None and not wrap <= high - low < math.inf:
         row.refuse(
@@ -416,7 +420,9 @@ def _joints(
         measured += [row.word("rate", by_quantity["rate"])] if "rate" in row else []
         for entry, signal in zip(("input", "angle", "rate"), (driven, *measured), strict=False):
             if signal in used:
-                row.refuse(f"joints.{name}.{entry} = {signal} is that of joint {used[signal]}", entry)
+                row.refuse(
+                    f"joints.{name}.{entry} = {signal} is that of joint {used[signal]}", entry
+                )
             used[signal] = name
         low, high = row.interval("travel")
         yield Joint(
@@ -448,4 +454,3 @@ def _safety(row: Section) -> Safety:
     )
     row.end()
     return safety
-

@@ -1,4 +1,4 @@
-"""Drivers of rigs: a row here, an entry point of the group ``flexarm.rigs``, or a file of one's own.
+"""Drivers of rigs: a row here, an entry point of ``flexarm.rigs``, or a file of one's own.
 
 A driver is a class with the methods of `rig_protocol.Rig`, made from the settings of the rig's
 description.
@@ -23,7 +23,7 @@ from flexarm_daq.rigs.simulated import SimulatedRig
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flexarm_core.rig.description import RigDescription
+    from flexarm_core.rig_description import RigDescription
     from flexarm_daq.rigs.rig_protocol import Rig
 
 GROUP: Final = "flexarm.rigs"
@@ -41,11 +41,11 @@ def _nidaq(rig: RigDescription) -> Rig:
     for name in rig.settings:
         if name not in known:
             raise SettingError(f"the driver nidaq has no setting {name}{nearest(name, known)}")
-    settings = {
+    settings: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in rig.settings.items()
     }
-    return NidaqRig(NidaqSettings(**settings | {"rate_hz": rig.rate_hz}))
+    return NidaqRig(NidaqSettings(**settings, rate_hz=rig.rate_hz))
 
 
 DRIVERS: Final[dict[str, Callable[[RigDescription], Rig]]] = {

@@ -1,0 +1,147 @@
+"""Verbs rig new and rig check: the description of an arm, written and tried without driving."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+from rich.table import Table
+
+from flexarm_bringup.console import terminal
+from flexarm_bringup.console.verb_group import examples
+from flexarm_core.errors import SettingError
+from flexarm_core.rig_description import (
+    INPUT_QUANTITIES,
+    OUTPUT_QUANTITIES,
+    load_rig,
+    packaged,
+)
+
+if TYPE_CHECKING:
+    from flexarm_core.rig_description import Output, RigDescription
+    from flexarm_daq.drivers.at_rest import RestReading
+
+_READ_S = 2.0
+_NEAR_END = 0.02
+"""A reading so near to an end of its range, in parts of it, is said to clip."""
+_OFF_RATE = 0.005
+
+
+@click.group()
+def rig() -> None:
+    """Write and try the description of an arm."""
+
+
+@rig.command()
+@click.argument("name")
+@examples("rig new my_arm", "rig new benches/two_link")
+def new(name: str) -> None:
+    """Write NAME.yaml, a description to fill in.
+
+    Every entry is explained there, and those with a default are commented out.
+    """
+    from flexarm_daq.drivers.registry import DRIVERS  # noqa: PLC0415 - drivers load numba
+
+    file = Path(f"{name.removesuffix('.yaml')}.yaml")
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", file.stem):
+        raise SettingError(f"a rig's name has letters, digits, _ and -: {file.stem!r}")
+    if file.exists():
+        raise SettingError(f"{file} is there already: choose another name, or remove it")
+    template = Template(files("flexarm_core").joinpath("rigs", "template.yaml").read_text("utf-8"))
+    text = template.substitute(
+        name=file.stem,
+        input_quantities=", ".join(INPUT_QUANTITIES),
+        output_quantities=", ".join(OUTPUT_QUANTITIES),
+        drivers=", ".join(DRIVERS),
+    )
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, "utf-8")
+    except OSError as error:
+        raise SettingError(f"{file}: cannot be written: {error.strerror}") from error
+    click.echo(f"{file}: fill it in")
+    terminal.next_step(f"flexarm rig check {terminal.quoted(file)}")
+
+
+@rig.command()
+@click.argument("rig_file", metavar="FILE|NAME")
+@examples("rig check my_arm.yaml", "rig check thesis", "rig check thesis-nidaq")
+def check(rig_file: str) -> None:
+    """Try a description: sample for 2 s, and drive nothing.
+
+    Each channel is printed with its raw reading, its value and its noise. FILE is a description,
+    NAME a packaged one.
+    """
+    description = load_rig(rig_file)
+    click.echo(_summary(description))
+    from flexarm_daq.drivers.at_rest import read_at_rest  # noqa: PLC0415 - drivers load numba
+    from flexarm_daq.drivers.registry import driven  # noqa: PLC0415
+
+    driver = driven(description, Path() if rig_file in packaged() else Path(rig_file).parent)
+    reading = read_at_rest(driver, description, _READ_S)
+    terminal.show_table(_table(description, reading))
+    off = abs(reading.rate_hz / description.rate_hz - 1.0)
+    click.echo(f"rate {reading.rate_hz:.5g} Hz, {len(reading.raw)} samples")
+    if off > _OFF_RATE:
+        terminal.note(
+            f"caution: the rate is {100.0 * off:.1f} % off rate_hz = {description.rate_hz:g}: so "
+            "would be every identified frequency"
+        )
+
+
+def _summary(rig: RigDescription) -> str:
+    """Return what a description says, in a line for each input and joint."""
+    lines = [f"{rig.name}: {rig.rate_hz:g} Hz, driver {rig.driver}"]
+    lines += [
+        f"  input {each.name}: {each.low:g} to {each.high:g} {each.unit}"
+        f"{_in_si(each.low, each.high, each)}"
+        for each in rig.inputs
+    ]
+    lines += [
+        f"  joint {each.name}: {each.input} turns {each.angle}, {each.low:g} to {each.high:g} "
+        f"{rig.output(each.angle).unit}{_in_si(each.low, each.high, rig.output(each.angle))}"
+        for each in rig.joints
+    ]
+    return "\n".join(
+        [*lines, f"  tracked: {', '.join(rig.tracked) or 'nothing, there is no joint'}"]
+    )
+
+
+def _in_si(low: float, high: float, channel: object) -> str:
+    """Return a range in SI units, to be added where its own unit is another one."""
+    unit, to_si = channel.si_unit, channel.to_si  # type: ignore[attr-defined]
+    if not unit or unit == channel.unit:  # type: ignore[attr-defined]
+        return ""
+    return f" ({to_si(low):.4g} to {to_si(high):.4g} {unit})"
+
+
+def _table(rig: RigDescription, reading: RestReading) -> Table:
+    table = Table("output", "raw", "value", "noise", "", box=None, pad_edge=False)
+    for channel, output in enumerate(rig.outputs):
+        values = reading.values(channel, output)
+        table.add_row(
+            output.name,
+            f"{reading.raw[:, channel].mean():.6g}",
+            f"{values.mean():.6g} {output.unit}",
+            f"{values.std():.2g} {output.unit}",
+            _remark(output, values),
+        )
+    return table
+
+
+def _remark(output: Output, values: np.ndarray) -> str:
+    """Return what is odd about the readings of an output."""
+    if output.absent:
+        return "absent"
+    if not np.isfinite(values).all():
+        return "not a number: check the wiring"
+    margin = _NEAR_END * (output.high - output.low)
+    clips = values.min() < output.low + margin or values.max() > output.high - margin
+    if margin < np.inf and output.wrap is None and clips:
+        return "at the end of its range: check wiring and scale"
+    return "" if np.ptp(values) > 0.0 else "stands still: no noise, or not wired"

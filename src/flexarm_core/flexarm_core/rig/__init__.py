@@ -1,1 +1,0 @@
-"""Rig description: one YAML file that says what an arm is."""

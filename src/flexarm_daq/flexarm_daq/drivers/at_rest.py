@@ -1,0 +1,76 @@
+"""Reading of a rig at rest: each channel's level, noise and rate, with nothing driven."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexarm_daq.rigs.rig_protocol import RigError, has_own_clock
+from flexarm_daq.rigs.simulated import SimulatedRig
+
+if TYPE_CHECKING:
+    from flexarm_core.arrays import FloatArray
+    from flexarm_core.rig_description import Output, RigDescription
+    from flexarm_daq.rigs.rig_protocol import Rig
+
+
+@dataclass(frozen=True, eq=False)
+class RestReading:
+    """Readings of a rig at rest.
+
+    Attributes
+    ----------
+    raw : ndarray, (samples, outputs)
+        Readings of the driver.
+    rate_hz : float
+        Measured sampling rate, Hz.
+    """
+
+    raw: FloatArray
+    rate_hz: float
+
+    def values(self, channel: int, output: Output) -> FloatArray:
+        """Return the values of one output, (samples,), in its unit."""
+        return np.array([output.value(raw) for raw in self.raw[:, channel]])
+
+
+def read_at_rest(rig: Rig, description: RigDescription, duration_s: float) -> RestReading:
+    """Open a rig, read it for a while and close it; nothing is written but the driver's own zero.
+
+    Raises
+    ------
+    RigError
+        If it cannot be opened or read, or has another number of readings than outputs.
+    """
+    rig.open()
+    try:
+        return _read(rig, description, duration_s)
+    finally:
+        rig.safe_stop()
+        rig.close()
+
+
+def _read(rig: Rig, description: RigDescription, duration_s: float) -> RestReading:
+    samples = max(2, round(duration_s * description.rate_hz))
+    # Simulated readings take no time.
+    paced = not (has_own_clock(rig) or isinstance(rig, SimulatedRig))
+    raw = np.empty((samples, len(description.outputs)))
+    times_s = np.empty(samples)
+    begun_s = time.monotonic()
+    for k in range(samples):
+        if paced:
+            time.sleep(max(0.0, begun_s + k / description.rate_hz - time.monotonic()))
+        sample = rig.read()
+        if np.shape(sample.volts) != raw[k].shape:
+            raise RigError(
+                f"the driver reads {np.size(sample.volts)} channels, and rig {description.name} "
+                f"has {len(description.outputs)} outputs: {', '.join(description.output_names)}"
+            )
+        raw[k], times_s[k] = sample.volts, sample.time_s
+    passed_s = times_s[-1] - times_s[0]
+    if not passed_s > 0.0:
+        raise RigError("the rig's clock stands still: its samples need their times, time_s")
+    return RestReading(raw, (samples - 1) / float(passed_s))
