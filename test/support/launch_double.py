@@ -98,9 +98,10 @@ class Node:
 
     package: str
     executable: str
-    name: str
+    name: str | None
     namespace: Any
     output: str
+    remappings: list[tuple[str, str]] = field(default_factory=list)
     arguments: list[str] = field(default_factory=list)
     ros_arguments: list[str] = field(default_factory=list)
     parameters: list[Any] = field(default_factory=list)
@@ -111,7 +112,10 @@ class Node:
         if not space.startswith("/"):
             space = f"{context.get('ros_namespace', '').rstrip('/')}/{space}"
         line = [*self.arguments, "--ros-args", *self.ros_arguments]
-        line += ["-r", f"__node:={self.name}", "-r", f"__ns:={space}"]
+        line += ["-r", f"__node:={self.name}"] if self.name else []
+        line += ["-r", f"__ns:={space}"]
+        for pair in self.remappings:
+            line += ["-r", ":=".join(pair)]
         for number, each in enumerate(self.parameters):
             file = _text(each, context)
             if isinstance(each, dict):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import signal
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.srv import GetParameters
+from rosgraph_msgs.msg import Clock
 
 from flexarm_bringup.cli import main
 from flexarm_ident import identify
@@ -15,7 +18,7 @@ from flexarm_ident.reading.read import read_bag_report
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from support.launch_double import launched
-from support.system_graph import ROOT, Graph
+from support.system_graph import ROOT, Graph, executable
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,7 +59,9 @@ def start_arm(graph: Graph, arm: str, folder: Path, **arguments: str) -> dict[st
     nodes, context = launched(arguments | {"namespace": arm})
     folder.mkdir()
     return {
-        node.name: graph.start(node.name, {}, *node.command_line(context, folder)) for node in nodes
+        name: graph.run([str(executable(name)), *node.command_line(context, folder)])
+        for node in nodes
+        for name in [node.executable.removesuffix("_node")]
     }
 
 
@@ -109,7 +114,8 @@ def test_two_arms___each_in_its_namespace___are_driven_stopped_and_told_apart(
     graph.wait(lambda: heard.drive("arm2") == "held", "the second stop")
 
     for arm in ARMS:
-        assert graph.stop(nodes[arm]["recorder"]) == 0
+        nodes[arm]["recorder"].send(signal.SIGINT)
+        assert nodes[arm]["recorder"].exit_code() == 0
         record = read_bag_report(bags[arm]).data
         position_v = record.y[:, 0]
         assert np.sign(position_v[np.abs(position_v).argmax()]) == np.sign(SET_POINT_V[arm])
@@ -171,3 +177,21 @@ def test_set___misspelt_node___is_told_the_nearest(graph: Graph) -> None:
         " (nearest: /flexarm/controller): "
         "start an arm with flexarm up, or use its ROS_DOMAIN_ID and --namespace\n"
     )
+
+
+def test_arm_in_one_process___by_the_launch_file___is_driven_on_a_clock_of_its_own(
+    graph: Graph, tmp_path: Path
+) -> None:
+    heard = Heard(graph)
+    times: list[Clock] = []
+    graph.node.create_subscription(Clock, "/arm2/clock", times.append, qos.NEWEST)
+    arm, other = ARMS
+    nodes = start_arm(
+        graph, arm, tmp_path / "nodes", compose="true", rate_hz="500", clock="/arm2/clock"
+    )
+    assert set(nodes) == {"recorder", "ident", "loop"}
+    graph.wait(lambda: len(heard.states[arm]) > 500 and bool(times), "samples and their clock")
+    assert not heard.states[other]
+    request = GetParameters.Request(names=["rate_hz"])
+    response = graph.operator.call(GetParameters, f"/{arm}/daq/get_parameters", request)
+    assert response.values[0].double_value == pytest.approx(500.0)

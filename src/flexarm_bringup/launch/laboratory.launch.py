@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from tempfile import NamedTemporaryFile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ament_index_python.packages import (
     PackageNotFoundError,
@@ -39,9 +39,10 @@ _ON_REQUEST = {
     "foxglove": (("flexarm_live", "foxglove"),),
 }
 """Nodes by the argument that starts them when it is true; a page runs experiments in open loop."""
+_LOOP = ("daq", "controller")
 _SETTINGS = {
     "rate_hz": ("daq", float, "sampling rate, Hz"),
-    "rig": ("daq", str, "simulated or nidaq"),
+    "rig": ("daq", str, "simulated, nidaq, or the file of a rig description"),
     "law": ("controller", str, "control law, such as pd or pdpc"),
     "bag": ("recorder", str, "folder of a bag, to be created: record from the start"),
 }
@@ -76,6 +77,22 @@ def generate_launch_description() -> LaunchDescription:
                 description="true: serve the topics to Foxglove, Lichtblick, PlotJuggler",
             ),
             DeclareLaunchArgument(
+                "compose",
+                default_value="false",
+                description="true: daq and controller in one process, for 1 and 2 kHz",
+            ),
+            DeclareLaunchArgument(
+                "real_time",
+                default_value="false",
+                description="true: hard real time for a simulated rig too, as with a board",
+            ),
+            DeclareLaunchArgument(
+                "clock",
+                default_value="",
+                description="topic in the place of /clock, such as /arm2/clock for a second arm in "
+                "virtual time",
+            ),
+            DeclareLaunchArgument(
                 "view", default_value="false", description="true: show the arm in RViz"
             ),
             *(
@@ -93,35 +110,60 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
     """Return the nodes; what was given as an argument comes after the parameter files."""
     own = PathJoinSubstitution([FindPackageShare("flexarm_bringup"), "config", "laboratory.yaml"])
     files = [own, *filter(None, [LaunchConfiguration("params_file").perform(context)])]
-    given = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-        for name, (_, kind, _) in _SETTINGS.items()
-        if LaunchConfiguration(name).perform(context)
-    }
+    given: dict[str, dict[str, Any]] = {node: {} for _, node in _NODES}
+    for name, (node, kind, _) in _SETTINGS.items():
+        if LaunchConfiguration(name).perform(context):
+            given[node][name] = ParameterValue(LaunchConfiguration(name), value_type=kind)
+    if _is_wanted(context, "real_time"):
+        given["daq"]["time"] = "real"
+    composed = _is_wanted(context, "compose")
+    clock = LaunchConfiguration("clock").perform(context)
     namespace = _namespace(context)
     urdf = PathJoinSubstitution([FindPackageShare("flexarm_bringup"), "urdf", "flexarm.urdf"])
     wanted = [
         node for name, nodes in _ON_REQUEST.items() if _is_wanted(context, name) for node in nodes
     ]
-    laboratory = [
-        Node(
+    given["foxglove"] = {"urdf": ParameterValue(urdf, value_type=str)}
+
+    def made(package: str, node: str, name: str | None, **settings: list[Any]) -> Node:
+        return Node(
             package=package,
             executable=f"{node}_node",
-            name=node,
+            name=name,
             namespace=namespace,
             # Where SROS2 keeps its keys: config/sros2 has a policy for each.
             ros_arguments=["--enclave", f"{namespace.rstrip('/')}/{node}"],
             output="screen",
-            parameters=[
-                *files,
-                *({name: given[name]} for name in given if _SETTINGS[name][0] == node),
-                *([{"urdf": ParameterValue(urdf, value_type=str)}] if node == "foxglove" else []),
-            ],
+            remappings=[("/clock", clock)] if clock else [],
+            **settings,
         )
+
+    laboratory = [
+        made(package, node, node, parameters=[*files, *_each(given.get(node, {}))])
         for package, node in (*_NODES, *wanted)
+        if not (composed and node in _LOOP)
     ]
+    if composed:
+        # Two nodes: each parameter names its own, and the names of the nodes stay.
+        words = [
+            f"{node}.{name}:={_word(context, name, value)}"
+            for node in _LOOP
+            for name, value in given[node].items()
+        ]
+        laboratory.append(made("flexarm_bringup", "loop", None, arguments=words, parameters=files))
     view = _view(namespace) if _is_wanted(context, "view") else []
     return [*laboratory, *_frames(namespace), *view]
+
+
+def _each(parameters: dict[str, Any]) -> list[dict[str, Any]]:
+    return [{name: value} for name, value in parameters.items()]
+
+
+def _word(context: LaunchContext, name: str, value: object) -> str:
+    """Return a parameter's value as a word of the command line, where a number keeps its type."""
+    if name not in _SETTINGS:
+        return str(value)
+    return str(_SETTINGS[name][1](LaunchConfiguration(name).perform(context)))
 
 
 def _is_wanted(context: LaunchContext, name: str) -> bool:

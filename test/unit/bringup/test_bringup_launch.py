@@ -20,7 +20,8 @@ def files_of(arguments: list[str]) -> list[str]:
 
 def test_arguments___are_described() -> None:
     arguments = declared()
-    assert set(arguments) == {"namespace", "params_file", "page", "foxglove", "view", *SETTINGS}
+    others = {"page", "foxglove", "view", "compose", "real_time", "clock"}
+    assert set(arguments) == {"namespace", "params_file", *others, *SETTINGS}
     assert all(each.description for each in arguments.values())
 
 
@@ -83,6 +84,35 @@ def test_arguments___given___come_after_every_file_and_reach_their_node(tmp_path
         "/arm2/controller": {"ros__parameters": {"law": "pd"}},
         "/arm2/recorder": {"ros__parameters": {"bag": "2026"}},
     }
+
+
+def test_real_time___is_a_parameter_of_the_daq_node(tmp_path: Path) -> None:
+    nodes, context = launched({"real_time": "true"})
+    (daq,) = [each for each in nodes if each.name == "daq"]
+    *_, file = files_of(daq.command_line(context, tmp_path))
+    values = yaml.safe_load((tmp_path / file).read_text())["/flexarm/daq"]["ros__parameters"]
+    assert values == {"time": "real"}
+
+
+def test_compose___starts_both_nodes_of_the_loop_in_one_process(tmp_path: Path) -> None:
+    given = {"compose": "true", "rate_hz": "1000", "law": "pd", "real_time": "true"}
+    nodes, context = launched(given | {"namespace": "arm2", "params_file": "mine.yaml"})
+    (loop,) = [each for each in nodes if each.name is None]
+    line = loop.command_line(context, tmp_path)
+    before, after = line[: line.index("--ros-args")], line[line.index("--ros-args") :]
+    assert (loop.package, loop.executable) == ("flexarm_bringup", "loop_node")
+    assert before == ["daq.rate_hz:=1000.0", "daq.time:=real", "controller.law:=pd"]
+    assert not any("__node" in word for word in after)
+    assert "/arm2/loop" in after
+    assert files_of(line) == [OWN, "mine.yaml"]
+    assert {node.name for node in nodes} == {"recorder", "ident", None}
+
+
+def test_clock___that_is_named___takes_the_place_of_the_usual_one(tmp_path: Path) -> None:
+    nodes, context = launched({"namespace": "arm2", "clock": "/arm2/clock"})
+    lines = [node.command_line(context, tmp_path) for node in nodes]
+    assert all("/clock:=/arm2/clock" in line for line in lines)
+    assert not any(":=/clock" in word for line in lines for word in line)
 
 
 @pytest.fixture
