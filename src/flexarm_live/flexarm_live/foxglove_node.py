@@ -84,7 +84,7 @@ class FoxgloveNode(Node):
 
 def _reader_qos(name: str) -> QoSProfile:
     """Return the QoS of the recorder, which starts first; here what is in force may be older."""
-    return qos.STATUS_SENT if name in IN_FORCE else TOPICS[name][2]
+    return qos.STATUS_SENT if name in IN_FORCE else qos.EVERY
 
 
 def main() -> int:

@@ -21,7 +21,6 @@ from flexarm_msgs.msg import (
     MotorCommand,
     PayloadEstimate,
 )
-from flexarm_node import qos
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,32 +28,29 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
 TOPICS = {
-    "commander": (CommanderInfo, "flexarm_msgs/msg/CommanderInfo", qos.STATUS),
-    "io_channels": (ChannelInfo, "flexarm_msgs/msg/ChannelInfo", qos.STATUS),
-    "state": (ArmState, "flexarm_msgs/msg/ArmState", qos.EVERY),
-    "command": (MotorCommand, "flexarm_msgs/msg/MotorCommand", qos.EVERY),
-    "reference": (Float64, "std_msgs/msg/Float64", qos.EVERY),
-    "law": (LawInForce, "flexarm_msgs/msg/LawInForce", qos.EVERY),
-    "joint_states": (JointState, "sensor_msgs/msg/JointState", qos.EVERY),
-    "io": (IoSample, "flexarm_msgs/msg/IoSample", qos.EVERY),
-    "payload": (PayloadEstimate, "flexarm_msgs/msg/PayloadEstimate", qos.STATUS),
-    "/diagnostics": (DiagnosticArray, "diagnostic_msgs/msg/DiagnosticArray", qos.EVERY),
-    "/rosout": (Log, "rcl_interfaces/msg/Log", qos.EVERY),
-    "/parameter_events": (ParameterEvent, "rcl_interfaces/msg/ParameterEvent", qos.EVERY),
+    "commander": (CommanderInfo, "flexarm_msgs/msg/CommanderInfo"),
+    "io_channels": (ChannelInfo, "flexarm_msgs/msg/ChannelInfo"),
+    "state": (ArmState, "flexarm_msgs/msg/ArmState"),
+    "command": (MotorCommand, "flexarm_msgs/msg/MotorCommand"),
+    "reference": (Float64, "std_msgs/msg/Float64"),
+    "law": (LawInForce, "flexarm_msgs/msg/LawInForce"),
+    "joint_states": (JointState, "sensor_msgs/msg/JointState"),
+    "io": (IoSample, "flexarm_msgs/msg/IoSample"),
+    "payload": (PayloadEstimate, "flexarm_msgs/msg/PayloadEstimate"),
+    "/diagnostics": (DiagnosticArray, "diagnostic_msgs/msg/DiagnosticArray"),
+    "/rosout": (Log, "rcl_interfaces/msg/Log"),
+    "/parameter_events": (ParameterEvent, "rcl_interfaces/msg/ParameterEvent"),
 }
-"""Topics that can be recorded: message type, its name, QoS of the subscription.
+"""Topics that can be recorded: message type and its name.
 
-Kept topics stand first: they are read before the samples that they describe.
+Those that tell about others stand first: they are read before the samples that they describe.
 """
 
 OF_ALL_NODES = frozenset(name for name in TOPICS if name.startswith("/"))
 """Topics that every node may publish, or does."""
 
-KEPT = frozenset(name for name, (_, _, profile) in TOPICS.items() if profile is qos.STATUS)
-"""Topics whose last message from before a bag belongs into it."""
-
-IN_FORCE = KEPT | {"reference"}
-"""Topics whose last message is in force until the next one comes."""
+IN_FORCE = frozenset({"commander", "io_channels", "reference", "payload"})
+"""Topics whose last message is in force until the next one comes, and belongs into every bag."""
 
 # Their publishers keep the last message for a latecomer.
 _LATCHED = IN_FORCE | {"/rosout"}
@@ -71,6 +67,11 @@ def recorded_topics(names: Sequence[str], resolved: Sequence[str]) -> list[Recor
         )
         for name, topic in zip(names, resolved, strict=True)
     ]
+
+
+def is_best_effort(profile: QoSProfile) -> bool:
+    """Return whether what is lost on its way is not sent again."""
+    return bool(profile.reliability == ReliabilityPolicy.BEST_EFFORT)
 
 
 def offered_qos(profiles: Sequence[QoSProfile]) -> TopicQos:

@@ -27,17 +27,25 @@ from flexarm_core.errors import SettingError
 from flexarm_core.own_files import user_path
 from flexarm_core.tables import read_table
 from flexarm_daq.nodes.last_messages import LastMessages
-from flexarm_daq.nodes.recorded_topics import IN_FORCE, KEPT, TOPICS, offered_qos, recorded_topics
+from flexarm_daq.nodes.recorded_topics import (
+    IN_FORCE,
+    TOPICS,
+    is_best_effort,
+    offered_qos,
+    recorded_topics,
+)
 from flexarm_daq.nodes.recording import Recording
 from flexarm_node.node_time import NodeTime
 from flexarm_node.parameters import Parameters
 from flexarm_node.process import run
-from flexarm_node.qos import EVERY
+from flexarm_node.qos import EVERY, SEEN, STATUS
 from flexarm_node.reports import Level, Report, Reporter, entries
-from flexarm_node.topics.waiting import RawTopicsWaiter
+from flexarm_node.topics.waiting import RawTopicsWaiter, node_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+
+    from rclpy.topic_endpoint_info import TopicEndpointInfo
 
     from flexarm_bags.metadata import RecordedTopic
 
@@ -60,15 +68,17 @@ class RecorderNode(Node):
         names = [name for name in TOPICS if name in wanted]
         resolved = [self.resolve_topic_name(name) for name in names]
         self._topics = recorded_topics(names, resolved)
-        self._waiter = RawTopicsWaiter(self, [(TOPICS[n][0], n, TOPICS[n][2]) for n in names])
+        self._waiter = RawTopicsWaiter(self, [(TOPICS[name][0], name, EVERY) for name in names])
+        self._in_force = []
+        for number, (topic, name) in enumerate(zip(resolved, names, strict=True)):
+            if name in IN_FORCE:
+                # What was said before this node came.
+                self._waiter.also(number, STATUS)
+                self._in_force.append(topic)
         self._recording = Recording(
-            resolved,
-            (topic for topic, name in zip(resolved, names, strict=True) if name in KEPT),
-            quiet_s=self._settings.values()["quiet_s"],
+            resolved, self._in_force, quiet_s=self._settings.values()["quiet_s"]
         )
-        self._in_force = [
-            topic for topic, name in zip(resolved, names, strict=True) if name in IN_FORCE
-        ]
+        self._told: set[str] = set()
         if self._settings.values()["snapshot_mode"]:
             self.create_service(Trigger, "~/snapshot", self._on_snapshot)
         self._requests: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = (
@@ -188,6 +198,7 @@ class RecorderNode(Node):
     def _report(self) -> None:
         level, message, values = Level.OK, "not recording", {}
         writer, last = self._recording.writer, self._recording.last
+        self._look_at_publishers()
         if writer is not None:
             complaints = [*writer.sequences.complaints(), *self._silence(writer)]
             level = Level.WARN if complaints else Level.OK
@@ -198,6 +209,19 @@ class RecorderNode(Node):
         if self.failure:
             level, message = Level.ERROR, self.failure
         self._reporter.publish(Report(level, message, entries(values)))
+
+    def _look_at_publishers(self) -> None:
+        """Subscribe as publishers offer, where they offer less, and tell what a bag lacks."""
+        for number, topic in enumerate(self._topics):
+            for info in self.get_publishers_info_by_topic(topic.name):
+                said = _mismatch(info, topic)
+                if not said or said in self._told:
+                    continue
+                self._told.add(said)
+                self.get_logger().warning(f"{topic.name}: {said}")
+                if is_best_effort(info.qos_profile) and topic.name not in self._told:
+                    self._told.add(topic.name)
+                    self._waiter.also(number, SEEN)
 
     def _silence(self, writer: BagWriter) -> list[str]:
         """Complain when nobody has published for long, in the log too."""
@@ -226,6 +250,16 @@ class RecorderNode(Node):
         except RecordingError as error:
             response.message = str(error)
         return response
+
+
+def _mismatch(info: TopicEndpointInfo, topic: RecordedTopic) -> str:
+    """Return what a bag lacks of a publisher; empty where it lacks nothing."""
+    (name,) = node_names([info])
+    if info.topic_type != topic.definition.type_name:
+        return f"{name} publishes {info.topic_type}, and {topic.definition.type_name} is recorded"
+    if is_best_effort(info.qos_profile):
+        return f"{name} publishes as best effort: what is lost on the way is not sent again"
+    return ""
 
 
 def _refuse_small_files(values: Mapping[str, Any]) -> None:

@@ -31,6 +31,8 @@ _MATCH_POLL_S = 0.01
 # Under settings of the user's own the middleware may ask its readers only every 3 s.
 _ACKNOWLEDGED_S = 5.0
 _RAW = True
+# As many as a reader holds: what one brings late another has brought before.
+_REMEMBERED = 20_000
 
 
 def has_every_reader(node: Node, publishers: Sequence[Publisher], least: int = 0) -> bool:
@@ -188,7 +190,19 @@ class RawTopicsWaiter:
 
     def __init__(self, node: Node, topics: Sequence[tuple[type, str, QoSProfile]]) -> None:
         self._waiting = _WaitSet(node, topics)
-        self._topics = range(len(topics))
+        self._sources = list(topics)
+        self._topics = list(range(len(topics)))
+        self._heard: dict[int, _Heard] = {}
+
+    def also(self, topic: int, qos: QoSProfile) -> None:
+        """Hear the publishers of a topic that its first subscription does not match, too.
+
+        A message that several subscriptions bring is returned once. Any thread may call.
+        """
+        message_type, name, _ = self._sources[topic]
+        self._heard.setdefault(topic, _Heard())
+        self._waiting.add((message_type, name, qos))
+        self._topics.append(topic)
 
     def wait(self, timeout_s: float) -> list[RawMessage]:
         """Return all waiting messages, or those that come within the time; possibly none."""
@@ -204,10 +218,30 @@ class RawTopicsWaiter:
 
     def _take_all(self) -> list[RawMessage]:
         messages = []
-        for topic in self._topics:
-            while (taken := self._waiting.take(topic)) is not None:
-                messages.append(RawMessage(topic, taken[0], taken[1]["source_timestamp"]))
+        for place, topic in enumerate(tuple(self._topics)):
+            heard = self._heard.get(topic)
+            while (taken := self._waiting.take(place)) is not None:
+                message = RawMessage(topic, taken[0], taken[1]["source_timestamp"])
+                if heard is None or heard.is_new(message):
+                    messages.append(message)
         return messages
+
+
+class _Heard:
+    """What several subscriptions of a topic have brought lately."""
+
+    def __init__(self) -> None:
+        self._keys: dict[tuple[int, bytes], None] = {}
+
+    def is_new(self, message: RawMessage) -> bool:
+        """Return whether a message was not brought before."""
+        key = message.source_ns, message.raw
+        if key in self._keys:
+            return False
+        self._keys[key] = None
+        if len(self._keys) > _REMEMBERED:
+            del self._keys[next(iter(self._keys))]
+        return True
 
 
 class _WaitSet:
@@ -217,20 +251,30 @@ class _WaitSet:
         self._node = node
         # Held here: rclpy keeps callback groups by weak reference.
         self._group = _OutsideExecutor()
-        self._subscriptions = [
-            node.create_subscription(
-                message_type, topic, _never_called, qos, callback_group=self._group, raw=True
+        self._subscriptions: list[Any] = []
+        self._types: list[type] = []
+        for topic in topics:
+            self.add(topic)
+        self._size = 0
+
+    def add(self, topic: tuple[type, str, QoSProfile]) -> None:
+        message_type, name, qos = topic
+        self._types.append(message_type)
+        self._subscriptions.append(
+            self._node.create_subscription(
+                message_type, name, _never_called, qos, callback_group=self._group, raw=True
             )
-            for message_type, topic, qos in topics
-        ]
-        self._types = [message_type for message_type, _, _ in topics]
-        self._wait_set = rclpy_implementation.WaitSet(
-            len(topics), 0, 0, 0, 0, 0, node.context.handle
         )
 
     def wait(self, timeout_s: float) -> None:
+        subscriptions = tuple(self._subscriptions)
+        if len(subscriptions) != self._size:
+            self._size = len(subscriptions)
+            self._wait_set = rclpy_implementation.WaitSet(
+                self._size, 0, 0, 0, 0, 0, self._node.context.handle
+            )
         self._wait_set.clear_entities()
-        for subscription in self._subscriptions:
+        for subscription in subscriptions:
             self._wait_set.add_subscription(subscription.handle)
         self._wait_set.wait(int(timeout_s * 1e9))
 

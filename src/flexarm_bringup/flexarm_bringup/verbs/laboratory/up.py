@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -176,12 +177,20 @@ def _run_graph(settings: _Settings) -> None:
             # A node that stops before another one makes that warn.
             complaints.show(_ERRORS)
             if bag and bag.exists():
-                is_cut = bool(processes.exit_codes()["recorder_node"])
-                cut = f": its end is missing, try {repair_command(bag)}" if is_cut else ""
-                terminal.CONSOLE.print(as_called(f"recorded in {bag}{cut}"))
-                terminal.CONSOLE.print(f"what the nodes printed is in {log}")
+                _tell_record(bag, log, is_cut=bool(processes.exit_codes()["recorder_node"]))
         if bag and processes.exit_codes()["recorder_node"]:
             raise LaunchError("the recording is not complete")
+
+
+def _tell_record(bag: Path, log: Path, *, is_cut: bool) -> None:
+    """Print where the record is, and what the recorder has warned of it."""
+    cut = f": its end is missing, try {repair_command(bag)}" if is_cut else ""
+    terminal.CONSOLE.print(as_called(f"recorded in {bag}{cut}"))
+    said = log.read_text("utf-8", errors="replace") if log.is_file() else ""
+    check = f"flexarm bag check {terminal.quoted(bag)}"
+    for missing in re.findall(rf"\[WARN\].*: {re.escape(str(bag.absolute()))}: (.*)", said):
+        terminal.CONSOLE.print(as_called(f"  {missing}: {check} says where"))
+    terminal.CONSOLE.print(f"what the nodes printed is in {log}")
 
 
 def _controller(settings: _Settings) -> dict[str, Any]:
