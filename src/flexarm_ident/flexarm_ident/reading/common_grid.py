@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 _LONGEST_GAP = LONGEST_FILLED + 1.5
 # Nodes of a spline that are closer, in steps of the signal, would make it swing.
 _CLOSEST = 0.25
-# More rows for each message come from bursts or pauses, and not from a signal.
-_MOST_ROWS = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,14 +104,10 @@ def common_rows(
         If they are not all there for two periods, or the instants do not advance.
     """
     lead = min(outputs, key=lambda signal: signal.period_s)
-    grid = place(counted_periods(lead.times_ns), lead.times_ns)
-    if grid.rows > _MOST_ROWS * len(lead.times_ns):
-        duration_s = (lead.times_ns[-1] - lead.times_ns[0]) / NS
-        raise DataError(
-            f"{lead.label} has {len(lead.times_ns)} messages in {duration_s:.3f} s, but steps of "
-            f"{1e3 * grid.period_s:.6g} ms: they come in bursts, or the bag has a long pause; take "
-            "the other clock, or cut the bag"
-        )
+    try:
+        grid = place(counted_periods(lead.times_ns), lead.times_ns)
+    except DataError as error:
+        raise DataError(f"{lead.label}: {error}") from None
     kept_ns = lead.times_ns[grid.kept]
     acting = [_instants(signal, kept_ns, grid) for signal in inputs]
     sampled = [_instants(signal, kept_ns, grid) for signal in outputs]

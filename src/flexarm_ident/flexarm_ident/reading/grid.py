@@ -40,6 +40,8 @@ _JITTER_BLOCK = 1024
 _LONGEST_HOLE_S = 60.0
 # Neighbours closer than this to a sample tell nothing of its slope, and further off neither.
 _NEAREST, _FURTHEST = 0.5, 2.5
+MOST_ROWS = 100
+"""Rows for each sample: more come from pauses or bursts, and would fill the memory."""
 _NS = 1_000_000_000
 _SIGMA = 1.4826
 
@@ -58,12 +60,16 @@ class Grid:
         Rising instants, in periods from row 0; whole numbers for punctual samples.
     samples : int
         Recorded samples, kept or not.
+    pauses_s : tuple of float
+        Pauses that would take more rows than `MOST_ROWS` times the samples; on the grid each is as
+        long as all samples together.
     """
 
     period_s: float
     kept: NDArray[np.bool_]
     instants: FloatArray
     samples: int
+    pauses_s: tuple[float, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -96,7 +102,8 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
     Raises
     ------
     DataError
-        If there are fewer than two samples, or the stamps do not advance.
+        If there are fewer than two samples, the stamps do not advance, or the samples come in
+        bursts that would take more than `MOST_ROWS` rows for each.
     """
     times_s = (stamps_ns - stamps_ns[0]) / _NS
     if len(times_s) < 2:  # noqa: PLR2004 - a period needs two samples
@@ -108,6 +115,7 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
         raise DataError("the stamps do not advance; set the clock of the recording machine right")
     times_s, numbers = times_s[kept], numbers[kept]
     times_s = _without_jumps(times_s, numbers, usual_s)
+    times_s, numbers, pauses_s = _without_pauses(times_s, numbers, usual_s)
     if _scatter(times_s, numbers, usual_s) <= _STEADY:
         period_s, instants = _by_steps(times_s, usual_s)
     else:
@@ -116,7 +124,14 @@ def place(sequence: Integers, stamps_ns: Integers) -> Grid:
     instants -= np.rint(instants[0])
     rising = _rising(instants)
     kept[np.flatnonzero(kept)[~rising]] = False
-    return Grid(period_s, kept, instants[rising], len(sequence))
+    rows = float(instants[rising][-1]) + 1.0
+    if not rows <= MOST_ROWS * len(sequence):
+        raise DataError(
+            f"{len(sequence)} samples in {rows * period_s:.6g} s, but steps of "
+            f"{1e3 * period_s:.6g} ms: they come in bursts, or with many long pauses; take the "
+            "other clock, or cut the record"
+        )
+    return Grid(period_s, kept, instants[rising], len(sequence), pauses_s)
 
 
 def _rising(values: FloatArray) -> NDArray[np.bool_]:
@@ -140,6 +155,24 @@ def _without_jumps(times_s: FloatArray, numbers: FloatArray, usual_s: float) -> 
     if not jumps_s.any():
         return times_s
     return np.asarray(times_s - np.concatenate([[0.0], np.cumsum(jumps_s)]))
+
+
+def _without_pauses(
+    times_s: FloatArray, numbers: FloatArray, usual_s: float
+) -> tuple[FloatArray, FloatArray, tuple[float, ...]]:
+    """Shorten pauses of stamps and numbers that are far longer than all that was measured."""
+    steps_s, steps = np.diff(times_s), np.diff(numbers)
+    long = np.minimum(steps_s / usual_s, steps) > MOST_ROWS * len(times_s)
+    if not long.any():
+        return times_s, numbers, ()
+    # Apart from each other: so many periods have lost the phase.
+    pauses_s = tuple(steps_s[long].tolist())
+    steps_s[long], steps[long] = len(times_s) * usual_s, len(times_s)
+    return _summed(steps_s), _summed(steps), pauses_s
+
+
+def _summed(steps: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _scatter(times_s: FloatArray, numbers: FloatArray, usual_s: float) -> float:

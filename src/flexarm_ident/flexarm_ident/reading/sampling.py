@@ -80,7 +80,12 @@ def _restarted(run: Run, messages: int) -> tuple[DataWarning, ...]:
 def _lost_samples(grid: Grid) -> tuple[DataWarning, ...]:
     if not grid.missing.any():
         return ()
-    return (DataWarning("lost_samples", *holes_told(grid.missing, grid.period_s)),)
+    text, figures = holes_told(grid.missing, grid.period_s)
+    for pause_s in grid.pauses_s:
+        text += (
+            f"; a pause of {pause_s:.6g} s counts as one of {grid.samples * grid.period_s:.6g} s"
+        )
+    return (DataWarning("lost_samples", text, figures),)
 
 
 def _clock_jitter(grid: Grid) -> tuple[DataWarning, ...]:

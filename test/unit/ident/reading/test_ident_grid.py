@@ -72,6 +72,36 @@ def test_place___clock_set_while_the_numbers_go_on___leaves_no_hole() -> None:
     np.testing.assert_array_equal(grid.instants, np.arange(600))
 
 
+@pytest.mark.parametrize("jitter", [0.0, 0.3])
+@pytest.mark.parametrize("pause", [2 * 10**6, 3 * 10**8, 2**61 // 10**9])
+def test_place___pause_of_stamps_and_numbers___takes_no_rows_of_its_own(
+    pause: int, jitter: float
+) -> None:
+    """A file of 144 kB with two such samples made a grid of 3e8 rows."""
+    late = np.clip(np.random.default_rng(2).normal(0.0, jitter, 3000), -0.4, 0.4)
+    rows = np.arange(3000) + np.where(np.arange(3000) >= 1700, pause, 0)
+    grid = place(rows, stamps_ns(rows + late, 300.0))
+    assert grid.rows < 3 * 3000
+    assert grid.pauses_s == pytest.approx((pause / 300.0,), rel=1e-3)
+    assert grid.period_s == pytest.approx(1.0 / 300.0, rel=1e-3)
+    steps = np.diff(grid.instants)
+    assert steps[grid.kept[:1700].sum() - 1] == pytest.approx(3000.0, abs=2.0)
+    assert np.delete(steps, grid.kept[:1700].sum() - 1) == pytest.approx(1.0, abs=0.9)
+
+
+def test_place___hole_that_is_no_pause___keeps_its_length() -> None:
+    rows = np.arange(3000) + np.where(np.arange(3000) >= 1700, 200_000, 0)
+    grid = place(rows, stamps_ns(rows.astype(float), 300.0))
+    assert grid.pauses_s == ()
+    assert grid.rows == 203_000
+
+
+def test_place___many_pauses___are_refused() -> None:
+    rows = np.cumsum(np.where(np.arange(3000) % 3 == 0, 400_000, 1))
+    with pytest.raises(DataError, match=r"3000 samples in .* many long pauses; .* cut the record"):
+        place(rows, stamps_ns(rows.astype(float), 300.0))
+
+
 @pytest.mark.parametrize("stamps", [np.zeros(10, np.int64), np.arange(10, 0, -1)])
 def test_place___clock_that_does_not_advance___raises(stamps: np.ndarray) -> None:
     with pytest.raises(DataError, match="the stamps do not advance"):
