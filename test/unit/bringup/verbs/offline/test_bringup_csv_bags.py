@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from flexarm_bringup.cli import main
 from flexarm_bringup.verbs.offline.csv_bags import Columns, as_bags, taken_columns
 from flexarm_core.errors import DataError
-from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_ident.importing.csv_table import CsvImportError
 from flexarm_ident import read_bag
 from flexarm_ident.records.naming import short_names
 

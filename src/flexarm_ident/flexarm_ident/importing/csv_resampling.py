@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm_core.labels import time_unit_s
-from flexarm_daq.importing.csv_table import CsvImportError
-from flexarm_daq.importing.csv_times import Sampling, refuse_backwards
+from flexarm_ident.importing.csv_table import CsvImportError
+from flexarm_ident.importing.csv_times import Sampling, refuse_backwards
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
-    from flexarm_daq.importing.csv_table import CsvTable
+    from flexarm_ident.importing.csv_table import CsvTable
 
 # Rate in units of that of the rows: with less, noise and vibration fold down, and with more the
 # interpolation makes up what was not measured.

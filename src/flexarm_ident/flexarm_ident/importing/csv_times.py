@@ -9,13 +9,13 @@ import numpy as np
 
 from flexarm_core.clock import nominal_rate_hz
 from flexarm_core.labels import time_unit_s
-from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_ident.importing.csv_table import CsvImportError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_daq.importing.csv_table import CsvTable
+    from flexarm_ident.importing.csv_table import CsvTable
 
 # Largest difference of a step from whole periods: times are often printed with few digits.
 STEP_TOLERANCE = 0.1

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_daq.importing.csv_columns import named_columns, unused_time
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-from flexarm_daq.importing.csv_table import CsvImportError, column_names
+from flexarm_ident.importing.csv_columns import named_columns, unused_time
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+from flexarm_ident.importing.csv_table import CsvImportError, column_names
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, unit_notes
-from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap, unit_notes
+from flexarm_ident.importing.csv_table import CsvImportError
 from support.bag_samples import typestore
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flexarm_daq.importing.csv_import import ImportSummary
+    from flexarm_ident.importing.csv_import import ImportSummary
 
 RATE_HZ = 200.0
 

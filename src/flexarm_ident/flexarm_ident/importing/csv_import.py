@@ -18,11 +18,11 @@ from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.records.columns import decode, members
 from flexarm_bags.schema import describe
 from flexarm_bags.writer import whole_bag
-from flexarm_daq.importing.csv_columns import unused_time
-from flexarm_daq.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate, unit_notes
-from flexarm_daq.importing.csv_resampling import resampled
-from flexarm_daq.importing.csv_table import CsvImportError, read_table
-from flexarm_daq.importing.csv_times import Sampling, doubt, sampling
+from flexarm_ident.importing.csv_columns import unused_time
+from flexarm_ident.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate, unit_notes
+from flexarm_ident.importing.csv_resampling import resampled
+from flexarm_ident.importing.csv_table import CsvImportError, read_table
+from flexarm_ident.importing.csv_times import Sampling, doubt, sampling
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
     from flexarm_bags.schema import MessageDefinition
     from flexarm_core.arrays import FloatArray
-    from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-    from flexarm_daq.importing.csv_table import CsvTable
+    from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+    from flexarm_ident.importing.csv_table import CsvTable
 
 IO_TOPIC = "/flexarm/io"
 CHANNELS_TOPIC = "/flexarm/io_channels"
@@ -116,7 +116,7 @@ def import_csv(
     csv_path : Path
         Comma separated file with the column names in its first line, in the units of the map.
     mapping : CsvMap
-        Columns and their names; see :func:`flexarm_daq.importing.csv_map.load_csv_map`.
+        Columns and their names; see :func:`flexarm_ident.importing.csv_map.load_csv_map`.
     bag_path : Path
         Folder to create.
     typestore : Typestore

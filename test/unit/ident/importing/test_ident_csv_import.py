@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 
 from flexarm_bags.writer import RecordingError
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
-from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
+from flexarm_ident.importing.csv_table import CsvImportError
 from flexarm_ident import identify
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+from flexarm_ident.importing.csv_table import CsvImportError
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from flexarm_daq.importing.csv_import import ImportSummary
+    from flexarm_ident.importing.csv_import import ImportSummary
 
 MAP = CsvMap(
     inputs=(CsvChannel("u", "drive_v"),),

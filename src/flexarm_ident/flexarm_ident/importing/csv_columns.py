@@ -7,8 +7,8 @@ from textwrap import shorten
 from typing import TYPE_CHECKING
 
 from flexarm_core.labels import TIME_UNIT_ENDING, named_twice
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-from flexarm_daq.importing.csv_table import CsvImportError, column_names
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+from flexarm_ident.importing.csv_table import CsvImportError, column_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from flexarm_core.arrays import FloatArray
-    from flexarm_daq.importing.csv_map import CsvMap
+    from flexarm_ident.importing.csv_map import CsvMap
 
     Row = tuple[int, list[str]]
     _Numbers = tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]
