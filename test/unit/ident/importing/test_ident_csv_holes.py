@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_layout import CsvImportError
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
-from flexarm_ident.importing.csv_table import CsvImportError
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
 
@@ -67,10 +67,19 @@ def test_missing_cell_of_an_output___is_missing_there_alone(tmp_path: Path, cell
     assert record.y[50, 1] == pytest.approx(np.cos(5.0), abs=0.1**4)
 
 
-def test_missing_last_cell___may_lack_its_comma(tmp_path: Path) -> None:
+def test_missing_last_cells___may_lack_their_commas(tmp_path: Path) -> None:
     rows = lines(0.01 * np.arange(ROWS))
-    rows[50] = rows[50].rpartition(",")[0]
-    assert imported(tmp_path, rows).missing_cells == 1
+    rows[50:-1:10] = [row.rpartition(",")[0] for row in rows[50:-1:10]]
+    assert imported(tmp_path, rows).missing_cells == len(rows[50:-1:10])
+
+
+def test_row___that_lacks_a_cell_alone___is_missing(tmp_path: Path) -> None:
+    rows = lines(0.01 * np.arange(ROWS))
+    # A newline that was lost makes one cell of two.
+    rows[50] = "0.5,-1,601"
+    summary = imported(tmp_path, rows)
+    assert (summary.missing_rows, summary.missing_cells) == (1, 0)
+    assert summary.notes[0].startswith("line 52 has fewer cells than the others: left out")
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.0037])

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from flexarm_ident import read_bag
 from flexarm_ident.importing.csv_import import import_csv
 from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
-from flexarm_ident import read_bag
 from support.bag_samples import typestore
 
 if TYPE_CHECKING:

@@ -34,6 +34,13 @@ _OPTIONS = (
         help="Output, such as /joint_states.position[0], or column; repeat.",
     ),
     click.option(
+        "--time",
+        "times",
+        multiple=True,
+        metavar="TIME",
+        help="Time of a CSV file: COLUMN, COLUMN:us or a rate, 200Hz; both to resample.",
+    ),
+    click.option(
         "--clock",
         type=click.Choice(CLOCKS),
         help="Instants of other messages; else headers where every topic has them.",

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 
 # No bag is called so.
-_TABLES = frozenset({".csv", ".tsv", ".txt", ".dat"})
+_TABLES = frozenset(
+    {".csv", ".tsv", ".txt", ".dat", ".lvm", ".log", ".asc", ".prn", ".mat", ".h5", ".hdf5"}
+    | {".parquet", ".feather", ".tdms"}
+)
 _SPREADSHEETS = frozenset({".xlsx", ".xls", ".ods"})
 
 
@@ -30,6 +33,7 @@ class Columns(NamedTuple):
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    times: tuple[str, ...] = ()
 
 
 def taken_columns(
@@ -43,9 +47,11 @@ def taken_columns(
         if path.suffix.lower() in _SPREADSHEETS:
             raise click.UsageError(f"{path} is a spreadsheet: save it as CSV in UTF-8")
     tables = _tables(paths)
-    named = Columns(options["inputs"], options["outputs"])
+    named = Columns(options["inputs"], options["outputs"], options.pop("times", ()))
     if map_file and any(named):
-        raise click.UsageError("give --map, or --input and --output: both tell the columns")
+        raise click.UsageError("give --map, or --input, --output and --time: both tell the columns")
+    if named.times and not (tables and named.inputs and named.outputs):
+        raise click.UsageError("--time belongs to a CSV file with --input and --output")
     if map_file or not tables or not any(named):
         return map_file
     for path in paths:
