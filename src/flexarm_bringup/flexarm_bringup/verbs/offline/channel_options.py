@@ -66,6 +66,12 @@ _OPTIONS = (
         metavar="TIME",
         help="Leave out what is from there on; else to the end.",
     ),
+    click.option(
+        "--wrap",
+        type=click.FloatRange(min=0.0),
+        metavar="PERIOD",
+        help="Step of an output that is a turn of its encoder, such as 4000; 0: none. Else found.",
+    ),
 )
 
 
@@ -103,4 +109,4 @@ def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:
 
 def taken_span(options: dict[str, Any]) -> Span:
     """Take the part of the records out of the options."""
-    return Span(options.pop("from_s"), options.pop("to_s"))
+    return Span(options.pop("from_s"), options.pop("to_s"), options.pop("wrap"))
