@@ -61,6 +61,17 @@ def test_resampling___slow_sine_and_steps___is_their_value_and_their_mean(tmp_pa
     assert data.u[:, 0] == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.parametrize("last_s", [0.0907, 0.0993])
+def test_resampling___input_of_the_last_row___acts_for_a_period(
+    tmp_path: Path, last_s: float
+) -> None:
+    times_s = np.append(0.01 * np.arange(10) - 0.002 * (np.arange(10) % 2), last_s)
+    u = np.append(np.ones(10), 4.0)
+    data = imported(tmp_path, times_s, u, times_s)
+    # The last even row is at 0.09 s, and the last value acts from its own row on.
+    assert data.u[:, 0] == pytest.approx([*np.ones(9), 1.0 + 3.0 * (0.1 - last_s) / 0.01])
+
+
 def test_resampling___vibration_under_a_held_input___has_its_frequency(tmp_path: Path) -> None:
     times_s, mode_hz, damping = uneven(6000), 6.0, 0.02
     rate = 2.0 * np.pi * mode_hz
