@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from datetime import datetime, timedelta, timezone
+from datetime import datetime, timezone
+from functools import lru_cache
 
 _DATE = r"(?:(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})|(\d{1,2})([./-])(\d{1,2})[./-](\d{4}))"
 _TIME = r"(\d{1,2}):(\d{2})(?::(\d{2}))?(?:[.,](\d{1,9}))?\s*([AaPp][Mm])?"
@@ -30,7 +31,7 @@ def clock_s(text: str) -> float:
         If it is none.
     """
     found = _CLOCK.fullmatch(text.strip())
-    if not found or not text.strip():
+    if not found or not found.lastindex:
         raise ValueError(text)
     year, month, day, first, mark, second, late_year, *rest = found.groups()
     hour, minute, whole, fraction, half, sign, zone_h, zone_min = rest
@@ -48,7 +49,9 @@ def clock_s(text: str) -> float:
         # Day before month, but with a slash as in America where that is possible.
         order = (second, first) if mark == "/" and int(first) <= _MONTHS else (first, second)
         year, (day, month) = late_year, order
-    if not year:
-        return seconds
-    date = datetime(int(year), int(month), int(day), tzinfo=timezone.utc)
-    return (date - datetime(1970, 1, 1, tzinfo=timezone.utc)) / timedelta(seconds=1) + seconds
+    return seconds + (_date_s(int(year), int(month), int(day)) if year else 0.0)
+
+
+@lru_cache(maxsize=16)
+def _date_s(year: int, month: int, day: int) -> float:
+    return datetime(year, month, day, tzinfo=timezone.utc).timestamp()

@@ -39,12 +39,13 @@ _NUMBER = re.compile(
 )
 _SPACED = re.compile(r"[+-]?[0-9]{1,3}(?: [0-9]{3})+(?:[.,][0-9]+)?")
 _PAIR = re.compile(
-    r"(?<![\w./\[\]])([A-Za-z_][\w./\[\]]*)\s*[:=]\s*([+-]?[0-9.]+(?:,[0-9]+)?(?:[eE][+-]?[0-9]+)?|nan)"
+    r"(?<![\w./\[\]])([A-Za-z_][\w./\[\]]*)[\"']?\s*[:=]\s*"
+    r"([+-]?[0-9.]+(?:,[0-9]+)?(?:[eE][+-]?[0-9]+)?|nan)"
 )
 _ARROW = " -> "
 _UNIT = re.compile(
     r"[\[(].*[\])]||-|1|%|\u00b0[CF]?|[num\u00b5\u03bck]?(V|A|N|g|K|Pa|bar|m|Hz|W)|N ?m|cm|counts?|"
-    r"ticks?|(deg|rad|m|V|mm)(/s(\^?2|\u00b2)?)?|rpm|degrees?|float(32|64)?|double|int(32|64)?|"
+    r"sequence|ticks?|(deg|rad|m|V|mm)(/s(\^?2|\u00b2)?)?|rpm|degrees?|float(32|64)?|double|int(32|64)?|"
     r"(milli|micro|nano)?(second|volt|amp(ere)?|met(er|re)|newton|radian)s?",
     re.IGNORECASE,
 )
@@ -61,6 +62,7 @@ _BINARY = (
     (b"\x89MCAP0", "is an MCAP bag: call it .mcap"),
     (b"#ROSBAG V", "is a bag of ROS 1: convert it by `rosbags-convert`"),
     (b"\x1f\x8b", "is packed by gzip: unpack it by gunzip"),
+    (b"<", "is HTML or XML and no table of text: open it and save the table as CSV"),
     (b"ARROW1", "is an Arrow or Feather file: write it as CSV, such as by pandas"),
 )  # fmt: skip
 _MARKS = (
@@ -175,7 +177,7 @@ def lines_of(file: TextIO, path: Path) -> Iterator[str]:
 
 def is_comment(cells: Sequence[str]) -> bool:
     """Return whether a row is a comment, a blank line or words between rows."""
-    has_values = any(is_value(cell) or cell.lower() in MISSING - {""} for cell in cells)
+    has_values = any(is_value(cell) or cell.lower() in MISSING - {""} for cell in reversed(cells))
     return bool(cells and _COMMENT.match(cells[0])) or not has_values
 
 
@@ -314,8 +316,8 @@ def _named(
         cells = _header_cells(head[k], separator, width)
         if not any(cells):
             continue
-        if len(cells) == width and not units and _are_units(cells):
-            units = cells
+        if len(cells) >= width and not units and _are_units(cells[:width]):
+            units = cells[:width]
         elif len(cells) >= width and any(map(_NAME.fullmatch, cells)):
             return cells, units
         elif len(cells) == width - 1 and len(cells) > 1:

@@ -93,11 +93,11 @@ class _Column(NamedTuple):
 
 @dataclass
 class _Rows:
-    """Rows that were read so far."""
+    """Rows that were read so far, in blocks."""
 
-    blocks: list[FloatArray] = field(default_factory=list)
-    lines: list[int] = field(default_factory=list)
-    places: list[int] = field(default_factory=list)
+    blocks: list[FloatArray]
+    lines: list[NDArray[np.int64]]
+    places: list[NDArray[np.int64]]
     words: list[int] = field(default_factory=list)
     short: list[int] = field(default_factory=list)
     # What is wrong with the first input or time that lacks.
@@ -128,9 +128,9 @@ def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> Csv
         # From the start again: a cell may need another look.
         with _lines(path, layout) as lines:
             found = _numbers(lines, layout, columns, path)
-    if len(found.lines) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
-        raise CsvImportError(f"{path}: data rows: {len(found.lines)}; at least 2 are needed")
     values, lines_read, places = _whole_rows(found)
+    if len(values) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
+        raise CsvImportError(f"{path}: data rows: {len(values)}; at least 2 are needed")
     for column, cells in zip(columns, values.T, strict=True):
         if np.isnan(cells).all():
             raise CsvImportError(f"{path}: column {column.name} has no number: leave it out")
@@ -187,7 +187,7 @@ def _whole_rows(found: _Rows) -> tuple[FloatArray, NDArray[np.int64], NDArray[np
     Where many are, the program leaves out empty cells at their ends.
     """
     values = np.concatenate(found.blocks)
-    lines, places = np.array(found.lines, np.int64), np.array(found.places, np.int64)
+    lines, places = np.concatenate(found.lines), np.concatenate(found.places)
     if len(found.short) > max(1, int(_FEW * len(lines))):
         found.short.clear()
     whole = ~np.isin(lines, found.short)
@@ -206,11 +206,10 @@ def _plain_numbers(
     lines: Iterator[str], layout: Layout, columns: Sequence[_Column]
 ) -> _Rows | None:
     """Return the rows; None where a line is not of as many plain numbers as the first one."""
-    if layout.separator not in "\t,;|" or (
-        layout.encoding == "latin-1" and layout.separator == ";"
-    ):
+    if layout.separator not in "\t,;|":
         return None
-    found = _Rows()
+    marks: set[str] = set()
+    found = _Rows([], [], [])
     with suppress(ValueError):
         # Only one block is held as text.
         while block := list(islice(lines, _BLOCK_ROWS)):
@@ -218,8 +217,12 @@ def _plain_numbers(
             counts = {line.count(layout.separator) for line in block}
             if counts != {layout.width - 1} or not all(map(str.strip, block)):
                 return None
+            if layout.separator != ",":
+                marks |= {mark for mark in ",." if any(mark in line for line in block)}
+            if len(marks) > 1:
+                return None
             numbers = np.loadtxt(
-                block,
+                [line.replace(",", ".") for line in block] if "," in marks else block,
                 delimiter=layout.separator,
                 comments=None,
                 usecols=[column.place for column in columns],
@@ -227,24 +230,25 @@ def _plain_numbers(
             )
             if not np.isfinite(numbers).all():
                 return None
-            first = len(found.places)
+            first = sum(map(len, found.places))
             found.blocks.append(numbers)
-            found.places += range(first, first + len(numbers))
-        found.lines = [layout.first_line + place for place in found.places]
-        return found
+            found.places.append(np.arange(first, first + len(numbers)))
+            found.lines.append(layout.first_line + found.places[-1])
+        return found if found.blocks else None
     return None
 
 
 def _numbers(lines: Iterator[str], layout: Layout, columns: Sequence[_Column], path: Path) -> _Rows:
     """Return the rows, of whatever a cell may hold."""
-    found, mark = _Rows([np.empty((0, len(columns)))]), ""
+    none = np.empty(0, dtype=np.int64)
+    found, mark = _Rows([np.empty((0, len(columns)))], [none], [none]), ""
     numbered = _rows_of(lines, layout, found, path)
     while taken := list(islice(numbered, _BLOCK_ROWS)):
         block = [row for _, row in taken]
         mark = _decimal_mark(block, columns, layout, path, mark)
         found.blocks.append(_to_numbers(block, columns, path, mark or ".", found.lacking))
-        found.lines += [line for line, _ in block]
-        found.places += [place for place, _ in taken]
+        found.lines.append(np.array([line for line, _ in block], np.int64))
+        found.places.append(np.array([place for place, _ in taken], np.int64))
     return found
 
 
@@ -471,9 +475,11 @@ def _number(
 
 
 def _parsed(cell: str, mark: str, *, is_time: bool) -> float:
-    if is_time and is_clock(cell):
-        return clock_s(cell)
+    if is_time and not cell.isdigit():
+        with suppress(ValueError):
+            return clock_s(cell)
     if grouped := _THOUSANDS[mark].fullmatch(cell):
         whole, thousands, fraction = grouped.groups("")
         cell = whole + re.sub(r"\D", "", thousands) + fraction
-    return float(cell.replace(mark, "."))
+    # Fortran writes D for double precision.
+    return float(re.sub(r"(?<=\d)[dD](?=[+-]?\d)", "e", cell.replace(mark, ".")))

@@ -61,7 +61,8 @@ def found_wraps(pieces: Iterable[Rows], told: float | None = None) -> list[Wrap]
     """
     found: list[Wrap] = []
     for u, y in pieces:
-        here = [_wrap(u, values, told) for values in y.T]
+        with np.errstate(over="ignore"):
+            here = [_wrap(u, values, told) for values in y.T]
         found = [
             Wrap(max(a.period, b.period), a.jumps + b.jumps)
             for a, b in zip(found or [Wrap(0.0)] * len(here), here, strict=True)

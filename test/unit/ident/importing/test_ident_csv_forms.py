@@ -9,6 +9,7 @@ import pytest
 
 from flexarm_bags.reader import opened
 from flexarm_ident import read_bag
+from flexarm_ident.importing.csv_clock import clock_s, is_clock
 from flexarm_ident.importing.csv_columns import named_columns
 from flexarm_ident.importing.csv_import import import_csv
 from flexarm_ident.importing.csv_layout import CsvImportError
@@ -207,6 +208,59 @@ FORMS: dict[str, tuple[str, float]] = {
         ),
         200.0,
     ),
+    "JSON lines": (
+        joined(
+            "", "", [[f'{{"t": {t}, "u": {u}, "y1": {a}, "y2": {b}}}'] for t, u, a, b in cells()]
+        ),
+        200.0,
+    ),
+    "oscilloscope": (
+        joined(
+            "Interval,5e-3\nX,u,y1,y2,Start,Increment,\nms,Volt,Volt,Volt,0.0,5e-3,\n",
+            ",",
+            cells(lambda k: f"{5 * k}"),
+        ),
+        200.0,
+    ),
+    "Fortran": (
+        joined("t u y1 y2\n", " ", cells(lambda k: f"{k / 200.0:.6E}".replace("E", "D"))),
+        200.0,
+    ),
+    "automation": (
+        joined(
+            "Name;u;y1;y2\nType;REAL64;REAL64;REAL64\nTime [ms];u;y1;y2\n",
+            ";",
+            cells(lambda k: f"{5 * k}"),
+        ),
+        200.0,
+    ),
+    "log of a node": (
+        joined(
+            "",
+            "",
+            [
+                [f"[INFO] [{k}] [rig]: t={t} u={u} y1={a} y2={b}"]
+                for k, (t, u, a, b) in enumerate(cells())
+            ],
+        ),
+        200.0,
+    ),
+    "names twice": (
+        joined("t,u,y1,y2\n", ",", [*cells()[:200], ["t", "u", "y1", "y2"], *cells()[200:]]),
+        200.0,
+    ),
+    "1500 Hz in whole ms": (
+        joined("t_ms,u,y1,y2\n", ",", cells(lambda k: f"{int(k / 1.5)}")),
+        1500.0,
+    ),
+    "hours": (
+        joined(
+            "t_h,heater,u,y1,y2\n",
+            ",",
+            [[f"{k / 60.0:.5f}", "1", *row[1:]] for k, row in enumerate(cells())],
+        ),
+        1.0 / 60.0,
+    ),
     "two equal names": (
         joined("t,x,x,u,y1,y2\n", ",", [[r[0], "1", "2", *r[1:]] for r in cells()]),
         200.0,
@@ -352,3 +406,30 @@ def test_times___at_steps_that_people_choose___are_taken_whatever_the_names(
     made, _ = imported(tmp_path, joined("t,u,y1,y2\n", ",", cells(lambda k: f"{step_s * k}")))
     assert made.rate_hz == pytest.approx(1.0 / step_s)
     assert all("are they in" in note for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "since_s"),
+    [
+        ("1970-01-01T00:00:01Z", 1.0),
+        ("1970-01-02 00:00:00.123456789", 86400.123456789),
+        ("1970-01-01 02:00:00+02:00", 0.0),
+        ("1970-01-01 01:30:00-0130", 10800.0),
+        ("02.01.1970 00:00:00,5", 86400.5),
+        ("1/2/1970 12:00:01 AM", 86401.0),
+        ("1/2/1970 1:00 PM", 133200.0),
+        ("13/1/1970 0:00", 1036800.0),
+        ("23:59:59.25", 86399.25),
+        ("01:02.5", 62.5),
+    ],
+)
+def test_clock___in_a_usual_form___is_its_seconds(text: str, since_s: float) -> None:
+    assert is_clock(text)
+    assert clock_s(text) == pytest.approx(since_s, abs=1e-9)
+
+
+@pytest.mark.parametrize("text", ["", "Z", "1.5", "-3", "1:2:3:4", "noon", "1e-5", "192.168.0.1"])
+def test_clock___that_is_none___is_refused(text: str) -> None:
+    assert not is_clock(text)
+    with pytest.raises(ValueError, match=r".*"):
+        clock_s(text)
