@@ -167,9 +167,12 @@ def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator
 
 def _counts(x: FloatArray) -> bool:
     """Return whether nearly all steps of a signal are its usual one within a half, and not zero."""
-    steps = np.diff(x)
+    with np.errstate(over="ignore"):
+        steps = np.diff(x)
     usual = float(np.median(steps))
-    return usual != 0.0 and float(np.mean(np.abs(steps / usual - 1.0) <= _JITTER)) > CONSTANT_SHARE
+    if usual == 0.0 or not np.isfinite(usual):
+        return False
+    return float(np.mean(np.abs(steps / usual - 1.0) <= _JITTER)) > CONSTANT_SHARE
 
 
 def _unmeasured(record: IoData) -> Iterator[DataWarning]:

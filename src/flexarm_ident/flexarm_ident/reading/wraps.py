@@ -113,6 +113,8 @@ def _wrap(u: FloatArray, y: FloatArray, told: float | None) -> Wrap:
         jumps = int(np.count_nonzero(size > 0.5 * told))
         return Wrap(told if jumps else 0.0, jumps)
     extent = float(np.ptp(y[known]))
+    if not 0.5 * min(PERIODS) < extent < 2.0 * max(PERIODS):
+        return Wrap(0.0)
     at = np.flatnonzero(size > _LARGE * extent)
     ambiguous = np.count_nonzero((size > _SMALL * extent) & (size <= _LARGE * extent))
     if not len(at) or ambiguous > _AMBIGUOUS * len(steps) or 2 * len(at) > len(steps):
@@ -142,7 +144,7 @@ def _period(steps: FloatArray, at: NDArray[np.intp], extent: float) -> float:
         abs(jump / nearest - 1.0) <= _TOLERANCE
         and extent <= nearest * (1.0 + _BEYOND)
         # Without the turn, the jump is a step like others.
-        and np.median(left) <= _LONGER * np.nanmax(np.abs(moving))
+        and np.median(left) <= _LONGER * np.nanmax(np.abs(moving), initial=0.0)
     )
     return nearest if fits else 0.0
 

@@ -108,10 +108,23 @@ NOISE = np.random.default_rng(8).standard_normal(ROWS)
         np.where(K == 2000, 360.0, 0.0) + 0.1 * NOISE,
         np.full(ROWS, 7.0),
         np.full(ROWS, np.nan),
+        np.where(K % 700 == 0, 9e307, 0.0),
+        np.where(K % 700 == 0, -1.7e308, 1.7e308),
+        np.where(K % 700 == 0, 1e-300, 0.0),
     ],
     ids=[
         *("even sawtooth", "sawtooth of 5 V", "sawtooth of 90", "square", "noisy square", "noise"),
-        *("drift", "sine", "fast sine", "outlier", "constant", "unmeasured"),
+        *(
+            "drift",
+            "sine",
+            "fast sine",
+            "outlier",
+            "constant",
+            "unmeasured",
+            "large",
+            "largest",
+            "least",
+        ),
     ],
 )
 def test_signal___that_is_no_angle___stays(y: FloatArray) -> None:
