@@ -28,16 +28,19 @@ _UNITS = {
     "n": "N",
     "m": "m",
 }
-_TIME_UNITS_S = {
+_TIME_WORDS_S = {
     "s|secs?|seconds?": 1.0,
     "ms|msecs?|millis|milliseconds?": 1e-3,
     # The micro sign and the Greek letter look the same.
     "us|\u00b5s|\u03bcs|usecs?|micros|microseconds?": 1e-6,
     "ns|nsecs?|nanos|nanoseconds?": 1e-9,
     "min|minutes?": 60.0,
+    "h|hours?": 3600.0,
 }
+#: Units of time by their usual signs, s.
+TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 #: How a name ends with a unit: ``time_ms``, ``t [ms]``, ``t (ms)``, ``t/ms``, ``t, ms``, ``t ms``.
-TIME_UNIT_ENDING = rf"(?:_| *[\[(/,] *| +)(?:{'|'.join(_TIME_UNITS_S)})[\])]?"
+TIME_UNIT_ENDING = rf"(?:_| *[\[(/,] *| +)(?:{'|'.join(_TIME_WORDS_S)})[\])]?"
 DEADBEAT = 1e-12
 """An eigenvalue of that magnitude is zero but for rounding: its mode has ended after one sample."""
 ENDLESS_SAMPLES = 1e7
@@ -73,7 +76,7 @@ def time_unit_s(column: str) -> float | None:
     if not re.search(f"{TIME_UNIT_ENDING}$", column, re.IGNORECASE):
         return None
     (word,) = re.findall(r"([^\W_]+)\W*$", column)
-    return next(s for words, s in _TIME_UNITS_S.items() if re.fullmatch(words, word, re.IGNORECASE))
+    return next(s for words, s in _TIME_WORDS_S.items() if re.fullmatch(words, word, re.IGNORECASE))
 
 
 def without_dots(names: Iterable[str]) -> tuple[str, ...]:

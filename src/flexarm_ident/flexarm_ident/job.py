@@ -289,12 +289,12 @@ def read_record(
 ) -> Source:
     """Return the record of a bag as measured; arguments and errors as in `identify_bags`."""
     if channels is not None:
-        return span.of(read_channels(bag, channels))
+        return span.of(read_channels(bag, channels, wrap=span.wrap))
     # In pieces, a record is prepared in the default way alone.
     usual = request.remove_compensation and request.bias == "rest" and request.cutoff_hz is None
-    if usual and span == EVERYTHING and sample_count(bag) > LARGEST_IN_MEMORY:
-        return stream_bag(bag)
-    return span.of(read_bag(bag))
+    if usual and span.is_whole and sample_count(bag) > LARGEST_IN_MEMORY:
+        return stream_bag(bag, wrap=span.wrap)
+    return span.of(read_bag(bag, wrap=span.wrap))
 
 
 def _subject(

@@ -18,8 +18,8 @@ from flexarm_bags.reader import opened
 from flexarm_bags.repair import repair_bag
 from flexarm_bags.writer import BagWriter
 from flexarm_core.errors import BagError
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from support.bag_samples import controlled_run, information, recorded_topics, typestore, write_bag
 from support.damaged_bags import content
 

@@ -37,6 +37,8 @@ _PLATEAU_SAMPLES = 3
 _PLATEAU_COUNT = 5.0
 _PLATEAU_SLOPE = 0.05
 _NEIGHBOURS = 3
+# Part by which the steps of times may differ.
+_JITTER = 0.5
 # Length of a plateau in rests at other turns up to which it is a rest itself, and the least number
 # of such rests for each.
 _LONGER, _MORE = 1.5, 2
@@ -60,6 +62,15 @@ def channel_defects(record: IoData) -> Iterator[DataWarning]:
         if constant > CONSTANT_SHARE:
             yield from _rest(record, name, x, constant)
             continue
+        if name in record.inputs and _counts(x):
+            yield DataWarning(
+                "counter",
+                f"{name} goes on by nearly the same step in every sample, as a time or a counter "
+                "of samples does: take the column of the input",
+                {"step": float(np.median(np.diff(x)))},
+                grade=Grade.DO_NOT_USE,
+                channel=name,
+            )
         dense = np.ascontiguousarray(x)
         limits = []
         for extreme, inward in ((float(dense.max()), -1.0), (float(dense.min()), 1.0)):
@@ -152,6 +163,16 @@ def _dead_sensor(record: IoData, name: str, limits: Sequence[float]) -> Iterator
         },
         channel=name,
     )
+
+
+def _counts(x: FloatArray) -> bool:
+    """Return whether nearly all steps of a signal are its usual one within a half, and not zero."""
+    with np.errstate(over="ignore"):
+        steps = np.diff(x)
+    usual = float(np.median(steps))
+    if usual == 0.0 or not np.isfinite(usual):
+        return False
+    return float(np.mean(np.abs(steps / usual - 1.0) <= _JITTER)) > CONSTANT_SHARE
 
 
 def _unmeasured(record: IoData) -> Iterator[DataWarning]:

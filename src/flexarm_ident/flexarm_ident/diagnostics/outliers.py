@@ -1,4 +1,4 @@
-"""Outliers: single samples of an output far off both neighbours."""
+"""Outliers: single samples of a channel far off both neighbours."""
 
 from __future__ import annotations
 
@@ -32,55 +32,83 @@ _ANSWER = 3
 _UNUSUAL = 3.0
 _USUAL_SHARE = 0.9
 _FEWEST = 50
+# An input may jump as it likes, but not so many deviations without an answer of any output within
+# so many samples, behind its own row, which may be spoilt as well.
+_INPUT_SIZE = 10.0
+_REPLY = (2, 12)
 
 
 def outliers(record: IoData) -> Iterator[DataWarning]:
-    """Yield the outputs of a record that have outliers, with their number and size."""
+    """Yield the channels of a record that have outliers, with their number and size."""
     explained = _answered(record)
     for name, y in zip(record.outputs, record.y.T, strict=True):
-        rows = _jumps(y, explained)
-        if not len(rows):
-            continue
-        usual = np.delete(y, rows)
-        sizes = np.abs(y[rows] - 0.5 * (y[rows - 1] + y[rows + 1])) / usual.std()
-        largest = float(sizes.max())
-        yield DataWarning(
-            "outliers",
-            f"{name} has {counted(len(rows), 'outlier')}, the largest {largest:.3g} deviations at "
-            f"{instant(int(rows[np.argmax(sizes)]), record.dt_s)}: fill them from their "
-            "neighbours, or set them to NaN for missing (empty the cells of a CSV file), "
-            "and check the wiring",
-            {
-                "count": float(len(rows)),
-                "largest": largest,
-                "first_row": float(rows[0]),
-                "last_row": float(rows[-1]),
-            },
-            channel=name,
-        )
+        yield from _told(record, name, y, _jumps(y, explained))
+    own = np.zeros(len(record), dtype=np.bool_)
+    for name, u in zip(record.inputs, record.u.T, strict=True):
+        rows = _jumps(u, own, size=_INPUT_SIZE)
+        yield from _told(record, name, u, rows[~_replied(record, rows)])
 
 
-def _jumps(x: FloatArray, explained: BoolArray) -> NDArray[np.intp]:
+def _told(
+    record: IoData, name: str, x: FloatArray, rows: NDArray[np.intp]
+) -> Iterator[DataWarning]:
+    if not len(rows):
+        return
+    usual = np.delete(x, rows)
+    sizes = np.abs(x[rows] - 0.5 * (x[rows - 1] + x[rows + 1])) / usual.std()
+    largest = float(sizes.max())
+    yield DataWarning(
+        "outliers",
+        f"{name} has {counted(len(rows), 'outlier')}, the largest {largest:.3g} deviations at "
+        f"{instant(int(rows[np.argmax(sizes)]), record.dt_s)}: fill them from their "
+        "neighbours, or set them to NaN for missing (empty the cells of a CSV file), "
+        "and check the wiring",
+        {
+            "count": float(len(rows)),
+            "largest": largest,
+            "first_row": float(rows[0]),
+            "last_row": float(rows[-1]),
+        },
+        channel=name,
+    )
+
+
+def _replied(record: IoData, rows: NDArray[np.intp]) -> BoolArray:
+    """Mark the rows behind which an output moves as it does after strong inputs, as after a blow.
+
+    An input so large would move it by more than it does in nine of ten samples.
+    """
+    replied = np.zeros(len(rows), dtype=np.bool_)
+    for y in record.y.T:
+        size = np.abs(np.diff(y))
+        limit = _UNUSUAL * float(np.quantile(size, _USUAL_SHARE))
+        behind = (slice(row + _REPLY[0] - 1, row + _REPLY[1]) for row in rows.tolist())
+        replied |= np.array([size[each].max(initial=0.0) > limit for each in behind], np.bool_)
+    return replied
+
+
+def _jumps(x: FloatArray, explained: BoolArray, size: float = _SIZE) -> NDArray[np.intp]:
     """Return the rows of a signal that jump off both neighbours and stand alone.
 
-    Rows in which the jumps are explained are compared with each other.
+    Rows in which the jumps are explained are compared with each other. A jump has so many
+    deviations of the signal at least.
     """
     none = np.empty(0, dtype=np.intp)
     if len(x) < _FEWEST or constant_share(x) > CONSTANT_SHARE:
         return none
     with np.errstate(over="ignore"):
         steps = np.diff(x)
-    size = np.abs(steps)
-    usual = float(np.median(size)) or float(np.median(size[size > 0.0]))
+    step = np.abs(steps)
+    usual = float(np.median(step)) or float(np.median(step[step > 0.0]))
     there_and_back = steps[:-1] * np.sign(steps[1:]) < 0.0
-    jump = np.where(there_and_back, np.minimum(size[:-1], size[1:]), 0.0)
+    jump = np.where(there_and_back, np.minimum(step[:-1], step[1:]), 0.0)
     low, high = np.quantile(x, (0.16, 0.84))
-    limit = max(_JUMP * usual, _SIZE * 0.5 * float(high - low))
+    limit = max(_JUMP * usual, size * 0.5 * float(high - low))
     inner = explained[1:-1]
     answer = _UNUSUAL * float(np.quantile(jump[inner], _USUAL_SHARE)) if inner.any() else 0.0
     rows = np.flatnonzero(jump > np.where(inner, max(limit, answer), limit)) + 1
     return (
-        rows[[_is_alone(size, row, jump[row - 1]) for row in rows.tolist()]] if len(rows) else none
+        rows[[_is_alone(step, row, jump[row - 1]) for row in rows.tolist()]] if len(rows) else none
     )
 
 

@@ -14,6 +14,7 @@ from flexarm_core.errors import DataError
 from flexarm_core.labels import without_dots
 from flexarm_ident.reading.stream import Header
 from flexarm_ident.reading.timetable import Answers, Marks, Timetable, record_rows, timetable
+from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
 from flexarm_ident.records.iodata import ARM_OUTPUTS, DataWarning, Grade, IoData
 from flexarm_ident.records.source import joined
 from flexarm_ident.subspace.feedback import BACKGROUND_SAMPLES
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from flexarm_bags.reader import Channels, Recorded
     from flexarm_core.arrays import FloatArray
+    from flexarm_ident.reading.wraps import Wrap
 
     Rows: TypeAlias = tuple[FloatArray, FloatArray]
     Pieces: TypeAlias = Callable[[], Iterable[Recorded]]
@@ -81,12 +83,15 @@ class Alignment:
         Places of the samples.
     is_arm : bool
         The messages are ``ArmState``, else ``IoSample``.
+    wraps : tuple of Wrap
+        Outputs whose turns are counted; empty for our own rig.
     """
 
     header: Header
     marks: Marks
     table: Timetable
     is_arm: bool
+    wraps: tuple[Wrap, ...] = ()
 
     def commanded(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
         """Return inputs, with compensation, and outputs; rows of the grid."""
@@ -165,7 +170,7 @@ class Alignment:
 
     def _rows(self, pieces: Iterable[Recorded]) -> Iterator[Rows]:
         columns = _arm_columns if self.is_arm else _io_columns
-        return record_rows(self.table, map(columns, pieces))
+        return record_rows(self.table, unwrapped(map(columns, pieces), self.wraps))
 
 
 def arm_alignment(states: Pieces, commands: Pieces, *, source: str) -> Alignment:
@@ -198,7 +203,9 @@ def arm_alignment(states: Pieces, commands: Pieces, *, source: str) -> Alignment
     return Alignment(header, marks, table, is_arm=True)
 
 
-def io_alignment(samples: Pieces, channels: Channels | None, *, source: str) -> Alignment:
+def io_alignment(
+    samples: Pieces, channels: Channels | None, *, source: str, wrap: float | None = None
+) -> Alignment:
     """Align the messages of any other rig; its inputs act from their own sample on.
 
     Parameters
@@ -209,6 +216,8 @@ def io_alignment(samples: Pieces, channels: Channels | None, *, source: str) -> 
         Names and rate; None when they were not recorded.
     source : str
         Name of the record.
+    wrap : float, optional
+        Period at which outputs wrap, as in `found_wraps`.
 
     Raises
     ------
@@ -219,7 +228,10 @@ def io_alignment(samples: Pieces, channels: Channels | None, *, source: str) -> 
     table = timetable(marks, input_behind=False)
     u, y = _io_columns(next(iter(samples())))
     header = _io_header(table, channels, (u.shape[1], y.shape[1]), source)
-    return Alignment(header, marks, table, is_arm=False)
+    wraps = found_wraps(map(_io_columns, samples()), wrap)
+    notices = (*header.notices, *wrap_notices(header.outputs, wraps))
+    header = replace(header, notices=notices)
+    return Alignment(header, marks, table, is_arm=False, wraps=tuple(wraps))
 
 
 def _arm_columns(piece: Recorded) -> Rows:

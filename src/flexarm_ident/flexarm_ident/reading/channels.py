@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from flexarm_ident.reading.offsets import on_their_rows
 from flexarm_ident.reading.sampling import JITTER_TOLERANCE, Run
 from flexarm_ident.reading.sampling import notices as sampling_notices
 from flexarm_ident.reading.tracks import NS, Evened, advances, evened, lost_messages, track
+from flexarm_ident.reading.wraps import found_wraps, unwrapped, wrap_notices
 from flexarm_ident.records.iodata import DataWarning, Grade, IoData
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from flexarm_ident.reading.fields import Field
     from flexarm_ident.reading.offsets import Offset
     from flexarm_ident.reading.tracks import Track
+    from flexarm_ident.reading.wraps import Wrap
 
     Integers = NDArray[np.int64]
     Messages = Mapping[str, Grouped]
@@ -98,8 +100,8 @@ def selection(
     )
 
 
-def selected(bag: Bag, chosen: Selection) -> IoData:
-    """Return the record of chosen signals; errors as in `read.read_channels`."""
+def selected(bag: Bag, chosen: Selection, wrap: float | None = None) -> IoData:
+    """Return the record of chosen signals; arguments and errors as in `read.read_channels`."""
     fields = (*chosen.inputs, *chosen.outputs)
     for field in fields:
         if field.topic not in bag.types:
@@ -107,10 +109,14 @@ def selected(bag: Bag, chosen: Selection) -> IoData:
     messages = {topic: bag.grouped(topic) for topic in {each.topic: None for each in fields}}
     clock, said = _clock(bag, messages, chosen.clock)
     sent = evened if clock == RECEIVE else Evened
-    commands, sampled = (
-        [sent(_track(bag, field, messages[field.topic], clock)) for field in role]
+    driven, measured = (
+        [_track(bag, field, messages[field.topic], clock) for field in role]
         for role in (chosen.inputs, chosen.outputs)
     )
+    turned = [_turned(each, wrap) for each in measured]
+    said += wrap_notices([each.name for each in chosen.outputs], [found for _, found in turned])
+    commands = [sent(each) for each in driven]
+    sampled = [sent(each) for each, _ in turned]
     found, offsets = on_their_rows(commands, sampled, interpolated=chosen.interpolated)
     said += [*_jitter((*commands, *sampled)), *map(_early, offsets)]
     inputs, outputs = ([each.sent for each in role] for role in (commands, sampled))
@@ -165,6 +171,14 @@ def _track(bag: Bag, field: Field, found: Grouped, clock: str) -> Track:
         return track(str(field), times_ns, values)
     except DataError as error:
         raise BagError(f"{bag.path}: {error}") from error
+
+
+def _turned(signal: Track, told: float | None) -> tuple[Track, Wrap]:
+    """Return an output with its turns counted, and its wrap."""
+    rows = [(np.zeros((len(signal.values), 1)), signal.values[:, np.newaxis])]
+    wraps = found_wraps(rows, told)
+    ((_, values),) = unwrapped(rows, wraps)
+    return replace(signal, values=values[:, 0]), wraps[0]
 
 
 def _jitter(signals: Sequence[Evened]) -> Iterator[DataWarning]:

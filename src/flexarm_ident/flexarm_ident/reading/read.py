@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _FIRST_ROS_YEAR = 2007
 
 
-def read_bag(uri: Path | str, *, topic: str | None = None) -> IoData:
+def read_bag(uri: Path | str, *, topic: str | None = None, wrap: float | None = None) -> IoData:
     """Read the record of an experiment from a bag.
 
     Parameters
@@ -42,6 +42,8 @@ def read_bag(uri: Path | str, *, topic: str | None = None) -> IoData:
         rosbag2 folder (MCAP or SQLite, split or compressed) or a single ``.mcap`` or ``.db3`` file.
     topic : str, optional
         Topic of ArmState or IoSample messages; None takes the only one, ArmState first.
+    wrap : float, optional
+        Period at which outputs wrap, as an encoder's does at 360; 0: none does. None: found.
 
     Returns
     -------
@@ -54,16 +56,18 @@ def read_bag(uri: Path | str, *, topic: str | None = None) -> IoData:
     BagError
         If the bag is missing, damaged, or holds no usable samples.
     """
-    return read_bag_report(uri, topic=topic).data
+    return read_bag_report(uri, topic=topic, wrap=wrap).data
 
 
-def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
+def read_bag_report(
+    uri: Path | str, *, topic: str | None = None, wrap: float | None = None
+) -> BagReading:
     """Read a record as `read_bag` does, with the counts of its samples and its warnings."""
     with opened(Path(uri)) as bag:
         chosen = _chosen(bag, topic)
         samples = bag.recorded(chosen)
         commands = partial(bag.every, sibling(chosen, "command"), MOTOR_COMMAND)
-        aligned = _aligned(bag, chosen, lambda: [samples], commands)
+        aligned = _aligned(bag, chosen, lambda: [samples], commands, wrap)
         if not aligned.is_arm:
             return aligned.reading(samples)
         reference = bag.optional(sibling(chosen, "reference"), REFERENCE)
@@ -75,7 +79,9 @@ def read_bag_report(uri: Path | str, *, topic: str | None = None) -> BagReading:
         )
 
 
-def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
+def stream_bag(
+    uri: Path | str, *, topic: str | None = None, wrap: float | None = None
+) -> BagStream:
     """Open a bag as a source for the identification that is never in memory as a whole.
 
     It is the record of `read_bag` without the Coulomb compensation (section 2.4.3), otherwise
@@ -87,6 +93,8 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
         rosbag2 folder (MCAP, not compressed by file or message) or a single ``.mcap`` file.
     topic : str, optional
         As in `read_bag`.
+    wrap : float, optional
+        As in `read_bag`.
 
     Raises
     ------
@@ -97,7 +105,7 @@ def stream_bag(uri: Path | str, *, topic: str | None = None) -> BagStream:
     with opened(path) as bag:
         chosen = _chosen(bag, topic)
         pieces = partial(bag.pieces, chosen)
-        aligned = _aligned(bag, chosen, pieces, lambda: _command_pieces(bag, chosen))
+        aligned = _aligned(bag, chosen, pieces, lambda: _command_pieces(bag, chosen), wrap)
         header = aligned.header
         header.check(aligned.efforts(pieces()))
         closed_loop = aligned.loop_kind(bag.declared_loops(chosen), pieces)
@@ -151,7 +159,7 @@ def signals_told(uri: Path | str) -> str:
     return told
 
 
-def read_channels(uri: Path | str, selection: Selection) -> IoData:
+def read_channels(uri: Path | str, selection: Selection, *, wrap: float | None = None) -> IoData:
     """Read numbers of any topics as the record of an experiment, from a bag of any ROS 2 program.
 
     The record has the period of the densest output; `common_grid` says how the others come to it.
@@ -162,6 +170,8 @@ def read_channels(uri: Path | str, selection: Selection) -> IoData:
         As in `read_bag`.
     selection : Selection
         Inputs and outputs, by `channels.selection`.
+    wrap : float, optional
+        As in `read_bag`.
 
     Raises
     ------
@@ -170,7 +180,7 @@ def read_channels(uri: Path | str, selection: Selection) -> IoData:
         error about a topic or field lists those that there are.
     """
     with opened(Path(uri)) as bag:
-        return selected(bag, selection)
+        return selected(bag, selection, wrap)
 
 
 def _chosen(bag: Bag, topic: str | None) -> str:
@@ -183,11 +193,13 @@ def _chosen(bag: Bag, topic: str | None) -> str:
     return chosen
 
 
-def _aligned(bag: Bag, topic: str, samples: Pieces, commands: Pieces) -> Alignment:
+def _aligned(
+    bag: Bag, topic: str, samples: Pieces, commands: Pieces, wrap: float | None
+) -> Alignment:
     if bag.types[topic] == ARM_STATE:
         return arm_alignment(samples, commands, source=str(bag.path))
     channels = bag.channels(sibling(topic, "io_channels"))
-    return io_alignment(samples, channels, source=str(bag.path))
+    return io_alignment(samples, channels, source=str(bag.path), wrap=wrap)
 
 
 def _command_pieces(bag: Bag, topic: str) -> Iterable[Recorded]:

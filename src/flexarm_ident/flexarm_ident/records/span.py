@@ -32,6 +32,8 @@ class Span:
         Instant of the first row that is used.
     to_s : float, optional
         Instant of the first row behind those that are used; None: to the end.
+    wrap : float, optional
+        How the record is read: the period at which its outputs wrap, as in `read_bag`.
 
     Raises
     ------
@@ -41,6 +43,7 @@ class Span:
 
     from_s: float = 0.0
     to_s: float | None = None
+    wrap: float | None = None
 
     def __post_init__(self) -> None:
         for option, given_s in (("--from", self.from_s), ("--to", self.to_s)):
@@ -55,6 +58,11 @@ class Span:
                 "end or an earlier start (from_s, to_s)"
             )
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether all rows are used."""
+        return self.from_s == 0.0 and self.to_s is None
+
     def of(self, record: IoData) -> IoData:
         """Return the part of a record, which has the span in its name.
 
@@ -63,7 +71,7 @@ class Span:
         DataError
             If the record ends before, or the part has fewer than 50 rows.
         """
-        if self == EVERYTHING:
+        if self.is_whole:
             return record
         end_s = len(record) * record.dt_s
         to_s = end_s if self.to_s is None else self.to_s

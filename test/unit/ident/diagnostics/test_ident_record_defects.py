@@ -188,6 +188,41 @@ def test_outliers___pulses_of_the_input_behind_them___are_an_answer() -> None:
     assert not list(outliers(IoData(u, y, dt_s=DT_S, outputs=("y",))))
 
 
+@driven
+def test_outliers___of_the_input___are_named_like_those_of_outputs(drive: str) -> None:
+    data = answer(DRIVES[drive](np.random.default_rng(21)), 21)
+    u = data.u.copy()
+    u[[700, 1500, 2900], 0] = [3e5, -1e6, 4e4]
+    spoilt = IoData(u, data.y, dt_s=DT_S, inputs=("u",), outputs=data.outputs)
+    found = only(outliers, spoilt, "outliers", "u")
+    assert (found["count"], found["first_row"], found["last_row"]) == (3.0, 700.0, 2900.0)
+
+
+@driven
+def test_outliers___of_clean_records___are_none(drive: str) -> None:
+    data = answer(DRIVES[drive](np.random.default_rng(22)), 22)
+    assert not list(outliers(data))
+
+
+def test_outliers___blows_that_the_outputs_answer___are_none() -> None:
+    rng = np.random.default_rng(23)
+    u = 1e-3 * rng.normal(size=(SAMPLES, 1))
+    u[100::700] = 1.0
+    b, a = [0.0, 1.0], [1.0, -1.9, 0.95]
+    y = signal.lfilter(b, a, u, axis=0) + 1e-3 * rng.normal(size=u.shape)
+    assert not list(outliers(IoData(u, y, dt_s=DT_S, outputs=("y",))))
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+def test_counter___as_an_input___is_told(jitter: float) -> None:
+    data = answer(DRIVES["white"](np.random.default_rng(24)), 24)
+    k = np.arange(SAMPLES) + jitter * np.random.default_rng(25).uniform(-1.0, 1.0, SAMPLES)
+    counted = IoData(np.mod(5.0 * k, 25600.0), data.y, dt_s=DT_S, inputs=("n",))
+    found = [each for each in channel_defects(counted) if each.name == "counter"]
+    assert [each.channel for each in found] == ["n"]
+    assert not [each for each in channel_defects(data) if each.name == "counter"]
+
+
 def test_quantisation___steps_of_half_a_deviation___are_named_with_their_size() -> None:
     data = answer(DRIVES["white"](np.random.default_rng(13)), 13)
     y, step = data.y.copy(), 0.5 * data.y[:, 3].std()

@@ -34,6 +34,13 @@ _OPTIONS = (
         help="Output, such as /joint_states.position[0], or column; repeat.",
     ),
     click.option(
+        "--time",
+        "times",
+        multiple=True,
+        metavar="TIME",
+        help="Time of a CSV file: COLUMN, COLUMN:us or a rate, 200Hz; both to resample.",
+    ),
+    click.option(
         "--clock",
         type=click.Choice(CLOCKS),
         help="Instants of other messages; else headers where every topic has them.",
@@ -58,6 +65,12 @@ _OPTIONS = (
         type=Quantity(TIME_S, 0.0),
         metavar="TIME",
         help="Leave out what is from there on; else to the end.",
+    ),
+    click.option(
+        "--wrap",
+        type=click.FloatRange(min=0.0),
+        metavar="PERIOD",
+        help="Step of an output that is a turn of its encoder, such as 4000; 0: none. Else found.",
     ),
 )
 
@@ -96,4 +109,4 @@ def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:
 
 def taken_span(options: dict[str, Any]) -> Span:
     """Take the part of the records out of the options."""
-    return Span(options.pop("from_s"), options.pop("to_s"))
+    return Span(options.pop("from_s"), options.pop("to_s"), options.pop("wrap"))

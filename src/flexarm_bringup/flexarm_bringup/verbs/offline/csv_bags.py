@@ -16,12 +16,15 @@ from flexarm_core.errors import FlexarmError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from flexarm_daq.importing.csv_import import CsvRecord, ImportSummary
-    from flexarm_daq.importing.csv_map import CsvMap
+    from flexarm_ident.importing.csv_import import CsvRecord, ImportSummary
+    from flexarm_ident.importing.csv_map import CsvMap
 
 
 # No bag is called so.
-_TABLES = frozenset({".csv", ".tsv", ".txt", ".dat"})
+_TABLES = frozenset(
+    {".csv", ".tsv", ".txt", ".dat", ".lvm", ".log", ".asc", ".prn", ".mat", ".h5", ".hdf5"}
+    | {".parquet", ".feather", ".tdms"}
+)
 _SPREADSHEETS = frozenset({".xlsx", ".xls", ".ods"})
 
 
@@ -30,6 +33,7 @@ class Columns(NamedTuple):
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    times: tuple[str, ...] = ()
 
 
 def taken_columns(
@@ -43,9 +47,11 @@ def taken_columns(
         if path.suffix.lower() in _SPREADSHEETS:
             raise click.UsageError(f"{path} is a spreadsheet: save it as CSV in UTF-8")
     tables = _tables(paths)
-    named = Columns(options["inputs"], options["outputs"])
+    named = Columns(options["inputs"], options["outputs"], options.pop("times", ()))
     if map_file and any(named):
-        raise click.UsageError("give --map, or --input and --output: both tell the columns")
+        raise click.UsageError("give --map, or --input, --output and --time: both tell the columns")
+    if named.times and not (tables and named.inputs and named.outputs):
+        raise click.UsageError("--time belongs to a CSV file with --input and --output")
     if map_file or not tables or not any(named):
         return map_file
     for path in paths:
@@ -62,7 +68,7 @@ def taken_columns(
 
 def imported(csv: Path, map_file: Path, bag: Path) -> ImportSummary:
     """Turn a CSV file into a new bag for keeps, by the map of its columns."""
-    from flexarm_daq.importing.csv_map import load_csv_map  # noqa: PLC0415 - not for the help
+    from flexarm_ident.importing.csv_map import load_csv_map  # noqa: PLC0415 - not for the help
 
     return _imported(csv, load_csv_map(map_file), bag)
 
@@ -76,7 +82,7 @@ def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[d
     _refuse_twice(paths)
     tables = _tables(paths)
     if tables and columns is None:
-        from flexarm_daq.importing.csv_table import column_names  # noqa: PLC0415 - not for bags
+        from flexarm_ident.importing.csv_table import column_names  # noqa: PLC0415 - not for bags
 
         names = ", ".join(column_names(tables[0]))
         raise click.UsageError(
@@ -121,7 +127,7 @@ def _tables(paths: Sequence[Path]) -> list[Path]:
 
 def _bag_of(csv: Path, columns: Path | Columns, folder: Path) -> Path:
     """Return a bag of a CSV file in a new folder, below folders of the same names."""
-    from flexarm_daq.importing.csv_map import load_csv_map  # noqa: PLC0415 - not for the help
+    from flexarm_ident.importing.csv_map import load_csv_map  # noqa: PLC0415 - not for the help
 
     bag = folder.joinpath(*csv.absolute().with_suffix("").parts[1:])
     if isinstance(columns, Path):
@@ -132,7 +138,7 @@ def _bag_of(csv: Path, columns: Path | Columns, folder: Path) -> Path:
 def _judged(csv: Path, columns: Columns, bag: Path) -> Path:
     """Import a file of which nobody said whether the outputs made the inputs: the data tell."""
     # They take long to load: not for the help.
-    from flexarm_daq.importing.csv_columns import named_columns  # noqa: PLC0415
+    from flexarm_ident.importing.csv_columns import named_columns  # noqa: PLC0415
     from flexarm_ident.records.iodata import IoData  # noqa: PLC0415
     from flexarm_ident.subspace.loop_test import judged_loop  # noqa: PLC0415
 
@@ -160,7 +166,7 @@ def _imported(
 ) -> ImportSummary:
     # They load numpy and rosbags.
     from flexarm_bags.schema import own_types, share_of  # noqa: PLC0415
-    from flexarm_daq.importing.csv_import import import_csv  # noqa: PLC0415
+    from flexarm_ident.importing.csv_import import import_csv  # noqa: PLC0415
 
     made = import_csv(
         csv, mapping, bag, typestore=own_types(), folder_of=share_of, judged=judged, kept=kept

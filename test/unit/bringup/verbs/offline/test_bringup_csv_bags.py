@@ -12,7 +12,6 @@ from click.testing import CliRunner
 from flexarm_bringup.cli import main
 from flexarm_bringup.verbs.offline.csv_bags import Columns, as_bags, taken_columns
 from flexarm_core.errors import DataError
-from flexarm_daq.importing.csv_table import CsvImportError
 from flexarm_ident import read_bag
 from flexarm_ident.records.naming import short_names
 
@@ -133,7 +132,7 @@ def test_csv___with_named_columns___is_a_bag_whose_loop_the_data_tell(
 
 def test_taken_columns__csv_without_a_map___are_taken_from_the_options(tmp_path: Path) -> None:
     options: dict[str, Any] = {"inputs": ("u",), "outputs": ("y",), "clock": None}
-    assert taken_columns([table(tmp_path / "run.csv")], None, options) == (("u",), ("y",))
+    assert taken_columns([table(tmp_path / "run.csv")], None, options) == (("u",), ("y",), ())
     assert options == {"inputs": (), "outputs": (), "clock": None}
 
 
@@ -143,7 +142,7 @@ def test_taken_columns__bags_and_maps___leave_the_options(tmp_path: Path, column
     assert options == {"inputs": ("/a.data",), "outputs": ("/b.data",)}
     none: dict[str, Any] = {"inputs": (), "outputs": ()}
     assert taken_columns([tmp_path / "run.csv"], columns, none) == columns
-    with pytest.raises(click.UsageError, match="give --map, or --input and --output"):
+    with pytest.raises(click.UsageError, match="give --map, or --input, --output and --time"):
         taken_columns([tmp_path / "run.csv"], columns, options)
 
 
@@ -160,7 +159,7 @@ def test_map___without_a_csv___is_refused(tmp_path: Path, columns: Path) -> None
         pass
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("separator", [",", ";", "\t", " ", "|"])
 @pytest.mark.parametrize("ending", ["csv", "tsv", "txt", "dat", "TXT"])
 def test_table___of_any_ending_and_separator___is_read(
     tmp_path: Path, columns: Path, ending: str, separator: str
@@ -170,12 +169,3 @@ def test_table___of_any_ending_and_separator___is_read(
         record = read_bag(next(iter(found)))
         assert np.allclose(record.y[:, 0], 2.0 * np.arange(50))
         assert np.allclose(record.u[:, 0], np.arange(50) % 3)
-
-
-def test_table___with_spaces_between_its_columns___is_told_what_to_do(
-    tmp_path: Path, columns: Path
-) -> None:
-    path = table(tmp_path / "run.dat", " ")
-    said = r"run\.dat: its columns are separated by spaces: save it with commas"
-    with pytest.raises(CsvImportError, match=said), as_bags([path], columns):
-        pass

@@ -9,10 +9,10 @@ import pytest
 from scipy.linalg import expm
 
 from flexarm_bags.schema import own_types
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, load_csv_map
-from flexarm_daq.importing.csv_table import CsvImportError
 from flexarm_ident import identify, read_bag
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap, load_csv_map
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -59,6 +59,17 @@ def test_resampling___slow_sine_and_steps___is_their_value_and_their_mean(tmp_pa
     expected = np.where(even_s < change_s, 1.0, 3.0)
     expected[row] = 1.0 + 2.0 * (row + 1 - change_s * RATE_HZ)
     assert data.u[:, 0] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("last_s", [0.0907, 0.0993])
+def test_resampling___input_of_the_last_row___acts_for_a_period(
+    tmp_path: Path, last_s: float
+) -> None:
+    times_s = np.append(0.01 * np.arange(10) - 0.002 * (np.arange(10) % 2), last_s)
+    u = np.append(np.ones(10), 4.0)
+    data = imported(tmp_path, times_s, u, times_s)
+    # The last even row is at 0.09 s, and the last value acts from its own row on.
+    assert data.u[:, 0] == pytest.approx([*np.ones(9), 1.0 + 3.0 * (0.1 - last_s) / 0.01])
 
 
 def test_resampling___vibration_under_a_held_input___has_its_frequency(tmp_path: Path) -> None:

@@ -8,10 +8,10 @@ import pytest
 
 from flexarm_bags.writer import RecordingError
 from flexarm_core.bounds import BoundError
-from flexarm_daq.importing import csv_import
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_ident.importing import csv_import
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from support.bag_samples import typestore
 
 if TYPE_CHECKING:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_daq.importing import csv_table
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-from flexarm_daq.importing.csv_table import CsvImportError, read_table
+from flexarm_ident.importing import csv_table
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+from flexarm_ident.importing.csv_table import read_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,9 +39,8 @@ def test_decimal_commas___between_other_separators___are_read(
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        (["0;1,5;2", "1;1;1.234,5"], r"line 3, column q: '1\.234,5', and the file has commas and"),
         (["0;1.5;2", "1;1;2,5"], r"line 3, column q: '2,5', and .* write all with one of them"),
-        (["0;1,5;2", "1;1;1,234,567"], r"line 3, column q: '1,234,567' is not a number: correct"),
+        (["0;1,5;2", "1;1;1,234,567"], r"line 3, column q: '1,234,567', and the file has commas"),
     ],
 )
 def test_numbers___with_marks_that_contradict___are_refused(

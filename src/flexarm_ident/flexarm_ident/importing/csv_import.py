@@ -18,11 +18,12 @@ from flexarm_bags.metadata import RecordedTopic, TopicQos
 from flexarm_bags.records.columns import decode, members
 from flexarm_bags.schema import describe
 from flexarm_bags.writer import whole_bag
-from flexarm_daq.importing.csv_columns import unused_time
-from flexarm_daq.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate, unit_notes
-from flexarm_daq.importing.csv_resampling import resampled
-from flexarm_daq.importing.csv_table import CsvImportError, read_table
-from flexarm_daq.importing.csv_times import Sampling, doubt, sampling
+from flexarm_ident.importing.csv_columns import unused_time, with_units
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_map import FASTEST_HZ, SLOWEST_HZ, is_rate, unit_notes
+from flexarm_ident.importing.csv_resampling import on_one_grid, resampled
+from flexarm_ident.importing.csv_table import read_table, table_layout
+from flexarm_ident.importing.csv_times import Sampling, sampling, unit_question
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
 
     from flexarm_bags.schema import MessageDefinition
     from flexarm_core.arrays import FloatArray
-    from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-    from flexarm_daq.importing.csv_table import CsvTable
+    from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+    from flexarm_ident.importing.csv_table import CsvTable
 
 IO_TOPIC = "/flexarm/io"
 CHANNELS_TOPIC = "/flexarm/io_channels"
@@ -116,7 +117,7 @@ def import_csv(
     csv_path : Path
         Comma separated file with the column names in its first line, in the units of the map.
     mapping : CsvMap
-        Columns and their names; see :func:`flexarm_daq.importing.csv_map.load_csv_map`.
+        Columns and their names; see :func:`flexarm_ident.importing.csv_map.load_csv_map`.
     bag_path : Path
         Folder to create.
     typestore : Typestore
@@ -144,8 +145,18 @@ def import_csv(
     RecordingError
         If the bag exists or cannot be written.
     """
-    table = read_table(csv_path, mapping)
+    layout = table_layout(csv_path)
+    mapping = with_units(mapping, layout)
+    table = read_table(csv_path, mapping, layout)
     record = _record(table, mapping)
+    asked: tuple[str, ...] = ()
+    if mapping.time is not None:
+        names = [
+            text
+            for each in (*mapping.inputs, *mapping.outputs)
+            for text in (each.column, each.name, each.unit)
+        ]
+        asked = unit_question(table, mapping.time, names, record.sampling.rate_hz)
     digest = _hash(csv_path)
     told = (mapping.description, f"{csv_path.name} sha256:{digest}") if kept else ()
     resampling = f"rows resampled to {mapping.rate_hz:g} Hz" if mapping.resamples else ""
@@ -157,11 +168,14 @@ def import_csv(
     closed_loop = judged(record) if judged else mapping.closed_loop
     mapping = replace(mapping, closed_loop=closed_loop)
     _write(bag_path, typestore, definitions, mapping, record, source=source)
-    notes = (*table.cut, *unit_notes(mapping), *unused_time(csv_path, mapping))
-    if mapping.resamples:
+    notes = (*table.cut, *unit_notes(mapping), *unused_time(csv_path, mapping, layout))
+    if table.own_instants:
+        notes += (
+            f"each column has its own rows: put on one grid of {record.sampling.rate_hz:g} Hz",
+        )
+    elif mapping.resamples:
         notes += (f"{len(table.lines)} rows were resampled to {mapping.rate_hz:g} Hz",)
-    elif mapping.time is not None:
-        notes += doubt(mapping.time, record.sampling.rate_hz)
+    notes += asked
     rows, last = len(record.inputs), int(record.sampling.places[-1])
     return ImportSummary(
         bag_path,
@@ -177,6 +191,8 @@ def import_csv(
 
 def _record(table: CsvTable, mapping: CsvMap) -> CsvRecord:
     signals = table.values
+    if table.own_instants:
+        return CsvRecord(*on_one_grid(table, mapping))
     if mapping.time is not None and mapping.rate_hz is not None:
         found, signals = resampled(table, mapping.time, len(mapping.inputs), mapping.rate_hz)
     elif mapping.time is not None:

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, unit_notes
-from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap, unit_notes
 from support.bag_samples import typestore
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flexarm_daq.importing.csv_import import ImportSummary
+    from flexarm_ident.importing.csv_import import ImportSummary
 
 RATE_HZ = 200.0
 
@@ -63,8 +63,11 @@ def test_import___name_without_a_unit___is_in_seconds(tmp_path: Path, time: str)
 def test_import___low_rate_of_a_name_without_a_unit___is_doubted(tmp_path: Path) -> None:
     summary = imported(tmp_path, "time", 1e3)
     assert summary.rate_hz == pytest.approx(0.2)
-    said = "column time gives 0.2 Hz: are the times in ms? Then call it time_ms"
-    assert summary.notes == (said,)
+    (said,) = summary.notes
+    assert said.startswith(
+        "column time gives 0.2 Hz over 2000 s if its times are in s; are they in"
+    )
+    assert "--time 'time:ms' or --time 'time:s' (time_unit in a map)" in said
 
 
 @pytest.mark.parametrize(("time", "per_s"), [("time_s", 1e3), ("t", 200.0)])

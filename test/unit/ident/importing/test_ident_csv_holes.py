@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-from flexarm_daq.importing.csv_table import CsvImportError
+from flexarm_ident.importing.csv_import import CsvRecord, import_csv
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+from flexarm_ident.importing.csv_times import Sampling
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from flexarm_daq.importing.csv_import import ImportSummary
+    from flexarm_ident.importing.csv_import import ImportSummary
 
 MAP = CsvMap(
     inputs=(CsvChannel("u", "drive_v"),),
@@ -67,10 +68,19 @@ def test_missing_cell_of_an_output___is_missing_there_alone(tmp_path: Path, cell
     assert record.y[50, 1] == pytest.approx(np.cos(5.0), abs=0.1**4)
 
 
-def test_missing_last_cell___may_lack_its_comma(tmp_path: Path) -> None:
+def test_missing_last_cells___may_lack_their_commas(tmp_path: Path) -> None:
     rows = lines(0.01 * np.arange(ROWS))
-    rows[50] = rows[50].rpartition(",")[0]
-    assert imported(tmp_path, rows).missing_cells == 1
+    rows[50:-1:10] = [row.rpartition(",")[0] for row in rows[50:-1:10]]
+    assert imported(tmp_path, rows).missing_cells == len(rows[50:-1:10])
+
+
+def test_row___that_lacks_a_cell_alone___is_missing(tmp_path: Path) -> None:
+    rows = lines(0.01 * np.arange(ROWS))
+    # A newline that was lost makes one cell of two.
+    rows[50] = "0.5,-1,601"
+    summary = imported(tmp_path, rows)
+    assert (summary.missing_rows, summary.missing_cells) == (1, 0)
+    assert summary.notes[0].startswith("line 52 has fewer cells than the others: left out")
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.0037])
@@ -95,6 +105,34 @@ def test_missing_rows___are_a_hole_in_time(tmp_path: Path, late_s: float) -> Non
     assert "9 of 200 samples are missing, in 1 hole, from" in notice.text
     streamed = [y for _, y in stream_bag(tmp_path / "bag").chunks(ROWS)]
     np.testing.assert_array_equal(np.concatenate(streamed), record.y_usable)
+
+
+def test_holes_of_five_periods_and_a_part___leave_the_rate_as_it_is(tmp_path: Path) -> None:
+    # They are the shortest whose length is rounded: what is beyond five periods is no time of rows.
+    times_s = 0.01 * np.arange(ROWS) + 0.044 * (np.arange(ROWS) // 20)
+    summary = imported(tmp_path, lines(times_s))
+    assert summary.rate_hz == pytest.approx(100.0, rel=1e-12)
+    assert (summary.samples, summary.missing_rows) == (ROWS, 9 * 4)
+
+
+@pytest.mark.parametrize(("part", "is_taken"), [(4.91, True), (4.88, False), (5.15, True)])
+def test_gap_about_five_periods___is_a_hole_of_any_length_from_five_on(
+    tmp_path: Path, part: float, *, is_taken: bool
+) -> None:
+    times_s = 0.01 * np.arange(ROWS) + np.where(np.arange(ROWS) < 100, 0.0, 0.01 * (part - 1.0))
+    if is_taken:
+        assert imported(tmp_path, lines(times_s)).missing_rows == 4
+    else:
+        with pytest.raises(CsvImportError, match="irregular step"):
+            imported(tmp_path, lines(times_s))
+
+
+def test_record___with_a_hole___ends_with_its_last_row() -> None:
+    values = np.array([[1.0], [2.0], [5.0]])
+    record = CsvRecord(values, 10.0 * values, Sampling(100.0, np.array([0, 1, 4])))
+    u, y = record.even()
+    np.testing.assert_array_equal(u[:, 0], [1.0, 2.0, 2.0, 2.0, 5.0])
+    np.testing.assert_array_equal(y[:, 0], [10.0, 20.0, np.nan, np.nan, 50.0])
 
 
 def test_rows_at_few_digits_of_time___keep_their_places_behind_a_long_hole(tmp_path: Path) -> None:

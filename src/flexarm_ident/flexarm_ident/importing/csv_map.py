@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 from flexarm_core.bounds import YamlError, read_text_bytes, shown, yaml_content
 from flexarm_core.errors import FlexarmError, reason
-from flexarm_core.labels import label_and_unit, named_twice, unit_ending
+from flexarm_core.labels import TIME_UNITS_S, label_and_unit, named_twice, unit_ending
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-_KEYS = {"time", "rate_hz", "inputs", "outputs", "closed_loop", "description"}
+_KEYS = {"time", "time_unit", "rate_hz", "inputs", "outputs", "closed_loop", "description"}
 _CHANNEL_KEYS = {"column", "name", "unit"}
 # Stamps count nanoseconds, and their seconds end at 2**31.
 SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
@@ -49,6 +49,8 @@ class CsvMap:
         True when the inputs were computed from the outputs.
     description : str
         Free text for the bag's source.
+    time_unit : str
+        Unit of the time, ``us``; empty where the name, the file or nothing tells it.
     """
 
     inputs: tuple[CsvChannel, ...]
@@ -57,6 +59,7 @@ class CsvMap:
     rate_hz: float | None = None
     closed_loop: bool = False
     description: str = ""
+    time_unit: str = ""
 
     @property
     def resamples(self) -> bool:
@@ -94,9 +97,9 @@ def load_csv_map(path: Path) -> CsvMap:
     Parameters
     ----------
     path : Path
-        File with the keys ``time`` (a column), ``rate_hz`` or both, ``inputs`` and ``outputs``
-        (lists of ``column`` with an optional ``name`` and ``unit``), ``closed_loop``,
-        ``description``.
+        File with the keys ``time`` (a column) with ``time_unit``, ``rate_hz`` or both, ``inputs``
+        and ``outputs`` (lists of ``column`` with an optional ``name`` and ``unit``),
+        ``closed_loop``, ``description``.
 
     Raises
     ------
@@ -118,6 +121,7 @@ def load_csv_map(path: Path) -> CsvMap:
         inputs=_channels(content, "inputs", path),
         outputs=_channels(content, "outputs", path),
         time=_text(content, "time", path) if "time" in content else None,
+        time_unit=_time_unit(content, path) if "time_unit" in content else "",
         rate_hz=_rate(content["rate_hz"], path) if "rate_hz" in content else None,
         closed_loop=_flag(content.get("closed_loop", False), path),
         description=_text(content, "description", path) if "description" in content else "",
@@ -147,6 +151,15 @@ def _rate(value: object, path: Path) -> float:
             f"{shown(value)}"
         )
     return float(value)
+
+
+def _time_unit(content: Mapping[str, object], path: Path) -> str:
+    unit = _text(content, "time_unit", path)
+    if unit not in TIME_UNITS_S or "time" not in content:
+        raise CsvMapError(
+            f"{path}: time_unit must be one of {', '.join(TIME_UNITS_S)}, beside time: {unit}"
+        )
+    return unit
 
 
 def is_rate(rate_hz: float) -> bool:

@@ -14,13 +14,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexarm_core.labels import time_unit_s
-from flexarm_daq.importing.csv_table import CsvImportError
-from flexarm_daq.importing.csv_times import Sampling, refuse_backwards
+from flexarm_core.errors import DataError
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_times import Sampling, refuse_backwards
+from flexarm_ident.reading.offsets import on_their_rows
+from flexarm_ident.reading.tracks import NS, evened, track
 
 if TYPE_CHECKING:
     from flexarm_core.arrays import FloatArray
-    from flexarm_daq.importing.csv_table import CsvTable
+    from flexarm_ident.importing.csv_map import CsvMap
+    from flexarm_ident.importing.csv_table import CsvTable
 
 # Rate in units of that of the rows: with less, noise and vibration fold down, and with more the
 # interpolation makes up what was not measured.
@@ -53,7 +56,7 @@ def resampled(
         If the times do not rise, there are fewer than 3 rows, the rate differs by more than a
         quarter from that of the rows, or most even rows are missing.
     """
-    times_s = table.values[:, 0] * (time_unit_s(column) or 1.0)
+    times_s = table.values[:, 0]
     steps_s = np.diff(times_s)
     if len(times_s) < _FEWEST:
         raise CsvImportError(f"{table.path}: {len(times_s)} rows are too few to resample")
@@ -75,6 +78,28 @@ def resampled(
         )
     signals = np.hstack([_mean_held(times_s, u, even_s, 1.0 / rate_hz), outputs])[places]
     return Sampling(rate_hz, places - places[0]), signals
+
+
+def on_one_grid(table: CsvTable, mapping: CsvMap) -> tuple[FloatArray, FloatArray, Sampling]:
+    """Return inputs and outputs of columns that have rows of their own, as topics of a bag have.
+
+    Raises
+    ------
+    CsvImportError
+        If the columns do not overlap in time, or their times do not advance.
+    """
+    times_ns = np.rint((table.values[:, 0] - table.values[0, 0]) * NS).astype(np.int64)
+    names = [each.column for each in (*mapping.inputs, *mapping.outputs)]
+    try:
+        signals = [
+            evened(track(name, times_ns, values))
+            for name, values in zip(names, table.values[:, 1:].T, strict=True)
+        ]
+        width = len(mapping.inputs)
+        found, _ = on_their_rows(signals[:width], signals[width:])
+    except DataError as error:
+        raise CsvImportError(f"{table.path}: {error}") from error
+    return found.u, found.y, Sampling(1.0 / found.grid.period_s, np.arange(len(found.rows)))
 
 
 def _mean_held(

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 
 from flexarm_bags.writer import RecordingError
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
-from flexarm_daq.importing.csv_table import CsvImportError
 from flexarm_ident import identify
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap, CsvMapError, load_csv_map
 from flexarm_ident.reading.read import read_bag, stream_bag
 from support.bag_samples import typestore
 from support.hostile_texts import doubled
@@ -147,11 +147,11 @@ def test_import___byte_order_mark_and_empty_lines___are_no_problem(tmp_path: Pat
         ),
         (["t,i,q", "0,1,", "1,2,NA"], "column q has no number: leave it out"),
         (["time,i,p", "0,1,2"], "no columns t, q; there are: time, i, p"),
-        (["t,i,q,q", "0,1,2,2"], "more than one column q; there are: t, i, q, q"),
-        (["0,1.5,2", "1,2,3"], "numbers alone, '0,1.5,2': put a line with the names of the col"),
+        (["t,i,q,q", "0,1,2,2"], "more than one column q; there are: t, i, q#1, q#2"),
+        (["0,1.5,2", "1,2,3"], "numbers alone: put a line with the names of the col"),
         (["t,i,q", "0,1,2"], "data rows: 1; at least 2 are needed"),
         (["t,i,q"], "data rows: 0"),
-        ([], "no columns t, i, q; there are: "),
+        ([], "the first line is empty: it has the names of the columns"),
         (
             ["t,i,q", "0,1,1", "1,1,1", "2,1,1", "3.5,1,1", "4.5,1,1"],
             ", line 5: column t has an irregular step, 1.5",
@@ -203,12 +203,28 @@ def test_import___missing_file___says_so(tmp_path: Path) -> None:
         import_csv(tmp_path / "none.csv", ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 
-@pytest.mark.parametrize("content", [bytes(range(256)), "t,i,\u03b2\u00b0\n".encode("cp1253")])
-def test_import___file_of_other_characters___says_so(tmp_path: Path, content: bytes) -> None:
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (bytes(range(256)), "is a binary file and no text: export it as CSV"),
+        ("t,i,\u03b2\u00b0\n".encode("cp1253"), "no column q; there are: t, i, "),
+        (b"PK\x03\x04" + bytes(99), "is an Excel or OpenDocument workbook or a zip file: save its"),
+        (b"PAR1" + bytes(99), "is a Parquet file: write it as CSV"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(99), "is an HDF5 or MATLAB 7.3 file: write its arrays by"),
+        (
+            b"MATLAB 5.0 MAT-file",
+            "is a MATLAB file: write its signals as CSV by MATLAB's writetable",
+        ),
+        (b"TDSm" + bytes(9), "is a LabVIEW TDMS file: export it as text"),
+    ],
+)
+def test_import___file_of_another_kind___says_what_it_is(
+    tmp_path: Path, content: bytes, said: str
+) -> None:
     file = tmp_path / "data.csv"
     file.write_bytes(content)
 
-    with pytest.raises(CsvImportError, match=r"data\.csv: is no text in UTF-8: save it as CSV in"):
+    with pytest.raises(CsvImportError, match=rf"data\.csv: {said}"):
         import_csv(file, ONE_IN_ONE_OUT, tmp_path / "bag", typestore=typestore())
 
 

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from flexarm_daq.importing.csv_import import import_csv
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
 from flexarm_ident import read_bag
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
 from support.bag_samples import typestore
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from flexarm_daq.importing.csv_import import ImportSummary
+    from flexarm_ident.importing.csv_import import ImportSummary
 
 
 def imported(folder: Path, times: list[str]) -> ImportSummary:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from flexarm_daq.importing.csv_map import CsvChannel, CsvMap
-from flexarm_daq.importing.csv_table import CsvImportError, read_table
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+from flexarm_ident.importing.csv_table import read_table
 
 if TYPE_CHECKING:
     from pathlib import Path

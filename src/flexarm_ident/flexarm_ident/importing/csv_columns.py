@@ -1,0 +1,169 @@
+"""Map of a CSV file from the names of its columns alone, where nobody wrote one."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from textwrap import shorten
+from typing import TYPE_CHECKING
+
+from flexarm_core.labels import TIME_UNIT_ENDING, TIME_UNITS_S, named_twice, time_unit_s
+from flexarm_ident.importing.csv_clock import is_clock
+from flexarm_ident.importing.csv_layout import CsvImportError
+from flexarm_ident.importing.csv_map import CsvChannel, CsvMap
+from flexarm_ident.importing.csv_table import columns_told, nanoseconds_of, table_layout
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from flexarm_ident.importing.csv_layout import Layout
+
+_TIME = re.compile(
+    r"_*(t|(rel_|elapsed )?time|time ?_?stamp|date ?_?time|elapsed|seconds|ms|us|ns|millis|micros|"
+    rf"zeit|x_value|(.*[._/])?secs?)({TIME_UNIT_ENDING})?",
+    re.IGNORECASE,
+)
+_WHOLE_SECONDS = re.compile(r"(.*[._/])?secs?", re.IGNORECASE)
+_RATE = re.compile(r"([0-9.eE+-]+) ?Hz", re.IGNORECASE)
+_ENDING = re.compile(r"\s*(\[(?P<square>[^\]]*)\]|\((?P<round>[^)]*)\))$")
+_LONGEST = 300
+
+
+def named_columns(
+    path: Path, inputs: Sequence[str], outputs: Sequence[str], times: Sequence[str] = ()
+) -> CsvMap:
+    """Return the map of a file whose time is the column that is called so, such as ``time_ms``.
+
+    Parameters
+    ----------
+    path : Path
+        Text file with a table.
+    inputs, outputs : sequence of str
+        Columns, each as ``COLUMN`` or ``NAME=COLUMN``; the unit in brackets at the end of a
+        column's name may be left out.
+    times : sequence of str
+        What tells the time, ``COLUMN``, ``COLUMN:us`` or ``200Hz``; empty for the usual names.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read, no column or several are called a time, there is no input or no
+        output, or a column or a name comes twice.
+    """
+    layout = table_layout(path)
+    names = layout.names
+    there = shorten(", ".join(names), _LONGEST)
+    if not (inputs and outputs):
+        raise CsvImportError(
+            f"{path}: a model needs --input COLUMN and --output COLUMN; columns: {there}"
+        )
+    channels = [_channel(text, names) for text in (*inputs, *outputs)]
+    column, unit, rate_hz = _told_time(times, names)
+    if not (column or rate_hz):
+        column = _only_time(path, layout, {each.column for each in channels})
+    for said in ([each.column for each in channels], [each.name for each in channels]):
+        if twice := named_twice(said):
+            raise CsvImportError(f"{path}: {twice}: take it once")
+    return CsvMap(
+        tuple(channels[: len(inputs)]),
+        tuple(channels[len(inputs) :]),
+        time=column or None,
+        time_unit=unit,
+        rate_hz=rate_hz,
+    )
+
+
+def _told_time(times: Sequence[str], names: Sequence[str]) -> tuple[str, str, float | None]:
+    """Return the column and its unit, each empty where none is told, and the rate."""
+    column, unit, rate_hz = "", "", None
+    for text in times:
+        if text not in names and (found := _RATE.fullmatch(text)):
+            rate_hz = float(found[1])
+        else:
+            stem, _, end = text.rpartition(":")
+            column, unit = (stem, end) if end in TIME_UNITS_S and text not in names else (text, "")
+    return column, unit, rate_hz
+
+
+def _only_time(path: Path, layout: Layout, taken: set[str]) -> str:
+    times = _times(layout)
+    free = [name for name in times if name not in taken]
+    if len(free) == 1:
+        return free[0]
+    if times and not free:
+        raise CsvImportError(f"{path}: {times[0]} is the time: it is no input and no output")
+    problem = (
+        f"{' and '.join(free)} are times"
+        if free
+        else "no column is called a time, such as t or time_ms"
+    )
+    raise CsvImportError(
+        f"{path}: {problem}: say --time COLUMN, --time COLUMN:us or --time 200Hz, or write a map "
+        f"with time: COLUMN or rate_hz: NUMBER, and give it as --map; {columns_told(layout)}"
+    )
+
+
+def unused_time(path: Path, mapping: CsvMap, layout: Layout | None = None) -> tuple[str, ...]:
+    """Return that a column is called a time and not used, of a map with a rate alone.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read.
+    """
+    if mapping.time is not None:
+        return ()
+    free = [n for n in _times(layout or table_layout(path)) if n not in mapping.columns()]
+    return tuple(
+        f"column {name} was not used: the map puts the rows at {mapping.rate_hz:g} Hz; with "
+        f"time: {name} beside it they are resampled, and with that alone they tell the rate"
+        for name in free[:1]
+    )
+
+
+def with_units(mapping: CsvMap, layout: Layout) -> CsvMap:
+    """Return a map with the units that the file tells of channels which have none."""
+
+    def told(channels: tuple[CsvChannel, ...]) -> tuple[CsvChannel, ...]:
+        return tuple(
+            replace(each, unit=each.unit or _file_unit(each.column, layout)) for each in channels
+        )
+
+    return replace(mapping, inputs=told(mapping.inputs), outputs=told(mapping.outputs))
+
+
+def _file_unit(column: str, layout: Layout) -> str:
+    ending = _ENDING.search(column)
+    own = (ending["square"] or ending["round"] or "") if ending else ""
+    return own.strip() or layout.unit(column).strip("()[] ")
+
+
+def _times(layout: Layout) -> list[str]:
+    """Return the columns of times: by their names, else by their units or as dates and clocks."""
+    cells = dict(zip(layout.names, layout.cells, strict=False))
+    named = [
+        name
+        for name in layout.names
+        if _TIME.fullmatch(name)
+        and not (_WHOLE_SECONDS.fullmatch(name) and not nanoseconds_of(name, layout.names))
+        # A date is in another column than the time of the day.
+        and not (is_clock(cells.get(name, "")) and ":" not in cells[name])
+    ]
+    return named or [
+        name
+        for name in layout.names
+        if (":" in cells.get(name, "") and is_clock(cells[name]))
+        or ((unit := layout.unit(name)) and time_unit_s(f"t [{unit.strip('()[] ')}]"))
+    ]
+
+
+def _channel(text: str, names: Sequence[str]) -> CsvChannel:
+    """Return a channel; a column may have the sign of equality in its own name."""
+    name, sign, column = text.partition("=")
+    if not sign or text in names:
+        name = column = text
+    if column not in names:
+        alike = [each for each in names if _ENDING.sub("", each) == column]
+        column = alike[0] if len(alike) == 1 else column
+    return CsvChannel(column, name)

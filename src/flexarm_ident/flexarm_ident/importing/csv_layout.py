@@ -1,0 +1,378 @@
+"""Layout of a text table: encoding, separator, names, units, and the line of the first row.
+
+Programs put words, units, blank lines and comments above the numbers, so the rows tell where they
+are: they are the lines whose cells are numbers in the same columns.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING
+
+from flexarm_core.bounds import require_plain_file
+from flexarm_core.errors import FlexarmError, reason
+from flexarm_core.labels import time_unit_s, unit_ending
+from flexarm_ident.importing.csv_clock import is_clock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+    from typing import TextIO
+
+# Of equally good ones the first counts; a blank stands for white space of any length.
+_SEPARATORS = ("\t", ",", ";", "|", " ")
+# What programs write for a number that they lack; NaN is a number to Python.
+MISSING = frozenset({"", "-", "--", "na", "n/a", "null", "none", "#n/a"})
+# A line of a table has some hundred characters.
+_LINE_CHARACTERS = 1 << 20
+_HEAD_LINES = 400
+_HEAD_CHARACTERS = 1 << 20
+_COMMENT = re.compile(r"\s*(#+|%+|//+)\s*")
+_NUMBER = re.compile(
+    r"[+-]?[0-9.,][0-9.,_' \u00a0\u202f]*([eEdD][+-]?[0-9]+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE
+)
+_SPACED = re.compile(r"[+-]?[0-9]{1,3}(?: [0-9]{3})+(?:[.,][0-9]+)?")
+_PAIR = re.compile(
+    r"(?<![\w./\[\]])([A-Za-z_][\w./\[\]]*)[\"']?\s*[:=]\s*"
+    r"([+-]?[0-9.]+(?:,[0-9]+)?(?:[eE][+-]?[0-9]+)?|nan)"
+)
+_ARROW = " -> "
+_UNIT = re.compile(
+    r"[\[(].*[\])]||-|1|%|\u00b0[CF]?|[num\u00b5\u03bck]?(V|A|N|g|K|Pa|bar|m|Hz|W)|N ?m|cm|counts?|"
+    r"sequence|ticks?|(deg|rad|m|V|mm)(/s(\^?2|\u00b2)?)?|rpm|degrees?|float(32|64)?|double|int(32|64)?|"
+    r"(milli|micro|nano)?(second|volt|amp(ere)?|met(er|re)|newton|radian)s?",
+    re.IGNORECASE,
+)
+_NAME = re.compile(r".*[^\W\d].*")
+# First bytes of files that are called or taken for text, and what to do.
+_BINARY = (
+    (b"PK\x03\x04", "is an Excel or OpenDocument workbook or a zip file: save its sheet as CSV"),
+    (b"\xd0\xcf\x11\xe0", "is an old Excel workbook: save its sheet as CSV"),
+    (b"PAR1", "is a Parquet file: write it as CSV, such as by pandas.DataFrame.to_csv"),
+    (b"\x89HDF", "is an HDF5 or MATLAB 7.3 file: write its arrays by numpy.savetxt"),
+    (b"MATLAB", "is a MATLAB file: write its signals as CSV by MATLAB's writetable"),
+    (b"TDSm", "is a LabVIEW TDMS file: export it as text (.lvm) or CSV"),
+    (b"SQLite format 3", "is a SQLite file: a bag of ROS 2 is called .db3"),
+    (b"\x89MCAP0", "is an MCAP bag: call it .mcap"),
+    (b"#ROSBAG V", "is a bag of ROS 1: convert it by `rosbags-convert`"),
+    (b"\x1f\x8b", "is packed by gzip: unpack it by gunzip"),
+    (b"<", "is HTML or XML and no table of text: open it and save the table as CSV"),
+    (b"ARROW1", "is an Arrow or Feather file: write it as CSV, such as by pandas"),
+)  # fmt: skip
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+_NOT_CP1252 = (b"\x81", b"\x8d", b"\x8f", b"\x90", b"\x9d")
+
+
+class CsvImportError(FlexarmError):
+    """Contradiction between a CSV file and its map."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the numbers of a file are.
+
+    Attributes
+    ----------
+    encoding : str
+        Encoding of the text.
+    separator : str
+        Character between the cells; a blank for white space, ``=`` for ``name: value`` pairs.
+    names : tuple of str
+        Names of the columns, each once; ``column_1`` and so on where no line has them.
+    units : tuple of str
+        Units of a line below the names; empty without one.
+    first_line : int
+        Line of the first row, the first being 1.
+    cells : tuple of str
+        The first row.
+    width : int
+        Number of cells that most rows have.
+    is_named : bool
+        Whether a line names the columns.
+    """
+
+    encoding: str
+    separator: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    first_line: int
+    cells: tuple[str, ...]
+    width: int
+    is_named: bool
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a column that the line below the names tells; else empty."""
+        return dict(zip(self.names, self.units, strict=False)).get(name, "")
+
+    def unit_s(self, name: str) -> float | None:
+        """Return the unit of time that a column's name or the line below tells, s."""
+        unit = self.unit(name).strip("()[] ")
+        told = (name, f"t [{name}]", f"t [{unit}]" if unit else "")
+        return next(filter(None, map(time_unit_s, told)), None)
+
+    def rows(self, lines: Iterable[str], first: int) -> Iterator[tuple[int, list[str]]]:
+        """Return the cells of lines with the number of each, the first of them being given."""
+        if self.separator in "= ":
+            for number, line in enumerate(lines, first):
+                yield number, _split(line, self.separator, self.names)
+            return
+        plain = (line.replace(_ARROW, self.separator, 1) for line in lines)
+        reader = csv.reader(plain, delimiter=self.separator, skipinitialspace=True)
+        for row in reader:
+            yield first + reader.line_num - 1, row
+
+
+def read_layout(path: Path) -> Layout:
+    """Find the table in a file.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read or is no text; the message says what it is and what to do.
+    BoundError
+        If it is no plain file.
+    """
+    encoding = _encoding(path)
+    with opened(path, encoding) as file:
+        head: list[str] = []
+        size = 0
+        for line in islice(lines_of(file, path), _HEAD_LINES):
+            head.append(line)
+            size += len(line)
+            if size > _HEAD_CHARACTERS:
+                break
+    try:
+        return _layout(head, encoding)
+    except csv.Error as error:
+        raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
+
+
+def opened(path: Path, encoding: str) -> TextIO:
+    """Open a text; what is not of its encoding can only be in words."""
+    try:
+        return path.open(newline="", encoding=encoding, errors="replace")
+    except OSError as error:
+        raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
+
+
+def lines_of(file: TextIO, path: Path) -> Iterator[str]:
+    """Return the lines of a text, none of which fills the memory."""
+    while line := file.readline(_LINE_CHARACTERS):
+        if len(line) == _LINE_CHARACTERS:
+            raise CsvImportError(f"{path}: a line has {_LINE_CHARACTERS} characters or more")
+        yield line
+
+
+def is_comment(cells: Sequence[str]) -> bool:
+    """Return whether a row is a comment, a blank line or words between rows."""
+    has_values = any(is_value(cell) or cell.lower() in MISSING - {""} for cell in reversed(cells))
+    return bool(cells and _COMMENT.match(cells[0])) or not has_values
+
+
+def is_value(cell: str) -> bool:
+    """Return whether a cell has a number or an instant, in whatever form."""
+    text = cell.strip()
+    if " " in text and not is_clock(text):
+        return bool(_SPACED.fullmatch(text))
+    return bool(_NUMBER.fullmatch(text)) or is_clock(text)
+
+
+def _encoding(path: Path) -> str:
+    try:
+        require_plain_file(path)
+        with path.open("rb") as file:
+            start = file.read(1 << 16)
+    except OSError as error:
+        raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
+    for magic, remedy in _BINARY:
+        if start.startswith(magic):
+            raise CsvImportError(f"{path}: {remedy}")
+    for mark, encoding in _MARKS:
+        if start.startswith(mark):
+            return encoding
+    if 0 in start:
+        # Each character of a plain text has a zero beside it.
+        for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
+            if start[first::2].count(0) == start.count(0) == len(start) // 2:
+                return encoding
+        raise CsvImportError(f"{path}: is a binary file and no text: export it as CSV")
+    with suppress(UnicodeDecodeError):
+        codecs.getincrementaldecoder("utf-8")().decode(start)
+        return "utf-8"
+    return "cp1252" if not any(each in start for each in _NOT_CP1252) else "latin-1"
+
+
+def _split(line: str, separator: str, names: Sequence[str] = ()) -> list[str]:
+    if separator == "=":
+        pairs = dict(_PAIR.findall(line))
+        return [pairs.get(name, "") for name in names] if pairs else [line.strip()]
+    if separator == " ":
+        text = line.replace(_ARROW, " ")
+        if '"' not in text:
+            return text.split()
+        return next(csv.reader([text.strip()], delimiter=" ", skipinitialspace=True), [])
+    text = line.replace(_ARROW, separator, 1)
+    if separator not in text:
+        return [text.strip()] if text else []
+    return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
+
+
+def _layout(head: Sequence[str], encoding: str) -> Layout:
+    if keyed := _keyed(head, encoding):
+        return keyed
+    found = {separator: _rows(head, separator) for separator in _SEPARATORS}
+    separator = max(_SEPARATORS, key=lambda each: found[each][0])
+    _, width, rows = found[separator]
+    if not rows:
+        return _header_alone(head, encoding)
+    first = rows[0]
+    cells = _split(head[first], separator)
+    counted = [cell.strip() for cell in cells] == [str(k) for k in range(len(cells))]
+    above = [*range(first)]
+    names, units = _named(head, above, separator, width - _empty_ends(head, rows, separator))
+    if not names and counted and not any(map(str.strip, head[:first])):
+        # A data frame without names has the count of its columns for them.
+        names, first = [cell.strip() for cell in cells], first + 1
+        cells = _split(head[first], separator) if first < len(head) else []
+    is_named = bool(names)
+    if not names:
+        names = [f"column_{k + 1}" for k in range(width)]
+        # As `ros2 topic echo --csv` writes messages with a header.
+        if width > 2 and re.fullmatch(r"\d{9,10}", cells[0]) and re.fullmatch(r"\d{1,9}", cells[1]):  # noqa: PLR2004
+            names[:2] = ["sec", "nanosec"]
+    return Layout(
+        encoding,
+        separator,
+        tuple(_once(names)),
+        tuple(units),
+        first + 1,
+        tuple(cell.strip() for cell in cells),
+        width,
+        is_named,
+    )
+
+
+def _keyed(head: Sequence[str], encoding: str) -> Layout | None:
+    """Return the layout of lines that name each value, as ``u:1.2 y:3.4``."""
+    found = [[name for name, _ in _PAIR.findall(line)] for line in head]
+    usual, times = Counter(tuple(names) for names in found).most_common(1)[0] if head else ((), 0)
+    if len(usual) < 2 or 2 * times < len(head):  # noqa: PLR2004 - an input and an output
+        return None
+    first = found.index(list(usual))
+    cells = _split(head[first], "=", usual)
+    return Layout(
+        encoding, "=", tuple(_once(usual)), (), first + 1, tuple(cells), len(usual), is_named=True
+    )
+
+
+def _rows(head: Sequence[str], separator: str) -> tuple[int, int, list[int]]:
+    """Return how well a separator fits, the usual number of cells, and the lines of rows."""
+    table = [_split(line, separator) for line in head]
+    kinds = [[is_value(cell) for cell in cells] for cells in table]
+    widths: Counter[int] = Counter()
+    for cells, values in zip(table, kinds, strict=True):
+        if len(cells) > 1 and sum(values) > 0 and not _COMMENT.match(cells[0]):
+            # Cells of words count against a separator, empty ones do not.
+            widths[len(cells)] += 2 * sum(values) - sum(map(bool, map(str.strip, cells)))
+    if not widths:
+        return 0, 0, []
+    width, score = max(widths.items(), key=lambda each: (each[1], each[0]))
+    of_width = [k for k, cells in enumerate(table) if len(cells) == width]
+    numeric = [
+        2 * sum(kinds[k][c] for k in of_width) > sum(bool(table[k][c].strip()) for k in of_width)
+        for c in range(width)
+    ]
+
+    def is_row(k: int) -> bool:
+        good = [
+            value or cell.strip().lower() in MISSING
+            for value, cell, is_numeric in zip(kinds[k], table[k], numeric, strict=True)
+            if is_numeric
+        ]
+        return 2 * sum(good) > len(good) and any(kinds[k]) and good[:1] != [False]
+
+    return score, width, [k for k in of_width if is_row(k) and not _COMMENT.match(table[k][0])]
+
+
+def _named(
+    head: Sequence[str], above: Sequence[int], separator: str, width: int
+) -> tuple[list[str], list[str]]:
+    """Return the names in the lines above the rows, and the units between them."""
+    units: list[str] = []
+    fallback: list[str] = []
+    for k in reversed(above):
+        cells = _header_cells(head[k], separator, width)
+        if not any(cells):
+            continue
+        if len(cells) >= width and not units and _are_units(cells[:width]):
+            units = cells[:width]
+        elif len(cells) >= width and any(map(_NAME.fullmatch, cells)):
+            return cells, units
+        elif len(cells) == width - 1 and len(cells) > 1:
+            # Names of rows have no name themselves.
+            return ["", *cells], units
+        elif len(cells) > 1 and not fallback and all(map(_NAME.fullmatch, cells)):
+            fallback = cells
+    return (units or fallback), []
+
+
+def _empty_ends(head: Sequence[str], rows: Sequence[int], separator: str) -> int:
+    """Return how many cells at the ends of rows are always empty."""
+    filled = max(len(_filled(_split(head[k], separator))) for k in rows)
+    return len(_split(head[rows[0]], separator)) - filled
+
+
+def _filled(cells: list[str]) -> list[str]:
+    """Return cells without the empty ones at the end."""
+    last = max((k for k, cell in enumerate(cells) if cell.strip()), default=-1)
+    return cells[: last + 1]
+
+
+def _header_cells(line: str, separator: str, width: int) -> list[str]:
+    """Return the names in a line, which has a separator of its own where it is a comment."""
+    mark = _COMMENT.match(line)
+    text = line[mark.end() :] if mark else line
+    splits = [
+        _split(text, each) for each in (separator, *(_SEPARATORS if mark else _SEPARATORS[:4]))
+    ]
+    fits = [cells for cells in splits if len(cells) == width]
+    return [cell.strip() for cell in (fits or splits)[0]]
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    return all(
+        _UNIT.fullmatch(cell) or unit_ending(cell) or time_unit_s(f"t [{cell}]") for cell in cells
+    )
+
+
+def _header_alone(head: Sequence[str], encoding: str) -> Layout:
+    """Return the layout of a file without rows."""
+    line = next((k for k, each in enumerate(head) if each.strip()), 0)
+    text = head[line] if head else ""
+    separator = max(_SEPARATORS[:4], key=text.count)
+    names = [cell.strip() for cell in _split(text, separator)]
+    return Layout(
+        encoding, separator, tuple(_once(names)), (), line + 2, (), len(names), is_named=True
+    )
+
+
+def _once(names: Sequence[str]) -> list[str]:
+    """Return names, those that come twice with their number."""
+    count, seen = Counter(names), Counter[str]()
+    told = []
+    for name in names:
+        seen[name] += 1
+        told.append(f"{name}#{seen[name]}" if name and count[name] > 1 else name)
+    return told

@@ -1,0 +1,485 @@
+"""Numbers of a text table's columns, and the lines on which they stand."""
+
+from __future__ import annotations
+
+import csv
+import re
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from textwrap import shorten
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_core.bounds import shown
+from flexarm_core.errors import reason
+from flexarm_core.labels import TIME_UNITS_S, counted
+from flexarm_ident.importing.csv_clock import clock_s, is_clock
+from flexarm_ident.importing.csv_layout import (
+    MISSING,
+    CsvImportError,
+    Layout,
+    is_comment,
+    lines_of,
+    opened,
+    read_layout,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import BoolArray, FloatArray
+    from flexarm_ident.importing.csv_map import CsvMap
+
+    Row = tuple[int, list[str]]
+
+# So many characters of the names, and so many lines, are shown.
+_LONGEST, _SHOWN = 500, 5
+_BLOCK_ROWS = 50_000
+# Part of the rows that are short by accident.
+_FEW = 0.01
+_THOUSANDS = {
+    mark: re.compile(rf"([+-]?\d{{1,3}})((?:{other}\d{{3}})+)(\{mark}\d*)?")
+    for mark, other in ((".", "[,' \u00a0\u202f]"), (",", "[.' \u00a0\u202f]"))
+}
+_HALF_A_DAY_S = 43200.0
+# Stamps since 1970 are of the years 2001 to 2128.
+_EARLIEST_S, _LATEST_S = 1e9, 5e9
+
+
+@dataclass(frozen=True, eq=False)
+class CsvTable:
+    """Columns of a file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    values : ndarray, (rows, columns)
+        Numbers; NaN in an output that was not measured.
+    lines : ndarray of int, (rows,)
+        Line of each row in the file, the first being 1.
+    places : ndarray of int, (rows,)
+        Rows from the first to each, with those of empty cells between them.
+    cut : tuple of str
+        Lines that are left out, with the reason.
+    own_instants : bool
+        Each column has its own rows, as in an export of several topics; NaN is no sample.
+    unit_told : bool
+        Something tells the unit of the times, which are in s here; else it was taken for that.
+    """
+
+    path: Path
+    values: FloatArray
+    lines: NDArray[np.int64]
+    places: NDArray[np.int64]
+    cut: tuple[str, ...] = ()
+    own_instants: bool = False
+    unit_told: bool = True
+
+
+class _Column(NamedTuple):
+    """Column to read, and what to do about a cell without a number; nothing where it may lack."""
+
+    name: str
+    place: int
+    advice: str = ""
+    is_time: bool = False
+
+
+@dataclass
+class _Rows:
+    """Rows that were read so far, in blocks."""
+
+    blocks: list[FloatArray]
+    lines: list[NDArray[np.int64]]
+    places: list[NDArray[np.int64]]
+    words: list[int] = field(default_factory=list)
+    short: list[int] = field(default_factory=list)
+    # What is wrong with the first input or time that lacks.
+    lacking: dict[str, str] = field(default_factory=dict)
+
+
+def read_table(path: Path, mapping: CsvMap, layout: Layout | None = None) -> CsvTable:
+    """Read the columns of a map: its time where there is one, inputs, outputs.
+
+    The rows are those from the first to the last in which every output has been measured, as a
+    record has nothing to tell of the state before. A row whose cells are all empty, or that has
+    fewer cells than the others, is a missing one.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read, lacks a column, has fewer than 2 rows, or a cell without a
+        finite number; outputs may lack some, not all, and inputs where each column has rows of its
+        own. The message names file, line and column.
+    BoundError
+        If it is no plain file.
+    """
+    layout = layout or read_layout(path)
+    columns = _columns(layout, mapping, path)
+    with _lines(path, layout) as lines:
+        found = _plain_numbers(lines, layout, columns)
+    if found is None:
+        # From the start again: a cell may need another look.
+        with _lines(path, layout) as lines:
+            found = _numbers(lines, layout, columns, path)
+    values, lines_read, places = _whole_rows(found)
+    if len(values) < 2:  # noqa: PLR2004 - one sampling interval needs two rows
+        raise CsvImportError(f"{path}: data rows: {len(values)}; at least 2 are needed")
+    for column, cells in zip(columns, values.T, strict=True):
+        if np.isnan(cells).all():
+            raise CsvImportError(f"{path}: column {column.name} has no number: leave it out")
+    known = ~np.isnan(values)
+    own_instants = mapping.time is not None and _have_own_rows(known[:, 1:], len(mapping.inputs))
+    if found.lacking and not (own_instants and mapping.time not in found.lacking):
+        raise CsvImportError(next(iter(found.lacking.values())))
+    unit_told = True
+    if mapping.time is not None:
+        values, unit_s = _in_seconds(values, columns, mapping, layout)
+        unit_told = unit_s is not None
+    table = CsvTable(path, values, lines_read, places, _told(found), own_instants, unit_told)
+    return table if own_instants else _cut(table, columns)
+
+
+def _in_seconds(
+    values: FloatArray, columns: Sequence[_Column], mapping: CsvMap, layout: Layout
+) -> tuple[FloatArray, float | None]:
+    """Return numbers whose first column is in s, and its unit; None where nothing tells it."""
+    seconds, *rest = values.T
+    if columns[1].is_time:
+        seconds, rest = seconds + rest[0] * 1e-9, rest[1:]
+    cell = layout.cells[columns[0].place] if columns[0].place < len(layout.cells) else ""
+    unit_s = (
+        TIME_UNITS_S[mapping.time_unit] if mapping.time_unit else layout.unit_s(columns[0].name)
+    )
+    if is_clock(cell) or columns[1].is_time:
+        unit_s = 1.0
+        days = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -_HALF_A_DAY_S)
+        # A time of the day begins anew at midnight.
+        seconds = seconds + (
+            2.0 * _HALF_A_DAY_S * days if seconds.max() < 2.0 * _HALF_A_DAY_S else 0.0
+        )
+    elif unit_s is None:
+        usual = float(np.nanmedian(np.abs(seconds)))
+        since_1970_s = [(unit, usual * unit) for unit in (1e-3, 1e-6, 1e-9)]
+        unit_s = next((unit for unit, s in since_1970_s if _EARLIEST_S <= s <= _LATEST_S), None)
+    return np.column_stack([seconds * (unit_s or 1.0), *rest]), unit_s
+
+
+@contextmanager
+def _lines(path: Path, layout: Layout) -> Iterator[Iterator[str]]:
+    """Give the lines of a table from its first row on."""
+    try:
+        with opened(path, layout.encoding) as file:
+            yield islice(lines_of(file, path), layout.first_line - 1, None)
+    except (OSError, csv.Error) as error:
+        raise CsvImportError(f"{path}: cannot be read as CSV: {reason(error)}") from error
+
+
+def _whole_rows(found: _Rows) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.int64]]:
+    """Return the numbers, lines and places without the few rows that are short.
+
+    Where many are, the program leaves out empty cells at their ends.
+    """
+    values = np.concatenate(found.blocks)
+    lines, places = np.concatenate(found.lines), np.concatenate(found.places)
+    if len(found.short) > max(1, int(_FEW * len(lines))):
+        found.short.clear()
+    whole = ~np.isin(lines, found.short)
+    return values[whole], lines[whole], places[whole]
+
+
+def _have_own_rows(known: BoolArray, inputs: int) -> bool:
+    """Return whether most samples of an output stand in rows that lack an input."""
+    measured = known[:, inputs:].any(axis=1)
+    return any(
+        2 * np.count_nonzero(u & measured) < np.count_nonzero(measured) for u in known[:, :inputs].T
+    )
+
+
+def _plain_numbers(
+    lines: Iterator[str], layout: Layout, columns: Sequence[_Column]
+) -> _Rows | None:
+    """Return the rows; None where a line is not of as many plain numbers as the first one."""
+    if layout.separator not in "\t,;|":
+        return None
+    marks: set[str] = set()
+    found = _Rows([], [], [])
+    with suppress(ValueError):
+        # Only one block is held as text.
+        while block := list(islice(lines, _BLOCK_ROWS)):
+            # An empty line is no row, and one of other cells than names needs another look.
+            counts = {line.count(layout.separator) for line in block}
+            if counts != {layout.width - 1} or not all(map(str.strip, block)):
+                return None
+            if layout.separator != ",":
+                marks |= {mark for mark in ",." if any(mark in line for line in block)}
+            if len(marks) > 1:
+                return None
+            numbers = np.loadtxt(
+                [line.replace(",", ".") for line in block] if "," in marks else block,
+                delimiter=layout.separator,
+                comments=None,
+                usecols=[column.place for column in columns],
+                ndmin=2,
+            )
+            if not np.isfinite(numbers).all():
+                return None
+            first = sum(map(len, found.places))
+            found.blocks.append(numbers)
+            found.places.append(np.arange(first, first + len(numbers)))
+            found.lines.append(layout.first_line + found.places[-1])
+        return found if found.blocks else None
+    return None
+
+
+def _numbers(lines: Iterator[str], layout: Layout, columns: Sequence[_Column], path: Path) -> _Rows:
+    """Return the rows, of whatever a cell may hold."""
+    none = np.empty(0, dtype=np.int64)
+    found, mark = _Rows([np.empty((0, len(columns)))], [none], [none]), ""
+    numbered = _rows_of(lines, layout, found, path)
+    while taken := list(islice(numbered, _BLOCK_ROWS)):
+        block = [row for _, row in taken]
+        mark = _decimal_mark(block, columns, layout, path, mark)
+        found.blocks.append(_to_numbers(block, columns, path, mark or ".", found.lacking))
+        found.lines.append(np.array([line for line, _ in block], np.int64))
+        found.places.append(np.array([place for place, _ in taken], np.int64))
+    return found
+
+
+def _rows_of(
+    lines: Iterator[str], layout: Layout, found: _Rows, path: Path
+) -> Iterator[tuple[int, Row]]:
+    """Return the rows that have numbers, each with its place among those and empty ones."""
+    place, names = -1, len(layout.names)
+    # Those behind the last row are a footer, of which nobody needs to know.
+    words: list[int] = []
+    for line, row in layout.rows(lines, layout.first_line):
+        cells = [cell.strip() for cell in row]
+        if len(cells) < 2 and not "".join(cells):  # noqa: PLR2004 - programs put blank lines
+            continue
+        if any(cells) and is_comment(cells):
+            words.append(line)
+            continue
+        place += 1
+        if any(cells) and len(cells) < layout.width:
+            found.short.append(line)
+        if any(cells[names:]):
+            commas = " (decimal commas need ; between the cells)" if layout.separator == "," else ""
+            raise CsvImportError(
+                f"{path}, line {line}: it has {len(row)} cells, and the first line names "
+                f"{names}: give each column a name{commas}"
+            )
+        if any(cells):
+            yield place, (line, cells)
+            found.words += words
+            words.clear()
+
+
+def _told(found: _Rows) -> tuple[str, ...]:
+    """Return the lines that are no rows."""
+    notes = []
+    if found.short:
+        notes.append(
+            f"{_lines_shown(found.short)} fewer cells than the others: left out as missing, as two "
+            "cells may have run together"
+        )
+    if found.words:
+        notes.append(f"{_lines_shown(found.words)} words and no numbers: left out")
+    return tuple(notes)
+
+
+def _lines_shown(lines: Sequence[int]) -> str:
+    shown_lines = ", ".join(map(str, lines[:_SHOWN])) + (", ..." if len(lines) > _SHOWN else "")
+    if len(lines) == 1:
+        return f"line {shown_lines} has"
+    return f"{counted(len(lines), 'line')} ({shown_lines}) have"
+
+
+def _cut(table: CsvTable, columns: Sequence[_Column]) -> CsvTable:
+    known = ~np.isnan(table.values)
+    firsts, lasts = known.argmax(axis=0), len(known) - 1 - known[::-1].argmax(axis=0)
+    late, early = int(firsts.argmax()), int(lasts.argmin())
+    first, last = int(firsts[late]), int(lasts[early])
+    if last <= first:
+        raise CsvImportError(
+            f"{table.path}: {columns[early].name} ends before {columns[late].name} begins: leave "
+            "one of them out"
+        )
+    cut = []
+    if first > 0:
+        cut.append(_left_out(table.lines[:first], f"{columns[late].name} has no value there yet"))
+    if last < len(known) - 1:
+        cut.append(
+            _left_out(table.lines[last + 1 :], f"{columns[early].name} has no value any more")
+        )
+    rows = slice(first, last + 1)
+    places = table.places[rows] - table.places[first]
+    return replace(
+        table,
+        values=table.values[rows],
+        lines=table.lines[rows],
+        places=places,
+        cut=(*cut, *table.cut),
+    )
+
+
+def _left_out(lines: NDArray[np.int64], why: str) -> str:
+    which = f"line {lines[0]} is" if len(lines) == 1 else f"lines {lines[0]} to {lines[-1]} are"
+    return f"{which} left out: {why}"
+
+
+def column_names(path: Path) -> list[str]:
+    """Return the names of the columns of a table.
+
+    Raises
+    ------
+    CsvImportError
+        If the file cannot be read, or has fewer than two columns.
+    """
+    return list(table_layout(path).names)
+
+
+def table_layout(path: Path) -> Layout:
+    """Return the layout of a table of two columns or more; errors as in `column_names`."""
+    layout = read_layout(path)
+    names = layout.names
+    if len(names) < 2:  # noqa: PLR2004 - an input and an output
+        there = f"names one column, {shown(names[0])}" if any(names) else "is empty"
+        raise CsvImportError(
+            f"{path}: the first line {there}: it has the names of the columns, with commas "
+            "between them"
+        )
+    return layout
+
+
+def _columns(layout: Layout, mapping: CsvMap, path: Path) -> list[_Column]:
+    header = layout.names
+    wanted = mapping.columns()
+    if doubled := [name for name in wanted if f"{name}#2" in header]:
+        raise CsvImportError(f"{path}: more than one column {doubled[0]}; {columns_told(layout)}")
+    if missing := [name or shown(name) for name in wanted if name not in header]:
+        which = f"no column{'s' * (len(missing) > 1)} {', '.join(missing)}"
+        raise CsvImportError(f"{path}: {which}; {columns_told(layout)}")
+    # Where rows have no time, none can be left out.
+    how = "empty all cells of the row" if mapping.time is None else "take the line out"
+    otherwise = f", or {how}: that makes a hole"
+    inputs = f"an input must be known in every row: fill it{otherwise}"
+    times = f"a row needs its time: fill it{otherwise}"
+    parts = (mapping.time, nanoseconds_of(mapping.time, header)) if mapping.time else ()
+    return [
+        *(_Column(name, header.index(name), times, is_time=True) for name in parts if name),
+        *(_Column(each.column, header.index(each.column), inputs) for each in mapping.inputs),
+        *(_Column(each.column, header.index(each.column)) for each in mapping.outputs),
+    ]
+
+
+def nanoseconds_of(seconds: str, names: Sequence[str]) -> str:
+    """Return the column of the nanoseconds that belong to whole seconds; empty without one."""
+    stem = re.sub(r"secs?$", "", seconds)
+    others = (f"{stem}{word}" for word in ("nanosec", "nsec", "nsecs", "nanosecs"))
+    return next((other for other in others if stem != seconds and other in names), "")
+
+
+def columns_told(layout: Layout) -> str:
+    """Return the columns that there are."""
+    alone = (
+        ""
+        if layout.is_named
+        else (
+            "it has numbers alone: put a line with the names of the columns above it, or call them "
+            "as they are counted; "
+        )
+    )
+    return f"{alone}there are: {shorten(', '.join(layout.names), _LONGEST)}"
+
+
+def _decimal_mark(
+    rows: Sequence[Row], columns: Sequence[_Column], layout: Layout, path: Path, known: str
+) -> str:
+    """Return the decimal mark of the rows so far, comma or point; nothing where none has one."""
+    if layout.separator == ",":
+        return "."
+    for line, row in rows:
+        for column in columns:
+            cell = row[column.place] if column.place < len(row) else ""
+            mark = "" if column.is_time and is_clock(cell) else _mark_of(cell)
+            if mark and known not in ("", mark):
+                raise CsvImportError(
+                    f"{path}, line {line}, column {column.name}: {shown(cell)}, and the file "
+                    "has commas and points in its numbers: write all with one of them, and "
+                    "thousands without"
+                )
+            known = mark or known
+    return known
+
+
+def _mark_of(cell: str) -> str:
+    """Return the decimal mark of a number; that of thousands is before it, or comes twice."""
+    last = max(",.", key=cell.rfind)
+    if last not in cell:
+        return ""
+    other = ",."[last == ","]
+    return other if cell.count(last) > 1 and _THOUSANDS[other].fullmatch(cell) else last
+
+
+def _to_numbers(
+    rows: Sequence[Row],
+    columns: Sequence[_Column],
+    path: Path,
+    mark: str,
+    lacking: dict[str, str],
+) -> FloatArray:
+    with suppress(ValueError, IndexError):
+        numbers = np.array(
+            [[float(row[column.place].replace(mark, ".")) for column in columns] for _, row in rows]
+        )
+        if np.isfinite(numbers).all():
+            return numbers
+    return np.array(
+        [
+            [_number(row, column, mark, f"{path}, line {line}", lacking) for column in columns]
+            for line, row in rows
+        ]
+    )
+
+
+def _number(
+    row: Sequence[str],
+    column: _Column,
+    mark: str,
+    where: str,
+    lacking: dict[str, str],
+) -> float:
+    """Return the number in a cell, NaN where nothing was measured."""
+    cell = row[column.place].strip() if column.place < len(row) else ""
+    where = f"{where}, column {column.name}"
+    try:
+        number = np.nan if cell.lower() in MISSING else _parsed(cell, mark, is_time=column.is_time)
+    except ValueError as error:
+        advice = "write it with a point" if "," in cell and mark != "," else "correct it"
+        advice = "close its quotation marks" if "\n" in cell else advice
+        raise CsvImportError(f"{where}: {shown(cell)} is not a number: {advice}") from error
+    if np.isinf(number):
+        advice = column.advice or "empty the cell where nothing was measured"
+        raise CsvImportError(f"{where}: {cell} is not finite; {advice}")
+    if np.isnan(number) and column.advice:
+        problem = f"{cell} is no number" if cell else "empty cell"
+        lacking.setdefault(column.name, f"{where}: {problem}; {column.advice}")
+    return number
+
+
+def _parsed(cell: str, mark: str, *, is_time: bool) -> float:
+    if is_time and not cell.isdigit():
+        with suppress(ValueError):
+            return clock_s(cell)
+    if grouped := _THOUSANDS[mark].fullmatch(cell):
+        whole, thousands, fraction = grouped.groups("")
+        cell = whole + re.sub(r"\D", "", thousands) + fraction
+    # Fortran writes D for double precision.
+    return float(re.sub(r"(?<=\d)[dD](?=[+-]?\d)", "e", cell.replace(mark, ".")))

@@ -1,0 +1,172 @@
+"""Angles that wrap: an encoder that goes on at 0 behind 360 has turned on, and not back.
+
+An output wraps when it jumps by one whole period of an encoder and moves slowly else: steps are
+below a quarter of its range or above three quarters, and a jump less the steps around it is the
+period within 1 % and leaves a step as there are others. It jumps in both directions, or at uneven
+intervals: a sawtooth that is sent evenly in one direction stays as it is, and so does one that an
+input's jumps explain.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flexarm_core.labels import counted
+from flexarm_ident.records.iodata import DataWarning, Grade
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from flexarm_core.arrays import FloatArray
+
+    Rows = tuple[FloatArray, FloatArray]
+
+# A turn in degrees, tenths and hundredths of them, radians, gon, and in the counts of 8 to 32 bits.
+PERIODS = (360.0, 3600.0, 36000.0, 2.0 * math.pi, 400.0, *(2.0**bits for bits in range(8, 33)))
+_TOLERANCE = 0.01
+_SMALL, _LARGE = 0.25, 0.75
+# Part of a period by which printed values may be beyond it, and how much faster than elsewhere an
+# angle may cross it.
+_BEYOND, _LONGER = 1e-4, 1.2
+# Part of the steps that lost samples may have made ambiguous.
+_AMBIGUOUS = 0.01
+# Values of a switch or a square wave, which may well be a period apart.
+_FEW_LEVELS = 20
+# Fewer jumps have no even intervals, which differ by less than this part or two samples.
+_FEWEST_EVEN, _EVEN, _EVEN_SAMPLES = 3, 0.05, 2.0
+_EXPLAINED, _ANSWER = 0.8, 3
+
+
+class Wrap(NamedTuple):
+    """Period of an output, 0 without one, and the number of its jumps."""
+
+    period: float
+    jumps: int = 0
+
+
+def found_wraps(pieces: Iterable[Rows], told: float | None = None) -> list[Wrap]:
+    """Return the wraps of the outputs of a record.
+
+    Parameters
+    ----------
+    pieces : iterable of (u, y)
+        Samples in the order of sending, in pieces of any length; NaN is not measured.
+    told : float, optional
+        Period of every output that jumps by more than half of it; 0 where none wraps. None: found.
+    """
+    found: list[Wrap] = []
+    for u, y in pieces:
+        with np.errstate(over="ignore"):
+            here = [_wrap(u, values, told) for values in y.T]
+        found = [
+            Wrap(max(a.period, b.period), a.jumps + b.jumps)
+            for a, b in zip(found or [Wrap(0.0)] * len(here), here, strict=True)
+        ]
+    return found
+
+
+def unwrapped(pieces: Iterable[Rows], wraps: Sequence[Wrap]) -> Iterator[Rows]:
+    """Yield samples with the turns of their outputs counted, pieces as in `found_wraps`."""
+    turning = [channel for channel, wrap in enumerate(wraps) if wrap.period]
+    last = dict.fromkeys(turning, math.nan)
+    for u, y in pieces:
+        if turning:
+            y = y.copy()  # noqa: PLW2901 - pieces are read only
+        for channel in turning:
+            known = ~np.isnan(y[:, channel])
+            if known.any():
+                before = [] if math.isnan(last[channel]) else [last[channel]]
+                values = np.concatenate([before, y[known, channel]])
+                turned = np.unwrap(values, period=wraps[channel].period)
+                y[known, channel] = turned[len(before) :]
+                last[channel] = float(turned[-1])
+        yield u, y
+
+
+def wrap_notices(names: Sequence[str], wraps: Sequence[Wrap]) -> Iterator[DataWarning]:
+    """Yield a word on each output whose turns are counted."""
+    # Names that do not fit the channels are refused elsewhere.
+    for name, wrap in zip(names, wraps, strict=False):
+        if wrap.period:
+            yield DataWarning(
+                "wrapped_angle",
+                f"{name} wraps at {wrap.period:.6g}, {counted(wrap.jumps, 'time')}: its turns are "
+                "counted; if its jumps are real, say --wrap 0",
+                {"period": wrap.period, "jumps": float(wrap.jumps)},
+                grade=Grade.INFORMATION,
+                channel=name,
+            )
+
+
+def _wrap(u: FloatArray, y: FloatArray, told: float | None) -> Wrap:
+    known = np.flatnonzero(~np.isnan(y))
+    steps = np.diff(y[known])
+    if not len(steps) or told == 0.0:
+        return Wrap(0.0)
+    size = np.abs(steps)
+    if told is not None:
+        jumps = int(np.count_nonzero(size > 0.5 * told))
+        return Wrap(told if jumps else 0.0, jumps)
+    extent = float(np.ptp(y[known]))
+    if not 0.5 * min(PERIODS) < extent < 2.0 * max(PERIODS):
+        return Wrap(0.0)
+    at = np.flatnonzero(size > _LARGE * extent)
+    ambiguous = np.count_nonzero((size > _SMALL * extent) & (size <= _LARGE * extent))
+    if not len(at) or ambiguous > _AMBIGUOUS * len(steps) or 2 * len(at) > len(steps):
+        return Wrap(0.0)
+    period = _period(steps, at, extent)
+    is_clear = (
+        period > 0.0
+        and len(np.unique(y[known])) > _FEW_LEVELS
+        and not _is_even_sawtooth(steps[at], at)
+        and not _is_explained(u, known[at + 1])
+    )
+    return Wrap(period, len(at)) if is_clear else Wrap(0.0)
+
+
+def _period(steps: FloatArray, at: NDArray[np.intp], extent: float) -> float:
+    """Return the period of an encoder that jumps have with the motion taken off; else 0."""
+    moving = steps.copy()
+    moving[at] = np.nan
+    padded = np.concatenate([[np.nan], moving, [np.nan]])
+    around = np.stack([padded[at], padded[at + 2]])
+    counts = np.isfinite(around).sum(axis=0)
+    motion = np.where(counts > 0, np.nansum(around, axis=0) / counts.clip(min=1), 0.0)
+    jump = float(np.median(np.abs(steps[at] - motion)))
+    nearest = min(PERIODS, key=lambda each: abs(math.log(each / jump)))
+    left = np.abs(np.abs(steps[at]) - nearest)
+    fits = (
+        abs(jump / nearest - 1.0) <= _TOLERANCE
+        and extent <= nearest * (1.0 + _BEYOND)
+        # Without the turn, the jump is a step like others.
+        and np.median(left) <= _LONGER * np.nanmax(np.abs(moving), initial=0.0)
+    )
+    return nearest if fits else 0.0
+
+
+def _is_even_sawtooth(jumps: FloatArray, at: NDArray[np.intp]) -> bool:
+    """Return whether jumps go one way at even intervals, as no motor that is driven turns."""
+    if len(at) < _FEWEST_EVEN or abs(np.sign(jumps).sum()) < len(jumps):
+        return False
+    intervals = np.diff(at)
+    return bool(np.ptp(intervals) <= max(_EVEN_SAMPLES, _EVEN * float(np.median(intervals))))
+
+
+def _is_explained(u: FloatArray, rows: NDArray[np.intp]) -> bool:
+    """Return whether an input jumps just before most jumps of an output."""
+    steps = np.abs(np.diff(u, axis=0, prepend=u[:1]))
+    extent = np.ptp(u, axis=0)
+    for step, most in zip(steps.T, extent, strict=True):
+        caused = np.flatnonzero(step > 0.5 * most) if most > 0.0 else np.empty(0, dtype=np.intp)
+        # A square wave steps by its whole range; what jumps with the angle is rare otherwise.
+        behind = rows[:, np.newaxis] - caused[np.newaxis, :]
+        near = np.any((behind >= 0) & (behind <= _ANSWER), axis=1)
+        usual = len(caused) * (_ANSWER + 1.0) / len(u)
+        if len(caused) and near.mean() >= _EXPLAINED and usual < 0.5 * _EXPLAINED:
+            return True
+    return False

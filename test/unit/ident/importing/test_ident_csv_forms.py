@@ -1,0 +1,435 @@
+"""Tests of tables as programs of the world write them: each is the arrays that it was made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from flexarm_bags.reader import opened
+from flexarm_ident import read_bag
+from flexarm_ident.importing.csv_clock import clock_s, is_clock
+from flexarm_ident.importing.csv_columns import named_columns
+from flexarm_ident.importing.csv_import import import_csv
+from flexarm_ident.importing.csv_layout import CsvImportError
+from support.bag_samples import typestore
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from flexarm_ident import IoData
+    from flexarm_ident.importing.csv_import import ImportSummary
+
+ROWS, RATE_HZ = 400, 200.0
+EPOCH_S = 1766147454
+
+
+def signals() -> np.ndarray:
+    """Return u, y1 and y2, (rows, 3), each with few decimals."""
+    k = np.arange(ROWS)
+    u = np.where(np.random.default_rng(5).integers(0, 2, ROWS // 4).repeat(4) > 0, 1.25, -0.75)
+    return np.round(np.column_stack([u, 2.0 * np.sin(0.19 * k), np.cos(0.6 * k)]), 4)
+
+
+def joined(head: str, separator: str, rows: Sequence[Sequence[str]], foot: str = "") -> str:
+    return head + "".join(separator.join(row) + "\n" for row in rows) + foot
+
+
+def cells(time: Callable[[int], str] | None = None, mark: str = ".") -> list[list[str]]:
+    told = [[f"{x:.4f}".replace(".", mark) for x in row] for row in signals()]
+    first = time or (lambda k: f"{k / RATE_HZ:.3f}".replace(".", mark))
+    return [[first(k), *row] for k, row in enumerate(told)]
+
+
+def day(k: int, date: str = "2024-03-01 ", end: str = "") -> str:
+    return f"{date}12:00:{k / RATE_HZ:06.3f}{end}"
+
+
+def two_topics(stamp: Callable[[float], str]) -> str:
+    rows = []
+    for k, (u, y1, y2) in enumerate(signals()):
+        rows += [[stamp(k / RATE_HZ), f"{u}", "", ""], [stamp(k / RATE_HZ), "", f"{y1}", f"{y2}"]]
+    return joined("__time,u,y1,y2\n", ",", rows)
+
+
+def echo_p() -> str:
+    head = "%time,field.header.seq,field.header.frame_id,u,y1,y2\n"
+    rows = [
+        [f"{EPOCH_S * 10**9 + k * 5_000_000}", f"{k}", "base_link", *row[1:]]
+        for k, row in enumerate(cells())
+    ]
+    return joined(head, ",", rows)
+
+
+def echo_2() -> str:
+    rows = [
+        [f"{EPOCH_S + k * 5 // 1000}", f"{k * 5 % 1000 * 10**6}", "base_link", *row[1:]]
+        for k, row in enumerate(cells())
+    ]
+    return joined("", ",", rows)
+
+
+LVM = (
+    "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t,\n"
+    "***End_of_Header***\t\n\t\nChannels\t3\t\nSamples\t400\t400\t400\nDelta_X\t0,005\t0,005\t0,005\n"
+    "***End_of_Header***\t\t\nX_Value\tu\ty1\ty2\tComment\n"
+)
+QUOTED = [[f'"{cell}"' for cell in row] for row in cells()]
+THOUSANDS = [[t, f'"{1000.0 * float(u):,.2f}"', y1, y2] for t, u, y1, y2 in cells()]
+FORMS: dict[str, tuple[str, float]] = {
+    "hash": (joined("# t,u,y1,y2\n", ",", cells()), 200.0),
+    "hash and blanks": (joined("# t u y1 y2\n", " ", cells()), 200.0),
+    "percent": (joined("% t;u;y1;y2\n", ";", cells()), 200.0),
+    "slashes": (joined("// rig 3\n// t\tu\ty1\ty2\n", "\t", cells()), 200.0),
+    "comment below the names": (joined("t,u,y1,y2\n# begun\n", ",", cells()), 200.0),
+    "units": (joined("t,u,y1,y2\nms,V,rad,m/s^2\n", ",", cells(lambda k: f"{5 * k}")), 200.0),
+    "units in brackets": (joined("t;u;y1;y2\n[s];[A];[deg];[-]\n", ";", cells()), 200.0),
+    "units in names": (joined("Time (s),u (V),y1 [rad],y2 [A]\n", ",", cells()), 200.0),
+    "time by its unit": (joined("x-axis,u,y1,y2\nsecond,Volt,Volt,Volt\n", ",", cells()), 200.0),
+    "semicolons and commas": (joined("t;u;y1;y2\n", ";", cells(mark=",")), 200.0),
+    "blanks and commas": (joined("t\tu\ty1\ty2\n", "   ", cells(mark=",")), 200.0),
+    "bars": (joined("| t | u | y1 | y2 |\n", " | ", [["", *row, ""] for row in cells()]), 200.0),
+    "many blanks": (joined("   t   u   y1  y2\n", "    ", [["", *r] for r in cells()]), 200.0),
+    "quotes": (joined('"t","u","y1","y2"\n', ",", QUOTED), 200.0),
+    "quotes and blanks": (joined('"t", "u", "y1", "y2"\n', ", ", QUOTED), 200.0),
+    "trailing commas": (joined("t,u,y1,y2,\n", ",", [[*row, ""] for row in cells()]), 200.0),
+    "trailing commas of rows": (joined("t,u,y1,y2\n", ",", [[*r, ""] for r in cells()]), 200.0),
+    "index": (joined(",t,u,y1,y2\n", ",", [[f"{k}", *r] for k, r in enumerate(cells())]), 200.0),
+    "index of R": (
+        joined('"t" "u" "y1" "y2"\n', " ", [[f'"{k}"', *r] for k, r in enumerate(cells())]),
+        200.0,
+    ),
+    "footer": (joined("t,u,y1,y2\n", ",", cells(), "\nEnd of file\nTotal,,,\n"), 200.0),
+    "blank lines": (joined("\n\nt,u,y1,y2\n\n", ",", [*cells()[:9], [], *cells()[9:]]), 200.0),
+    "words between": (
+        joined("boot\nt,u,y1,y2\n", ",", [*cells()[:9], ["# paused"], *cells()[9:]]),
+        200.0,
+    ),
+    "sep": (joined("sep=;\nt;u;y1;y2\n", ";", cells(mark=",")), 200.0),
+    "microseconds": (joined("t_us,u,y1,y2\n", ",", cells(lambda k: f"{k * 5000}")), 200.0),
+    "ms since 1970": (
+        joined("timestamp,u,y1,y2\n", ",", cells(lambda k: f"{EPOCH_S * 1000 + 5 * k}")),
+        200.0,
+    ),
+    "ns since 1970": (
+        joined("time,u,y1,y2\n", ",", cells(lambda k: f"{EPOCH_S * 10**9 + 5 * 10**6 * k}")),
+        200.0,
+    ),
+    "seconds and nanoseconds": (
+        joined(
+            "header.stamp.sec,header.stamp.nanosec,u,y1,y2\n",
+            ",",
+            [
+                [f"{9 + k // 200}", f"{k % 200 * 5000000}", *row[1:]]
+                for k, row in enumerate(cells())
+            ],
+        ),
+        200.0,
+    ),
+    "two topics": (two_topics(lambda t: f"{EPOCH_S + t:.6f}"), 200.0),
+    "two topics in ns": (two_topics(lambda t: f"{EPOCH_S * 10**9 + round(t * 1e9)}"), 200.0),
+    "echo -p": (echo_p(), 200.0),
+    "date": (joined("time,u,y1,y2\n", ",", cells(day)), 200.0),
+    "date of ISO 8601": (
+        joined("Zeit,u,y1,y2\n", ",", cells(lambda k: day(k, "2024-03-01T", "+01:00"))),
+        200.0,
+    ),
+    "date with Z": (
+        joined("when,u,y1,y2\n", ",", cells(lambda k: day(k, "2024-03-01T", "000Z"))),
+        200.0,
+    ),
+    "date of Germany": (
+        joined(
+            "time;u;y1;y2\n",
+            ";",
+            cells(lambda k: "13.03.2024 " + day(k, "").replace(".", ","), ","),
+        ),
+        200.0,
+    ),
+    "date of America": (
+        joined("time,u,y1,y2\n", ",", cells(lambda k: day(k, "3/13/2024 ", " PM"))),
+        200.0,
+    ),
+    "date and time": (
+        joined(
+            "Date,Time,u,y1,y2\n", ",", [["2024-03-01", *r] for r in cells(lambda k: day(k, ""))]
+        ),
+        200.0,
+    ),
+    "midnight": (
+        joined(
+            "time,u,y1,y2\n",
+            ",",
+            cells(
+                lambda k: f"23:59:{59 + k / 200:.3f}" if k < 200 else f"00:00:{k / 200 - 1:06.3f}"
+            ),
+        ),
+        200.0,
+    ),
+    "minutes and seconds": (
+        joined("time,u,y1,y2\n", ",", cells(lambda k: f"02:{k / RATE_HZ:06.3f}")),
+        200.0,
+    ),
+    "whole ms at 300 Hz": (
+        joined("t_ms,u,y1,y2\n", ",", cells(lambda k: f"{round(k / 0.3)}")),
+        300.0,
+    ),
+    "cut ms at 400 Hz": (joined("t_ms,u,y1,y2\n", ",", cells(lambda k: f"{int(k / 0.4)}")), 400.0),
+    "hundredths at 60 Hz": (
+        joined("time,u,y1,y2\n", ",", cells(lambda k: f"{round(k / 60.0, 2):.2f}")),
+        60.0,
+    ),
+    "date in ms at 300 Hz": (
+        joined("time,u,y1,y2\n", ",", cells(lambda k: f"2024-03-01 12:00:{k / 300.0:06.3f}")),
+        300.0,
+    ),
+    "LabVIEW": (joined(LVM, "\t", cells(mark=",")), 200.0),
+    "plotter": (
+        joined(
+            "ready\n",
+            " ",
+            [[f"t:{t}", f"u:{u}", f"y1:{y1}", f"y2:{y2}"] for t, u, y1, y2 in cells()],
+        ),
+        200.0,
+    ),
+    "plotter with commas": (
+        joined(
+            "", ", ", [[f"t={t}", f"u={u}", f"y1={y1}", f"y2={y2}"] for t, u, y1, y2 in cells()]
+        ),
+        200.0,
+    ),
+    "serial monitor with clock": (
+        joined(
+            "time,u,y1,y2\n",
+            " -> ",
+            [[day(k, ""), ",".join(row[1:])] for k, row in enumerate(cells())],
+        ),
+        200.0,
+    ),
+    "JSON lines": (
+        joined(
+            "", "", [[f'{{"t": {t}, "u": {u}, "y1": {a}, "y2": {b}}}'] for t, u, a, b in cells()]
+        ),
+        200.0,
+    ),
+    "oscilloscope": (
+        joined(
+            "Interval,5e-3\nX,u,y1,y2,Start,Increment,\nms,Volt,Volt,Volt,0.0,5e-3,\n",
+            ",",
+            cells(lambda k: f"{5 * k}"),
+        ),
+        200.0,
+    ),
+    "Fortran": (
+        joined("t u y1 y2\n", " ", cells(lambda k: f"{k / 200.0:.6E}".replace("E", "D"))),
+        200.0,
+    ),
+    "automation": (
+        joined(
+            "Name;u;y1;y2\nType;REAL64;REAL64;REAL64\nTime [ms];u;y1;y2\n",
+            ";",
+            cells(lambda k: f"{5 * k}"),
+        ),
+        200.0,
+    ),
+    "log of a node": (
+        joined(
+            "",
+            "",
+            [
+                [f"[INFO] [{k}] [rig]: t={t} u={u} y1={a} y2={b}"]
+                for k, (t, u, a, b) in enumerate(cells())
+            ],
+        ),
+        200.0,
+    ),
+    "names twice": (
+        joined("t,u,y1,y2\n", ",", [*cells()[:200], ["t", "u", "y1", "y2"], *cells()[200:]]),
+        200.0,
+    ),
+    "1500 Hz in whole ms": (
+        joined("t_ms,u,y1,y2\n", ",", cells(lambda k: f"{int(k / 1.5)}")),
+        1500.0,
+    ),
+    "hours": (
+        joined(
+            "t_h,heater,u,y1,y2\n",
+            ",",
+            [[f"{k / 60.0:.5f}", "1", *row[1:]] for k, row in enumerate(cells())],
+        ),
+        1.0 / 60.0,
+    ),
+    "two equal names": (
+        joined("t,x,x,u,y1,y2\n", ",", [[r[0], "1", "2", *r[1:]] for r in cells()]),
+        200.0,
+    ),
+}
+
+
+def imported(
+    folder: Path, text: str | bytes, times: Sequence[str] = (), names: str = "u y1 y2"
+) -> tuple[ImportSummary, IoData]:
+    file = folder / "run.csv"
+    file.write_bytes(text.encode() if isinstance(text, str) else text)
+    u, *y = names.split()
+    mapping = named_columns(file, [u], y, times)
+    made = import_csv(file, mapping, folder / "bag", typestore=typestore(), kept=False)
+    return made, read_bag(folder / "bag")
+
+
+def expect_arrays(record: IoData, rate_hz: float = RATE_HZ, rows: int = ROWS) -> None:
+    assert 1.0 / record.dt_s == pytest.approx(rate_hz, rel=1e-9)
+    assert len(record) == rows
+    np.testing.assert_allclose(record.u[:, 0], signals()[:rows, 0], atol=1e-12)
+    np.testing.assert_allclose(record.y, signals()[:rows, 1:], atol=1e-12)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_table___as_a_program_writes_it___is_its_arrays(tmp_path: Path, form: str) -> None:
+    text, rate_hz = FORMS[form]
+    made, record = imported(tmp_path, text)
+    expect_arrays(record, rate_hz)
+    assert (made.missing_rows, made.missing_cells) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    "encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32", "latin-1", "cp1252", "utf-8-sig"]
+)
+def test_table___in_another_encoding___is_its_arrays(tmp_path: Path, encoding: str) -> None:
+    text = joined("t,u,Dr\u00fcck,y2\n", ",", cells()).encode(encoding)
+    expect_arrays(imported(tmp_path, text, names="u Dr\u00fcck y2")[1])
+
+
+def test_table___without_names___has_counted_ones_and_its_rate_is_told(tmp_path: Path) -> None:
+    noise = "MOT: Monitor enabled!\nMOT: Init\nMOT: Ready.\n"
+    text = joined(noise, "\t", [row[1:] for row in cells()])
+    expect_arrays(imported(tmp_path, text, ["200Hz"], "column_1 column_2 column_3")[1])
+
+
+def test_table___of_a_message_with_a_header___has_its_stamps(tmp_path: Path) -> None:
+    expect_arrays(imported(tmp_path, echo_2(), (), "column_4 column_5 column_6")[1])
+
+
+def test_units___in_a_line_or_in_names___are_those_of_the_channels(tmp_path: Path) -> None:
+    text = joined("t,u (V),y1,y2\n(s),,[rad],Nm\n", ",", cells())
+    (tmp_path / "run.csv").write_text(text)
+    imported(tmp_path, text)
+    with opened(tmp_path / "bag") as bag:
+        connections = [each for each in bag.reader.connections if "channels" in each.topic]
+        _, _, raw = next(bag.reader.messages(connections))
+        info: Any = bag.reader.deserialize(raw, "flexarm_msgs/msg/ChannelInfo")
+    assert (info.input_units, info.output_units) == (["V"], ["rad", "Nm"])
+
+
+def test_thousands___in_quotes___are_one_number(tmp_path: Path) -> None:
+    _, record = imported(tmp_path, joined("t,u,y1,y2\n", ",", THOUSANDS))
+    np.testing.assert_allclose(record.u[:, 0], 1000.0 * signals()[:, 0])
+
+
+def test_thousands___with_decimal_commas___are_one_number(tmp_path: Path) -> None:
+    rows = [[t, f"{1e4 * float(u):,.2f}".translate(str.maketrans(",.", ".,")), y1.replace(".", ","),
+             y2.replace(".", ",")] for t, u, y1, y2 in cells(mark=".")]  # fmt: skip
+    rows = [[t.replace(".", ","), *rest] for t, *rest in rows]
+    _, record = imported(tmp_path, joined("t;u;y1;y2\n", ";", rows))
+    np.testing.assert_allclose(record.u[:, 0], 1e4 * signals()[:, 0])
+    np.testing.assert_allclose(record.y, signals()[:, 1:])
+
+
+def test_rounded_times___of_which_a_row_is_missing___have_a_hole(tmp_path: Path) -> None:
+    rows = cells(lambda k: f"{round(k / 0.3)}")
+    made, record = imported(tmp_path, joined("t_ms,u,y1,y2\n", ",", [*rows[:90], *rows[93:]]))
+    assert (made.rate_hz, made.missing_rows) == (300.0, 3)
+    np.testing.assert_allclose(record.y[93:], signals()[93:, 1:])
+
+
+def test_two_topics___of_different_instants_and_rates___are_on_the_outputs_grid(
+    tmp_path: Path,
+) -> None:
+    rows = []
+    for k, (u, y1, y2) in enumerate(signals()):
+        rows.append((5 * k + 1.3, "", f"{y1}", f"{y2}"))
+        if k % 4 == 0:
+            rows.append((5.0 * k + 1.3, f"{u}", "", ""))
+    rows.sort(key=lambda row: row[0])
+    text = joined("time_ms,u,y1,y2\n", ",", [[f"{t:.1f}", *rest] for t, *rest in rows])
+    made, record = imported(tmp_path, text)
+    expect_arrays(record)
+    assert made.notes[0] == "each column has its own rows: put on one grid of 200 Hz"
+
+
+@pytest.mark.parametrize(
+    ("head", "time", "unit"),
+    [
+        ("t,u,y1,y2", lambda k: f"{k * 312.5:.0f}", "us"),
+        ("timestamp,u,y1,y2", lambda k: f"{k * 0.3125}", "ms"),
+        ("time,u,y1,y2", lambda k: f"{k * 5000}", "us"),
+        ("time,u,y1,y2", lambda k: f"{k * 125}", "us"),
+        ("t,u,y1,y2", lambda k: f"{k / 0.3:.3f}", "ms"),
+    ],
+)
+def test_times___that_are_hardly_seconds___are_asked_about(
+    tmp_path: Path, head: str, time: Callable[[int], str], unit: str
+) -> None:
+    name = head.partition(",")[0]
+    text = joined(f"{head}\n", ",", cells(time))
+    with pytest.raises(CsvImportError, match=rf"--time '{name}:{unit}'|as in time_us"):
+        imported(tmp_path, text)
+    per_s = {"us": 1e6, "ms": 1e3}[unit]
+    made, _ = imported(tmp_path, text, [f"{name}:{unit}"])
+    assert made.rate_hz == pytest.approx(per_s / (float(time(200)) / 200), rel=1e-3)
+
+
+def test_times___of_motors_below_half_a_hertz___are_asked_about(tmp_path: Path) -> None:
+    text = joined("t,motor current,angle_deg,y2\n", ",", cells(lambda k: f"{5 * k}"))
+    (tmp_path / "run.csv").write_text(text)
+    mapping = named_columns(tmp_path / "run.csv", ["motor current"], ["angle_deg"])
+    with pytest.raises(CsvImportError, match=r"column t gives 0\.2 Hz .* are they in ms\?"):
+        import_csv(tmp_path / "run.csv", mapping, tmp_path / "bag", typestore=typestore())
+
+
+@pytest.mark.parametrize("step_s", [0.5, 1, 2, 10, 15, 30, 60, 300, 900, 312.5])
+def test_times___of_slow_plants___are_taken(tmp_path: Path, step_s: float) -> None:
+    head = "t,heater_power,tank_temp,y2\n"
+    (tmp_path / "run.csv").write_text(joined(head, ",", cells(lambda k: f"{step_s * k}")))
+    mapping = named_columns(tmp_path / "run.csv", ["heater_power"], ["tank_temp"])
+    made = import_csv(tmp_path / "run.csv", mapping, tmp_path / "bag", typestore=typestore())
+    assert made.rate_hz == pytest.approx(1.0 / step_s)
+    assert made.notes == ()
+
+
+@pytest.mark.parametrize("step_s", [1, 10, 60, 900])
+def test_times___at_steps_that_people_choose___are_taken_whatever_the_names(
+    tmp_path: Path, step_s: float
+) -> None:
+    made, _ = imported(tmp_path, joined("t,u,y1,y2\n", ",", cells(lambda k: f"{step_s * k}")))
+    assert made.rate_hz == pytest.approx(1.0 / step_s)
+    assert all("are they in" in note for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "since_s"),
+    [
+        ("1970-01-01T00:00:01Z", 1.0),
+        ("1970-01-02 00:00:00.123456789", 86400.123456789),
+        ("1970-01-01 02:00:00+02:00", 0.0),
+        ("1970-01-01 01:30:00-0130", 10800.0),
+        ("02.01.1970 00:00:00,5", 86400.5),
+        ("1/2/1970 12:00:01 AM", 86401.0),
+        ("1/2/1970 1:00 PM", 133200.0),
+        ("13/1/1970 0:00", 1036800.0),
+        ("23:59:59.25", 86399.25),
+        ("01:02.5", 62.5),
+    ],
+)
+def test_clock___in_a_usual_form___is_its_seconds(text: str, since_s: float) -> None:
+    assert is_clock(text)
+    assert clock_s(text) == pytest.approx(since_s, abs=1e-9)
+
+
+@pytest.mark.parametrize("text", ["", "Z", "1.5", "-3", "1:2:3:4", "noon", "1e-5", "192.168.0.1"])
+def test_clock___that_is_none___is_refused(text: str) -> None:
+    assert not is_clock(text)
+    with pytest.raises(ValueError, match=r".*"):
+        clock_s(text)
