@@ -18,7 +18,9 @@ _TIME = re.compile(rf"(t|time|timestamp|elapsed|seconds|zeit)({TIME_UNIT_ENDING}
 _LONGEST = 300
 
 
-def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> CsvMap:
+def named_columns(
+    path: Path, inputs: Sequence[str], outputs: Sequence[str], *, output_only: bool = False
+) -> CsvMap:
     """Return the map of a file whose time is the column that is called so, such as ``time_ms``.
 
     Parameters
@@ -27,6 +29,8 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
         Comma separated file with the column names in its first line.
     inputs, outputs : sequence of str
         Columns, each as ``COLUMN`` or ``NAME=COLUMN``.
+    output_only : bool
+        There is no input; without outputs, all columns are but the time.
 
     Raises
     ------
@@ -36,9 +40,12 @@ def named_columns(path: Path, inputs: Sequence[str], outputs: Sequence[str]) -> 
     """
     names = column_names(path)
     there = shorten(", ".join(names), _LONGEST)
-    if not (inputs and outputs):
+    if output_only:
+        outputs = outputs or [name for name in names if not _TIME.fullmatch(name)]
+    elif not (inputs and outputs):
         raise CsvImportError(
-            f"{path}: a model needs --input COLUMN and --output COLUMN; columns: {there}"
+            f"{path}: a model needs --input COLUMN and --output COLUMN (modes alone need no input: "
+            f"--output-only); columns: {there}"
         )
     channels = [_channel(text, names) for text in (*inputs, *outputs)]
     times = _times(names)

@@ -30,6 +30,7 @@ class Columns(NamedTuple):
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    output_only: bool = False
 
 
 def taken_columns(
@@ -43,8 +44,10 @@ def taken_columns(
         if path.suffix.lower() in _SPREADSHEETS:
             raise click.UsageError(f"{path} is a spreadsheet: save it as CSV in UTF-8")
     tables = _tables(paths)
-    named = Columns(options["inputs"], options["outputs"])
-    if map_file and any(named):
+    named = Columns(
+        options["inputs"], options["outputs"], options.get("output_only", False) and bool(tables)
+    )
+    if map_file and (named.inputs or named.outputs):
         raise click.UsageError("give --map, or --input and --output: both tell the columns")
     if map_file or not tables or not any(named):
         return map_file
@@ -81,7 +84,8 @@ def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[d
         names = ", ".join(column_names(tables[0]))
         raise click.UsageError(
             f"{tables[0]} is a CSV file: say which column is what, by --input COLUMN and --output "
-            f"COLUMN or a file, --map FILE; columns: {names}"
+            "COLUMN (modes alone need no input: --output-only) or a file, --map FILE; columns: "
+            f"{names}"
         )
     if columns is None:
         yield {path: str(path) for path in paths}
@@ -136,7 +140,9 @@ def _judged(csv: Path, columns: Columns, bag: Path) -> Path:
     from flexarm_ident.records.iodata import IoData  # noqa: PLC0415
     from flexarm_ident.subspace.loop_test import judged_loop  # noqa: PLC0415
 
-    mapping = named_columns(csv, *columns)
+    mapping = named_columns(csv, columns.inputs, columns.outputs, output_only=columns.output_only)
+    if not mapping.inputs:
+        return _imported(csv, mapping, bag, kept=False).bag
 
     def judged(record: CsvRecord) -> bool:
         u, y = record.even()
