@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 BLOCK_ROWS = 30
 """Block rows of the past, and of the future."""
 # Parts of half the rate between which a look shows modes: the filter before it falls off above.
-_SLOWEST, _SHOWN = 0.1, 0.8
+_SLOWEST, _SHOWN = 0.05, 0.8
 _SLOWER = 4
 # A look at fewer samples for each of the block rows tells little.
 _SAMPLES_PER_ROW = 10
