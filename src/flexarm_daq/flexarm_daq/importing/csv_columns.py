@@ -44,8 +44,8 @@ def named_columns(
         outputs = outputs or [name for name in names if not _TIME.fullmatch(name)]
     elif not (inputs and outputs):
         raise CsvImportError(
-            f"{path}: a model needs --input COLUMN and --output COLUMN (modes alone need no input: "
-            f"--output-only); columns: {there}"
+            f"{path}: a model needs --input COLUMN and --output COLUMN; columns: {there}; "
+            "modes alone need no input: --output-only"
         )
     channels = [_channel(text, names) for text in (*inputs, *outputs)]
     times = _times(names)
