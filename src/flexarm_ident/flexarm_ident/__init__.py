@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from flexarm_core.errors import BagError, DataError, IdentificationError
     from flexarm_ident.arm.fit import ArmFit, fit_arm
     from flexarm_ident.estimation.identification import Identification
+    from flexarm_ident.estimation.output_only import OutputModes, identify_modes
     from flexarm_ident.estimation.pipeline import identify
     from flexarm_ident.fitting.refinement import Refinement, refine_model
     from flexarm_ident.fitting.validation import (
@@ -49,6 +50,7 @@ __all__ = [
     "IdentificationError",
     "IoData",
     "ModeShape",
+    "OutputModes",
     "RankTable",
     "Reduction",
     "Refinement",
@@ -60,6 +62,7 @@ __all__ = [
     "fit_arm",
     "from_columns",
     "identify",
+    "identify_modes",
     "load_friction",
     "load_model",
     "mode_shapes",

@@ -37,8 +37,8 @@ class Criteria(NamedTuple):
         Soft: largest change of the damping ratio.
     mac : float
         Soft: smallest modal assurance criterion between the shapes.
-    largest_damping : float
-        Hard: largest damping ratio of a structural mode; the smallest is zero.
+    largest_damping, smallest_damping : float
+        Hard: largest damping ratio of a structural mode, and what it exceeds.
     spread : float
         Smallest distance between two clusters: relative difference of frequencies plus one minus
         MAC.
@@ -52,6 +52,7 @@ class Criteria(NamedTuple):
     largest_damping: float = 0.25
     spread: float = 0.1
     share: float = 0.6
+    smallest_damping: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +196,7 @@ def _poles(
     for i in np.flatnonzero(eigenvalues.imag > 0.0):
         frequency_hz, damping_ratio = frequency_and_damping(complex(eigenvalues[i]), dt_s)
         shape = shapes[:, i] / (np.linalg.norm(shapes[:, i]) or 1.0)
-        admissible = 0.0 < damping_ratio <= limits.largest_damping
+        admissible = limits.smallest_damping < damping_ratio <= limits.largest_damping
         poles.append(Pole(order, frequency_hz, damping_ratio, shape, admissible, stable=False))
     return poles
 

@@ -151,7 +151,7 @@ def mode_uncertainty(found: Jackknife, model: control.StateSpace) -> tuple[ModeU
     form = modal_form(model)
     own = form.eigenvalues[[group[0] for group in form.groups]]
     figures = [_figures(_matched(own, each.A), form.dt_s) for each in found.replicates]
-    pairs = zip(_figures(own, form.dt_s), _deviation(np.array(figures)).tolist(), strict=True)
+    pairs = zip(_figures(own, form.dt_s), deviation(np.array(figures)).tolist(), strict=True)
     return tuple(ModeUncertainty(*figure, *std) for figure, std in pairs)
 
 
@@ -179,11 +179,11 @@ def frequency_response_uncertainty(
     pairs = zip(found.replicates, found.remainders, strict=True)
     replicates = np.array([response(*pair) for pair in pairs])
     return ResponseUncertainty(
-        grid, response(found.whole, as_records(records)), _deviation(replicates)
+        grid, response(found.whole, as_records(records)), deviation(replicates)
     )
 
 
-def _deviation(replicates: FloatArray | ComplexArray) -> FloatArray:
+def deviation(replicates: FloatArray | ComplexArray) -> FloatArray:
     """Return the jackknife's standard deviation over the first axis."""
     count = len(replicates)
     scatter = np.abs(replicates - replicates.mean(axis=0)) ** 2

@@ -31,7 +31,11 @@ _LONGEST = 300
 
 
 def named_columns(
-    path: Path, inputs: Sequence[str], outputs: Sequence[str], times: Sequence[str] = ()
+    path: Path,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    times: Sequence[str] = (),
+    output_only: bool = False,  # noqa: FBT001, FBT002 - a field of `Columns`
 ) -> CsvMap:
     """Return the map of a file whose time is the column that is called so, such as ``time_ms``.
 
@@ -44,6 +48,8 @@ def named_columns(
         column's name may be left out.
     times : sequence of str
         What tells the time, ``COLUMN``, ``COLUMN:us`` or ``200Hz``; empty for the usual names.
+    output_only : bool
+        There is no input; without outputs, all columns are but the time.
 
     Raises
     ------
@@ -54,12 +60,15 @@ def named_columns(
     layout = table_layout(path)
     names = layout.names
     there = shorten(", ".join(names), _LONGEST)
-    if not (inputs and outputs):
+    column, unit, rate_hz = _told_time(times, names)
+    if output_only:
+        outputs = outputs or [name for name in names if name not in {column, *_times(layout)}]
+    elif not (inputs and outputs):
         raise CsvImportError(
-            f"{path}: a model needs --input COLUMN and --output COLUMN; columns: {there}"
+            f"{path}: a model needs --input COLUMN and --output COLUMN; columns: {there}; "
+            "modes alone need no input: --output-only"
         )
     channels = [_channel(text, names) for text in (*inputs, *outputs)]
-    column, unit, rate_hz = _told_time(times, names)
     if not (column or rate_hz):
         column = _only_time(path, layout, {each.column for each in channels})
     for said in ([each.column for each in channels], [each.name for each in channels]):

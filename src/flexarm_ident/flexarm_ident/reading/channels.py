@@ -58,17 +58,23 @@ class Selection:
     interpolated : bool
         Inputs were measured and run on lines between their messages. Else they are commands, each
         in force until the next.
+    output_only : bool
+        There is no input.
     """
 
     inputs: tuple[Field, ...]
     outputs: tuple[Field, ...]
     clock: str | None = None
     interpolated: bool = False
+    output_only: bool = False
 
     def __post_init__(self) -> None:
         for role, fields in (("input", self.inputs), ("output", self.outputs)):
-            if not fields:
-                raise BagError(f"no {role} was named: a record needs inputs and outputs")
+            if not fields and not (self.output_only and role == "input"):
+                raise BagError(
+                    f"no {role} was named: a record needs inputs and outputs; modes alone need no "
+                    "input: identify --output-only"
+                )
         if twice := named_twice(field.name for field in (*self.inputs, *self.outputs)):
             raise BagError(f"{twice}: name channels as NAME=TOPIC.FIELD, or take one of them")
         both = {str(field) for field in self.inputs} & {str(field) for field in self.outputs}
@@ -84,6 +90,7 @@ def selection(
     *,
     clock: str | None = None,
     interpolated: bool = False,
+    output_only: bool = False,
 ) -> Selection:
     """Return the choice of signals that are named by ``TOPIC.FIELD`` or ``NAME=TOPIC.FIELD``.
 
@@ -97,6 +104,7 @@ def selection(
         tuple(map(parse_field, outputs)),
         clock,
         interpolated=interpolated,
+        output_only=output_only,
     )
 
 

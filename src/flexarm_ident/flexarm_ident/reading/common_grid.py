@@ -93,7 +93,7 @@ def common_rows(
     Parameters
     ----------
     inputs, outputs : sequence of Track
-        Signals, one or more each, by one clock.
+        Signals by one clock; one output or more.
     interpolated : bool
         Inputs run on lines between their messages, as measured ones do. Else each message is in
         force until the next, as a command is.
@@ -123,14 +123,16 @@ def common_rows(
             "machines or of a simulation may need the other clock (--clock)"
         )
     driven = _mean_of_lines if interpolated else _mean_of_steps
-    u = [driven(at, signal.values, rows) for at, signal in zip(acting, inputs, strict=True)]
+    u = np.empty((len(rows), len(inputs)))
+    for number, (at, signal) in enumerate(zip(acting, inputs, strict=True)):
+        u[:, number] = driven(at, signal.values, rows)
     y = [
         on_grid(grid.instants, signal.values[grid.kept, np.newaxis], rows)[:, 0]
         if np.array_equal(signal.times_ns, lead.times_ns)
         else _splined(at, signal.values, rows)
         for at, signal in zip(sampled, outputs, strict=True)
     ]
-    return CommonRows(np.stack(u, axis=1), np.stack(y, axis=1), grid, lead, rows, tuple(acting))
+    return CommonRows(u, np.stack(y, axis=1), grid, lead, rows, tuple(acting))
 
 
 def _instants(signal: Track, kept_ns: Integers, grid: Grid) -> FloatArray:

@@ -300,7 +300,7 @@ class IoData:
             raise DataError(f"{self.label}: {field} must be an array of real numbers") from None
         if array.ndim == 1:
             array = array[:, np.newaxis]
-        if array.ndim != 2 or array.size == 0:  # noqa: PLR2004 (samples, channels)
+        if array.ndim != 2 or (array.size == 0 and (names or not len(array))):  # noqa: PLR2004 (samples, channels)
             raise DataError(f"{self.label}: {field} must be (samples, channels): {array.shape}")
         if array.shape[1] != len(names):
             turned = " (transposed?)" if array.shape[0] == len(names) < array.shape[1] else ""

@@ -176,7 +176,8 @@ def past_instruments(gram: BlockGram) -> RangeSpace:
     block_rows = len(future.products) // gram.outputs
     weight = np.tile(1.0 / deviation, block_rows)
     explained = future.explained * weight[:, np.newaxis]
-    if _is_clean(deviation, future.products) or reaches_inputs(gram.leading(block_rows)):
+    driven = gram.inputs > 0 and reaches_inputs(gram.leading(block_rows))
+    if driven or _is_clean(deviation, future.products):
         basis, singular_values = _po_moesp(explained)
     else:
         basis, singular_values = _cva(explained, future.unexplained * np.outer(weight, weight))
@@ -273,6 +274,8 @@ def _schur_complement(
 ) -> tuple[FloatArray, float]:
     """Return the remainder of `keep` given `given` (2-20), and the condition number of `given`."""
     ordered = gram[keep + given][:, keep + given]
+    if not given:
+        return ordered, 1.0
     kept, known = slice(0, len(keep)), slice(len(keep), None)
     inverse = truncated_inverse(ordered[known, known])
     cross = ordered[kept, known] @ inverse.root

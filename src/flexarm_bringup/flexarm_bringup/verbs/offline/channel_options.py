@@ -93,6 +93,7 @@ def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:
     inputs, outputs, clock, held = (
         options.pop(name) for name in ("inputs", "outputs", "clock", "held")
     )
+    output_only = options.pop("output_only", False)
     if not (inputs or outputs):
         if clock or not held:
             raise click.UsageError(
@@ -104,7 +105,7 @@ def taken_channels(options: dict[str, Any], bag: Path) -> Selection | None:
             parse_field(name)
     except BagError as error:
         raise BagError(f"{error}; {signals_told(bag)}") from error
-    return selection(inputs, outputs, clock=clock, interpolated=not held)
+    return selection(inputs, outputs, clock=clock, interpolated=not held, output_only=output_only)
 
 
 def taken_span(options: dict[str, Any]) -> Span:

@@ -34,6 +34,7 @@ class Columns(NamedTuple):
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     times: tuple[str, ...] = ()
+    output_only: bool = False
 
 
 def taken_columns(
@@ -47,11 +48,15 @@ def taken_columns(
         if path.suffix.lower() in _SPREADSHEETS:
             raise click.UsageError(f"{path} is a spreadsheet: save it as CSV in UTF-8")
     tables = _tables(paths)
-    named = Columns(options["inputs"], options["outputs"], options.pop("times", ()))
-    if map_file and any(named):
+    output_only = options.get("output_only", False) and bool(tables)
+    times = options.pop("times", ())
+    named = Columns(options["inputs"], options["outputs"], times, output_only)
+    if map_file and (named.inputs or named.outputs or times):
         raise click.UsageError("give --map, or --input, --output and --time: both tell the columns")
-    if named.times and not (tables and named.inputs and named.outputs):
-        raise click.UsageError("--time belongs to a CSV file with --input and --output")
+    if times and not (tables and (output_only or (named.inputs and named.outputs))):
+        raise click.UsageError(
+            "--time belongs to a CSV file with --input and --output, or --output-only"
+        )
     if map_file or not tables or not any(named):
         return map_file
     for path in paths:
@@ -87,7 +92,8 @@ def as_bags(paths: Sequence[Path], columns: Path | Columns | None) -> Iterator[d
         names = ", ".join(column_names(tables[0]))
         raise click.UsageError(
             f"{tables[0]} is a CSV file: say which column is what, by --input COLUMN and --output "
-            f"COLUMN or a file, --map FILE; columns: {names}"
+            "COLUMN (modes alone need no input: --output-only) or a file, --map FILE; columns: "
+            f"{names}"
         )
     if columns is None:
         yield {path: str(path) for path in paths}
@@ -143,6 +149,8 @@ def _judged(csv: Path, columns: Columns, bag: Path) -> Path:
     from flexarm_ident.subspace.loop_test import judged_loop  # noqa: PLC0415
 
     mapping = named_columns(csv, *columns)
+    if not mapping.inputs:
+        return _imported(csv, mapping, bag, kept=False).bag
 
     def judged(record: CsvRecord) -> bool:
         u, y = record.even()

@@ -172,6 +172,11 @@ _MAP = click.option(
 @click.option(
     "--export", default="", metavar="LIST", help="Formats beside model.yaml: any of json,mat,h."
 )
+@click.option(
+    "--output-only",
+    is_flag=True,
+    help="Modes of records without an input, such as logs of an accelerometer; and input shapers.",
+)
 @click.option("--each", is_flag=True, help="One model per bag, in a table with their trend.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes of --each; else one per core.")
 @click.option(
@@ -187,6 +192,7 @@ _MAP = click.option(
     "identify run1 --input /command.data --output '/joint_states.position[0]'",
     "identify run.csv --input torque --output angle",
     "identify run.csv --map columns.yaml",
+    "identify raw_data_x.csv --output-only",
     "identify run1 --from 4s --to 30s",
     "identify --each runs/* -o out/months",
 )
@@ -212,12 +218,23 @@ def identify(
             raise click.UsageError(f"{path} is a model: name the bag or the CSV file of a record")
     if (out / "metadata.yaml").is_file():
         raise click.UsageError(f"-o {out} is a bag: name a folder of its own for the results")
+    output_only = options["output_only"]
+    if output_only and (each or export):
+        raise click.UsageError("--output-only makes no model: leave out --each and --export")
+    if output_only and options["inputs"]:
+        raise click.UsageError("--output-only takes no --input: leave one of them out")
     columns = taken_columns(bags, map_file, options)
     exports, span = parse_exports(export), taken_span(options)
     channels = taken_channels(options, bags[0])
     if not each and (jobs is not None or dask or parquet):
         raise click.UsageError("--jobs, --dask and --parquet belong to --each")
     with as_bags(bags, columns) as records:
+        if output_only:
+            # It loads the shapers.
+            from flexarm_bringup.verbs.offline.output_only import show_modes  # noqa: PLC0415
+
+            show_modes(records, out, channels=channels, span=span, force=force)
+            return
         if each:
             # They load matplotlib and joblib.
             from flexarm_bringup.verbs.offline.series import model_each  # noqa: PLC0415
