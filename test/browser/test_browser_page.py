@@ -163,6 +163,64 @@ def test_stop___by_the_keyboard___is_latched_until_released(
     browser.wait_for("document.getElementById('badge').dataset.state === 'DRIVING'")
 
 
+USABLE = """[...document.querySelectorAll(
+  "#power button, #release, fieldset button, fieldset select, fieldset input")]
+  .filter((node) => !node.matches(":disabled")).length"""
+MESSAGE = "document.getElementById('message').textContent"
+NOT_SENT = "NOT SENT: no connection, use the hardware stop"
+
+
+def test_page___without_a_connection___has_no_control_and_a_stop_that_says_so(
+    browser: Browser, mock: LiveMock
+) -> None:
+    mock.opens = False
+    browser.open(mock.address)
+    browser.wait_for("!document.getElementById('stop').disabled")
+    assert browser.ask(USABLE) == 0
+    assert browser.ask("document.getElementById('badge_name').textContent") == "STALE"
+    browser.click("#stop")
+    browser.wait_for(f"{MESSAGE} === '{NOT_SENT}'")
+    assert asked(mock, "stop") == []
+    mock.opens = True
+    browser.wait_for(f"{USABLE} > 30")
+    # The stop that was not sent comes before all else.
+    assert asked(mock, "stop") != []
+
+
+def test_page___whose_connection_is_lost___loses_its_controls(
+    browser: Browser, mock: LiveMock
+) -> None:
+    opened(browser, mock)
+    browser.wait_for(f"{USABLE} > 30")
+    mock.opens = False
+    mock.drop_pages()
+    browser.wait_for(f"{USABLE} === 0")
+    mock.opens = True
+    browser.wait_for(f"{USABLE} > 30")
+
+
+def test_page___before_its_greeting___has_no_control_and_stops(
+    browser: Browser, mock: LiveMock
+) -> None:
+    mock.greets.clear()
+    try:
+        browser.open(mock.address)
+        browser.wait_for("!document.getElementById('stop').disabled")
+        assert browser.ask(USABLE) == 0
+        browser.click("#stop")
+        browser.wait_for(f"{MESSAGE} === 'stopped: the drive is held at zero'")
+    finally:
+        mock.greets.set()
+
+
+def test_stop___that_nobody_acknowledges___says_so(browser: Browser, mock: LiveMock) -> None:
+    opened(browser, mock)
+    mock.acknowledges = False
+    browser.press("Space")
+    words = "not acknowledged in 2.5 s, use the hardware stop"
+    browser.wait_for(f"{MESSAGE}.includes('{words}')")
+
+
 def test_tab_key___pressed_on___reaches_every_control(browser: Browser, mock: LiveMock) -> None:
     opened(browser, mock)
     browser.ask("document.querySelector('details').open = true")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from contextlib import suppress
 from http import HTTPStatus
 from itertools import count
 from typing import TYPE_CHECKING, Any
@@ -61,6 +62,10 @@ class LiveMock:
         self._due: list[threading.Thread] = []
         self._cancelled: set[int] = set()
         self._ended = threading.Event()
+        self.greets = threading.Event()
+        self.greets.set()
+        self.opens = True
+        self.acknowledges = True
         self._server = serve(
             self._serve_page,
             "127.0.0.1",
@@ -95,8 +100,8 @@ class LiveMock:
 
     def _serve_file(self, _: ServerConnection, request: Request) -> Response | None:
         path = request.path.partition("?")[0]
-        if path == "/live":
-            return None
+        if path in {"/live", "/stop"}:
+            return None if self.opens else Response(HTTPStatus.SERVICE_UNAVAILABLE, "", Headers())
         file = self.files.get(path.removeprefix("/") or INDEX)
         if file is None:
             return Response(HTTPStatus.NOT_FOUND, "Not Found", Headers())
@@ -109,6 +114,12 @@ class LiveMock:
 
     def _serve_page(self, page: ServerConnection) -> None:
         hand = page.request is not None and page.request.path.endswith(f"token={TOKEN}")
+        if page.request is not None and page.request.path.startswith("/stop"):
+            with suppress(ConnectionClosed):
+                for text in page:
+                    self._take(page, json.loads(text))
+            return
+        self.greets.wait()
         _send(page, json.dumps(greeting(self.rate_hz, hand=hand)))
         _send(page, json.dumps(self._state(page)))
         self._pages.append(page)
@@ -128,7 +139,8 @@ class LiveMock:
             reply |= {"ok": True, "message": "", "data": self._do(page, request) or {}}
         except Refusal as reason:
             reply |= {"ok": False, "message": str(reason), "data": {}}
-        _send(page, json.dumps(reply))
+        if self.acknowledges:
+            _send(page, json.dumps(reply))
         # The first news of a job comes behind its number.
         while self._due:
             self._due.pop().start()

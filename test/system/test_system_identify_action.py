@@ -1,13 +1,16 @@
 from __future__ import annotations
 
 import signal
+import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import pytest
+import rclpy
 from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
 from rclpy.action.client import GoalStatus
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from flexarm_ident.models.files import load_model
@@ -15,7 +18,7 @@ from flexarm_ident.models.model_parameters import model_from_parameters
 from flexarm_msgs.action import IdentifyBags
 from flexarm_msgs.srv import Identify
 from support.project import BAGS
-from support.system_graph import Graph
+from support.system_graph import Graph, eventually
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.system
 
+# A second, and what a busy machine takes for the answers.
+SOON_S = 2.0
 # Takes some seconds, most of them for the choice of the order.
 BAG = BAGS / "c_dat3_0g"
 STAGES = [
@@ -136,6 +141,10 @@ def test_goal___tells_its_stages_and_answers_as_the_service_does(
     laboratory.wait(lambda: goal.feedback[-1].stage == "writing", "the last feedback")
     fractions = [each.fraction for each in goal.feedback]
     assert fractions == sorted(fractions)
+    news = [(each.stage, each.fraction) for each in goal.feedback]
+    assert len(set(news)) == len(news)
+    stages = [stage for k, (stage, _) in enumerate(news) if k == 0 or news[k - 1][0] != stage]
+    assert len(set(stages)) == len(stages)
     assert 0.0 <= fractions[0] < 0.1
     assert fractions[-1] <= 1.0
     assert list(dict.fromkeys(each.stage for each in goal.feedback)) == STAGES
@@ -172,16 +181,52 @@ def test_cancelled_goal___ends_so_and_leaves_no_file(
     goal = Goal(laboratory, client, bag_uris=[str(BAG)])
     goal.wait_for_feedback()
 
+    began_s = time.monotonic()
     assert goal.cancel() == 1
     status, result = goal.result()
+    assert time.monotonic() - began_s < SOON_S
 
     assert status == GoalStatus.STATUS_CANCELED
     assert not result.success
-    assert "cancelled" in result.message
+    assert result.message.startswith("cancelled in ")
+    assert "left behind" not in result.message
     assert not result.parameters
     assert files_in(models) == []
     again = Goal(laboratory, client, bag_uris=[str(BAG)], order=8, block_rows=20)
     assert again.result()[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_goal_whose_client_is_gone___is_cancelled_and_leaves_no_file(
+    laboratory: Graph, models: Path
+) -> None:
+    context = rclpy.Context()
+    context.init(domain_id=laboratory.node.context.get_domain_id())
+    node = rclpy.create_node("leaving", namespace="/flexarm", context=context)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    leaving = ActionClient(node, IdentifyBags, "identify_bags")
+    heard: list[Any] = []
+
+    def begun() -> bool:
+        executor.spin_once(timeout_sec=0.1)
+        return bool(heard)
+
+    laboratory.wait(leaving.server_is_ready, "the action server")
+    leaving.send_goal_async(IdentifyBags.Goal(bag_uris=[str(BAG)]), feedback_callback=heard.append)
+    eventually(begun, "feedback")
+    leaving.destroy()
+    executor.shutdown()
+    node.destroy_node()
+    context.try_shutdown()
+    context.destroy()
+
+    request = Identify.Request(bag_uris=["/nowhere/run"])
+
+    def is_free() -> bool:
+        return "busy" not in laboratory.call(Identify, "identify", request).message
+
+    laboratory.wait(is_free, "the end of the job")
+    assert files_in(models) == []
 
 
 def test_node_at_work___answers_and_says_that_it_is_busy(

@@ -42,8 +42,8 @@ class HangingJob:
         if not self.hangs:
             raise IdentificationError("worked on")
         progress("gram", 0.1)
-        self.let_go.wait(120.0)
         try:
+            self.let_go.wait(120.0)
             progress("writing", 1.0)
             self.reports.append("may write")
         except Cancelled:

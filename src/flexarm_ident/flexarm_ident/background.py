@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import threading
 import time
 from queue import SimpleQueue
@@ -13,10 +14,11 @@ if TYPE_CHECKING:
     from flexarm_core.arrays import Progress
 
 Result = TypeVar("Result")
+_SMALLEST_PART = 0.01
 
 
-class Cancelled(Exception):  # noqa: N818 - no error: somebody asked for it
-    """The work was cancelled before it was done."""
+class Cancelled(BaseException):
+    """The work was cancelled before it was done; work that tries on after errors lets it pass."""
 
 
 class Background(Generic[Result]):
@@ -25,7 +27,8 @@ class Background(Generic[Result]):
     Parameters
     ----------
     work : callable
-        Called with a progress callback, which raises `Cancelled` when the work is to stop.
+        Called with a progress callback. `Cancelled` is raised wherever it is when it is to stop; a
+        compiled function ends first.
     notify : callable
         Called from a thread when there is progress, when the work has ended, and when it goes on
         although it was cancelled.
@@ -42,6 +45,11 @@ class Background(Generic[Result]):
         self._cancelled = threading.Event()
         self._given_up_s = 0.0
         self._stage = "its beginning"
+        self._left: set[str] = set()
+        self._fraction = 0.0
+        self._told: tuple[str, float] = ("", 0.0)
+        self._ending = threading.Lock()
+        self._is_over = False
         self._progress: SimpleQueue[tuple[str, float]] = SimpleQueue()
         self._ended = threading.Event()
         self._result: Result
@@ -61,7 +69,10 @@ class Background(Generic[Result]):
         return self._stage
 
     def progress(self) -> Iterator[tuple[str, float]]:
-        """Yield the stages and fractions reported since the last call, oldest first."""
+        """Yield the news since the last call, oldest first: a stage that is new, or more done.
+
+        Nothing goes back: a fraction never falls, and a stage that was left is not named again.
+        """
         while not self._progress.empty():
             yield self._progress.get()
 
@@ -71,8 +82,7 @@ class Background(Generic[Result]):
         Raises
         ------
         Cancelled
-            When the work was given up too. It can report no more, and so it ends at its next stage
-            if it ever reaches one.
+            When the work was given up too. It ends when its compiled function does.
         """
         if not self._ended.is_set():
             raise Cancelled(f"cancelled in {self._stage}, which does not stop and is left behind")
@@ -81,11 +91,15 @@ class Background(Generic[Result]):
         return self._result
 
     def cancel(self) -> None:
-        """Let the work stop at its next report, or give it up."""
+        """Stop the work where it is, or give it up."""
         if self._cancelled.is_set():
             return
         self._given_up_s = time.monotonic() + self._patience_s
         self._cancelled.set()
+        with self._ending:
+            if not self._is_over and self._thread.ident is not None:
+                thread = ctypes.c_ulong(self._thread.ident)
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(Cancelled))
         waking = threading.Timer(self._patience_s, self._notify)
         waking.daemon = True
         waking.start()
@@ -99,7 +113,14 @@ class Background(Generic[Result]):
 
     def _run(self) -> None:
         try:
-            self._result = self._work(self._report)
+            try:
+                self._result = self._work(self._report)
+            finally:
+                with self._ending:
+                    self._is_over = True
+        except Cancelled:
+            if not hasattr(self, "_result"):
+                self._error = Cancelled(f"cancelled in {self._stage}")
         except BaseException as error:  # noqa: BLE001 - handed to the thread that asks
             self._error = error
         self._ended.set()
@@ -107,7 +128,16 @@ class Background(Generic[Result]):
 
     def _report(self, stage: str, fraction: float) -> None:
         if self._cancelled.is_set():
-            raise Cancelled(f"cancelled before {stage}")
-        self._stage = stage
-        self._progress.put((stage, fraction))
+            raise Cancelled
+        if stage != self._stage and stage not in self._left:
+            self._left.add(self._stage)
+            self._stage = stage
+        self._fraction = max(self._fraction, fraction)
+        told_stage, told = self._told
+        if self._stage == told_stage and self._fraction < min(told + _SMALLEST_PART, 1.0):
+            return
+        if (self._stage, self._fraction) == self._told:
+            return
+        self._told = self._stage, self._fraction
+        self._progress.put(self._told)
         self._notify()

@@ -1,8 +1,9 @@
 """Identification node: a service and an action from bags to a validated reduced model.
 
 `identify` and the action `identify_bags` read the bags, and answer with the model as parameters;
-the action also reports its progress, and can be cancelled; `ident/cancel` ends either. A job that
-does not stop is left behind and can write nothing any more. The node declares these parameters on
+the action also reports its progress, and can be cancelled; `ident/cancel` ends either, and so does
+the last caller that leaves the graph. A job that does not stop at once is left behind and can write
+nothing any more. The node declares these parameters on
 itself and writes a folder with `model.yaml`, ready for `--params-file`, and `report.html`. It works
 on one job at a time, beside the executor, which stays free for parameters and for cancelling.
 """
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rclpy.action.server import ServerGoalHandle
+    from rclpy.timer import Timer
 
     from flexarm_core.arrays import Progress
     from flexarm_ident.models.modes import Mode
@@ -52,8 +54,11 @@ if TYPE_CHECKING:
     Asked: TypeAlias = "Identify.Request | IdentifyBags.Goal"
     Answer: TypeAlias = "Identify.Response | IdentifyBags.Result"
 
-# A stage that takes longer must not keep a process that was told to stop.
-_STOP_S = 3.0
+# A compiled function that takes longer must not keep a process that was told to stop.
+_STOP_S = 0.8
+_LOOK_S = 0.1
+_ACTION = "identify_bags"
+_SERVICE = "identify"
 
 PARAMETERS = read_table("flexarm_ident", "ident")
 
@@ -82,13 +87,13 @@ class IdentNode(Node):
         # A call that is being worked on must not keep the next one, or the parameters, waiting.
         group = ReentrantCallbackGroup()
         self.create_service(
-            Identify, "identify", self._on_identify, qos_profile=qos.CALLS, callback_group=group
+            Identify, _SERVICE, self._on_identify, qos_profile=qos.CALLS, callback_group=group
         )
         self.create_service(Trigger, "~/cancel", self._on_cancel, callback_group=group)
         self._action = ActionServer(
             self,
             IdentifyBags,
-            "identify_bags",
+            _ACTION,
             self._on_goal,
             cancel_callback=self._on_cancelled_goal,
             callback_group=group,
@@ -175,6 +180,7 @@ class IdentNode(Node):
         self._at_work = _AtWork(job, model_name(bags[0]), goal, time.monotonic())
         if goal is not None and goal.is_cancel_requested:
             job.cancel()
+        watching = self._watched(job, has_goal=goal is not None)
         try:
             while True:
                 # Made before looking: what comes after the look ends the wait.
@@ -187,7 +193,27 @@ class IdentNode(Node):
                     return job.result()
                 await news
         finally:
+            self.destroy_timer(watching)
             self._at_work = None
+
+    def _watched(self, job: Background[Results], *, has_goal: bool) -> Timer:
+        """Cancel a job when the last one who may have asked for it has left the graph."""
+        has_callers = False
+
+        def look() -> None:
+            nonlocal has_callers
+            callers = (
+                self.count_subscribers(f"{_ACTION}/_action/feedback")
+                if has_goal
+                else self.count_clients(_SERVICE)
+            )
+            if has_callers and not callers:
+                job.cancel()
+            # A call may come before its caller is discovered.
+            has_callers = has_callers or callers > 0
+
+        look()
+        return self.create_timer(_LOOK_S, look)
 
     def _work(
         self, bags: Sequence[Path], request: Request, channels: Selection | None

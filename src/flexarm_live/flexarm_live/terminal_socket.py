@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from flexarm_core.own_files import private_folder
+from flexarm_core.patience import slowness
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -48,7 +49,7 @@ def connect(namespace: str) -> socket.socket:
     """
     connection = socket.socket(socket.AF_UNIX)
     try:
-        connection.settimeout(_CONNECT_S)
+        connection.settimeout(_CONNECT_S * slowness())
         with _short(socket_file(namespace)) as name:
             connection.connect(name)
     except OSError:

@@ -9,7 +9,9 @@ from lifecycle_msgs.srv import GetState
 from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import Trigger
 
+from flexarm_bringup.console import terminal
 from flexarm_bringup.graph.processes import LaunchError
+from flexarm_core.patience import Patience
 from flexarm_msgs.srv import Identify, Tune
 
 if TYPE_CHECKING:
@@ -30,9 +32,36 @@ _HARMLESS = {GetState: _SOON_S, GetParameters: _SOON_S, Trigger: 0.5}
 time. What is triggered takes a while."""
 _ASKED_ONCE = {Identify: "ident", Tune: "tuner"}
 """Long work and its node: a second question would be refused while the first is at work."""
+_TELLING_S = 5.0
 _POLL_S = 0.1
 _SERVICE_POLL_S = 0.02
 """A service that is discovered wakes nobody up."""
+
+
+class Waiting:
+    """Wait for another process, which the user is told of when it takes long.
+
+    Parameters
+    ----------
+    what : str
+        What is waited for; empty for what nobody is told.
+    longest_s : float
+        Patience on an idle machine, s.
+    """
+
+    def __init__(self, what: str, longest_s: float) -> None:
+        self._what = what
+        self._patience = Patience(longest_s)
+        self._told_s = 0.0
+
+    def look(self) -> None:
+        """Tell of the wait now and then; raise a `LaunchError` when it has taken too long."""
+        waited_s = self._patience.waited_s
+        if self._patience.is_over:
+            raise LaunchError(f"{self._what} did not come within {waited_s:.0f} s")
+        if self._what and waited_s > self._told_s + _TELLING_S:
+            self._told_s = waited_s
+            terminal.CONSOLE.print(f"  waiting for {self._what}, {waited_s:.0f} s so far")
 
 
 class GraphClient:
@@ -93,12 +122,12 @@ class GraphClient:
     ) -> None:
         """Spin until the condition holds; raise a `LaunchError` after the time.
 
-        It is asked after each piece of work, and at the latest after the time of a poll.
+        The time counts as `Patience` has it. The condition is asked after each piece of work, and
+        at the latest after the time of a poll.
         """
-        deadline_s = time.monotonic() + timeout_s
+        waiting = Waiting(what, timeout_s)
         while not condition():
-            if time.monotonic() > deadline_s:
-                raise LaunchError(f"{what} did not come within {timeout_s:.0f} s")
+            waiting.look()
             self.spin(poll_s)
 
     def acquaint(self, name: str, timeout_s: float = SERVICE_S) -> None:
@@ -151,11 +180,9 @@ class GraphClient:
         self.acquaint(_ASKED_ONCE[service], max(timeout_s, SERVICE_S))
         self.await_service(client, timeout_s)
         answer = client.call_async(request)
-        deadline_s = time.monotonic() + timeout_s
 
         def answered() -> Any:  # noqa: ANN401 - the service's own response type
-            left_s = max(0.0, deadline_s - time.monotonic())
-            self.wait(answer.done, f"the answer of {client.service_name}", left_s)
+            self.wait(answer.done, f"the answer of {client.service_name}", timeout_s)
             return answer.result()
 
         return answered
@@ -177,12 +204,13 @@ class GraphClient:
         unheard: Callable[[], object | None] = lambda: None,
     ) -> Any:  # noqa: ANN401 - the service's own response type
         self.await_service(client, timeout_s)
-        deadline_s = time.monotonic() + timeout_s
+        waiting = Waiting(f"the answer of {client.service_name}", timeout_s)
         answers: list[Future[Any]] = []
-        while time.monotonic() < deadline_s:
+        while True:
             answers.append(client.call_async(request))
-            until_s = min(time.monotonic() + patience_s, deadline_s)
+            until_s = time.monotonic() + patience_s
             while time.monotonic() < until_s:
+                waiting.look()
                 for answer in answers:
                     if answer.done():
                         return answer.result()
@@ -190,8 +218,6 @@ class GraphClient:
             if (inferred := unheard()) is not None:
                 return inferred
             patience_s = min(2.0 * patience_s, _UNHEARD_S)
-        service = client.service_name
-        raise LaunchError(f"the answer of {service} did not come within {timeout_s:.0f} s")
 
     def await_service(self, client: Client, timeout_s: float = SERVICE_S) -> None:
         """Wait until a service is there."""

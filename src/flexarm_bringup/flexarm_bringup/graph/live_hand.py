@@ -14,6 +14,7 @@ from flexarm_bringup.graph.processes import LaunchError
 from flexarm_bringup.graph.set_point import SetPoint
 from flexarm_core.errors import one_line
 from flexarm_core.own_files import OwnFileError
+from flexarm_core.patience import slowness
 from flexarm_live.terminal_socket import connect
 
 if TYPE_CHECKING:
@@ -79,7 +80,8 @@ class LiveHand:
         """
         request = json.dumps({"id": 0, "do": verb, **fields}).encode()
         try:
-            self._connection.settimeout(patience_s)
+            # The graph is asked when a stop is not answered: that is not put off.
+            self._connection.settimeout(patience_s * (1.0 if verb == "stop" else slowness()))
             self._connection.sendall(request + b"\n")
             reply = json.loads(self._replies.readline(_LONGEST))
             carried_out, answer = reply["ok"], Answer(reply["message"], reply["data"])

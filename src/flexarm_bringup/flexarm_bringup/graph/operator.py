@@ -16,6 +16,7 @@ from flexarm_bringup.graph.client import SERVICE_S, GraphClient
 from flexarm_bringup.graph.processes import HeldDriveError, LaunchError
 from flexarm_bringup.graph.run_watch import RunWatch
 from flexarm_core.nearest import nearest
+from flexarm_core.patience import Patience
 from flexarm_msgs.srv import Identify
 
 if TYPE_CHECKING:
@@ -181,9 +182,9 @@ class Operator(GraphClient):
             self.start_sampling(samples)
             self._await_samples(samples, progress)
             self._require_driving()
-            deadline_s = time.monotonic() + SERVICE_S
+            patience = Patience(SERVICE_S)
             while self.is_active("daq"):
-                if time.monotonic() > deadline_s:
+                if patience.is_over:
                     raise LaunchError("daq did not stop after its last sample")
             progress(samples)
             self.wait(watch.has_reported, "the figures of the run")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
 
 from flexarm_bringup.graph.run_figures import Run
+from flexarm_core.patience import Patience
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.stamps import stamp_ns, stamp_text
@@ -51,7 +51,7 @@ class RunWatch:
         self._sampled_s = ""
         self._figures: dict[str, str] | None = None
         self._counted = 0
-        self._counted_s = 0.0
+        self._patience = Patience(STALLED_S)
 
     def __enter__(self) -> RunWatch:  # noqa: PYI034 - Self needs Python 3.11
         self.trouble = ""
@@ -80,17 +80,17 @@ class RunWatch:
 
     def restart_clock(self) -> None:
         """Count stalls from now on."""
-        self._counted, self._counted_s = 0, time.monotonic()
+        self._counted, self._patience = 0, Patience(STALLED_S)
 
     def stall(self) -> str:
         """Return a stall of the run in words, or nothing."""
         newest = self.sequence
         if newest >= self._counted + _SLOWEST:
-            self._counted, self._counted_s = newest, time.monotonic()
-        if time.monotonic() - self._counted_s <= STALLED_S:
+            self._counted, self._patience = newest, Patience(STALLED_S)
+        if not self._patience.is_over:
             return ""
         new = newest - self._counted
-        return f"{new} new samples in {STALLED_S:.0f} s after {self._counted}"
+        return f"{new} new samples in {self._patience.waited_s:.0f} s after {self._counted}"
 
     def has_reported(self) -> bool:
         """Return whether the newest figures are those of the run's last sample."""

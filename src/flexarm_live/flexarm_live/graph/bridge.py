@@ -14,6 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from flexarm_control.loop_setup import TOPIC
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
+from flexarm_core.patience import slowness
 from flexarm_live.graph.about import about_arm
 from flexarm_live.graph.calls import Calls, SilentNodeError
 from flexarm_live.graph.chain import Chain
@@ -160,7 +161,7 @@ class Bridge:
         """Answer a request; one to a node that is silent is given up early, with the reason."""
         work: Coroutine[Any, Any, Answer] = getattr(self, f"_on_{request.verb}")(**request.fields)
         is_waited_for = request.verb in _WAITED_FOR or not self._silence(request)
-        patience_s = None if is_waited_for else _SILENT_NODE_S
+        patience_s = None if is_waited_for else _SILENT_NODE_S * slowness()
         try:
             return await asyncio.wait_for(work, patience_s)
         except (asyncio.TimeoutError, SilentNodeError) as error:

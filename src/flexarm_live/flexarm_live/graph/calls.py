@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from typing import TYPE_CHECKING, Any
 
 from flexarm_core.errors import FlexarmError
+from flexarm_core.patience import Patience
 
 if TYPE_CHECKING:
     from rclpy.client import Client
@@ -70,22 +70,22 @@ class Calls:
             When the node refuses the call.
         """
         client = self.client(kind, name)
-        deadline_s = time.monotonic() + timeout_s
+        patience = Patience(timeout_s)
         while not client.service_is_ready():
-            if time.monotonic() > deadline_s:
+            if patience.is_over:
                 raise SilentNodeError(f"{client.service_name} does not answer: is its node there?")
             await asyncio.sleep(_POLL_S)
         answers: list[asyncio.Future[Any]] = []
-        while (left_s := deadline_s - time.monotonic()) > 0.0:
+        while not patience.is_over:
             answers.append(settled(client.call_async(request)))
             done, _ = await asyncio.wait(
-                answers, timeout=min(again_s, left_s), return_when=asyncio.FIRST_COMPLETED
+                answers, timeout=min(again_s, timeout_s), return_when=asyncio.FIRST_COMPLETED
             )
             if done:
                 return done.pop().result()
         raise SilentNodeError(
-            f"{client.service_name} did not answer within {timeout_s:.0f} s: its node hangs, or "
-            "the machine is busy. What was asked for may still come into force"
+            f"{client.service_name} did not answer within {patience.waited_s:.0f} s: its node "
+            "hangs, or the machine is busy. What was asked for may still come into force"
         )
 
 

@@ -10,6 +10,7 @@ from flexarm_control.laws.registry import LAWS
 from flexarm_control.loop_setup import TOPIC
 from flexarm_core.errors import FlexarmError
 from flexarm_core.nearest import nearest
+from flexarm_core.patience import Patience
 from flexarm_daq.experiments.catalogue import experiment
 from flexarm_live.graph.command_lines import identify_line, shown, tune_line
 from flexarm_live.graph.computation import Computation
@@ -125,18 +126,17 @@ class Chain:
 
     async def _sampled(self, samples: int, newest: Callable[[], int], report: Report) -> None:
         """Wait until all samples are taken and the node has stopped by itself."""
-        seen, seen_s = 0, time.monotonic()
-        asked_s = seen_s
+        seen, patience, asked_s = 0, Patience(_STALLED_S), time.monotonic()
         while True:
             await asyncio.sleep(_POLL_S)
             now_s = time.monotonic()
             if (number := newest()) != seen:
-                seen, seen_s = number, now_s
+                seen, patience = number, Patience(_STALLED_S)
             report("sampling", min(1.0, seen / samples))
             if reason := self._held():
                 raise FlexarmError(f"{reason}; the record is kept")
-            if now_s - seen_s > _STALLED_S:
-                raise FlexarmError(f"no new sample came in {_STALLED_S:.0f} s after {seen}")
+            if patience.is_over:
+                raise FlexarmError(f"no new sample came in {patience.waited_s:.0f} s after {seen}")
             if now_s - asked_s < _ASK_S:
                 continue
             asked_s = now_s

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flexarm_live.work.process import Report
 
 _LARGEST_ANSWER = 16_000_000
-_INTERRUPTS = 10
+_INTERRUPTS = 4
 _AGAIN_S = 0.2
 
 
@@ -62,7 +62,8 @@ class Computation:
                     break
             if not answer.done() or answer.cancelled() or answer.exception():
                 answer.cancel()
-                process.terminate()
+                # It is in a compiled function, where it would hear no other signal.
+                process.kill()
                 self._process = None
             raise
         if "error" in said:

@@ -80,9 +80,13 @@ export function wireStop(link, isAllowed) {
       tell("this page is for viewing: it was opened without the token", true);
       return;
     }
-    attempt(() => link.stop());
+    attempt(async () => {
+      await link.stop();
+      tell("stopped: the drive is held at zero");
+    });
   };
   byId("stop").onclick = stop;
+  byId("stop").disabled = false;
   const isSpace = (event) => event.code === "Space" || event.key === " ";
   const catching = (act) => (event) => {
     if (!isSpace(event)) return;

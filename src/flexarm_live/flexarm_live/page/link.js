@@ -2,6 +2,7 @@
 
 const LONGEST_WAIT_MS = 4000;
 const SILENCE_MS = 2500;
+const HARDWARE = "use the hardware stop";
 
 /**
  * Events: `hello`, `state`, `parameters` (detail: the message), `samples` (detail: the buffer),
@@ -14,11 +15,13 @@ export class Link extends EventTarget {
   #jobs = new Map();
   #waitMs = 250;
   #watch = 0;
+  #stopSocket = null;
   #stopWaits = false;
 
-  constructor(url) {
+  /** `stopUrl` is null for a page that may not command. */
+  constructor(url, stopUrl = null) {
     super();
-    this.url = url;
+    Object.assign(this, { url, stopUrl });
     this.#connect();
   }
 
@@ -27,16 +30,32 @@ export class Link extends EventTarget {
     if (this.#socket.readyState !== WebSocket.OPEN) {
       return Promise.reject(new Error(`${verb}: there is no connection to the server`));
     }
-    this.#number += 1;
-    const id = this.#number;
-    this.#socket.send(JSON.stringify({ id, do: verb, ...fields }));
-    return new Promise((resolve, reject) => this.#open.set(id, { verb, resolve, reject }));
+    return this.#ask(this.#socket, verb, fields);
   }
 
-  /** Send the stop now, or before all else when the connection is back. */
-  stop() {
-    this.#stopWaits = this.#socket.readyState !== WebSocket.OPEN;
-    return this.request("stop");
+  #ask(socket, verb, fields = {}) {
+    this.#number += 1;
+    const id = this.#number;
+    socket.send(JSON.stringify({ id, do: verb, ...fields }));
+    return new Promise((resolve, reject) => this.#open.set(id, { socket, verb, resolve, reject }));
+  }
+
+  /**
+   * Send the stop now, over a connection of its own where there is one: no sample is before its
+   * answer. The promise is that the server has acknowledged it; else an Error says what to do.
+   */
+  async stop() {
+    const socket = [this.#stopSocket, this.#socket].find((each) => each?.readyState === WebSocket.OPEN);
+    this.#stopWaits = socket === undefined;
+    if (this.#stopWaits) throw new Error(`NOT SENT: no connection, ${HARDWARE}`);
+    const late = new Promise((_, reject) => {
+      setTimeout(() => reject(new Error(`sent, and not acknowledged in ${SILENCE_MS / 1000} s`)), SILENCE_MS);
+    });
+    try {
+      await Promise.race([this.#ask(socket, "stop"), late]);
+    } catch (error) {
+      throw new Error(`STOP ${error.message}, ${HARDWARE}`);
+    }
   }
 
   /** Begin a job; `began` gets its number, `news` each message, the promise its last one's data. */
@@ -49,6 +68,7 @@ export class Link extends EventTarget {
   #connect() {
     const socket = new WebSocket(this.url);
     socket.binaryType = "arraybuffer";
+    this.#connectStop();
     socket.addEventListener("open", () => {
       this.#waitMs = 250;
       if (this.#stopWaits) this.stop().catch(() => {});
@@ -56,6 +76,22 @@ export class Link extends EventTarget {
     socket.addEventListener("message", ({ data }) => this.#receive(data));
     socket.addEventListener("close", ({ reason }) => this.#lose(reason));
     this.#socket = socket;
+  }
+
+  #connectStop() {
+    if (this.stopUrl === null || (this.#stopSocket?.readyState ?? WebSocket.CLOSED) !== WebSocket.CLOSED) return;
+    const socket = new WebSocket(this.stopUrl);
+    socket.addEventListener("message", ({ data }) => this.#answer(JSON.parse(data)));
+    socket.addEventListener("close", () => this.#forget(socket));
+    this.#stopSocket = socket;
+  }
+
+  #forget(socket) {
+    for (const [id, asked] of this.#open) {
+      if (asked.socket !== socket) continue;
+      this.#open.delete(id);
+      asked.reject(new Error("the connection to the server broke"));
+    }
   }
 
   #receive(data) {
@@ -102,9 +138,7 @@ export class Link extends EventTarget {
 
   #lose(reason) {
     clearTimeout(this.#watch);
-    const lost = new Error("the connection to the server broke");
-    for (const asked of this.#open.values()) asked.reject(lost);
-    this.#open.clear();
+    this.#forget(this.#socket);
     this.#tell("closed", reason);
     setTimeout(() => this.#connect(), this.#waitMs);
     this.#waitMs = Math.min(2 * this.#waitMs, LONGEST_WAIT_MS);

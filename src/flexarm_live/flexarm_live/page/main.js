@@ -19,7 +19,10 @@ const FIGURES_EVERY_MS = 100;
 const token = new URLSearchParams(location.hash.slice(1)).get("token");
 const scheme = location.protocol === "https:" ? "wss" : "ws";
 const query = token === null ? "" : `?token=${encodeURIComponent(token)}`;
-const link = new Link(`${scheme}://${location.host}/live${query}`);
+const link = new Link(
+  `${scheme}://${location.host}/live${query}`,
+  token === null ? null : `${scheme}://${location.host}/stop${query}`,
+);
 
 /** The laboratory as the page shows it; null before its greeting. */
 let room = null;
@@ -43,13 +46,24 @@ function furnish(hello) {
     found: (models) => tune.offer(models),
   });
   const views = { arm: new ArmView(hello, setpoint), traces: new Traces(hello, ring, units) };
-  for (const fieldset of ["hands", "rig", "chain"]) byId(fieldset).disabled = !hello.hand;
-  for (const button of ["stop", "release", "activate", "deactivate"]) byId(button).disabled = !hello.hand;
+  byId("stop").disabled = !hello.hand;
   write(byId("rate"), `${hello.rate_hz} Hz`);
   wireUnits(units);
   const wave = new Waveform(hello, link, units);
   const law = new LawMenu(hello, link);
   room = { hello, ring, units, setpoint, parameters, chain, wave, law, state: null, ...views };
+}
+
+/** Let the controls be used while the server is there; the stop always says what became of it. */
+function enable(isReachable) {
+  const isUsable = isReachable && room !== null && room.hello.hand;
+  for (const id of ["hands", "rig", "chain", "release", "activate", "deactivate"]) byId(id).disabled = !isUsable;
+  if (room !== null) room.setpoint.disabled = !isUsable;
+}
+
+function lose(reason) {
+  enable(false);
+  showBadge("STALE", reason);
 }
 
 function wireUnits(units) {
@@ -82,6 +96,7 @@ link.addEventListener("parameters", ({ detail }) => room?.parameters.follow(deta
 link.addEventListener("state", ({ detail: state }) => {
   if (room === null) return;
   room.state = state;
+  enable(true);
   showBadge(state.badge, state.reason);
   showPower(state);
   showLoop(state, room.ring.lost);
@@ -89,8 +104,8 @@ link.addEventListener("state", ({ detail: state }) => {
   room.parameters.followPayload(state.payload_kg);
   if (room.law.follow(state)) room.parameters.showLaw(state.law);
 });
-link.addEventListener("silent", () => showBadge("STALE", "the server is silent"));
-link.addEventListener("closed", ({ detail }) => showBadge("STALE", detail || "no connection to the server; trying again"));
+link.addEventListener("silent", () => lose("the server is silent"));
+link.addEventListener("closed", ({ detail }) => lose(detail || "no connection to the server; trying again"));
 wireStop(link, () => room === null || room.hello.hand);
 
 addEventListener("keydown", (event) => {

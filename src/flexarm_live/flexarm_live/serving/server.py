@@ -22,7 +22,7 @@ from flexarm_live.serving.limits import (
     Outbox,
     RateLimit,
 )
-from flexarm_live.serving.web import query_of
+from flexarm_live.serving.web import STOP, address_of
 
 if TYPE_CHECKING:
     import socket
@@ -102,6 +102,7 @@ class Server:
         self.address = f"http://{host}:{port}/" + ("" if web.view_only else f"#token={web.token}")
         self._desk = Desk(laboratory, self.address, self._tell_state)
         self._pages: set[_Page] = set()
+        self._stops: set[_Page] = set()
         self._terminals: set[asyncio.Task[None]] = set()
         self._numbers = count(1)
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -191,13 +192,18 @@ class Server:
             self._tell_state()
 
     def _on_request(self, _: ServerConnection, request: Request) -> Response | None:
-        return self._web.answer(request, has_room=len(self._pages) < MOST_CLIENTS)
+        others = self._stops if request.path.startswith(STOP) else self._pages
+        return self._web.answer(request, has_room=len(others) < MOST_CLIENTS)
 
     async def _on_page(self, connection: ServerConnection) -> None:
         request = connection.request
         assert request is not None  # noqa: S101 - answered before
-        role = role_of(query_of(request), self._web.token, view_only=self._web.view_only)
+        address = address_of(request)
+        role = role_of(address.query, self._web.token, view_only=self._web.view_only)
         page = _Page(f"page {next(self._numbers)}", role or Role.VIEWER, connection)
+        if address.path == STOP:
+            await self._on_stop_page(page, connection)
+            return
         page.post(as_json(await self._desk.hello(page.role)))
         page.post(as_json(self._desk.state(page.name)))
         self._pages.add(page)
@@ -207,6 +213,18 @@ class Server:
                 await self._listen(page, connection)
         finally:
             self._pages.discard(page)
+            sending.cancel()
+            self._desk.leave(page.name)
+
+    async def _on_stop_page(self, page: _Page, connection: ServerConnection) -> None:
+        """Answer the stops of a page, which is told nothing else."""
+        self._stops.add(page)
+        sending = asyncio.create_task(page.send())
+        try:
+            with suppress(ConnectionClosed):
+                await self._listen(page, connection)
+        finally:
+            self._stops.discard(page)
             sending.cancel()
             self._desk.leave(page.name)
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 LIVE = "/live"
 """Path of the WebSocket."""
+STOP = "/stop"
+"""Path of a WebSocket for the stop alone: nothing waits in it before the stop or its answer."""
 _REPORT = "/report/"
 _INDEX = "index.html"
 _PAGE_POLICY = (
@@ -70,7 +72,7 @@ class Web:
         address = _parts(request.path)
         if address is None:
             return _text(HTTPStatus.BAD_REQUEST, "no address")
-        if address.path != LIVE:
+        if address.path not in {LIVE, STOP}:
             return self._file(address.path)
         if role_of(address.query, self.token, view_only=self.view_only) is None:
             return _text(
@@ -91,9 +93,9 @@ class Web:
         return _response(HTTPStatus.OK, *file, _PAGE_POLICY)
 
 
-def query_of(request: Request) -> str:
-    """Return the query of a request that was not refused."""
-    return urlsplit(request.path).query
+def address_of(request: Request) -> SplitResult:
+    """Return path and query of a request that was not refused."""
+    return urlsplit(request.path)
 
 
 def _parts(path: str) -> SplitResult | None:

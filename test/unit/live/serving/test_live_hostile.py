@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import socket
 from base64 import b64encode
@@ -15,6 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from flexarm_ident.report.script import script
 from flexarm_live.serving.limits import LARGEST_MESSAGE, MOST_AT_WORK, MOST_CLIENTS, MOST_WAITING
+from flexarm_live.serving.requests import VERBS, RequestError, parse
 from support.live_server import (
     PATIENCE_S,
     TOKEN,
@@ -91,10 +93,24 @@ def test_page___of_a_foreign_origin___is_refused(live: LiveServer, origin: str) 
     assert origin.encode() in (refused.value.response.body or b"")
 
 
+@pytest.mark.parametrize("tail", [".evil.example", "0", "@evil.example", "/", " "])
+@pytest.mark.usefixtures("good")
+def test_page___of_an_origin_that_only_begins_as_ours___is_refused(
+    live: LiveServer, tail: str
+) -> None:
+    status, _, body = live.get("/live", Origin=f"http://127.0.0.1:{live.port}{tail}x")
+    assert status == 403
+    assert b"is not this server's page" in body
+
+
 @pytest.mark.parametrize(
     "host",
     [
         "evil.example",
+        "x.localhost",
+        "xlocalhost:80",
+        "localhost.",
+        "x127.0.0.1",
         "evil.example:80",
         "127.0.0.1.evil.example",
         "",
@@ -202,6 +218,10 @@ def test_page___with_many_messages_at_once___is_closed(
         '{"id": 7, "do": NaN}',
         '{"id": 7, "do": 1e999}',
         '{"id": 1e99, "do": "status"}',
+        '{"id": true, "do": "status"}',
+        '{"id": false, "do": "status"}',
+        '{"id": 9007199254740993, "do": "status"}',
+        '{"id": -9007199254740993, "do": "status"}',
         '{"id": 7}',
         '{"id": 7, "do": ["stop"]}',
         '{"id": 7, "do": "__init__"}',
@@ -247,6 +267,31 @@ def test_value___that_cannot_be___is_refused(
     assert message["ok"] is False
     assert word in message["message"]
     assert live.laboratory.asked == []
+
+
+@pytest.mark.parametrize(
+    ("verb", "name"),
+    [
+        (verb, name)
+        for verb, each in VERBS.items()
+        for name, field in each.fields.items()
+        if math.isfinite(field.most)
+    ],
+)
+def test_number___at_a_bound___is_taken_and_the_next_one_is_refused(verb: str, name: str) -> None:
+    field = VERBS[verb].fields[name]
+    for bound, beyond in ((field.least, -math.inf), (field.most, math.inf)):
+        whole = field.kind == "integer"
+        at = int(bound) if whole else bound
+        past = at + int(math.copysign(1, beyond)) if whole else math.nextafter(bound, beyond)
+        assert field.checked(name, at) == at
+        with pytest.raises(RequestError, match=r"outside|must be a whole number"):
+            field.checked(name, past)
+
+
+@pytest.mark.parametrize("number", [2**53, -(2**53), 0])
+def test_id___of_the_largest_size___is_taken(number: int) -> None:
+    assert parse(json.dumps({"id": number, "do": "status"})).number == number
 
 
 def test_two_commanders___the_second___is_refused_until_the_first_lets_go(

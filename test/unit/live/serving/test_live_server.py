@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from websockets.sync.client import connect as connect_page
 
 from flexarm_live.serving.encoding import HEAD, as_json, frame_of
 from flexarm_live.serving.limits import LARGEST_MESSAGE, Outbox, RateLimit
@@ -68,6 +69,17 @@ def test_request___carried_out___is_answered_by_its_number(live: LiveServer) -> 
         refused = ask(page, do="law", name="none")
         assert refused["ok"] is False
         assert refused["message"] == "law = 'none': must be one of pd, pdpc"
+
+
+def test_connection_for_the_stop___is_told_of_the_stop_alone(live: LiveServer) -> None:
+    pages = live.server.pages
+    with connect_page(f"ws://127.0.0.1:{live.port}/stop?token={TOKEN}") as stop:
+        live.server.send_samples(b"a frame of samples")
+        live.server.tell_state()
+        stop.send(json.dumps({"id": 5, "do": "stop"}))
+        answer = json.loads(stop.recv(PATIENCE_S))
+        assert (answer["id"], answer["ok"]) == (5, True)
+        assert live.server.pages == pages
 
 
 def test_samples___reach_every_page___as_they_were(live: LiveServer) -> None:

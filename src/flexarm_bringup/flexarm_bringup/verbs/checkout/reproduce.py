@@ -7,6 +7,7 @@ import sys
 
 import click
 
+from flexarm_bringup.console.first_word import say_word
 from flexarm_bringup.console.verb_group import RUN_ON
 from flexarm_bringup.verbs.checkout.folder import checkout, environment
 
@@ -17,5 +18,6 @@ def reproduce(arguments: tuple[str, ...]) -> None:
     """Set tables and figures of the thesis beside our own."""
     root = checkout("programs of the reproduction")
     command = [sys.executable, "-m", "reproduction", *arguments]
+    say_word("reproduce")
     # In place of this process: exit code, terminal and Ctrl-C are its own.
     os.execve(sys.executable, command, environment(root))  # noqa: S606 - our own program

@@ -5,12 +5,14 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import wraps
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from flexarm_bringup.console import terminal
+from flexarm_bringup.graph.client import Waiting
 from flexarm_bringup.graph.live_hand import NoAnswerError, live_hand
 
 if TYPE_CHECKING:
@@ -79,6 +81,7 @@ class Address:
         self._executable = executable
         self._find = find
         self._is_shown = False
+        self._waiting = Waiting(f"the address of {executable}", inf)
 
     def look(self) -> bool:
         """Show the address when it is there and was not shown; return whether it was."""
@@ -86,6 +89,8 @@ class Address:
             self._is_shown = True
             self._processes.let_be_replaced(self._executable)
             terminal.CONSOLE.print(address, highlight=False, soft_wrap=True)
+        if not self._is_shown:
+            self._waiting.look()
         return self._is_shown
 
 

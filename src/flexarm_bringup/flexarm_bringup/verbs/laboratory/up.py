@@ -276,7 +276,7 @@ def _stay(
         return False
 
     try:
-        operator.wait(look, "nothing", timeout_s=float("inf"))
+        operator.wait(look, "", timeout_s=inf)
     except KeyboardInterrupt:
         terminal.CONSOLE.print("stopping")
         lost.check()
