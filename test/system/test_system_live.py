@@ -4,6 +4,7 @@ import json
 import signal
 import socket
 from contextlib import closing
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,8 +19,6 @@ from support.live_server import ask
 from support.system_graph import PATIENCE_S, ROOT
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from websockets.sync.client import ClientConnection
 
     from flexarm_core.arrays import FloatArray
@@ -152,3 +151,19 @@ def test_up___with_a_port_that_is_taken___says_so(graph: Graph) -> None:
         process = graph.run([str(ROOT / "flexarm"), "up", "--port", port])
         assert process.exit_code() == 1
     assert f"cannot listen on 127.0.0.1 port {port}" in process.printed
+
+
+def test_live_node___threads___that_answer_a_stop_have_the_usual_priority(
+    graph: Graph, tmp_path: Path
+) -> None:
+    live = graph.start("live", {"folder": str(tmp_path)})
+    threads = Path(f"/proc/{live.popen.pid}/task")
+
+    def nices() -> list[int]:
+        """Return the niceness of each thread: field 19 of its figures, counted from 1."""
+        rests = [(each / "stat").read_text().rpartition(")")[2] for each in threads.iterdir()]
+        return [int(rest.split()[16]) for rest in rests]
+
+    graph.wait(lambda: max(nices()) > 0, "the thread of the samples")
+    assert sorted(set(nices())) == [0, 10]
+    assert nices().count(10) == 1

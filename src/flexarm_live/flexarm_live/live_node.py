@@ -35,7 +35,7 @@ from flexarm_live.terminal_socket import listen, socket_file
 from flexarm_msgs.msg import ArmState
 from flexarm_node import qos
 from flexarm_node.parameters import Parameters
-from flexarm_node.process import give_way, run
+from flexarm_node.process import run, yield_to_others
 from flexarm_node.topics.waiting import RawTopicsWaiter
 
 if TYPE_CHECKING:
@@ -104,7 +104,11 @@ class LiveNode(Node):
         return Server(self._bridge, web, page, terminal)
 
     def _hand_on_samples(self) -> None:
-        """Hand every sample on, so many at once that a page is told 60 times a second."""
+        """Hand every sample on, so many at once that a page is told 60 times a second.
+
+        The loop comes before that. A stop does not wait: its threads have the usual priority.
+        """
+        yield_to_others()
         while not self._stopping.wait(_FRAME_S if self._server.pages else _UNSEEN_S):
             found = self._bridge.samples.read(self._waiter.wait(0.0))
             if found is None:
@@ -160,5 +164,4 @@ def _listening(address: str, port: int) -> socket.socket:
 
 def main() -> int:
     """Run the node."""
-    give_way()
     return run(LiveNode)

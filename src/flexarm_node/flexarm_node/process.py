@@ -265,9 +265,15 @@ def prefer_realtime() -> None:
         )
 
 
-def give_way() -> None:
-    """Leave the processor to the loop: by the scheduler's groups, too, where it has them."""
+def yield_to_others() -> None:
+    """Leave the processor to other threads, of this process as well."""
+    # On Linux each thread has a niceness of its own.
     os.nice(_NICE)
+
+
+def give_way() -> None:
+    """Leave the processor to other processes: by the scheduler's groups, too, where it has them."""
+    yield_to_others()
     with suppress(OSError):
         Path("/proc/self/autogroup").write_text(f"{_NICE}")
 

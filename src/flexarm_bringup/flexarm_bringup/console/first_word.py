@@ -29,7 +29,9 @@ class _Heard(io.TextIOWrapper):
 def promise_word(arguments: list[str]) -> None:
     """Have a word said soon, unless the program has said something by then."""
     verb = next((each for each in arguments if not each.startswith("-")), "")
-    if not verb or verb in _NOT_OURS or "_FLEXARM_COMPLETE" in os.environ:
+    # The script that starts Python has said it on a machine that is very busy.
+    has_said = os.environ.pop("FLEXARM_SAID", "")
+    if not verb or verb in _NOT_OURS or has_said or "_FLEXARM_COMPLETE" in os.environ:
         return
     waiting = threading.Timer(_PATIENCE_S, say_word, (verb,))
     waiting.daemon = True
