@@ -83,7 +83,7 @@ class Law:
         """Return effort and compensation, V."""
         self._handover.replace(self._law)
         self._rate.add(state.stamp_ns)
-        return self._handover.step(state.volts, self._profile(time_s))
+        return self._handover.step(state.volts, self._profile(time_s), state.drive)
 
 
 class Waveform:
